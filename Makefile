@@ -1,0 +1,41 @@
+# make figures | test | lint | validate | benchmark: each installs what it needs into .venv first.
+PYTHON ?= python3
+CORES ?= 2
+VENV = .venv
+BIN = $(VENV)/bin
+export MPLBACKEND = Agg
+
+.PHONY: figures test lint validate benchmark shipped-taps clean
+.DELETE_ON_ERROR:
+
+figures: $(VENV)/figures.installed
+	$(BIN)/bgmodel figures --cores $(CORES) $(if $(FAST),--fast)
+
+test: $(VENV)/test.installed
+	$(BIN)/python -m pytest -n $(CORES)
+
+lint: $(VENV)/test.installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+validate: $(VENV)/test.installed
+	$(BIN)/python -m pytest -n $(CORES) -m validate
+
+benchmark: $(VENV)/bench.installed
+	$(BIN)/python -m benchmarks.deciding
+
+# The table of decoded taps that ships with the package, made again from nothing.
+shipped-taps: figures
+	cp figures/out/held_out_taps.parquet bgmodel/data/
+
+$(VENV)/pyvenv.cfg:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: make PYTHON=python3.12 ..."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/%.installed: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[$*]'
+	@touch $@
+
+clean:
+	rm -rf figures/out figures/fast

@@ -1,0 +1,25 @@
+"""From a tactile tap to a learned decision.
+
+A tap becomes evidence, evidence becomes an output trace, the trace crosses a threshold, and the
+reward moves the threshold.  Importing this package loads neither torch, brian2 nor matplotlib.
+"""
+
+from bgmodel.decision import Decision, Trace, first_crossing, tally
+from bgmodel.evidence import Evidence
+from bgmodel.seeds import stream
+from bgmodel.sprt import Msprt, Sprt, posterior_criterion, threshold_from_gap
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Decision",
+    "Evidence",
+    "Msprt",
+    "Sprt",
+    "Trace",
+    "first_crossing",
+    "posterior_criterion",
+    "stream",
+    "tally",
+    "threshold_from_gap",
+]

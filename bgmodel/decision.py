@@ -1,0 +1,230 @@
+"""The stopping rule: the only place where an output trace becomes a decision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+UNDECIDED = -1
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What an integrator makes of evidence.
+
+    Parameters
+    ----------
+    out_nats : array (trials, ticks, hypotheses), nats
+        The output of each channel; the lower, the more its hypothesis is favoured
+        (Bogacz & Gurney 2007: OUT_i = -ln P_i).
+    time_ms : array (ticks,), ms
+        When each tick happens, from the start of the trial, rising.
+    onset_ms, step_ms : float, ms
+        When evidence sets in, and the time between readings, as in ``Evidence``.
+    """
+
+    out_nats: npt.NDArray[np.floating]
+    time_ms: npt.NDArray[np.float64]
+    onset_ms: float = 0.0
+    step_ms: float = 1.0
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Decisions, one a trial (and one row a threshold where several were given).
+
+    Parameters
+    ----------
+    choice : int array (..., trials)
+        Index of the chosen hypothesis, or -1 (``UNDECIDED``).
+    time_ms : float array (..., trials), ms
+        Time of the decision from the *onset of evidence*; NaN where undecided.
+    forced : bool array (..., trials)
+        True where the deadline, not the threshold, made the choice.
+    premature : bool array (..., trials)
+        True where the response came at or before onset, without any evidence.
+    step_ms : float
+        Time between readings, ms.
+    deadline_ms : float
+        End of the trace, from onset, ms.
+    """
+
+    choice: npt.NDArray[np.integer]
+    time_ms: npt.NDArray[np.float64]
+    forced: npt.NDArray[np.bool_]
+    premature: npt.NDArray[np.bool_]
+    step_ms: float
+    deadline_ms: float
+
+    @property
+    def steps(self) -> npt.NDArray[np.float64]:
+        """Time in readings, the paper's T (never below 0; NaN where undecided)."""
+        return np.maximum(self.time_ms, 0.0) / self.step_ms
+
+
+def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = True) -> Decision:
+    """Decide each trial at the first tick at which some channel's output is at its threshold.
+
+    Response i is made when ``OUT_i <= threshold_i``; up to the onset of evidence only when
+    ``OUT_i < threshold_i``, so a flat prior never decides by itself at a zero gap.  If several
+    channels cross at one tick, the one furthest below its threshold wins, then the lowest index.
+    A forced response at the end of the trace goes to the lowest output, then the lowest index.
+
+    Parameters
+    ----------
+    trace : Trace
+        Output (trials, ticks, hypotheses) in nats.
+    thresholds : float, array (K,) or array (K, hypotheses), nats
+        One threshold for all responses, K such thresholds, or K sets of one a response.  All K
+        are served in one pass over the trace.
+    forced : bool
+        Whether the deadline forces a response; if not, such trials stay undecided.
+
+    Returns
+    -------
+    Decision
+        Arrays of shape (trials,) for one threshold, (K, trials) otherwise.
+
+    Raises
+    ------
+    ValueError
+        If a threshold is not finite or the shape is none of the three.
+    """
+    order, level = _sorted_levels(thresholds, trace.out_nats.shape[2])
+    out = _contiguous(trace.out_nats)
+    tick, choice = _compiled().cross_all(out, _first_reading(trace), order, level)
+    if np.ndim(thresholds) == 0:
+        tick, choice = tick[:, 0], choice[:, 0]
+    return _decision(trace, tick.T, choice.T, forced)
+
+
+def crossing_of_each(
+    trace: Trace, thresholds: npt.NDArray[np.floating], *, forced: bool = True
+) -> Decision:
+    """Decide each trial with a threshold of its own, as a learner that explores does.
+
+    Parameters
+    ----------
+    trace : Trace
+        Output (trials, ticks, hypotheses) in nats.
+    thresholds : array (trials,), nats
+        One threshold a trial, for all of its responses; the rule is ``first_crossing``'s.
+    forced : bool
+        Whether the deadline forces a response.
+    """
+    levels = np.asarray(thresholds, dtype=np.float64)
+    if levels.shape != trace.out_nats.shape[:1] or not np.isfinite(levels).all():
+        raise ValueError(
+            f"thresholds must be {len(trace.out_nats)} finite nats, one a trial, got {levels}"
+        )
+    out = _contiguous(trace.out_nats)
+    tick, choice = _compiled().cross_each(out, _first_reading(trace), levels)
+    return _decision(trace, tick, choice, forced)
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Sums over trials for each of K thresholds: trials (int), and arrays (K,) of the rest."""
+
+    trials: int
+    correct: npt.NDArray[np.int64]
+    steps: npt.NDArray[np.float64]
+    forced: npt.NDArray[np.int64]
+
+    def __add__(self, other: Tally) -> Tally:
+        """Pool two sets of trials."""
+        return Tally(
+            self.trials + other.trials,
+            self.correct + other.correct,
+            self.steps + other.steps,
+            self.forced + other.forced,
+        )
+
+    @property
+    def accuracy(self) -> npt.NDArray[np.float64]:
+        """Proportion correct, (K,)."""
+        return self.correct / self.trials
+
+    @property
+    def mean_steps(self) -> npt.NDArray[np.float64]:
+        """Mean decision time in readings, (K,)."""
+        return self.steps / self.trials
+
+
+def tally(trace: Trace, truth: npt.NDArray[np.integer] | None, thresholds: npt.ArrayLike) -> Tally:
+    """Count what ``first_crossing`` would decide, without keeping each decision.
+
+    Parameters
+    ----------
+    trace : Trace
+        Output (trials, ticks, hypotheses) in nats.
+    truth : int array (trials,)
+        The true hypothesis of each trial.
+    thresholds : array (K,) or (K, hypotheses), nats
+        As in ``first_crossing``; responses are forced at the deadline.
+    """
+    if truth is None:
+        raise ValueError("tally counts correct choices: it needs the truth of each trial")
+    order, level = _sorted_levels(np.atleast_1d(thresholds), trace.out_nats.shape[2])
+    steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
+    out = _contiguous(trace.out_nats)
+    sums = _compiled().tally_all(
+        out, np.asarray(truth), _first_reading(trace), order, level, steps_at
+    )
+    return Tally(len(out), *sums)
+
+
+def _decision(trace: Trace, tick: np.ndarray, choice: np.ndarray, forced: bool) -> Decision:
+    """Put crossings into the words of a task; tick is -1 where no threshold was reached."""
+    reached = tick >= 0
+    relative_ms = trace.time_ms - trace.onset_ms
+    time_ms = relative_ms[tick]
+    if not forced:
+        choice = np.where(reached, choice, np.int8(UNDECIDED))
+        time_ms = np.where(reached, time_ms, np.nan)
+    return Decision(
+        choice,
+        time_ms,
+        ~reached & forced,
+        reached & (time_ms <= 0),
+        trace.step_ms,
+        float(relative_ms[-1]),
+    )
+
+
+def _first_reading(trace: Trace) -> int:
+    """Return the first tick after the onset of evidence."""
+    return int(np.searchsorted(trace.time_ms, trace.onset_ms, side="right"))
+
+
+def _compiled():
+    # Importing Numba takes most of a second: only where a decision is made.
+    from bgmodel import crossing
+
+    return crossing
+
+
+def _contiguous(out: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    if out.ndim != 3 or 0 in out.shape:
+        raise ValueError(
+            f"out_nats must be (trials, ticks, hypotheses), not empty, got {out.shape}"
+        )
+    return np.ascontiguousarray(out)
+
+
+def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int):
+    """Return, for each channel, the thresholds from highest to lowest and where they came from."""
+    levels = np.asarray(thresholds, dtype=np.float64)
+    if not np.isfinite(levels).all():
+        raise ValueError(f"thresholds must be finite nats, got {levels.tolist()}")
+    if levels.ndim < 2:
+        levels = np.repeat(levels.reshape(-1, 1), hypotheses, axis=1)
+    if levels.ndim != 2 or levels.shape[1] != hypotheses or len(levels) == 0:
+        raise ValueError(
+            f"thresholds must be a number, (K,) or (K, {hypotheses}), got shape "
+            f"{np.shape(thresholds)}"
+        )
+    order = np.ascontiguousarray(np.argsort(-levels, axis=0, kind="stable").T)
+    return order, np.ascontiguousarray(np.take_along_axis(levels.T, order, axis=1))

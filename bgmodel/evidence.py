@@ -1,0 +1,148 @@
+"""Evidence: what every integrator, abstract or neural, is given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Log-likelihoods of every reading under every hypothesis, with the truth.
+
+    Parameters
+    ----------
+    log_likelihood : array (trials, steps, hypotheses), nats
+        ``log p(reading | hypothesis)``, up to a constant shared by the hypotheses of a reading.
+    truth : array (trials,), int, or None
+        Index of the hypothesis that made each trial's readings; None where nobody knows.
+    prior : array (hypotheses,), optional
+        Prior probabilities; equal if left out.
+    onset_ms : float
+        Foreperiod: the time from the start of a trial to the onset of evidence, ms.
+        Reading ``k`` (k = 1, 2, ...) arrives at ``onset_ms + k * step_ms``.
+    step_ms : float
+        Time between readings, ms.
+
+    Raises
+    ------
+    ValueError
+        On wrong shapes, an empty set, fewer than two hypotheses, values that are not finite, a
+        truth outside the hypotheses, a prior that does not sum to 1, or times that make no sense.
+    """
+
+    log_likelihood: npt.NDArray[np.floating]
+    truth: npt.NDArray[np.integer] | None = None
+    prior: npt.NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
+    onset_ms: float = 0.0
+    step_ms: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check once, here, so that nothing downstream has to."""
+        values = np.asarray(self.log_likelihood)
+        if values.dtype.kind != "f":
+            values = values.astype(np.float64)
+        if values.ndim != 3 or 0 in values.shape or values.shape[2] < 2:
+            raise ValueError(
+                "log_likelihood must have shape (trials, steps, hypotheses) with at least one "
+                f"trial, one step and two hypotheses, got {values.shape}"
+            )
+        finite = np.isfinite(values)
+        if not finite.all():
+            trial, step, hypothesis = np.argwhere(~finite)[0]
+            raise ValueError(
+                f"log_likelihood must be finite, got {values[trial, step, hypothesis]} at trial "
+                f"{trial}, step {step}, hypothesis {hypothesis} ({(~finite).sum()} such values)"
+            )
+        object.__setattr__(self, "log_likelihood", values)
+        object.__setattr__(self, "truth", _checked_truth(self.truth, values.shape))
+        object.__setattr__(self, "prior", checked_prior(self.prior, values.shape[2]))
+        if not (np.isfinite(self.onset_ms) and self.onset_ms >= 0):
+            raise ValueError(f"onset_ms must be >= 0, got {self.onset_ms}")
+        if not (np.isfinite(self.step_ms) and self.step_ms > 0):
+            raise ValueError(f"step_ms must be > 0, got {self.step_ms}")
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return self.log_likelihood.shape[0]
+
+    @property
+    def steps(self) -> int:
+        """Number of readings a trial holds, T_max."""
+        return self.log_likelihood.shape[1]
+
+    @property
+    def hypotheses(self) -> int:
+        """Number of hypotheses."""
+        return self.log_likelihood.shape[2]
+
+    def __getitem__(self, trials: slice) -> Evidence:
+        """Return the evidence of some trials (a slice, a mask or indices)."""
+        truth = None if self.truth is None else self.truth[trials]
+        return Evidence(self.log_likelihood[trials], truth, self.prior, self.onset_ms, self.step_ms)
+
+
+def gaussian_evidence(
+    trials: int,
+    steps: int,
+    separation: float,
+    *,
+    rng: np.random.Generator,
+    hypotheses: int = 2,
+    step_ms: float = 1.0,
+) -> Evidence:
+    """Draw the classic Gaussian problem: the true channel has mean ``separation``, the others 0.
+
+    Each reading holds one unit-variance sample a channel, and ``log p(reading | H_i)`` is
+    ``separation * x_i`` up to a shared constant (Bogacz & Gurney 2007, with g* = separation).
+    For two hypotheses the log-likelihood ratio has mean ``+-separation**2`` and variance
+    ``2 separation**2``: a separation of ``sqrt(2) d'`` in the single-channel convention.
+
+    Parameters
+    ----------
+    trials, steps, hypotheses : int
+        Shape of the result.  Truth is balanced: trial ``k`` belongs to hypothesis ``k mod N``.
+    separation : float
+        (mu+ - mu-) / sigma of one channel, > 0.
+    rng : numpy.random.Generator
+        The source of every random number.
+    step_ms : float
+        Time between readings, ms.
+    """
+    if not separation > 0:
+        raise ValueError(f"separation must be > 0, got {separation}")
+    truth = np.arange(trials) % hypotheses
+    samples = rng.standard_normal((trials, steps, hypotheses))
+    samples[np.arange(trials), :, truth] += separation
+    return Evidence(separation * samples, truth, step_ms=step_ms)
+
+
+def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[np.float64]:
+    """Return a prior as an array (hypotheses,), equal if ``None``; ValueError if it is none."""
+    if prior is None:
+        return np.full(hypotheses, 1.0 / hypotheses)
+    values = np.asarray(prior, dtype=np.float64)
+    if values.shape != (hypotheses,) or not (values > 0).all():
+        raise ValueError(f"prior must hold {hypotheses} probabilities > 0, got {values.tolist()}")
+    if abs(values.sum() - 1) > 1e-9:
+        raise ValueError(f"prior must sum to 1, got {values.tolist()} with sum {values.sum():.12g}")
+    return values
+
+
+def _checked_truth(
+    truth: npt.ArrayLike | None, shape: tuple[int, ...]
+) -> npt.NDArray[np.integer] | None:
+    if truth is None:
+        return None
+    values = np.asarray(truth)
+    if values.shape != shape[:1] or values.dtype.kind not in "iu":
+        raise ValueError(
+            f"truth must hold one whole number a trial, shape ({shape[0]},), got shape "
+            f"{values.shape} of {values.dtype}"
+        )
+    if values.min() < 0 or values.max() >= shape[2]:
+        raise ValueError(f"truth must lie in 0..{shape[2] - 1}, got {values.min()}..{values.max()}")
+    return values

@@ -1,0 +1,108 @@
+"""Plots: each draws a table on an Axes and returns the Axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.learning import smoothed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Grating orientation thresholds at 75 % correct: groove width, mm (Van Boven & Johnson 1994).
+HUMAN_GROOVE_MM = {"finger": 0.94, "lip": 0.51, "tongue": 0.58}
+
+
+def wilson(
+    correct: npt.ArrayLike, trials: npt.ArrayLike, z: float = 1.96
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return Wilson's interval of a proportion (low, high), 95 % unless told."""
+    n = np.asarray(trials, dtype=float)
+    p = np.asarray(correct, dtype=float) / n
+    centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2)) / (1 + z**2 / n)
+    return centre - half, centre + half
+
+
+def psychometric(
+    ax: Axes,
+    x: npt.ArrayLike,
+    correct: npt.ArrayLike,
+    trials: npt.ArrayLike,
+    **line: Any,
+) -> Axes:
+    """Draw proportion correct with Wilson intervals against a stimulus scale."""
+    p = np.asarray(correct) / np.asarray(trials)
+    low, high = wilson(correct, trials)
+    error = np.clip(np.stack([p - low, high - p]), 0, None)
+    ax.errorbar(np.asarray(x), p, yerr=error, capsize=2, **line)
+    return accuracy_axis(ax)
+
+
+def accuracy_axis(ax: Axes, chance: float = 0.5) -> Axes:
+    """Label the y axis as proportion correct and mark chance."""
+    ax.axhline(chance, color="0.8", lw=0.8, zorder=0)
+    ax.set_ylabel("proportion correct")
+    return ax
+
+
+def human_thresholds(ax: Axes, level: float = 0.75) -> Axes:
+    """Mark human grating-orientation thresholds on an axis of groove width, mm."""
+    for marker, (site, groove) in zip("o^s", HUMAN_GROOVE_MM.items(), strict=True):
+        ax.plot(groove, level, marker, color="0.3", mfc="w", ms=5, label=f"human {site}")
+    return ax
+
+
+def trajectories(
+    ax: Axes,
+    z: npt.NDArray[np.float64],
+    steps: npt.NDArray[np.float64],
+    delta: float,
+    **line: Any,
+) -> Axes:
+    """Draw evidence Z (trials, 1 + t_max), each until its decision, with both bounds."""
+    for path, stop in zip(z, steps.astype(int), strict=True):
+        ax.plot(np.arange(stop + 1), path[: stop + 1], **line)
+        ax.plot(stop, path[stop], "o", ms=2.5, color=line.get("color"))
+    for bound in (-delta / 2, delta / 2):
+        ax.axhline(bound, color="k", lw=0.8)
+    ax.set(xlabel="readings", ylabel="evidence Z (nats)")
+    return ax
+
+
+def speed_accuracy(
+    ax: Axes, mean_steps: npt.ArrayLike, accuracy: npt.ArrayLike, **line: Any
+) -> Axes:
+    """Draw accuracy against mean decision time in readings."""
+    ax.plot(np.asarray(mean_steps), np.asarray(accuracy), **line)
+    ax.set_xlabel("mean decision time (readings)")
+    return accuracy_axis(ax)
+
+
+def acquisition(
+    ax: Axes, curves: npt.NDArray[np.float64], *, window: int = 100, optimum: float, **line: Any
+) -> Axes:
+    """Draw the gap over trials, (runs, episodes): mean and spread of runs, with the optimum."""
+    runs = smoothed(curves, window)
+    low, middle, high = np.percentile(runs, [10, 50, 90], axis=0)
+    trial = np.arange(runs.shape[1])
+    thin = slice(None, None, max(1, len(trial) // 500))
+    ax.plot(trial[thin], middle[thin], **line)
+    ax.fill_between(trial[thin], low[thin], high[thin], color=line.get("color"), alpha=0.2, lw=0)
+    ax.axhline(optimum, color=line.get("color"), lw=1, ls=":")
+    ax.set(xlabel="trial", ylabel="gap δ (nats)")
+    return ax
+
+
+def reliability(ax: Axes, table: pd.DataFrame, **line: Any) -> Axes:
+    """Draw observed frequency against stated posterior (columns stated, observed, count)."""
+    ax.plot([0, 1], [0, 1], color="0.8", lw=0.8, zorder=0)
+    low, high = wilson(table["observed"] * table["count"], table["count"])
+    error = np.clip(np.stack([table["observed"] - low, high - table["observed"]]), 0, None)
+    ax.errorbar(table["stated"], table["observed"], yerr=error, fmt="o", ms=3, **line)
+    ax.set(xlabel="stated posterior", ylabel="observed frequency")
+    return ax

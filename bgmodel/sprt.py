@@ -1,0 +1,186 @@
+"""The abstract sequential tests: SPRT for two hypotheses, MSPRT for any number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.decision import Decision, Trace, first_crossing
+from bgmodel.evidence import Evidence, checked_prior
+
+
+class Integrator(Protocol):
+    """Anything that turns evidence into an output trace: a test, a rival, a circuit."""
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return the output trace of every trial."""
+        ...
+
+
+@dataclass(frozen=True)
+class Sprt:
+    """Sequential probability ratio test (Wald 1945) on log posterior odds.
+
+    ``OUT_1 = Z`` and ``OUT_2 = -Z`` with ``Z_t = Z_(t-1) + log p(x_t|S2)/p(x_t|S1)`` and ``Z_0``
+    the log prior odds, so that ``OUT_i <= -delta/2`` is the paper's rule: R1 when
+    ``Z <= -delta/2``, R2 when ``Z >= delta/2``.
+    """
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return Z as a trace (trials, 1 + steps, 2); tick 0 is the prior."""
+        if evidence.hypotheses != 2:
+            raise ValueError(
+                f"Sprt needs exactly 2 hypotheses, got {evidence.hypotheses}: use Msprt"
+            )
+        ratio = evidence.log_likelihood[..., 1] - evidence.log_likelihood[..., 0]
+        out = np.empty((evidence.trials, evidence.steps + 1, 2))
+        out[:, 0, 0] = np.log(evidence.prior[1]) - np.log(evidence.prior[0])
+        out[:, 1:, 0] = ratio
+        np.cumsum(out[..., 0], axis=1, out=out[..., 0])
+        np.negative(out[..., 0], out=out[..., 1])
+        return _trace(out, evidence)
+
+    def output(self, log_posterior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return OUT (..., 2) from unnormalised log posteriors (..., 2)."""
+        z = log_posterior[..., 1] - log_posterior[..., 0]
+        return np.stack([z, -z], axis=-1)
+
+
+@dataclass(frozen=True)
+class Msprt:
+    """Multi-hypothesis SPRT (Baum & Veeravalli 1994): stop when a posterior is high enough.
+
+    ``OUT_i = -ln P_i = -y_i + ln sum_j exp y_j`` with ``y_i`` the summed log-likelihoods and log
+    prior (Bogacz & Gurney 2007).
+
+    Parameters
+    ----------
+    gain : float
+        Factor on the evidence, kappa; 1 is the exact test.
+    """
+
+    gain: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.gain) and self.gain > 0):
+            raise ValueError(f"gain must be > 0, got {self.gain}")
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return -ln P as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
+        shape = (evidence.trials, evidence.steps + 1, evidence.hypotheses)
+        total = np.empty(shape)
+        total[:, 0] = np.log(evidence.prior)
+        total[:, 1:] = evidence.log_likelihood
+        np.cumsum(total, axis=1, out=total)
+        return _trace(self.output(total), evidence)
+
+    def output(self, log_posterior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return OUT = -ln P (..., N) from unnormalised log posteriors (..., N)."""
+        y = self.gain * log_posterior
+        # A loop over channels: numpy reduces a short last axis ten times slower.
+        channels = range(y.shape[-1])
+        top = y[..., 0].copy()
+        for i in channels:
+            np.maximum(top, y[..., i], out=top)
+        y -= top[..., None]
+        total = np.zeros_like(top)
+        for i in channels:
+            total += np.exp(y[..., i])
+        return np.log(total)[..., None] - y
+
+
+def threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the ``Sprt`` threshold on OUT, ``-delta/2`` nats, for the paper's gap delta >= 0."""
+    gap = _checked_gap(delta)
+    return -gap / 2
+
+
+def posterior_criterion(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the two-hypothesis ``Msprt`` threshold on OUT that equals a gap delta, nats.
+
+    ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``.
+    """
+    gap = _checked_gap(delta)
+    return np.log1p(np.exp(-gap / 2))
+
+
+def _checked_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    gap = np.asarray(delta, dtype=np.float64)
+    if not (np.isfinite(gap).all() and (gap >= 0).all()):
+        raise ValueError(f"delta must be finite and >= 0 nats, got {gap.tolist()}")
+    return gap
+
+
+def _trace(out: npt.NDArray[np.float64], evidence: Evidence) -> Trace:
+    time_ms = evidence.onset_ms + evidence.step_ms * np.arange(evidence.steps + 1)
+    time_ms[0] = 0.0
+    return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms)
+
+
+@dataclass
+class Stream:
+    """One trial of a test, a reading at a time, for a robot's loop.
+
+    Gives the decision that the batch form gives for the same readings.
+
+    Parameters
+    ----------
+    test : Sprt or Msprt
+        The integrator.
+    threshold : float or array (hypotheses,), nats
+        Threshold on OUT, for all responses or one a response.
+    hypotheses : int
+        How many hypotheses a reading speaks about.
+    prior : array (hypotheses,), optional
+        Equal if left out.
+    t_max : int, optional
+        Number of readings after which a response is forced; never, if left out.
+    """
+
+    test: Sprt | Msprt
+    threshold: npt.ArrayLike
+    hypotheses: int = 2
+    prior: npt.ArrayLike | None = None
+    t_max: int | None = None
+    readings: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.test, Sprt) and self.hypotheses != 2:
+            raise ValueError(f"Sprt needs exactly 2 hypotheses, got {self.hypotheses}: use Msprt")
+        if self.t_max is not None and self.t_max < 1:
+            raise ValueError(f"t_max must be at least 1 reading, got {self.t_max}")
+        self._total = np.log(checked_prior(self.prior, self.hypotheses))
+        self._levels = np.broadcast_to(
+            np.asarray(self.threshold, dtype=np.float64), (self.hypotheses,)
+        )[None]
+        self.choice: int | None = self._decide()
+
+    def update(self, log_likelihood: npt.ArrayLike) -> int | None:
+        """Take one reading (hypotheses,) in nats; return the choice, or None to go on.
+
+        Raises ValueError if the reading has the wrong shape or is not finite, and RuntimeError
+        if the trial is already decided.
+        """
+        reading = np.asarray(log_likelihood, dtype=np.float64)
+        if reading.shape != (self.hypotheses,) or not np.isfinite(reading).all():
+            raise ValueError(
+                f"a reading must hold {self.hypotheses} finite log-likelihoods, got {reading}"
+            )
+        if self.choice is not None:
+            raise RuntimeError("the trial is already decided: start a new Stream")
+        self.readings += 1
+        self._total = self._total + reading
+        self.choice = self._decide()
+        return self.choice
+
+    def _decide(self) -> int | None:
+        """Ask the one stopping rule about the newest tick alone."""
+        out = self.test.output(self._total.copy())
+        now = Trace(out[None, None], np.array([float(self.readings)]))
+        last = self.t_max is not None and self.readings >= self.t_max
+        decision: Decision = first_crossing(now, self._levels, forced=last)
+        choice = int(decision.choice[0, 0])
+        return choice if choice >= 0 else None

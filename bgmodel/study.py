@@ -1,0 +1,193 @@
+"""Whole studies on tactile evidence: what the command line and the figures both run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.learning import (
+    DELTA_RANGE,
+    Learned,
+    Learner,
+    Policy,
+    exhaustive_search,
+    learn,
+    mean_reward,
+    trials_of,
+)
+from bgmodel.seeds import stream
+from bgmodel.tactile.likelihood import Density
+from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source
+from bgmodel.theory import Empirical, Optimum, optimal_delta, sprt
+
+FRESH_TRIALS = 100_000
+
+
+def increments(readings: Source) -> tuple[Empirical, Empirical]:
+    """Return the exact distributions of the log-likelihood ratio under S1 and S2."""
+    s1, s2 = readings.log_ratios
+    return _equal_weights(s1), _equal_weights(s2)
+
+
+def _equal_weights(values: npt.NDArray[np.float64]) -> Empirical:
+    return Empirical(values, np.full(len(values), 1 / len(values)))
+
+
+def fold_sources(
+    taps: pd.DataFrame, period_mm: float, *, density: Density | None = None
+) -> list[Source]:
+    """Return same/different readings of one grating for each of the six folds."""
+    task = SameDifferent()
+    return [
+        source(taps, task, period_mm=period_mm, fold=fold, density=density) for fold in range(FOLDS)
+    ]
+
+
+def search_folds(
+    sources: list[Source],
+    deltas: npt.ArrayLike,
+    *,
+    trials: int,
+    t_max: int,
+    seed: int,
+    name: object,
+    block: int = 50_000,
+) -> pd.DataFrame:
+    """Score every gap on every fold, by simulation and exactly.
+
+    Returns
+    -------
+    DataFrame
+        Columns fold, delta, trials, accuracy, mean_steps, forced (share), exact_accuracy and
+        exact_mean_steps.
+    """
+    rows = []
+    gaps = np.atleast_1d(np.asarray(deltas, dtype=float))
+    for fold, readings in enumerate(sources):
+        rng = stream(seed, "search", name, fold)
+        sizes = [min(block, trials - k) for k in range(0, trials, block)]
+        counts = exhaustive_search((readings.draw(n, t_max, rng=rng) for n in sizes), gaps)
+        exact = sprt(*increments(readings), gaps, t_max=t_max)
+        rows.append(
+            pd.DataFrame(
+                {
+                    "fold": fold,
+                    "delta": gaps,
+                    "trials": counts.trials,
+                    "accuracy": counts.accuracy,
+                    "mean_steps": counts.mean_steps,
+                    "forced": counts.forced / counts.trials,
+                    "exact_accuracy": 1 - exact.error_rate,
+                    "exact_mean_steps": exact.mean_steps,
+                }
+            )
+        )
+    return pd.concat(rows, ignore_index=True)
+
+
+def learn_source(
+    readings: Source,
+    *,
+    xi: float,
+    start_delta: float,
+    runs: int,
+    t_max: int,
+    seed: int,
+    name: object,
+    policy: Policy | None = None,
+    learner: Learner | None = None,
+) -> Learned:
+    """Learn the gap on one set of readings, in independent runs with streams of their own."""
+    low, high = DELTA_RANGE
+    if not low <= start_delta <= high:
+        raise ValueError(f"start_delta must lie in {low:g}..{high:g} nats, got {start_delta}")
+    rngs = [stream(seed, "trials", name, start_delta, run) for run in range(runs)]
+    draws = [lambda n, rng=rng: readings.draw(n, t_max, rng=rng) for rng in rngs]
+    return learn(
+        trials_of(draws, xi),
+        start_delta,
+        rngs=[stream(seed, "explore", name, start_delta, run) for run in range(runs)],
+        policy=policy,
+        learner=learner,
+    )
+
+
+def regret_on_fresh_trials(
+    delta: npt.NDArray[np.float64],
+    readings: Source,
+    optimum: Optimum,
+    *,
+    xi: float,
+    t_max: int,
+    seed: int,
+    name: object,
+) -> npt.NDArray[np.float64]:
+    """Return how much more fixed gaps cost on 1e5 fresh trials than the exact optimum, a share."""
+    fresh = readings.draw(FRESH_TRIALS, t_max, rng=stream(seed, "fresh", name))
+    cost = -mean_reward(exhaustive_search(fresh, delta), xi)
+    return (cost - optimum.cost) / optimum.cost
+
+
+def learn_grating(
+    period_mm: float,
+    *,
+    xi: float,
+    start_delta: float,
+    runs: int,
+    fold: int,
+    t_max: int,
+    seed: int,
+    policy: Policy | None = None,
+    learner: Learner | None = None,
+    taps: pd.DataFrame | None = None,
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Learn the gap for one grating and fold; compare with the exact optimum.
+
+    Returns
+    -------
+    table : DataFrame
+        One row a trial of a run: run, episode, mean_delta, delta, reward, dopamine (the reward
+        prediction error).
+    summary : dict
+        learned_delta and regret of each run, optimal_delta, optimal_cost.
+    """
+    readings = source(
+        held_out_taps() if taps is None else taps, SameDifferent(), period_mm=period_mm, fold=fold
+    )
+    optimum = optimal_delta(*increments(readings), xi, t_max=t_max, bounds=DELTA_RANGE)
+    name = (period_mm, fold)
+    learned = learn_source(
+        readings,
+        xi=xi,
+        start_delta=start_delta,
+        runs=runs,
+        t_max=t_max,
+        seed=seed,
+        name=name,
+        policy=policy,
+        learner=learner,
+    )
+    regret = regret_on_fresh_trials(
+        learned.delta, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
+    )
+    episodes = learned.gap.shape[1]
+    table = pd.DataFrame(
+        {
+            "run": np.repeat(np.arange(runs), episodes),
+            "episode": np.tile(np.arange(episodes), runs),
+            "mean_delta": learned.mean_gap.ravel(),
+            "delta": learned.gap.ravel(),
+            "reward": learned.reward.ravel(),
+            "dopamine": learned.prediction_error.ravel(),
+        }
+    )
+    summary = {
+        "learned_delta": learned.delta.tolist(),
+        "regret": regret.tolist(),
+        "optimal_delta": optimum.delta,
+        "optimal_cost": optimum.cost,
+    }
+    return table, summary

@@ -1,0 +1,1 @@
+"""The tactile front end: skin, contact, sensor, decoder; it ends in Evidence."""

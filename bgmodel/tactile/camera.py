@@ -1,0 +1,116 @@
+"""Pictures of the pins, as the sensor's camera takes them: to look at, and to track."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bgmodel.tactile.tips import Tip
+
+Floats = NDArray[np.float64]
+_DARK, _BRIGHT = 18.0, 225.0
+
+
+def pixels_per_mm(tip: Tip, shape: tuple[int, int] = (480, 640)) -> float:
+    """Scale of a picture: the round aperture, a pitch beyond the pins, fills its height.
+
+    Parameters
+    ----------
+    tip : Tip
+    shape : (int, int)
+        Height and width of the picture, pixels.
+    """
+    aperture = np.linalg.norm(tip.rest_mm(), axis=1).max() + tip.pitch_mm
+    return min(shape) / 2 / aperture
+
+
+def marker_pixels(
+    displacement_mm: ArrayLike, tip: Tip, shape: tuple[int, int] = (480, 640)
+) -> Floats:
+    """Places of the markers in a picture.
+
+    Parameters
+    ----------
+    displacement_mm : array_like, (pins, 2)
+        From rest, x right and y up, mm; 0 for the untouched sensor.
+    tip : Tip
+    shape : (int, int)
+        Height and width of the picture, pixels.
+
+    Returns
+    -------
+    ndarray, (pins, 2)
+        x right and y down, pixels; 0 is the middle of the first pixel.
+
+    Raises
+    ------
+    ValueError
+        There is not one displacement for each pin.
+    """
+    rest = tip.rest_mm()
+    moved = np.asarray(displacement_mm, dtype=float)
+    if moved.shape not in ((), rest.shape):
+        raise ValueError(
+            f"displacement_mm: got shape {moved.shape}, must be {rest.shape} for this tip"
+        )
+    middle = (np.array(shape[::-1]) - 1) / 2
+    return middle + (rest + moved) * [1, -1] * pixels_per_mm(tip, shape)
+
+
+def render(
+    displacement_mm: ArrayLike,
+    tip: Tip | None = None,
+    *,
+    shape: tuple[int, int] = (480, 640),
+    marker_mm: float = 0.6,
+) -> NDArray[np.uint8]:
+    """Picture of the pins: bright round markers on dark, within a round aperture.
+
+    Parameters
+    ----------
+    displacement_mm : array_like, (pins, 2)
+        From rest, x right and y up, mm; 0 for the untouched sensor.
+    tip : Tip, optional
+    shape : (int, int)
+        Height and width of the picture, pixels.
+    marker_mm : float
+        Diameter of a marker, mm; assumed.
+
+    Returns
+    -------
+    ndarray of uint8, `shape`
+        Grey values.
+
+    Raises
+    ------
+    ValueError
+        There is not one displacement for each pin, or the picture or markers have no size.
+    """
+    tip = tip or Tip()
+    if min(shape) < 16:
+        raise ValueError(f"shape: got {shape!r}, must be 16 pixels or more each way")
+    if not 0 < marker_mm <= tip.pitch_mm:
+        raise ValueError(f"marker_mm: got {marker_mm!r}, must be in (0, {tip.pitch_mm:g}]")
+    radius = marker_mm / 2 * pixels_per_mm(tip, shape)
+    light = _discs(marker_pixels(displacement_mm, tip, shape), radius, shape)
+    rows, columns = np.indices(shape)
+    distance = np.hypot(rows - (shape[0] - 1) / 2, columns - (shape[1] - 1) / 2) / (min(shape) / 2)
+    # Less light towards the rim, none outside.
+    lit = (1 - 0.35 * distance**2) * np.clip((1 - distance) * min(shape) / 4, 0, 1)
+    return np.round((_DARK + (_BRIGHT - _DARK) * light) * lit.clip(0)).astype(np.uint8)
+
+
+def _discs(middles: Floats, radius: float, shape: tuple[int, int]) -> Floats:
+    """Blurred discs of brightness 1, true to a fraction of a pixel in their places."""
+    blur = max(0.5, 0.2 * radius)
+    reach = int(np.ceil(radius + 4 * blur))
+    offset = np.arange(-reach, reach + 1)
+    nearest = np.round(middles).astype(int)
+    columns = (nearest[:, :1] + offset)[:, None, :]
+    rows = (nearest[:, 1:] + offset)[:, :, None]
+    distance = np.hypot(columns - middles[:, :1, None], rows - middles[:, 1:, None])
+    # A logistic edge: about an even disc seen out of focus.
+    patches = 1 / (1 + np.exp(np.clip(3 * (distance - radius) / blur, -50, 50)))
+    rows, columns = np.broadcast_arrays(rows, columns)
+    inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
+    light = np.zeros(shape)
+    np.maximum.at(light, (rows[inside], columns[inside]), patches[inside])
+    return light

@@ -1,0 +1,80 @@
+"""The stimulus: a rigid square-wave grating with grooves as wide as its bars."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+PERIODS_MM = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
+"""Periods of the eight stimuli, mm; 0 is smooth (Pestell, Griffith & Lepora 2022)."""
+
+
+@dataclass(frozen=True)
+class Grating:
+    """Bars along y, a period apart along x, groove and bar of equal width."""
+
+    period_mm: float
+    """Groove and bar together, mm; 0 is a smooth plate (Pestell, Griffith & Lepora 2022)."""
+    depth_mm: float = 1.0
+    """Depth of the grooves, mm; assumed (no matter above 0.1: the skin bulges in by less)."""
+    phase: float = 0.0
+    """Distance of a bar's middle from the tip's apex, in periods; 0 presses on a bar."""
+
+    def __post_init__(self) -> None:
+        for name in ("period_mm", "depth_mm"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"Grating.{name}: got {value!r}, must be finite and 0 or more")
+        if not np.isfinite(self.phase):
+            raise ValueError(f"Grating.phase: got {self.phase!r}, must be finite")
+
+    def half_period_cells(self, dx_mm: float) -> int:
+        """Cells of side `dx_mm` in a bar.
+
+        Raises
+        ------
+        ValueError
+            Not a whole number: bars would differ in width, which adds a false subharmonic.
+        """
+        cells = self.period_mm / 2 / dx_mm
+        if abs(cells - round(cells)) > 1e-6 or (self.period_mm > 0 and round(cells) < 1):
+            raise ValueError(
+                f"period_mm: got {self.period_mm:g}, half of which is {cells:g} cells of "
+                f"{dx_mm:g} mm; must be a whole number of cells"
+            )
+        return round(cells)
+
+    def on_grid(self, cells: int, dx_mm: float) -> tuple[NDArray[np.float64], float]:
+        """Depth below the bars at the middles of a row of cells, and where the apex must be.
+
+        The grating moves by whole cells only, so that every bar keeps its width; the remainder
+        of the phase is left to the tip.
+
+        Parameters
+        ----------
+        cells : int
+            Length of the row, centred on x = 0.
+        dx_mm : float
+            Side of a cell, mm.
+
+        Returns
+        -------
+        depth_mm : ndarray, (cells,)
+            0 on a bar, `depth_mm` in a groove.
+        apex_mm : float
+            x of the tip's apex for the phase to be exact, at most half a cell from 0.
+
+        Raises
+        ------
+        ValueError
+            Half a period is not a whole number of cells.
+        """
+        half = self.half_period_cells(dx_mm)
+        if half == 0:
+            return np.zeros(cells), 0.0
+        # The bar nearest the wanted place begins at a cell's edge.
+        wanted = self.phase * 2 * half
+        begin = round(wanted - half / 2 + cells / 2)
+        groove = (np.arange(cells) - begin) % (2 * half) >= half
+        middle = begin - cells / 2 + half / 2
+        return np.where(groove, self.depth_mm, 0.0), (middle - wanted) * dx_mm

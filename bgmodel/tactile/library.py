@@ -1,0 +1,195 @@
+"""The contact library: every grating pressed on the skin once, and kept on disk.
+
+The tip is rotationally symmetric, so a grating's orientation enters only through the places of the
+pins: one contact for each period, phase and force serves every yaw.
+"""
+
+import os
+import zipfile
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import platformdirs
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from bgmodel.tactile import sampling
+from bgmodel.tactile.pressing import LibraryPlan, press
+
+Singles = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """Displacements of the skin/gel interface for each period, phase and force.
+
+    `fields` maps a period to (solved phases, forces, n, n, 3) single floats, mm: lateral x,
+    lateral y, and depth (into the body), with x across the bars and the apex at the middle.
+    """
+
+    plan: LibraryPlan
+    fields: dict[float, Singles]
+    _splines: dict[tuple[float, float], Singles] = field(default_factory=dict, repr=False)
+
+    def sample(
+        self, period_mm: float, phase: NDArray, force_n: NDArray, points_mm: NDArray, pin_mm: float
+    ) -> Singles:
+        """Displacements of pin tips, in the frame of the grating.
+
+        Parameters
+        ----------
+        period_mm : float
+        phase, force_n : array_like, (taps,)
+            Phase in periods and force in N.
+        points_mm : ndarray, (taps, pins, 2)
+            Places of the pins from the apex, x across the bars, mm.
+        pin_mm : float
+            Length of a pin, mm: it turns the slope of the interface into a lateral displacement.
+
+        Returns
+        -------
+        ndarray, (taps, pins, 3)
+            Lateral x and y of the pin's tip, and depth of its root, mm.
+
+        Raises
+        ------
+        ValueError
+            The period is not in the library or a force is outside its range.
+        """
+        if period_mm not in self.fields:
+            raise ValueError(f"period_mm: got {period_mm:g}, the library has {sorted(self.fields)}")
+        forces = np.asarray(force_n, dtype=float)
+        low, high = self.plan.forces_n[0], self.plan.forces_n[-1]
+        if np.any(forces < low) or np.any(forces > high):
+            raise ValueError(
+                f"force_n: got {forces.min():g} to {forces.max():g}, "
+                f"the library allows {low:g} to {high:g}"
+            )
+        splines = self._pin_splines(period_mm, pin_mm)
+        by_phase = sampling.phase_weights(phase, self.plan.phases if period_mm > 0 else 1)
+        by_force = sampling.node_weights(forces, self.plan.forces_n)
+        weights = (by_phase[:, :, None] * by_force[:, None, :]).reshape(len(forces), -1)
+        cells = (points_mm + self.plan.side_mm / 2) / self.plan.stored_dx_mm - 0.5
+        out = np.empty((*points_mm.shape[:2], 3), dtype=np.float32)
+        sampling.gather(splines, cells, weights.astype(np.float32), out)
+        return out
+
+    def _pin_splines(self, period_mm: float, pin_mm: float) -> Singles:
+        """Spline coefficients (n, n, 3 * phases * forces) of the displacements of pin tips."""
+        key = (period_mm, pin_mm)
+        if key not in self._splines:
+            half = np.moveaxis(self.fields[period_mm], -1, 0).astype(float)
+            if period_mm > 0:
+                half = with_mirror_images(half, self.plan.phases)
+            x, y, depth = half
+            slope_x, slope_y = sampling.slopes(depth, self.plan.stored_dx_mm)
+            tips = np.stack([x - pin_mm * slope_x, y - pin_mm * slope_y, depth])
+            splines = sampling.spline_coefficients(tips).reshape(-1, *depth.shape[-2:])
+            self._splines[key] = np.ascontiguousarray(splines.transpose(1, 2, 0), np.float32)
+        return self._splines[key]
+
+
+def with_mirror_images(half: NDArray, phases: int) -> NDArray:
+    """All phases (3, phases, ...) from those up to half a period (3, phases // 2 + 1, ...).
+
+    A grating at phase -f is the one at phase f seen in a mirror, x to -x.
+    """
+    image = half[:, 1 : (phases + 1) // 2][:, ::-1, :, ::-1]
+    return np.concatenate([half, image * np.reshape([-1, 1, 1], (3, 1, 1, 1, 1))], axis=1)
+
+
+def contact_library(
+    plan: LibraryPlan | None = None,
+    *,
+    cache_dir: str | Path | None = None,
+    workers: int = 1,
+) -> Library:
+    """Load the contact library of a plan, or solve it first and keep it.
+
+    Parameters
+    ----------
+    plan : LibraryPlan, optional
+    cache_dir : path, optional
+        Folder of the file; by default the environment variable BGMODEL_CACHE, or else the
+        user's cache folder.
+    workers : int
+        Processes to solve with; the result does not depend on it.
+
+    Returns
+    -------
+    Library
+
+    Raises
+    ------
+    ValueError
+        `workers` is below 1.
+    """
+    if workers < 1:
+        raise ValueError(f"workers: got {workers!r}, must be 1 or more")
+    plan = plan or LibraryPlan()
+    folder = cache_dir or os.environ.get("BGMODEL_CACHE") or platformdirs.user_cache_dir("bgmodel")
+    path = Path(folder) / plan.name
+    fields = _load(path, plan)
+    if fields is None:
+        path.parent.mkdir(parents=True, exist_ok=True)  # a bad folder fails before the work
+        fields = _solve_all(plan, workers)
+        _save(path, plan, fields)
+    return Library(plan, fields)
+
+
+def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:
+    """Press every grating at every phase that is no mirror image of another."""
+    tasks = [(p, j / plan.phases) for p in plan.periods_mm for j in range(plan.solved_phases(p))]
+    periods, phases = zip(*tasks, strict=True)
+    with _mapper(workers) as mapper:
+        solved = mapper(partial(press, plan), periods, phases)
+        # No bar where the error stream is not a terminal.
+        bar = tqdm(solved, total=len(tasks), desc="contact library", unit="grating", disable=None)
+        results = list(bar)
+    return {
+        period: np.stack([r for r, p in zip(results, periods, strict=True) if p == period])
+        for period in plan.periods_mm
+    }
+
+
+@contextmanager
+def _mapper(workers: int) -> Iterator[Callable[..., Iterable[Singles]]]:
+    """Give a `map` over processes, or the plain one for a single worker."""
+    if workers == 1:
+        yield map
+    else:
+        with ProcessPoolExecutor(workers) as pool:
+            yield pool.map
+
+
+def _save(path: Path, plan: LibraryPlan, fields: dict[float, Singles]) -> None:
+    """Write beside, then rename: a file under the final name is always whole."""
+    arrays: dict[str, Any] = {f"period_{period:g}": values for period, values in fields.items()}
+    arrays["parameters"] = np.array(plan.parameters())
+    beside = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        with beside.open("wb") as part:
+            np.savez(part, **arrays)
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _load(path: Path, plan: LibraryPlan) -> dict[float, Singles] | None:
+    """Read the fields, or None where the file is missing, damaged or of another plan."""
+    n = round(plan.side_mm / plan.stored_dx_mm)
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if str(stored["parameters"]) != plan.parameters():
+                return None
+            fields = {p: stored[f"period_{p:g}"] for p in plan.periods_mm}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    shapes = {p: (plan.solved_phases(p), len(plan.forces_n), n, n, 3) for p in plan.periods_mm}
+    return fields if all(fields[p].shape == shapes[p] for p in shapes) else None

@@ -1,0 +1,262 @@
+"""What a decoded angle says about each hypothesis: fitted densities, shrunk and capped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+Kind = Literal["kde", "t"]
+FloatArray = npt.NDArray[np.float64]
+# So many readings a hypothesis are enough for one shrinkage or three parameters of a t density.
+T_SAMPLES = 4000
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Log densities of a reading under each hypothesis, tabulated.
+
+    Parameters
+    ----------
+    grid_deg : array (points,)
+        Evenly spaced readings, degrees.
+    log_density : array (hypotheses, points), nats
+        ``log p(reading | hypothesis)``, up to a constant a reading.
+    period_deg : float, optional
+        For circular readings, after how much they repeat.
+    shrink : float
+        Factor in [0, 1] that was applied to every log-likelihood ratio.
+    cap_nats : float
+        Largest log-likelihood ratio between two hypotheses.
+    """
+
+    grid_deg: FloatArray
+    log_density: FloatArray
+    period_deg: float | None
+    shrink: float
+    cap_nats: float
+
+    def __call__(self, reading_deg: npt.ArrayLike) -> FloatArray:
+        """Return ``log p(reading | hypothesis)``, shape (..., hypotheses), nats.
+
+        Raises ValueError if a reading is not finite or lies outside the table.
+        """
+        reading = np.asarray(reading_deg, dtype=np.float64)
+        if not np.isfinite(reading).all():
+            raise ValueError("a reading must be finite degrees, got NaN or infinity")
+        low, high = self.grid_deg[0], self.grid_deg[-1]
+        if self.period_deg is not None:
+            reading = low + np.mod(reading - low, self.period_deg)
+        elif reading.size and (reading.min() < low or reading.max() > high):
+            raise ValueError(
+                f"the likelihood table covers {low:g}..{high:g} degrees, got readings in "
+                f"{reading.min():g}..{reading.max():g}"
+            )
+        columns = [
+            np.interp(reading, self.grid_deg, row, period=self.period_deg)
+            for row in self.log_density
+        ]
+        return np.stack(columns, axis=-1)
+
+
+@dataclass(frozen=True)
+class Density:
+    """How densities are estimated from decoded angles."""
+
+    kind: Kind = "kde"
+    """Form: kernel density, or a Student t whose tails are fitted; our choice."""
+    bandwidth_deg: float | None = None
+    """Kernel sd, degrees; by Silverman's rule on a robust spread if left out."""
+    cap_nats: float | None = None
+    """Largest log-likelihood ratio, nats; log of the number of taps fitted if left out (odds are
+    never longer than the taps that could have contradicted them)."""
+    shrink: float | None = None
+    """Factor in [0, 1] on log-likelihood ratios; by cross-validated log score if left out."""
+    inner_folds: int = 5
+    """Folds of the fitted taps that choose the shrinkage; our choice."""
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("kde", "t"):
+            raise ValueError(f"kind must be 'kde' or 't', got {self.kind!r}")
+        if self.shrink is not None and not 0 <= self.shrink <= 1:
+            raise ValueError(f"shrink must lie in 0..1, got {self.shrink}")
+        for name in ("bandwidth_deg", "cap_nats"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be > 0, got {value}")
+        if self.inner_folds < 2:
+            raise ValueError(f"inner_folds must be at least 2, got {self.inner_folds}")
+
+
+Pool = Sequence[FloatArray]
+Readings = Callable[[Pool], list[FloatArray]]
+
+
+def fit_likelihood(
+    pool: Pool,
+    readings: Readings,
+    range_deg: tuple[float, float],
+    *,
+    circular: bool = False,
+    density: Density | None = None,
+) -> Likelihood:
+    """Fit the density of a reading under every hypothesis.
+
+    The densities give log-likelihood ratios; these are multiplied by a factor in [0, 1] that
+    maximises the log score of held-out taps (a ratio that is noise is shrunk to nothing), and
+    capped.
+
+    Parameters
+    ----------
+    pool : sequence of arrays (taps,), degrees
+        Decoded angles, one array a kind of stimulus.
+    readings : callable
+        Turns a pool into one array of readings a hypothesis (for same/different: differences of
+        angles).  It is also called on parts of the pool, which share no tap.
+    range_deg : (low, high)
+        Range of a reading; for circular readings, high - low is the period.
+    circular : bool
+        Whether readings wrap around.
+    density : Density
+        How to estimate.
+
+    Raises
+    ------
+    ValueError
+        If a pool is too small for the inner folds, or holds values that are not finite.
+    """
+    density = density or Density()
+    taps = min(len(part) for part in pool)
+    if taps < 4 * density.inner_folds:
+        raise ValueError(
+            f"a likelihood needs at least {4 * density.inner_folds} taps of each kind, got {taps}"
+        )
+    if not all(np.isfinite(part).all() for part in pool):
+        raise ValueError("decoded angles must be finite, got NaN or infinity")
+    grid = np.linspace(*range_deg, 721)
+    period = range_deg[1] - range_deg[0] if circular else None
+
+    def log_densities(part: Pool) -> FloatArray:
+        count = min(len(p) for p in part)
+        return np.stack([_log_density(x, grid, period, count, density) for x in readings(part)])
+
+    raw = log_densities(pool)
+    shrink = density.shrink
+    if shrink is None:
+        shrink = _cross_validated_shrink(pool, readings, grid, period, log_densities, density)
+    cap = density.cap_nats if density.cap_nats is not None else float(np.log(taps))
+    logs = shrink * (raw - raw.max(axis=0))
+    return Likelihood(grid, np.maximum(logs, -cap), period, float(shrink), cap)
+
+
+def calibration(
+    log_likelihood: FloatArray, truth: npt.NDArray[np.integer], bins: int = 10
+) -> pd.DataFrame:
+    """Compare stated posteriors with observed frequencies.
+
+    Parameters
+    ----------
+    log_likelihood : array (readings, hypotheses), nats
+        Of held-out readings.
+    truth : int array (readings,)
+        True hypotheses.
+    bins : int
+        Equal-width bins of posterior probability.
+
+    Returns
+    -------
+    DataFrame
+        One row a non-empty bin: stated (mean posterior), observed (frequency), count.
+    """
+    y = log_likelihood - log_likelihood.max(axis=1, keepdims=True)
+    posterior = np.exp(y)
+    posterior /= posterior.sum(axis=1, keepdims=True)
+    hit = np.arange(posterior.shape[1]) == np.asarray(truth)[:, None]
+    index = np.minimum((posterior * bins).astype(int), bins - 1).ravel()
+    frame = pd.DataFrame({"bin": index, "stated": posterior.ravel(), "observed": hit.ravel()})
+    table = frame.groupby("bin").agg(
+        stated=("stated", "mean"), observed=("observed", "mean"), count=("observed", "size")
+    )
+    return table.reset_index()
+
+
+def _cross_validated_shrink(pool, readings, grid, period, log_densities, density) -> float:
+    """Return the factor on log-likelihood ratios that predicts held-out taps best."""
+    from scipy.optimize import minimize_scalar
+
+    held: list[FloatArray] = []
+    for k in range(density.inner_folds):
+        inside = [np.arange(len(part)) % density.inner_folds == k for part in pool]
+        logs = log_densities([part[~i] for part, i in zip(pool, inside, strict=True)])
+        test = readings([part[i] for part, i in zip(pool, inside, strict=True)])
+        for truth, x in enumerate(test):
+            some = _thinned(x)
+            y = np.stack([np.interp(some, grid, row, period=period) for row in logs], axis=-1)
+            # Every hypothesis's log-likelihood relative to the true one's.
+            held.append(y - y[:, [truth]])
+
+    def loss(factor: float) -> float:
+        return float(sum(np.log(np.exp(factor * y).sum(axis=1)).mean() for y in held))
+
+    return float(minimize_scalar(loss, bounds=(0, 1), method="bounded").x)
+
+
+def _log_density(
+    x: FloatArray, grid: FloatArray, period: float | None, taps: int, density: Density
+) -> FloatArray:
+    if density.kind == "t":
+        return _log_t(x, grid, period)
+    from scipy.ndimage import gaussian_filter1d
+
+    step = grid[1] - grid[0]
+    width = density.bandwidth_deg or max(1.0, _silverman(x, period, taps))
+    if period is not None:
+        x = grid[0] + np.mod(x - grid[0], period)
+    edges = np.append(grid, grid[-1] + step) - step / 2
+    counts = np.histogram(np.clip(x, grid[0], grid[-1]), edges)[0].astype(float)
+    if period is not None:
+        # The first and the last point of a circular grid are one.
+        counts[0] += counts[-1]
+        smooth = gaussian_filter1d(counts[:-1], width / step, mode="wrap", truncate=6)
+        smooth = np.append(smooth, smooth[0])
+    else:
+        smooth = gaussian_filter1d(counts, width / step, mode="reflect", truncate=6)
+    # A floor far below one tap keeps logarithms finite; the cap decides how much it matters.
+    return np.log(smooth / len(x) + 1e-9)
+
+
+def _silverman(x: FloatArray, period: float | None, taps: int) -> float:
+    """Return Silverman's bandwidth with a robust spread; ``taps``, not pairs, are independent."""
+    if period is not None:
+        x = np.mod(x - _circular_mean(x, period) + period / 2, period)
+    quartiles = np.percentile(x, [25, 75])
+    spread = min(x.std(), (quartiles[1] - quartiles[0]) / 1.349) or x.std()
+    return 0.9 * spread * taps ** (-1 / 5)
+
+
+def _log_t(x: FloatArray, grid: FloatArray, period: float | None) -> FloatArray:
+    from scipy.stats import t
+
+    some = _thinned(x)
+    centre = 0.0 if period is None else _circular_mean(some, period)
+    if period is not None:
+        some = np.mod(some - centre + period / 2, period) - period / 2
+    df, loc, scale = t.fit(some, 4.0, loc=np.median(some), scale=some.std() / 2)
+    offset = grid - centre
+    if period is None:
+        return t.logpdf(offset, df, loc, scale)
+    turns = period * np.arange(-2, 3)[:, None]
+    return np.log(t.pdf(offset + turns, df, loc, scale).sum(axis=0))
+
+
+def _thinned(x: FloatArray) -> FloatArray:
+    # A prime stride, since readings that are pairs of taps come in rows of equal length.
+    return x if len(x) <= T_SAMPLES else x[(np.arange(T_SAMPLES) * 7919) % len(x)]
+
+
+def _circular_mean(x: FloatArray, period: float) -> float:
+    return float(np.angle(np.exp(2j * np.pi * x / period).mean()) * period / (2 * np.pi))

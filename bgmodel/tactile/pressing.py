@@ -1,0 +1,154 @@
+"""Gratings pressed on the skin: what is solved, and the field it leaves where the pins stand."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
+from bgmodel.tactile.grating import PERIODS_MM, Grating
+from bgmodel.tactile.skin import Skin, response
+
+_FORMAT = 1  # raise it when the numbers or their layout change: older files are then left alone
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LibraryPlan:
+    """What a contact library holds; two equal plans share a file."""
+
+    skin: Skin = field(default_factory=Skin)
+    """The layers of the skin."""
+    radius_mm: float = 20.0
+    """Radius of the dome, mm; tip diameter 40 mm (Pestell, Griffith & Lepora 2022)."""
+    depth_mm: float = 1.0
+    """Depth of the grooves, mm; assumed (no matter above 0.1)."""
+    periods_mm: tuple[float, ...] = PERIODS_MM
+    """Grating periods, mm; the eight stimuli of Pestell, Griffith & Lepora (2022)."""
+    phases: int = 8
+    """Phases a period, interpolated trigonometrically; assumed, error below the marker noise."""
+    forces_n: tuple[float, ...] = (1.2, 1.5, 1.8)
+    """Forces, N, interpolated by a polynomial; assumed, error below the marker noise."""
+    side_mm: float = 32.0
+    """Side of the periodic square that is solved, mm; assumed."""
+    dx_mm: float = 0.125
+    """Side of a cell in the contact solve, mm; assumed."""
+    stored_dx_mm: float = 0.25
+    """Side of a stored cell, mm; enough behind the skin, which passes no finer detail."""
+    tol: float = 1e-6
+    """Tolerance of the contact solver, a fraction of the displacement."""
+
+    def __post_init__(self) -> None:
+        for name in ("periods_mm", "forces_n"):  # lists are welcome, but a plan is a key
+            object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
+        for name in ("radius_mm", "depth_mm", "side_mm", "dx_mm", "stored_dx_mm", "tol"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"LibraryPlan.{name}: got {value!r}, must be finite and above 0")
+        if self.phases < 2:
+            raise ValueError(f"LibraryPlan.phases: got {self.phases!r}, must be 2 or more")
+        if len(self.forces_n) < 2 or not np.all(np.diff(self.forces_n, prepend=0.0) > 0):
+            raise ValueError(
+                f"LibraryPlan.forces_n: got {self.forces_n!r}, "
+                "must be two or more forces above 0, increasing"
+            )
+        for name in ("dx_mm", "stored_dx_mm"):
+            cells = self.side_mm / 2 / getattr(self, name)
+            if abs(cells - round(cells)) > 1e-9 or self.stored_dx_mm < self.dx_mm:
+                raise ValueError(
+                    f"LibraryPlan.{name}: got dx_mm = {self.dx_mm!r} and stored_dx_mm = "
+                    f"{self.stored_dx_mm!r}, must both divide half of side_mm = "
+                    f"{self.side_mm:g}, the stored one not the smaller"
+                )
+        for period in self.periods_mm:
+            Grating(period).half_period_cells(self.dx_mm)
+
+    @property
+    def name(self) -> str:
+        """File name of the library, the same for equal plans only."""
+        return f"contact-{hashlib.sha256(self.parameters().encode()).hexdigest()[:16]}.npz"
+
+    def parameters(self) -> str:
+        """Every parameter and the version of the format, as JSON."""
+        # Read back with every number a float: 20 and 20.0 are equal, and so are their plans.
+        numbers = json.loads(json.dumps(asdict(self)), parse_int=float)
+        return json.dumps({"format": _FORMAT, **numbers}, sort_keys=True)
+
+    def solved_phases(self, period_mm: float) -> int:
+        """Count of phases that are solved: the others are mirror images."""
+        return self.phases // 2 + 1 if period_mm > 0 else 1
+
+
+def press(plan: LibraryPlan, period_mm: float, phase: float) -> NDArray[np.float32]:
+    """Displacements of the skin/gel interface under one grating, for each force of the plan.
+
+    Parameters
+    ----------
+    plan : LibraryPlan
+    period_mm : float
+    phase : float
+        Distance of a bar's middle from the apex, in periods.
+
+    Returns
+    -------
+    ndarray, (forces, n, n, 3)
+        Lateral x (across the bars) and y, and depth (into the body), mm, on cells of
+        ``stored_dx_mm`` with the apex at the middle.
+    """
+    cells, dx = round(plan.side_mm / plan.dx_mm), plan.dx_mm
+    groove, apex = Grating(period_mm, plan.depth_mm, phase).on_grid(cells, dx)
+    place = (np.arange(cells) - (cells - 1) / 2) * dx
+    dome = ((place[:, None] - apex) ** 2 + place[cells // 2 :] ** 2) / (2 * plan.radius_mm)
+    compliance = _compliance(plan)
+    fields, pressure = [], None
+    # From the largest force down: a contact that is too large is the better start for the next.
+    for force in reversed(plan.forces_n):
+        pressure = polonsky_keer(
+            dome + groove[:, None],
+            compliance,
+            force,
+            dx,
+            tol=plan.tol,
+            start_mpa=pressure,
+            mirrored=True,
+        )
+        fields.append(_interface(plan, unfold(pressure), apex))
+    return np.stack(fields[::-1]).astype(np.float32)
+
+
+@lru_cache(maxsize=4)
+def _compliance(plan: LibraryPlan) -> Floats:
+    """Compliance of the surface on the half grid of the contact solve."""
+    cells = round(plan.side_mm / plan.dx_mm)
+    k = wavenumbers((cells, cells // 2), plan.dx_mm, mirrored=True)
+    return response(plan.skin, k).compliance
+
+
+@lru_cache(maxsize=4)
+def _transfers(plan: LibraryPlan) -> NDArray[np.complex128]:
+    """Lateral x, y and depth at the interface for a unit pressure wave, (3, n, n), mm/MPa."""
+    n = round(plan.side_mm / plan.stored_dx_mm)
+    along = 2 * np.pi * fft.fftfreq(n, plan.stored_dx_mm)
+    k = np.hypot(along[:, None], along)
+    waves = response(plan.skin, k)
+    lateral = 1j * waves.interface_lateral / np.where(k > 0, k, 1.0)
+    transfers = np.stack([along[:, None] * lateral, along * lateral, waves.interface_depth + 0j])
+    # The highest frequency has no sign; the skin leaves nothing of it.
+    transfers[:, n // 2], transfers[:, :, n // 2] = 0.0, 0.0
+    return transfers
+
+
+def _interface(plan: LibraryPlan, pressure_mpa: Floats, apex_mm: float) -> Floats:
+    """Displacements (n, n, 3) under a pressure, on the stored cells centred on the apex."""
+    fine, n = len(pressure_mpa), round(plan.side_mm / plan.stored_dx_mm)
+    kept = np.round(fft.fftfreq(n) * n).astype(int)
+    spectrum = fft.fft2(pressure_mpa)[np.ix_(kept, kept)] * (n / fine) ** 2
+    # The middle of the first stored cell is not that of the first fine cell.
+    along = 2 * np.pi * fft.fftfreq(n, plan.stored_dx_mm)
+    offset = (plan.stored_dx_mm - plan.dx_mm) / 2
+    spectrum *= np.exp(1j * along * (offset + apex_mm))[:, None] * np.exp(1j * along * offset)
+    return np.moveaxis(fft.ifft2(spectrum * _transfers(plan)).real, 0, -1)

@@ -1,0 +1,251 @@
+"""Real TacTip recordings: folders of images read as the taps that the simulator makes.
+
+A tap is one grey image of bright markers on dark. Its blobs are matched to the marker layout one to
+one, and a pin that was missed takes the motion of its neighbours. Without a rest image the layout
+is the median place of each marker: displacement is then from the typical tap, not untouched skin.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+from tqdm import tqdm
+
+from bgmodel.tactile.taps import Taps
+
+SMALLEST_IMAGE_PX, FEWEST_PINS = 64, 10
+LAYOUT_TAPS = 400  # enough for a median that no longer moves
+REACH = 0.75  # farthest match, in marker pitches; beyond half a pitch a match is unrivalled
+CROWDED = 0.7  # pitches; pins are never so close
+POSE = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
+# Table, image folders by preference, and how its columns are named: label, shear and axes. Where a
+# folder has both tables, the one "with images" was derived from the other.
+LAYOUTS = (
+    ("targets_images.csv", ("processed_images", "sensor_images"), "object_label", "shear_",
+     ("x", "y", "z", "Rx", "Ry", "Rz")),
+    ("targets.csv", ("images",), "obj_id", "move_", "123456"),
+)  # fmt: skip
+
+
+def find_recordings(option: Path | None) -> Path | None:
+    """Return the option, else the environment's BGMODEL_RECORDINGS, else None.
+
+    Raises ValueError where the folder that was given does not exist.
+    """
+    given = option or os.environ.get("BGMODEL_RECORDINGS")
+    if given and not Path(given).is_dir():
+        raise ValueError(f"recordings (BGMODEL_RECORDINGS): {given} is not a folder; give one")
+    return Path(given) if given else None
+
+
+def read_targets(folder: str | Path) -> pd.DataFrame:
+    """Labels of a recording in either layout (`targets.csv` or `targets_images.csv`).
+
+    Returns one row a tap: `x_mm`, `y_mm`, `z_mm`, `roll_deg`, `pitch_deg`, `yaw_deg`, `image`
+    (path), and where recorded `shear_x_mm` ... `shear_yaw_deg` and `object_label`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Folder, table, image folder or an image does not exist; the table cannot be read, is empty,
+        lacks a column or has a pose that is not a number.
+    """
+    folder = Path(folder)
+    known = [layout for layout in LAYOUTS if (folder / layout[0]).is_file()]
+    if not known:
+        tables = " nor ".join(layout[0] for layout in LAYOUTS)
+        raise FileNotFoundError(f"recording: {folder} has neither {tables}; one is needed")
+    table, image_folders, label, shear, axes = known[0]
+    names = {f"pose_{axis}": name for axis, name in zip(axes, POSE, strict=True)}
+    raw = _read_table(folder / table, ["sensor_image", *names])
+    names |= {f"{shear}{axis}": f"shear_{name}" for axis, name in zip(axes, POSE, strict=True)}
+    images = _image_paths(folder, image_folders, raw["sensor_image"])
+    numbers = raw[[name for name in names if name in raw]].apply(pd.to_numeric, errors="coerce")
+    for row, column in np.argwhere(~np.isfinite(numbers.to_numpy(float)))[:1]:
+        value = f"{numbers.columns[column]} of {raw['sensor_image'][row]}"
+        raise ValueError(f"{folder / table}: {value} is missing or not a number")
+    labels = {"object_label": raw[label]} if label in raw else {}
+    return numbers.astype(float).rename(columns=names).assign(image=images, **labels)
+
+
+def _read_table(table: Path, required: list[str]) -> pd.DataFrame:
+    try:
+        raw = pd.read_csv(table)
+    except ValueError as error:  # the base of what pandas raises on bad bytes and broken rows
+        raise ValueError(f"{table}: not a readable csv table ({error})") from error
+    if missing := [column for column in required if column not in raw]:
+        raise ValueError(f"{table}: lacks {', '.join(missing)}; needed are {', '.join(required)}")
+    if raw.empty:
+        raise ValueError(f"{table}: has no rows; a recording has at least one tap")
+    return raw
+
+
+def _image_paths(folder: Path, image_folders: tuple[str, ...], names: pd.Series) -> list[Path]:
+    images = [folder / name for name in image_folders if (folder / name).is_dir()]
+    if not images:
+        raise FileNotFoundError(f"{folder}: has no folder {' or '.join(image_folders)}")
+    paths = [images[0] / str(name) for name in names]
+    if missing := [path for path in paths if not path.is_file()]:
+        raise FileNotFoundError(f"{missing[0]}: no such file; {len(missing)} are missing")
+    return paths
+
+
+def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.ndarray | None = None,
+              workers: int = 1, limit: int | None = None) -> Taps:  # fmt: skip
+    """Track the markers of every image of a recording; `labels.markers_found` counts the pins seen.
+
+    Parameters
+    ----------
+    mm_per_px
+        Scale of the images: pin pitch in mm over pin pitch in px.
+    rest
+        Marker layout: an image of the untouched sensor, or the `rest_mm` (pins, 2) of another
+        recording of it (origin at the image centre), or None for the median of the taps.
+    workers, limit
+        Threads, of no effect on the result; taps to read, spread evenly over the table.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        An argument is out of range; an image is missing, unreadable, not 8-bit grey, below 64 px
+        or of another size than the first; no layout is found, or a tap shows less than half of it.
+    """
+    for name, value in {"mm_per_px": mm_per_px, "workers": workers, "limit": limit}.items():
+        if value is not None and not 0 < value < np.inf:
+            raise ValueError(f"{name}: got {value}; a positive number is needed")
+    labels = read_targets(folder)
+    chosen = np.linspace(0, len(labels) - 1, min(limit or len(labels), len(labels))).astype(int)
+    labels = labels.iloc[chosen].reset_index(drop=True)
+    images = list(labels["image"])
+    shape = _read_image(images[0]).shape
+    centre, scale = (np.array(shape[::-1]) - 1) / 2, mm_per_px * np.array([1, -1])
+    given = None if rest is None else _given_layout(rest, shape, centre, scale)
+    taps = _map(lambda path: _detect(path, shape), images, workers, "markers")
+    layout = _median_layout(taps) if given is None else given
+    moved, found = zip(*_map(_tracker(layout), taps, workers, "tracking"), strict=True)
+    if (least := min(found)) < len(layout) / 2:
+        raise ValueError(f"{images[found.index(least)]}: {least} of {len(layout)} pins seen, not half")
+    displacement_mm = (np.stack(moved) * scale).astype(np.float32)
+    return Taps(displacement_mm, (layout - centre) * scale, labels.assign(markers_found=found))
+
+
+def _map(work: Callable, items: list[Any], workers: int, name: str) -> list[Any]:
+    with ThreadPoolExecutor(workers) as pool:
+        return list(tqdm(pool.map(work, items), name, len(items), unit="tap", disable=None))
+
+
+def _read_image(path: Path, shape: tuple[int, ...] | None = None) -> np.ndarray:
+    try:
+        import cv2
+    except ImportError as error:
+        needed = 'reading recordings needs OpenCV: pip install "bgmodel[tactile]"'
+        raise ImportError(needed) from error
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ValueError(f"{path}: not a readable image")
+    sizes = f"{shape} px like the first" if shape else f"{SMALLEST_IMAGE_PX} px a side or more"
+    fits = image.shape == shape if shape else min(image.shape) >= SMALLEST_IMAGE_PX
+    if image.ndim != 2 or image.dtype != np.uint8 or not fits:
+        given = f"got {image.dtype} of shape {image.shape}"
+        raise ValueError(f"{path}: {given}; needed is one grey channel of uint8, {sizes}")
+    return image
+
+
+def _detect(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+    """Find the places (markers, 2) of the bright blobs of an image, to a fraction of a pixel."""
+    import cv2
+
+    image = _read_image(path, shape)
+    block = max(shape) // 8 | 1
+    # Light is uneven but goes with the local mean: above that, one level serves everywhere.
+    bright = cv2.subtract(image, cv2.blur(image, (block, block)))
+    _, mask = cv2.threshold(bright, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+    # Diagonal pixels do not join: in small images neighbouring pins nearly touch.
+    count, blob, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    if count <= FEWEST_PINS:
+        raise ValueError(f"{path}: {count - 1} markers found; bright blobs on dark are needed")
+    y, x = np.nonzero(mask)
+    total, *sums = (np.bincount(blob[y, x], bright[y, x] * v, count)[1:] for v in (1.0, x, y))
+    area = stats[1:, cv2.CC_STAT_AREA] / np.median(stats[1:, cv2.CC_STAT_AREA])
+    return (np.array(sums) / total).T[(area >= 1 / 4) & (area <= 4)]
+
+
+def _spacing(points: np.ndarray) -> np.ndarray:
+    return cKDTree(points).query(points, 2)[0][:, 1]
+
+
+def _lattice(points: np.ndarray) -> np.ndarray:
+    """Keep points with three neighbours or more: pins have them, specks beside the pins do not."""
+    radius = 1.5 * np.median(_spacing(points))  # reaches the diagonal of a square array
+    pins = cKDTree(points).query_ball_point(points, radius, return_length=True) > 3  # itself too
+    if pins.sum() < FEWEST_PINS:
+        raise ValueError(f"recording: no marker layout among {len(points)} bright blobs")
+    return points[pins]
+
+
+def _given_layout(rest: Any, shape: tuple[int, ...], centre: np.ndarray, scale: np.ndarray) -> Any:
+    if isinstance(rest, str | Path):
+        return _lattice(_detect(Path(rest), shape))
+    places = np.asarray(rest, float)
+    shaped = places.shape == (places.size // 2, 2) and len(places) >= FEWEST_PINS
+    if not shaped or not np.isfinite(places).all():
+        raise ValueError(f"rest: got an array {places.shape}; finite (pins, 2) in mm is needed")
+    return places / scale + centre
+
+
+def _match(points: np.ndarray, places: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Pair indices of points and places, one to one: the nearest first, then least distance."""
+    distance, place = cKDTree(places).query(points, distance_upper_bound=reach)
+    order = np.argsort(distance, kind="stable")
+    j, first = np.unique(place[order], return_index=True)
+    i = order[first]
+    i, j = i[j < len(places)], j[j < len(places)]  # the tree gives that index where none is near
+    left_i, left_j = np.delete(np.arange(len(points)), i), np.delete(np.arange(len(places)), j)
+    apart = np.linalg.norm(points[left_i, None] - places[None, left_j], axis=2)
+    rows, columns = linear_sum_assignment(np.minimum(apart, reach))
+    near = apart[rows, columns] < reach
+    return np.append(i, left_i[rows[near]]), np.append(j, left_j[columns[near]])
+
+
+def _median_layout(taps: list[np.ndarray]) -> np.ndarray:
+    """Take the median place of each marker, from the fullest tap on; drop what is no pin."""
+    taps = taps[:: -(-len(taps) // LAYOUT_TAPS)]
+    pitch = np.median([np.median(_spacing(tap)) for tap in taps])
+    # Specks crowd the pins and mergers reduce them: most well-spaced blobs is most pins.
+    places = max(taps, key=lambda tap: np.sum(_spacing(tap) > CROWDED * pitch))
+    for _ in range(3):
+        seen = np.full((len(taps), len(places), 2), np.nan)
+        for tap, row in zip(taps, seen, strict=True):
+            i, j = _match(tap, places, REACH * pitch)
+            row[j] = tap[i]
+        share = np.isfinite(seen[..., 0]).mean(axis=0)
+        seen, share = seen[:, share > 0.3], share[share > 0.3]  # pins that merge are seen half
+        places = np.nanmedian(seen, axis=0)
+    # Of two places too close for two pins one is a speck, which stays put, or a merger, seen less.
+    claim = share * (np.nanstd(seen, axis=0).sum(axis=1) + 1e-9)
+    rivals = cKDTree(places).query_ball_point(places, CROWDED * pitch)
+    return _lattice(places[[k for k, close in enumerate(rivals) if claim[k] >= claim[close].max()]])
+
+
+def _tracker(layout: np.ndarray) -> Callable[[np.ndarray], tuple[np.ndarray, int]]:
+    """Build the map from the markers of a tap to the motion (pins, 2) in px and the pins seen."""
+    pitch = np.median(_spacing(layout))
+    apart = np.linalg.norm(layout[:, None] - layout[None], axis=2) / pitch
+    weight = np.exp(-(apart**2) / 2) * (apart > 0)
+
+    def track(points: np.ndarray) -> tuple[np.ndarray, int]:
+        motion = np.zeros_like(layout)
+        for _ in range(2):  # a pin moves with its neighbours: the second match starts from them
+            i, j = _match(points, layout + motion, REACH * pitch)
+            near, seen = weight[:, j], points[i] - layout[j]
+            motion = near @ seen / np.maximum(near.sum(axis=1, keepdims=True), 1e-300)
+        motion[j] = seen
+        return motion, len(j)
+
+    return track

@@ -1,0 +1,101 @@
+"""Values between the grid points, phases and forces at which a contact was solved."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import fft
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+
+def phase_weights(phase: Floats, count: int) -> Floats:
+    """Weights (taps, count) of equally spaced phases: trigonometric interpolation.
+
+    Exact up to the harmonic (count - 1) // 2 of the period, and the skin lets little of the second
+    through.
+    """
+    turn = 2 * np.pi * (np.asarray(phase)[:, None] - np.arange(count) / count)
+    weights = np.ones_like(turn)
+    for harmonic in range(1, (count + 1) // 2):
+        weights += 2 * np.cos(harmonic * turn)
+    if count % 2 == 0:
+        weights += np.cos(count // 2 * turn)
+    return weights / count
+
+
+def node_weights(value: Floats, nodes: tuple[float, ...]) -> Floats:
+    """Weights (taps, nodes) of the Lagrange polynomial through `nodes`."""
+    value = np.asarray(value, dtype=float)
+    weights = np.ones((value.size, len(nodes)))
+    for i, node in enumerate(nodes):
+        for other in nodes[:i] + nodes[i + 1 :]:
+            weights[:, i] *= (value - other) / (node - other)
+    return weights
+
+
+def slopes(fields: NDArray, dx_mm: float) -> tuple[NDArray, NDArray]:
+    """Differentiate periodic fields (..., n, n) along x and y, per mm."""
+    n = fields.shape[-1]
+    k = 2 * np.pi * fft.fftfreq(n, dx_mm)
+    k[n // 2] = 0.0  # the sign of the highest frequency is undefined
+    along_x, along_y = 1j * k[:, None], 1j * k[: n // 2 + 1]
+    spectrum = fft.rfft2(fields)
+    return (
+        fft.irfft2(spectrum * along_x, s=(n, n)),
+        fft.irfft2(spectrum * along_y, s=(n, n)),
+    )
+
+
+def spline_coefficients(fields: NDArray) -> NDArray:
+    """Cubic B-spline coefficients of periodic fields (..., n, n): they pass through the values."""
+    n = fields.shape[-1]
+    gain = (2 + np.cos(2 * np.pi * fft.fftfreq(n))) / 3
+    return fft.irfft2(fft.rfft2(fields) / (gain[:, None] * gain[: n // 2 + 1]), s=(n, n))
+
+
+@njit(cache=True)
+def gather(
+    coefficients: Singles, points: Floats, weights: Singles, out: Singles
+) -> None:  # pragma: no cover - compiled
+    """Evaluate periodic cubic splines at points, blended by weights.
+
+    Parameters
+    ----------
+    coefficients : ndarray, (n, n, values * blends)
+        Spline coefficients, the blends of a value side by side.
+    points : ndarray, (taps, pins, 2)
+        Places in cells; 0 is the middle of the first cell.
+    weights : ndarray, (taps, blends)
+        One weight for each blend.
+    out : ndarray, (taps, pins, values)
+        Overwritten.
+    """
+    n = coefficients.shape[0]
+    width = coefficients.shape[2]
+    blends = weights.shape[1]
+    along = np.empty((2, 4), np.float32)
+    cell = np.empty(2, np.int64)
+    sums = np.empty(width, np.float32)
+    for tap in range(points.shape[0]):
+        for pin in range(points.shape[1]):
+            for axis in range(2):
+                place = points[tap, pin, axis]
+                cell[axis] = int(np.floor(place))
+                t = place - cell[axis]
+                along[axis, 0] = (1 - t) ** 3 / 6
+                along[axis, 1] = (4 - 6 * t * t + 3 * t**3) / 6
+                along[axis, 2] = (1 + 3 * t + 3 * t * t - 3 * t**3) / 6
+                along[axis, 3] = t**3 / 6
+            sums[:] = 0
+            for i in range(4):
+                for j in range(4):
+                    share = along[0, i] * along[1, j]
+                    row = coefficients[(cell[0] + i - 1) % n, (cell[1] + j - 1) % n]
+                    for c in range(width):
+                        sums[c] += share * row[c]
+            for value in range(out.shape[2]):
+                total = np.float32(0)
+                for blend in range(blends):
+                    total += weights[tap, blend] * sums[value * blends + blend]
+                out[tap, pin, value] = total

@@ -1,0 +1,129 @@
+"""The skin of the sensor: an elastic sheet bonded to a gel, solved exactly for each wavenumber."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+# Rows of a layer's state and of the boundary conditions: depth displacement, lateral displacement,
+# normal stress, shear stress.
+_DEPTH, _LATERAL, _NORMAL, _SHEAR = range(4)
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Two bonded incompressible layers on a rigid window: the skin and the gel behind it."""
+
+    skin_mm: float = 1.0
+    """Thickness of the skin, mm; assumed."""
+    skin_shear_mpa: float = 1.0 / 3.0
+    """Shear modulus of the skin, MPa; assumed: E = 1.0 MPa (Shore A 27, Gent), G = E/3."""
+    gel_mm: float = 15.0
+    """Thickness of the gel between the skin and the window, mm; assumed."""
+    gel_shear_mpa: float = 0.010
+    """Shear modulus of the gel, MPa; assumed."""
+
+    def __post_init__(self) -> None:
+        for name in ("skin_mm", "skin_shear_mpa", "gel_mm", "gel_shear_mpa"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"Skin.{name}: got {value!r}, must be a finite number above 0")
+
+
+class Response(NamedTuple):
+    """What a unit pressure wave on the surface does, as functions of its wavenumber.
+
+    A pressure exp(ikx) of 1 MPa gives, in mm and with z pointing into the body, the depth
+    displacement ``compliance`` exp(ikx) at the surface, ``interface_depth`` exp(ikx) at the
+    skin/gel interface, and the lateral displacement i ``interface_lateral`` exp(ikx) there.
+    """
+
+    compliance: Floats
+    interface_depth: Floats
+    interface_lateral: Floats
+
+
+def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
+    """Response of the layered skin to pressure waves.
+
+    In each layer w = (A + B kz) exp(-kz) + (C + D kz) exp(kz), U = w'/k, p = G (U'' - k^2 U)/k,
+    s_zz = -p + 2 G w' and s_xz = G (U' + k w) (incompressible plane strain). The eight constants
+    follow from s_zz = -1 and s_xz = 0 on top, continuity of all four at the interface, and
+    w = U = 0 at the window. For one thick material the limits are 1/(2Gk) and
+    (1 + kz) exp(-kz)/(2Gk) (Johnson 1985, Contact Mechanics, section 13.2).
+
+    Parameters
+    ----------
+    skin : Skin
+    wavenumber_per_mm : array_like
+        Any shape, 1/mm, zero or more. At zero an incompressible bonded layer does not yield: 0.
+
+    Returns
+    -------
+    Response
+        Three arrays of the shape of `wavenumber_per_mm`, mm/MPa.
+
+    Raises
+    ------
+    ValueError
+        A wavenumber is negative or not finite.
+    """
+    k = np.asarray(wavenumber_per_mm, dtype=float)
+    if not np.all(np.isfinite(k)) or np.any(k < 0):
+        raise ValueError(
+            f"wavenumber_per_mm: got values from {k.min()} to {k.max()}, "
+            "must be finite and not negative"
+        )
+    # Square grids repeat most wavenumbers, and the solve is the costly part.
+    distinct, where = np.unique(k, return_inverse=True)
+    positive = distinct > 0
+    values = np.zeros((3, distinct.size))
+    values[:, positive] = _solve(skin, distinct[positive])
+    return Response(*values[:, where.reshape(k.shape)])
+
+
+def _solve(skin: Skin, k: Floats) -> Floats:
+    """Surface compliance and the two transfers, (3, wavenumbers), for k above 0."""
+    sheet_top, sheet_bottom = _layer(k * skin.skin_mm)
+    gel_top, gel_bottom = _layer(k * skin.gel_mm)
+    gel_top[:, _NORMAL:] *= skin.gel_shear_mpa / skin.skin_shear_mpa
+    system = np.zeros((k.size, 8, 8))
+    system[:, :2, :4] = sheet_top[:, _NORMAL:]
+    system[:, 2:6, :4] = sheet_bottom
+    system[:, 2:6, 4:] = -gel_top
+    system[:, 6:, 4:] = gel_bottom[:, :_NORMAL]
+    load = np.zeros((k.size, 8, 1))
+    load[:, 0] = -1.0
+    constants = np.linalg.solve(system, load)[:, :4, 0]
+    surface = np.einsum("ki,ki->k", sheet_top[:, _DEPTH], constants)
+    depth = np.einsum("ki,ki->k", sheet_bottom[:, _DEPTH], constants)
+    lateral = np.einsum("ki,ki->k", sheet_bottom[:, _LATERAL], constants)
+    return np.stack([surface, depth, lateral]) / (skin.skin_shear_mpa * k)
+
+
+def _layer(thickness: Floats) -> tuple[Floats, Floats]:
+    """State at the top and the bottom of a layer for each of its four solutions.
+
+    `thickness` is kh. The growing solutions are written in the distance from the bottom, so no
+    entry exceeds its value at kh of order one and nothing overflows. Stresses are in units of Gk.
+    Each result is (wavenumbers, 4 rows, 4 constants).
+    """
+    zero = np.zeros_like(thickness)
+    near, far = _decaying(zero), _decaying(thickness)
+    # The same solutions seen from the other side: what is odd in z changes sign.
+    flip = np.ones((4, 1))
+    flip[[_LATERAL, _NORMAL]] = -1.0
+    top = np.concatenate([near, flip * far], axis=2)
+    bottom = np.concatenate([far, flip * near], axis=2)
+    return top, bottom
+
+
+def _decaying(s: Floats) -> Floats:
+    """States of exp(-s) and s exp(-s), s = kz, as (wavenumbers, 4 rows, 2 constants)."""
+    one = np.ones_like(s)
+    rows = [[one, s], [-one, 1 - s], [-2 * one, -2 * s], [2 * one, 2 * (s - 1)]]
+    states = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return states * np.exp(-s)[:, None, None]

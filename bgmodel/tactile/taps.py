@@ -1,0 +1,91 @@
+"""Taps: displacements of the pins with their labels, and the images made of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Taps:
+    """Pin displacements and what they are displacements of."""
+
+    displacement_mm: Singles
+    """From rest to the peak of the tap, x right and y up, mm, (taps, pins, 2)."""
+    rest_mm: Floats
+    """Places of the pins at rest, mm, (pins, 2)."""
+    labels: pd.DataFrame
+    """One row a tap, with at least period_mm, yaw_deg, phase and force_n."""
+
+    def __post_init__(self) -> None:
+        expected = (len(self.labels), len(self.rest_mm), 2)
+        if self.displacement_mm.shape != expected:
+            raise ValueError(
+                f"Taps.displacement_mm: got shape {self.displacement_mm.shape}, "
+                f"must be {expected} to agree with labels and rest_mm"
+            )
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def select(self, mask: ArrayLike) -> "Taps":
+        """Taps where a mask is true, or with the given indices, in that order."""
+        which = np.asarray(mask)
+        if which.dtype == bool and which.shape != (len(self),):
+            raise ValueError(f"mask: got shape {which.shape}, must be ({len(self)},)")
+        rows = np.flatnonzero(which) if which.dtype == bool else which.astype(int)
+        labels = self.labels.iloc[rows].reset_index(drop=True)
+        return Taps(self.displacement_mm[rows], self.rest_mm, labels)
+
+    @staticmethod
+    def concatenate(parts: Sequence["Taps"]) -> "Taps":
+        """Taps of several sets with the same pins, one after the other."""
+        if not parts:
+            raise ValueError("parts: got none, must be one or more")
+        if any(not np.array_equal(p.rest_mm, parts[0].rest_mm) for p in parts):
+            raise ValueError("parts: got sets with different rest_mm, must have the same pins")
+        displacement = np.concatenate([p.displacement_mm for p in parts])
+        labels = pd.concat([p.labels for p in parts], ignore_index=True)
+        return Taps(displacement, parts[0].rest_mm, labels)
+
+    def maps(self, shape: tuple[int, int] = (19, 19)) -> Singles:
+        """Images of the displacement's magnitude, what the decoder sees.
+
+        Each is z-scored (Pestell, Griffith & Lepora 2022). Pins that are not on a grid of that
+        shape are interpolated linearly, beyond the outermost ones by the nearest.
+
+        Returns
+        -------
+        ndarray, (taps, 1, *shape)
+            Rows from the top down.
+        """
+        size = np.linalg.norm(self.displacement_mm, axis=2)
+        grid = _grid(self.rest_mm, shape)
+        if grid.shape != self.rest_mm.shape or not np.allclose(grid, self.rest_mm, atol=1e-6):
+            size = size @ _interpolation(self.rest_mm, grid)
+        size = size - size.mean(axis=1, keepdims=True)
+        spread = size.std(axis=1, keepdims=True)
+        size /= np.where(spread > 0, spread, 1)
+        return size.reshape(-1, 1, *shape).astype(np.float32)
+
+
+def _grid(rest_mm: Floats, shape: tuple[int, int]) -> Floats:
+    """Places (pixels, 2) of an image over the pins, row by row from the top left."""
+    (left, bottom), (right, top) = rest_mm.min(axis=0), rest_mm.max(axis=0)
+    x, y = np.meshgrid(np.linspace(left, right, shape[1]), np.linspace(top, bottom, shape[0]))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def _interpolation(rest_mm: Floats, grid: Floats) -> Singles:
+    """Weights (pins, pixels) of linear interpolation, of the nearest pin outside them all."""
+    each = np.eye(len(rest_mm))
+    weights = LinearNDInterpolator(rest_mm, each)(grid)
+    outside = np.isnan(weights).any(axis=1)
+    weights[outside] = NearestNDInterpolator(rest_mm, each)(grid[outside])
+    return weights.T.astype(np.float32)

@@ -1,0 +1,215 @@
+"""The tactile tasks: from decoded taps to Evidence, with likelihoods fitted on other taps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.evidence import Evidence
+from bgmodel.tactile.likelihood import Density, FloatArray, Likelihood, Pool, fit_likelihood
+
+FOLDS = 6
+STEP_MS = 500.0
+
+
+class Task(Protocol):
+    """A question about taps: which column answers it, and how taps become readings."""
+
+    names: tuple[str, ...]
+    yaws_deg: tuple[float, ...]
+    column: str
+    range_deg: tuple[float, float]
+    circular: bool
+
+    def readings(self, pool: Pool) -> list[FloatArray]:
+        """Turn decoded angles, one array a yaw, into readings, one array a hypothesis."""
+        ...
+
+
+@dataclass(frozen=True)
+class SameDifferent:
+    """Whether two gratings are the same, AA, or different, AB (Burguete et al. 2023).
+
+    The reading is ``Psi = psi_2 - psi_1``, the difference of two decoded angles.
+    """
+
+    a_deg: float = -45.0
+    """Yaw of grating A, degrees; Burguete, Griffith & Lepora 2023."""
+    b_deg: float = 45.0
+    """Yaw of grating B, degrees; Burguete, Griffith & Lepora 2023."""
+
+    names = ("S1", "S2")
+    column = "psi_deg"
+    range_deg = (-180.0, 180.0)
+    circular = False
+
+    @property
+    def yaws_deg(self) -> tuple[float, ...]:
+        """The two yaws."""
+        return self.a_deg, self.b_deg
+
+    def readings(self, pool: Pool) -> list[FloatArray]:
+        """Return the differences of all pairs of taps: S1 (AA, never a tap with itself), S2."""
+        a, b = pool
+        same = a[:, None] - a[None, :]
+        return [same[~np.eye(len(a), dtype=bool)], (b[:, None] - a[None, :]).ravel()]
+
+
+@dataclass(frozen=True)
+class Orientations:
+    """Which of N evenly spaced orientations is it?  The reading is the decoded orientation."""
+
+    count: int = 4
+    """Number of orientations, 2 to 8."""
+
+    column = "orientation_deg"
+    range_deg = (-90.0, 90.0)
+    circular = True
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.count <= 8:
+            raise ValueError(f"count must be 2 to 8 orientations, got {self.count}")
+
+    @property
+    def yaws_deg(self) -> tuple[float, ...]:
+        """``-45 + 180 k / N`` degrees, within -90..90."""
+        return tuple((45 + 180 * k / self.count) % 180 - 90 for k in range(self.count))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The yaws as text."""
+        return tuple(f"{yaw:g}" for yaw in self.yaws_deg)
+
+    def readings(self, pool: Pool) -> list[FloatArray]:
+        """Return the decoded orientations as they are."""
+        return [np.asarray(part) for part in pool]
+
+
+@dataclass(frozen=True)
+class Source:
+    """All readings that a set of held-out taps can give, and what they say.
+
+    Parameters
+    ----------
+    log_likelihood : list of arrays (readings, hypotheses), nats
+        One array a true hypothesis.
+    names : tuple of str
+        Names of the hypotheses.
+    likelihood : Likelihood
+        Fitted on other taps.
+    """
+
+    log_likelihood: list[FloatArray]
+    names: tuple[str, ...]
+    likelihood: Likelihood
+
+    def draw(
+        self,
+        trials: int,
+        steps: int,
+        *,
+        rng: np.random.Generator,
+        prior: npt.ArrayLike | None = None,
+        step_ms: float = STEP_MS,
+    ) -> Evidence:
+        """Draw trials whose readings are independent samples, with replacement.
+
+        Parameters
+        ----------
+        trials, steps : int
+            Truth is balanced: trial k belongs to hypothesis k mod N.
+        rng : numpy.random.Generator
+            The source of every random number.
+        prior : array (hypotheses,), optional
+            What the decider believes; the draw stays balanced.
+        step_ms : float
+            Time a tap takes, ms; 500 is assumed.
+        """
+        if trials < 1 or steps < 1:
+            raise ValueError(f"trials and steps must be >= 1, got {trials} and {steps}")
+        count = len(self.names)
+        truth = np.arange(trials) % count
+        values = np.empty((trials, steps, count), dtype=np.float64)
+        for i, table in enumerate(self.log_likelihood):
+            shape = (len(range(i, trials, count)), steps)
+            values[i::count] = table[rng.integers(len(table), size=shape)]
+        return Evidence(values, truth, prior, step_ms=step_ms)  # type: ignore[arg-type]
+
+    @cached_property
+    def log_ratios(self) -> tuple[FloatArray, ...]:
+        """Log-likelihood ratio S2 : S1 of every reading under S1 and under S2, nats."""
+        if len(self.names) != 2:
+            raise ValueError(f"log ratios need 2 hypotheses, this task has {len(self.names)}")
+        return tuple(values[:, 1] - values[:, 0] for values in self.log_likelihood)
+
+
+def held_out_taps() -> pd.DataFrame:
+    """Return the decoded held-out taps that ship with the package.
+
+    One row a tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
+    ``bgmodel.tables.read_provenance`` of the file tells how it was made.
+    """
+    with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
+        return pd.read_parquet(path).astype("float64")
+
+
+def source(
+    taps: pd.DataFrame,
+    task: Task,
+    *,
+    period_mm: float,
+    fold: int,
+    density: Density | None = None,
+) -> Source:
+    """Fit likelihoods on five folds of the held-out taps; return the readings of the sixth.
+
+    Parameters
+    ----------
+    taps : DataFrame
+        As from ``held_out_taps``.
+    task : Task
+        ``SameDifferent()`` or ``Orientations(n)``.
+    period_mm : float
+        Period of the grating, mm.
+    fold : int
+        Which of the six folds to score on, 0..5; tap k of a stimulus is in fold k mod 6.
+    density : Density
+        How likelihoods are estimated.
+
+    Raises
+    ------
+    ValueError
+        If there are no such taps, or the fold does not exist.
+    """
+    if not 0 <= fold < FOLDS:
+        raise ValueError(f"fold must be 0..{FOLDS - 1}, got {fold}")
+    pool = tap_pool(taps, task, period_mm)
+    scored = [np.arange(len(part)) % FOLDS == fold for part in pool]
+    fitted = [part[~mask] for part, mask in zip(pool, scored, strict=True)]
+    likelihood = fit_likelihood(
+        fitted, task.readings, task.range_deg, circular=task.circular, density=density
+    )
+    rest = task.readings([part[mask] for part, mask in zip(pool, scored, strict=True)])
+    return Source([likelihood(x) for x in rest], task.names, likelihood)
+
+
+def tap_pool(taps: pd.DataFrame, task: Task, period_mm: float) -> list[FloatArray]:
+    """Return the decoded angles of one grating, one array a yaw of the task, degrees."""
+    here = taps[np.isclose(taps["period_mm"], period_mm)]
+    if here.empty:
+        known = sorted(taps["period_mm"].unique())
+        raise ValueError(f"period_mm must be one of {known}, got {period_mm}")
+    pool = []
+    for yaw in task.yaws_deg:
+        # Within the rounding of the table.
+        values = here.loc[np.isclose(here["yaw_deg"], yaw, atol=0.01), task.column]
+        if values.empty:
+            raise ValueError(f"there are no taps of period {period_mm} mm at yaw {yaw:g} degrees")
+        pool.append(values.to_numpy(dtype=np.float64))
+    return pool

@@ -1,0 +1,71 @@
+"""Tips of the sensor: where the pins stand, and what the camera needs to know of them."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+Layout = Literal["square", "hexagonal", "circular"]
+
+
+@dataclass(frozen=True)
+class Tip:
+    """A dome with pins on its inner side, seen by a camera behind it."""
+
+    layout: Layout = "square"
+    """Pins: square 19 x 19 (Pestell, Griffith & Lepora 2022), hexagonal 127, circular 331."""
+    pitch_mm: float = 1.2
+    """Distance between neighbouring pins, or rings of pins, mm; assumed."""
+    pin_mm: float = 1.5
+    """Length of a pin, mm; assumed."""
+    radius_mm: float = 20.0
+    """Radius of the dome, mm; tip diameter 40 mm (Pestell, Griffith & Lepora 2022)."""
+    camera_height_mm: float = 45.0
+    """Distance from the camera to the pins, mm; assumed."""
+
+    def __post_init__(self) -> None:
+        if self.layout not in get_args(Layout):
+            raise ValueError(f"Tip.layout: got {self.layout!r}, must be one of {get_args(Layout)}")
+        for name in ("pitch_mm", "pin_mm", "radius_mm", "camera_height_mm"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and (value > 0 or (value == 0 and name == "pin_mm"))):
+                raise ValueError(f"Tip.{name}: got {value!r}, must be a finite number above 0")
+
+    def rest_mm(self) -> NDArray[np.float64]:
+        """Places of the pins at rest, x to the right and y up.
+
+        Returns
+        -------
+        ndarray, (pins, 2)
+            mm from the apex. The square array runs row by row from the top left, so that a value
+            for each pin, reshaped to 19 x 19, is an image.
+        """
+        places = {"square": _square, "hexagonal": _hexagonal, "circular": _circular}[self.layout]
+        return places() * self.pitch_mm
+
+
+def _square() -> NDArray[np.float64]:
+    """361 pins in 19 rows of 19."""
+    x, y = np.meshgrid(np.arange(-9.0, 10.0), np.arange(9.0, -10.0, -1.0))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def _hexagonal() -> NDArray[np.float64]:
+    """127 pins of a triangular lattice within a hexagon: six rings about the middle one."""
+    rings = 6
+    rows = [
+        np.column_stack([np.arange(count) - (count - 1) / 2, np.full(count, -row * 0.75**0.5)])
+        for row in range(-rings, rings + 1)
+        for count in [2 * rings + 1 - abs(row)]
+    ]
+    return np.concatenate(rows)
+
+
+def _circular() -> NDArray[np.float64]:
+    """331 pins: ten circles of 6, 12, ... 60 about the middle one."""
+    circles = [np.zeros((1, 2))]
+    for ring in range(1, 11):
+        angle = 2 * np.pi * np.arange(6 * ring) / (6 * ring)
+        circles.append(ring * np.column_stack([np.cos(angle), np.sin(angle)]))
+    return np.concatenate(circles)

@@ -1,0 +1,1 @@
+"""Basal ganglia circuits: each one a readable table, run by interchangeable engines."""

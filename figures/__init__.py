@@ -1,0 +1,1 @@
+"""One script a figure: compute a tidy table, then draw it."""

@@ -1,0 +1,80 @@
+"""What all figures stand on: contact library, trained decoder, decoded held-out taps."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import stream
+from bgmodel.tables import provenance, write_table
+from bgmodel.tactile.decoder import Decoder, Training, train
+from bgmodel.tactile.library import contact_library
+from bgmodel.tactile.sensor import Nuisance, simulate
+from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.task import Orientations, SameDifferent
+from bgmodel.tactile.tips import Tip
+from figures.common import Settings, run
+
+SENSOR = {"tip": Tip(), "skin": Skin(), "nuisance": Nuisance()}
+
+
+def library(settings: Settings, *, output: Path) -> None:
+    """Solve the contact library into the cache, and leave a note that it is there."""
+    plan = contact_library(workers=1).plan
+    output.write_text(f"{plan}\n")
+
+
+def decoder(settings: Settings, done: Path, *, output: Path) -> None:
+    """Simulate the training taps and train the decoder."""
+    rng = stream(settings.seed, "training taps")
+    periods = np.repeat(settings.periods_mm, settings.training_taps)
+    yaw = rng.uniform(-90, 90, len(periods))
+    taps = simulate(periods, yaw, rng=rng, **SENSOR)
+    about = {"taps": provenance(settings.seed, periods_mm=settings.periods_mm, **SENSOR)}
+    training = Training(epochs=settings.epochs)
+    train(taps.maps(), yaw, seed=settings.seed, training=training, about=about).save(output)
+
+
+def yaws() -> dict[float, bool]:
+    """Return every yaw that a task asks for; True for the two of same/different."""
+    both = set(SameDifferent().yaws_deg)
+    every = {yaw for count in range(2, 9) for yaw in Orientations(count).yaws_deg}
+    # Thirds and sevenths differ in their last digits from one count to another.
+    exact = {float(Fraction(yaw).limit_denominator(1000)) for yaw in every | both}
+    return {yaw: yaw in both for yaw in sorted(exact)}
+
+
+def held_out(settings: Settings, done: Path, stored: Path, *, output: Path) -> None:
+    """Simulate fresh taps at the yaws of the tasks and decode them."""
+    network = Decoder.load(stored)
+    parts = []
+    for period in settings.periods_mm:
+        for yaw, often in yaws().items():
+            count = settings.held_out_taps if often else settings.orientation_taps
+            rng = stream(settings.seed, "held-out taps", period, yaw)
+            taps = simulate(np.full(count, period), yaw, rng=rng, **SENSOR)
+            parts.append(taps.labels[["period_mm", "yaw_deg"]].assign(**network.decode(taps.maps())))
+    table = pd.concat(parts, ignore_index=True).drop(columns="strength")
+    # A tenth of a degree is far below any error of the decoder, and packs small.
+    for name in ("psi_deg", "orientation_deg"):
+        table[name] = table[name].round(1).astype(np.float32)
+    for name in ("period_mm", "yaw_deg"):
+        table[name] = table[name].astype(np.float32)
+    about = {k: v for k, v in network.about.items() if k != "taps"}
+    write_table(
+        table,
+        output,
+        seed=settings.seed,
+        command="make shipped-taps",
+        decoder=about,
+        training=network.training,
+        validation_mae_deg=min(row["mae_deg"] for row in network.history),
+        **SENSOR,
+    )
+
+
+if __name__ == "__main__":
+    run(library=library, decoder=decoder, held_out=held_out)

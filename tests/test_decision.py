@@ -1,0 +1,196 @@
+"""The stopping rule against a plain loop, and its stated rules for ties, onset and deadline."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bgmodel import Evidence, Msprt, Sprt, Trace, first_crossing, stream, tally
+from bgmodel.decision import crossing_of_each
+from bgmodel.sprt import Stream, posterior_criterion, threshold_from_gap
+
+
+def plain_crossing(out, thresholds, first):
+    """Decide one trial in the slowest and plainest way: the oracle of the compiled loop."""
+    for tick, row in enumerate(out):
+        below = thresholds - row
+        crossed = below >= 0 if tick >= first else below > 0
+        if crossed.any():
+            return tick, int(np.argmax(np.where(crossed, below, -np.inf)))
+    return -1, int(np.argmin(out[-1]))
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    seed=st.integers(0, 2**31),
+    ticks=st.integers(1, 12),
+    channels=st.integers(2, 5),
+    count=st.integers(1, 6),
+    onset=st.integers(0, 4),
+)
+def test_one_pass_over_thresholds_equals_a_plain_loop(seed, ticks, channels, count, onset):
+    rng = np.random.default_rng(seed)
+    # Whole numbers make ties and exact hits common.
+    out = rng.integers(-3, 6, (7, ticks, channels)).astype(float)
+    thresholds = rng.integers(-3, 6, (count, channels)).astype(float)
+    trace = Trace(out, np.arange(ticks, dtype=float), onset_ms=float(onset))
+    decision = first_crossing(trace, thresholds)
+    for k in range(count):
+        for n in range(7):
+            tick, choice = plain_crossing(out[n], thresholds[k], onset + 1)
+            assert decision.choice[k, n] == choice
+            assert decision.forced[k, n] == (tick < 0)
+            assert decision.time_ms[k, n] == (tick if tick >= 0 else ticks - 1) - onset
+            assert decision.premature[k, n] == (0 <= tick <= onset)
+
+
+def some_evidence(trials=300, steps=20, hypotheses=3, seed=5, **kwargs):
+    rng = stream(seed, "test")
+    values = rng.normal(0, 0.7, (trials, steps, hypotheses))
+    truth = np.arange(trials) % hypotheses
+    values[np.arange(trials), :, truth] += 0.4
+    return Evidence(values, truth, **kwargs)
+
+
+def test_tally_and_each_agree_with_first_crossing():
+    evidence = some_evidence()
+    trace = Msprt().run(evidence)
+    thresholds = np.linspace(0.02, 1.0, 9)
+    decision = first_crossing(trace, thresholds)
+    counts = tally(trace, evidence.truth, thresholds)
+    assert counts.correct.tolist() == (decision.choice == evidence.truth).sum(axis=1).tolist()
+    assert counts.steps == pytest.approx(decision.steps.sum(axis=1))
+    assert counts.forced.tolist() == decision.forced.sum(axis=1).tolist()
+    own = thresholds[np.arange(evidence.trials) % 9]
+    each = crossing_of_each(trace, own)
+    rows = np.arange(evidence.trials) % 9, np.arange(evidence.trials)
+    assert (each.choice == decision.choice[rows]).all()
+    assert (each.time_ms == decision.time_ms[rows]).all()
+
+
+def test_ties_go_to_the_largest_margin_then_the_lowest_index():
+    out = np.array([[[2.0, 2.0, 2.0], [0.5, 0.2, 0.2]]])
+    trace = Trace(out, np.array([0.0, 1.0]))
+    assert first_crossing(trace, 1.0).choice.tolist() == [1]
+    assert first_crossing(trace, [[1.5, 1.0, 1.1]]).choice.tolist() == [[0]]
+
+
+def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
+    evidence = some_evidence(hypotheses=2)
+    decision = first_crossing(Sprt().run(evidence), threshold_from_gap(0.0))
+    assert (decision.steps == 1).all()
+    ratio = evidence.log_likelihood[:, 0, 1] - evidence.log_likelihood[:, 0, 0]
+    assert (decision.choice == (ratio > 0)).all()
+
+
+def test_a_prior_beyond_its_threshold_is_a_premature_response():
+    evidence = some_evidence(hypotheses=2, prior=[0.2, 0.8], onset_ms=100.0, step_ms=50.0)
+    eager = first_crossing(Msprt().run(evidence), -np.log(0.7))
+    assert eager.premature.all()
+    assert (eager.choice == 1).all()
+    assert (eager.time_ms == -100).all()
+    assert (eager.steps == 0).all()
+    patient = first_crossing(Msprt().run(evidence), -np.log(0.9))
+    assert not patient.premature.any()
+    assert (patient.time_ms >= 50).all()
+
+
+def test_undecided_is_a_value():
+    evidence = some_evidence(steps=2)
+    trace = Msprt().run(evidence)
+    free = first_crossing(trace, 1e-3, forced=False)
+    assert (free.choice == -1).all()
+    assert np.isnan(free.time_ms).all()
+    assert not free.forced.any()
+    forced = first_crossing(trace, 1e-3)
+    assert forced.forced.all()
+    assert (forced.choice == trace.out_nats[:, -1].argmin(axis=1)).all()
+    assert (forced.steps == 2).all()
+
+
+def test_two_hypothesis_msprt_is_the_sprt_decision_by_decision():
+    evidence = some_evidence(trials=20_000, steps=50, hypotheses=2)
+    deltas = np.linspace(0, 8, 17)
+    a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
+    b = first_crossing(Msprt().run(evidence), posterior_criterion(deltas))
+    assert (a.choice != b.choice).sum() == 0
+    assert (a.time_ms != b.time_ms).sum() == 0
+    # The control: without the mapping the tests are not the same.
+    c = first_crossing(Msprt().run(evidence), np.log1p(np.exp(-deltas)))
+    assert (a.time_ms != c.time_ms).sum() > 1000
+
+
+@pytest.mark.parametrize("hypotheses", [2, 3, 8])
+def test_streaming_gives_the_batch_decision(hypotheses):
+    evidence = some_evidence(trials=60, hypotheses=hypotheses)
+    tests = [(Msprt(), np.linspace(0.1, 0.5, hypotheses))]
+    if hypotheses == 2:
+        tests.append((Sprt(), np.array([-1.0, -1.5])))
+    for test, threshold in tests:
+        batch = first_crossing(test.run(evidence), threshold[None])
+        for n in range(evidence.trials):
+            trial = Stream(test, threshold, hypotheses, t_max=evidence.steps)
+            readings = iter(evidence.log_likelihood[n])
+            while trial.choice is None:
+                trial.update(next(readings))
+            assert trial.choice == batch.choice[0, n]
+            assert trial.readings == batch.steps[0, n]
+
+
+@pytest.mark.parametrize("hypotheses", [2, 3, 8])
+def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
+    """The martingale identity, exact for true likelihoods, in one z-test a threshold."""
+    from bgmodel.evidence import gaussian_evidence
+
+    evidence = gaussian_evidence(
+        60_000, 60, 0.5, hypotheses=hypotheses, rng=stream(11, "martingale", hypotheses)
+    )
+    trace = Msprt().run(evidence)
+    decision = first_crossing(trace, -np.log([0.7, 0.9, 0.97]))
+    tick = decision.steps.astype(int)
+    for k in range(3):
+        stated = np.exp(-trace.out_nats[np.arange(evidence.trials), tick[k], decision.choice[k]])
+        gap = (decision.choice[k] == evidence.truth) - stated
+        assert abs(gap.mean()) < 4 * gap.std() / np.sqrt(evidence.trials)
+    wrong = first_crossing(Msprt(gain=1.5).run(evidence), -np.log(0.9))
+    out = Msprt(gain=1.5).run(evidence).out_nats
+    stated = np.exp(-out[np.arange(evidence.trials), wrong.steps.astype(int), wrong.choice])
+    gap = (wrong.choice == evidence.truth) - stated
+    assert abs(gap.mean()) > 10 * gap.std() / np.sqrt(evidence.trials)
+
+
+def test_a_batch_does_not_change_a_trial():
+    evidence = some_evidence()
+    whole = first_crossing(Msprt().run(evidence), 0.3)
+    part = first_crossing(Msprt().run(evidence[100:150]), 0.3)
+    assert (whole.choice[100:150] == part.choice).all()
+    assert (whole.time_ms[100:150] == part.time_ms).all()
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: some_evidence(prior=[0.5, 0.5, 0.1]), "prior must sum to 1"),
+        (lambda: some_evidence(prior=[0.5, 0.5]), "prior must hold 3"),
+        (lambda: some_evidence(onset_ms=-1.0), "onset_ms must be >= 0"),
+        (lambda: some_evidence(step_ms=0.0), "step_ms must be > 0"),
+        (lambda: Evidence(np.full((1, 1, 2), np.nan), np.array([0])), "must be finite, got nan"),
+        (lambda: Evidence(np.full((1, 1, 2), np.inf), np.array([0])), "must be finite, got inf"),
+        (lambda: Evidence(np.zeros((0, 1, 2)), np.array([], int)), "at least one trial"),
+        (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "two hypotheses"),
+        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth must lie in 0..1"),
+        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "whole number a trial"),
+        (lambda: threshold_from_gap(-0.1), "delta must be finite and >= 0"),
+        (lambda: posterior_criterion(np.nan), "delta must be finite and >= 0"),
+        (lambda: Sprt().run(some_evidence()), "exactly 2 hypotheses"),
+        (lambda: Msprt(gain=0.0), "gain must be > 0"),
+        (lambda: first_crossing(Msprt().run(some_evidence()), np.nan), "thresholds must be finite"),
+        (lambda: first_crossing(Msprt().run(some_evidence()), np.ones((2, 2))), r"\(K, 3\)"),
+        (lambda: Stream(Msprt(), 0.1).update([0.0, np.nan]), "finite log-likelihoods"),
+        (lambda: Stream(Sprt(), 0.1, hypotheses=3), "exactly 2 hypotheses"),
+        (lambda: Stream(Msprt(), 0.1, t_max=0), "at least 1 reading"),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()

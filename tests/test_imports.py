@@ -1,0 +1,80 @@
+"""Imports run one way, and importing the package is cheap."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+# Each module may import only from modules on lower levels.
+LEVELS = [
+    {"bgmodel.seeds", "bgmodel.crossing", "bgmodel.evidence", "bgmodel.empirical", "bgmodel.data"},
+    {"bgmodel.decision", "bgmodel.first_passage"},
+    {"bgmodel.sprt", "bgmodel.tables", "bgmodel.theory"},
+    {"bgmodel"},
+    {"bgmodel.learning"},
+    {"bgmodel.plots", "bgmodel.study"},
+    {"bgmodel.cli"},
+]
+TACTILE_MAY = {"bgmodel.evidence", "bgmodel.tables", "bgmodel.seeds", "bgmodel.data"}
+
+
+def modules(package):
+    for path in sorted((ROOT / package).rglob("*.py")):
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        yield name.removesuffix(".__init__"), path
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path.name} uses a relative import"
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from (n if n in known() else node.module for n in names)
+
+
+def known():
+    return {name for package in ("bgmodel", "circuits") for name, _ in modules(package)}
+
+
+def level(name):
+    return next((i for i, names in enumerate(LEVELS) if name in names), None)
+
+
+@pytest.mark.parametrize(("name", "path"), list(modules("bgmodel")))
+def test_bgmodel_imports_downwards_only(name, path):
+    for imported in imports(path):
+        root = imported.split(".")[0]
+        assert root != "figures"
+        if root == "circuits":
+            assert name == "bgmodel.basal_ganglia"
+        if root != "bgmodel":
+            continue
+        if name.startswith("bgmodel.tactile"):
+            assert imported.startswith("bgmodel.tactile") or imported in TACTILE_MAY, imported
+        elif imported.startswith("bgmodel.tactile"):
+            assert level(name) >= level("bgmodel.study"), f"{name} imports {imported}"
+        else:
+            assert level(name) is not None, f"{name} has no level"
+            assert level(imported) < level(name), f"{name} imports {imported}"
+
+
+@pytest.mark.parametrize(("name", "path"), list(modules("circuits")))
+def test_circuits_know_nothing_of_bgmodel(name, path):
+    assert not any(i.split(".")[0] in {"bgmodel", "figures", "torch"} for i in imports(path))
+
+
+def test_import_is_light():
+    code = "import sys, bgmodel; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"torch", "brian2", "matplotlib", "numba", "cv2"} & set(done.stdout.split())
+
+
+def test_circuits_is_ours():
+    import circuits
+
+    assert Path(circuits.__file__).parent == ROOT / "circuits"
