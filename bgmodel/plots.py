@@ -8,8 +8,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.learning import smoothed
-
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -83,17 +81,11 @@ def speed_accuracy(
     return accuracy_axis(ax)
 
 
-def acquisition(
-    ax: Axes, curves: npt.NDArray[np.float64], *, window: int = 100, optimum: float, **line: Any
-) -> Axes:
-    """Draw the gap over trials, (runs, episodes): mean and spread of runs, with the optimum."""
-    runs = smoothed(curves, window)
-    low, middle, high = np.percentile(runs, [10, 50, 90], axis=0)
-    trial = np.arange(runs.shape[1])
-    thin = slice(None, None, max(1, len(trial) // 500))
-    ax.plot(trial[thin], middle[thin], **line)
-    ax.fill_between(trial[thin], low[thin], high[thin], color=line.get("color"), alpha=0.2, lw=0)
-    ax.axhline(optimum, color=line.get("color"), lw=1, ls=":")
+def acquisition(ax: Axes, runs: pd.DataFrame, **line: Any) -> Axes:
+    """Draw gaps over trials, one row a run and one column a trial: median and 10-90 % of runs."""
+    low, middle, high = np.percentile(runs.to_numpy(), [10, 50, 90], axis=0)
+    ax.plot(runs.columns, middle, **line)
+    ax.fill_between(runs.columns, low, high, color=line.get("color"), alpha=0.2, lw=0)
     ax.set(xlabel="trial", ylabel="gap δ (nats)")
     return ax
 

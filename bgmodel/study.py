@@ -16,12 +16,13 @@ from bgmodel.learning import (
     exhaustive_search,
     learn,
     mean_reward,
+    smoothed,
     trials_of,
 )
 from bgmodel.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source
-from bgmodel.theory import Empirical, Optimum, optimal_delta, sprt
+from bgmodel.theory import Empirical, Optimum, optimal_delta, reward_curve, sprt
 
 FRESH_TRIALS = 100_000
 
@@ -129,6 +130,68 @@ def regret_on_fresh_trials(
     fresh = readings.draw(FRESH_TRIALS, t_max, rng=stream(seed, "fresh", name))
     cost = -mean_reward(exhaustive_search(fresh, delta), xi)
     return (cost - optimum.cost) / optimum.cost
+
+
+def learn_folds(
+    taps: pd.DataFrame,
+    period_mm: float,
+    *,
+    xi: float,
+    start_delta: float,
+    repeats: int,
+    t_max: int,
+    seed: int,
+    learner: Learner,
+    policy: Policy | None = None,
+    keep: int = 250,
+    window: int = 100,
+) -> pd.DataFrame:
+    """Learn the gap on every fold, several repeats each, and score the learned values.
+
+    Returns
+    -------
+    DataFrame
+        ``keep`` rows a run: period_mm, start_delta, fold, repeat, episode, smoothed_delta (running
+        mean of the mean gap), and, the same in all rows of a run, learned_delta, regret,
+        optimal_delta, optimal_cost and start_regret.
+    """
+    rows = []
+    for fold, readings in enumerate(fold_sources(taps, period_mm)):
+        name = (period_mm, fold)
+        options: dict[str, Any] = {"xi": xi, "t_max": t_max, "seed": seed, "name": name}
+        pair = increments(readings)
+        optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
+        learned = learn_source(
+            readings,
+            start_delta=start_delta,
+            runs=repeats,
+            policy=policy,
+            learner=learner,
+            **options,
+        )
+        regret = regret_on_fresh_trials(learned.delta, readings, optimum, **options)
+        start_cost = -float(reward_curve(*pair, start_delta, xi, t_max=t_max))
+        episodes = np.linspace(0, learner.episodes - 1, keep).round().astype(int)
+        curves = smoothed(learned.mean_gap, window)[:, episodes]
+        for repeat in range(repeats):
+            rows.append(
+                pd.DataFrame(
+                    {
+                        "period_mm": period_mm,
+                        "start_delta": start_delta,
+                        "fold": fold,
+                        "repeat": repeat,
+                        "episode": episodes,
+                        "smoothed_delta": curves[repeat],
+                        "learned_delta": learned.delta[repeat],
+                        "regret": regret[repeat],
+                        "optimal_delta": optimum.delta,
+                        "optimal_cost": optimum.cost,
+                        "start_regret": start_cost / optimum.cost - 1,
+                    }
+                )
+            )
+    return pd.concat(rows, ignore_index=True)
 
 
 def learn_grating(

@@ -56,7 +56,9 @@ def held_out(settings: Settings, done: Path, stored: Path, *, output: Path) -> N
             count = settings.held_out_taps if often else settings.orientation_taps
             rng = stream(settings.seed, "held-out taps", period, yaw)
             taps = simulate(np.full(count, period), yaw, rng=rng, **SENSOR)
-            parts.append(taps.labels[["period_mm", "yaw_deg"]].assign(**network.decode(taps.maps())))
+            parts.append(
+                taps.labels[["period_mm", "yaw_deg"]].assign(**network.decode(taps.maps()))
+            )
     table = pd.concat(parts, ignore_index=True).drop(columns="strength")
     # A tenth of a degree is far below any error of the decoder, and packs small.
     for name in ("psi_deg", "orientation_deg"):

@@ -119,6 +119,34 @@ def test_between_phases_and_forces(library):
         assert np.sqrt(np.mean((given - wanted) ** 2)) < 1.5e-3
 
 
+def test_interface_under_a_small_contact():
+    # A point load on an incompressible half-space (Boussinesq): outwards, and down.
+    shear, load = 0.1, 0.001
+    body = Skin(skin_mm=1.0, skin_shear_mpa=shear, gel_mm=200.0, gel_shear_mpa=shear)
+    plan = dataclasses.replace(
+        PLAN, skin=body, radius_mm=2.0, forces_n=(load, 2 * load), dx_mm=0.125, stored_dx_mm=0.25
+    )
+    fields, place = press(plan, 0.0, 0.0)[0], (np.arange(128) - 63.5) * 0.25
+    x, y = place[60:78, None], place[None, 64:72]
+    distance = np.sqrt(x**2 + y**2 + 1)
+    outwards = load / (4 * np.pi * shear) / distance**3
+    down = load / (4 * np.pi * shear) * (1 / distance + 1 / distance**3)
+    near = fields[60:78, 64:72]
+    assert near[..., 0] == pytest.approx(x * outwards, abs=0.02 * (x * outwards).max())
+    assert near[..., 1] == pytest.approx(y * outwards, abs=0.02 * (x * outwards).max())
+    # Up to a constant: the mean displacement of a periodic surface is zero.
+    error = near[..., 2] - down
+    assert np.ptp(error) < 0.03 * np.ptp(down)
+
+
+def test_field_passes_through_the_stored_values(library):
+    cells = np.stack(np.meshgrid([5, 30, 31, 40], [20, 32, 63], indexing="ij"), axis=-1)
+    points = (cells.reshape(1, -1, 2) + 0.5) * 0.5 - 16
+    given = library.sample(2.0, np.array([2 / 8]), np.array([1.5]), points, 0.0)
+    stored = library.fields[2.0][2, 1][cells[..., 0], cells[..., 1]].reshape(1, -1, 3)
+    assert given == pytest.approx(stored, abs=1e-6)
+
+
 # --- pins ------------------------------------------------------------------------------------
 
 

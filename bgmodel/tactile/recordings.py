@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
@@ -21,8 +20,7 @@ from bgmodel.tactile.taps import Taps
 
 SMALLEST_IMAGE_PX, FEWEST_PINS = 64, 10
 LAYOUT_TAPS = 400  # enough for a median that no longer moves
-REACH = 0.75  # farthest match, in marker pitches; beyond half a pitch a match is unrivalled
-CROWDED = 0.7  # pitches; pins are never so close
+REACH, CROWDED = 0.75, 0.7  # in pitches: farthest match; pins are never closer
 POSE = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
 # Table, image folders by preference, and how its columns are named: label, shear and axes. Where a
 # folder has both tables, the one "with images" was derived from the other.
@@ -98,7 +96,7 @@ def _image_paths(folder: Path, image_folders: tuple[str, ...], names: pd.Series)
 
 def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.ndarray | None = None,
               workers: int = 1, limit: int | None = None) -> Taps:  # fmt: skip
-    """Track the markers of every image of a recording; `labels.markers_found` counts the pins seen.
+    """Track the markers of every image of a recording (see `read_targets`).
 
     Parameters
     ----------
@@ -110,6 +108,11 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.nda
     workers, limit
         Threads, of no effect on the result; taps to read, spread evenly over the table.
 
+    Returns
+    -------
+    Taps
+        Labels: those of `read_targets`, and `markers_found`, the pins that were not interpolated.
+
     Raises
     ------
     ValueError, FileNotFoundError
@@ -119,20 +122,22 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.nda
     for name, value in {"mm_per_px": mm_per_px, "workers": workers, "limit": limit}.items():
         if value is not None and not 0 < value < np.inf:
             raise ValueError(f"{name}: got {value}; a positive number is needed")
-    labels = read_targets(folder)
-    chosen = np.linspace(0, len(labels) - 1, min(limit or len(labels), len(labels))).astype(int)
-    labels = labels.iloc[chosen].reset_index(drop=True)
+    every = read_targets(folder)
+    chosen = np.linspace(0, len(every) - 1, min(limit or len(every), len(every))).astype(int)
+    labels = every.iloc[chosen].reset_index(drop=True)
     images = list(labels["image"])
     shape = _read_image(images[0]).shape
     centre, scale = (np.array(shape[::-1]) - 1) / 2, mm_per_px * np.array([1, -1])
-    given = None if rest is None else _given_layout(rest, shape, centre, scale)
+    rest_mm = None if rest is None else _given_rest(rest, shape, centre, scale)
     taps = _map(lambda path: _detect(path, shape), images, workers, "markers")
-    layout = _median_layout(taps) if given is None else given
-    moved, found = zip(*_map(_tracker(layout), taps, workers, "tracking"), strict=True)
-    if (least := min(found)) < len(layout) / 2:
-        raise ValueError(f"{images[found.index(least)]}: {least} of {len(layout)} pins seen, not half")
-    displacement_mm = (np.stack(moved) * scale).astype(np.float32)
-    return Taps(displacement_mm, (layout - centre) * scale, labels.assign(markers_found=found))
+    if rest_mm is None:
+        rest_mm = (_median_layout(taps) - centre) * scale
+    track = _tracker(rest_mm / scale + centre)
+    moved, found = zip(*_map(track, taps, workers, "tracking"), strict=True)
+    if (few := min(found)) < len(rest_mm) / 2:
+        raise ValueError(f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins are seen")
+    labels["markers_found"] = found
+    return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels)
 
 
 def _map(work: Callable, items: list[Any], workers: int, name: str) -> list[Any]:
@@ -162,8 +167,7 @@ def _detect(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     import cv2
 
     image = _read_image(path, shape)
-    block = max(shape) // 8 | 1
-    # Light is uneven but goes with the local mean: above that, one level serves everywhere.
+    block = max(shape) // 8 | 1  # light goes with the local mean: above it, one level serves
     bright = cv2.subtract(image, cv2.blur(image, (block, block)))
     _, mask = cv2.threshold(bright, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     # Diagonal pixels do not join: in small images neighbouring pins nearly touch.
@@ -189,28 +193,22 @@ def _lattice(points: np.ndarray) -> np.ndarray:
     return points[pins]
 
 
-def _given_layout(rest: Any, shape: tuple[int, ...], centre: np.ndarray, scale: np.ndarray) -> Any:
+def _given_rest(rest: Any, shape: Any, centre: np.ndarray, scale: np.ndarray) -> np.ndarray:
     if isinstance(rest, str | Path):
-        return _lattice(_detect(Path(rest), shape))
+        return (_lattice(_detect(Path(rest), shape)) - centre) * scale
     places = np.asarray(rest, float)
-    shaped = places.shape == (places.size // 2, 2) and len(places) >= FEWEST_PINS
-    if not shaped or not np.isfinite(places).all():
+    if places.shape != (max(places.size // 2, FEWEST_PINS), 2) or not np.isfinite(places).all():
         raise ValueError(f"rest: got an array {places.shape}; finite (pins, 2) in mm is needed")
-    return places / scale + centre
+    return places
 
 
 def _match(points: np.ndarray, places: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pair indices of points and places, one to one: the nearest first, then least distance."""
+    """Pair indices of points and their nearest places; each place takes its nearest point."""
     distance, place = cKDTree(places).query(points, distance_upper_bound=reach)
     order = np.argsort(distance, kind="stable")
     j, first = np.unique(place[order], return_index=True)
-    i = order[first]
-    i, j = i[j < len(places)], j[j < len(places)]  # the tree gives that index where none is near
-    left_i, left_j = np.delete(np.arange(len(points)), i), np.delete(np.arange(len(places)), j)
-    apart = np.linalg.norm(points[left_i, None] - places[None, left_j], axis=2)
-    rows, columns = linear_sum_assignment(np.minimum(apart, reach))
-    near = apart[rows, columns] < reach
-    return np.append(i, left_i[rows[near]]), np.append(j, left_j[columns[near]])
+    near = j < len(places)  # the tree gives that index to points that are near no place
+    return order[first[near]], j[near]
 
 
 def _median_layout(taps: list[np.ndarray]) -> np.ndarray:

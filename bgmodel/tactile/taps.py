@@ -1,12 +1,15 @@
 """Taps: displacements of the pins with their labels, and the images made of them."""
 
+import json
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -54,6 +57,39 @@ class Taps:
         labels = pd.concat([p.labels for p in parts], ignore_index=True)
         return Taps(displacement, parts[0].rest_mm, labels)
 
+    def save(self, path: str | Path, about: dict[str, Any]) -> Path:
+        """Write the taps as .npz with their provenance, whole or not at all."""
+        path = Path(path)
+        partial = path.with_name(path.name + ".partial")
+        columns = {f"label_{name}": self.labels[name].to_numpy() for name in self.labels}
+        with partial.open("wb") as stream:
+            np.savez(
+                stream,
+                displacement_mm=self.displacement_mm,
+                rest_mm=self.rest_mm,
+                about=np.array(json.dumps(about, sort_keys=True)),
+                **columns,
+            )
+        partial.replace(path)
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> tuple["Taps", dict[str, Any]]:
+        """Read taps and their provenance; ValueError if the file holds anything else."""
+        path = Path(path)
+        if not path.is_file():
+            raise ValueError(f"there are no taps {str(path)!r}")
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                labels = {n[6:]: stored[n] for n in stored.files if n.startswith("label_")}
+                about = json.loads(str(stored["about"]))
+                taps = cls(stored["displacement_mm"], stored["rest_mm"], pd.DataFrame(labels))
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise ValueError(
+                f"{str(path)!r} does not hold taps of this program: {error}"
+            ) from error
+        return taps, about
+
     def maps(self, shape: tuple[int, int] = (19, 19)) -> Singles:
         """Images of the displacement's magnitude, what the decoder sees.
 
@@ -84,6 +120,8 @@ def _grid(rest_mm: Floats, shape: tuple[int, int]) -> Floats:
 
 def _interpolation(rest_mm: Floats, grid: Floats) -> Singles:
     """Weights (pins, pixels) of linear interpolation, of the nearest pin outside them all."""
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+
     each = np.eye(len(rest_mm))
     weights = LinearNDInterpolator(rest_mm, each)(grid)
     outside = np.isnan(weights).any(axis=1)

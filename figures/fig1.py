@@ -1,0 +1,100 @@
+"""Figure 1: the sensor, its pins, its response to gratings, and the decoder beside humans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bgmodel import stream
+from bgmodel.plots import human_thresholds, psychometric
+from bgmodel.tables import read_table, write_table
+from bgmodel.tactile.camera import render
+from bgmodel.tactile.library import contact_library
+from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
+from bgmodel.tactile.tips import Tip
+from figures.common import Settings, letter, run
+
+YAW_DEG = 45.0
+
+
+def compute(settings: Settings, done: Path, *, output: Path) -> None:
+    """Tap every grating at many phases without noise: how much of it reaches the pins."""
+    nuisance = Nuisance(marker_noise_um=0, offset_sd_mm=0, shear_sd_mm=0, force_n=(1.5, 1.5))
+    rows = []
+    for period in settings.periods_mm:
+        rng = stream(settings.seed, "fig1", period)
+        taps = simulate(np.full(64, period), YAW_DEG, rng=rng, nuisance=nuisance)
+        size = np.linalg.norm(taps.displacement_mm, axis=2)
+        # What changes from phase to phase at one place is what the grating alone does.
+        modulation = np.sqrt(2) * (size - size.mean(axis=0)).std(axis=0).mean()
+        rows.append({"period_mm": period, "modulation_um": 1000 * modulation})
+    write_table(pd.DataFrame(rows), output, seed=settings.seed, nuisance=nuisance)
+
+
+def draw(settings: Settings, data: Path, taps: Path, *, output: Path) -> Figure:
+    """Draw camera and pins above, maps, response and psychometric curve below."""
+    figure = plt.figure(figsize=(7.2, 5.0), layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=[1, 1.1])
+    left, right = top.subfigures(1, 2, width_ratios=[1.15, 1.6])
+    pins = _example(settings)
+    ax = left.subplots()
+    ax.imshow(render(pins.displacement_mm[0], Tip()), cmap="gray")
+    ax.set_axis_off()
+    letter(ax, "a  camera (simulated)")
+    axes = right.subplots(2, 4)
+    for ax, image, period in zip(axes.flat, pins.maps()[:, 0], settings.periods_mm, strict=True):
+        ax.imshow(image, vmin=-2, vmax=2)
+        ax.set_axis_off()
+        ax.set_title(f"{period:g} mm" if period else "smooth", fontweight="normal", loc="center")
+    right.suptitle(
+        "b  z-scored maps of one tap (yaw 45°, no marker noise)", fontweight="bold", x=0.3
+    )
+    panels = bottom.subplots(1, 2)
+    _response(panels[0], read_table(data))
+    _decoder(panels[1], read_table(taps))
+    return figure
+
+
+def _example(settings: Settings):
+    """Return one tap a grating, all at the same place, without marker noise."""
+    labels = pd.DataFrame({"period_mm": settings.periods_mm, "yaw_deg": YAW_DEG, "phase": 0.0})
+    labels["force_n"] = 1.5
+    labels[["offset_x_mm", "offset_y_mm", "shear_x_mm", "shear_y_mm"]] = 0.0
+    moved = noiseless(labels, Tip(), contact_library())
+    from bgmodel.tactile.taps import Taps
+
+    return Taps(moved, Tip().rest_mm(), labels)
+
+
+def _response(ax: Axes, table: pd.DataFrame) -> None:
+    grooved = table[table["period_mm"] > 0]
+    ax.semilogy(
+        grooved["period_mm"] / 2, grooved["modulation_um"], "o-", label="grating at the pins"
+    )
+    ax.axhline(Nuisance().marker_noise_um, color="k", ls=":", lw=1, label="marker noise (assumed)")
+    ax.set(xlabel="groove width (mm)", ylabel="modulation of |displacement| (µm)")
+    ax.legend(loc="lower right")
+    letter(ax, "c  SA-I analogue: stimulus and response")
+
+
+def _decoder(ax: Axes, table: pd.DataFrame) -> None:
+    """Draw how often the sign of the decoded angle tells -45 from 45 degrees."""
+    both = table[np.isclose(np.abs(table["yaw_deg"]), 45)]
+    right = (both["psi_deg"] > 0) == (both["yaw_deg"] > 0)
+    scored = right.groupby(both["period_mm"]).agg(["sum", "size"])
+    psychometric(
+        ax, scored.index / 2, scored["sum"], scored["size"], color="C1", label="decoder, one tap"
+    )
+    human_thresholds(ax)
+    ax.set(xlabel="groove width (mm)", ylim=(0.4, 1.02))
+    ax.legend(loc="lower right")
+    letter(ax, "d  orientation from one tap, and human thresholds")
+
+
+if __name__ == "__main__":
+    run(compute=compute, draw=draw)

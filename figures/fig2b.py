@@ -1,0 +1,64 @@
+"""Figure 2b: from the state of the world to a response, and evidence on its way to a bound."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import Sprt, first_crossing, stream, threshold_from_gap
+from bgmodel.plots import trajectories
+from bgmodel.study import fold_sources
+from bgmodel.tables import read_table, write_table
+from figures.common import Settings, letter, run
+
+PERIOD_MM, GAP, SHOWN = 2.0, 6.0, 24
+
+
+def compute(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Follow some trials of one grating."""
+    readings = fold_sources(read_table(taps), PERIOD_MM)[0]
+    evidence = readings.draw(2000, settings.t_max, rng=stream(settings.seed, "fig2b"))
+    trace = Sprt().run(evidence)
+    decision = first_crossing(trace, float(threshold_from_gap(GAP)))
+    z = trace.out_nats[..., 1]
+    trial, step = np.indices(z.shape)
+    table = pd.DataFrame({"trial": trial.ravel(), "step": step.ravel(), "z": z.ravel()})
+    table["truth"] = evidence.truth[table["trial"]]
+    table["choice"] = decision.choice[table["trial"]]
+    table["steps"] = decision.steps[table["trial"]]
+    write_table(table, output, seed=settings.seed, settings=settings, gap=GAP, period_mm=PERIOD_MM)
+
+
+def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
+    """Draw the mapping of states to responses, and trajectories of both states."""
+    table = read_table(data)
+    figure, axes = plt.subplots(1, 2, figsize=(6.2, 2.7), width_ratios=[1, 1.7])
+    first = table[table["step"] == 0]
+    counts = pd.crosstab(first["truth"], first["choice"], normalize="index").to_numpy()
+    axes[0].imshow(counts, cmap="Blues", vmin=0, vmax=1)
+    for (i, j), share in np.ndenumerate(counts):
+        axes[0].text(
+            j, i, f"{share:.2f}", ha="center", va="center", color="k" if share < 0.6 else "w"
+        )
+    axes[0].set(xticks=[0, 1], yticks=[0, 1], xticklabels=["R1", "R2"], xlabel="response")
+    axes[0].set_yticklabels(["S1 (AA)", "S2 (AB)"])
+    axes[0].spines[:].set_visible(False)
+    letter(axes[0], "state to response")
+    for truth, colour in ((0, "C0"), (1, "C1")):
+        some = table[(table["truth"] == truth) & (table["trial"] < 2 * SHOWN)]
+        z = some.pivot(index="trial", columns="step", values="z").to_numpy()
+        steps = some.groupby("trial")["steps"].first().to_numpy()
+        trajectories(axes[1], z, steps, GAP, color=colour, lw=0.7, alpha=0.8)
+        axes[1].plot([], [], color=colour, label=f"S{truth + 1} ({'AA' if truth == 0 else 'AB'})")
+    axes[1].axhline(0, color="0.8", lw=0.8, zorder=0)
+    axes[1].legend(loc="center right")
+    letter(axes[1], f"evidence, {PERIOD_MM:g} mm, gap δ = {GAP:g} nats")
+    return figure
+
+
+if __name__ == "__main__":
+    run(compute=compute, draw=draw)

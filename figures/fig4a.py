@@ -1,0 +1,38 @@
+"""Figure 4a: psychometric curves of the sequential test improve with its gap."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from bgmodel.plots import psychometric
+from bgmodel.tables import read_table
+from figures.common import Settings, run
+
+GAPS = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0)
+
+
+def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
+    """Draw one curve a gap, bolder for a wider one."""
+    table = read_table(data)
+    figure, ax = plt.subplots(figsize=(3.6, 2.8))
+    for i, gap in enumerate(GAPS):
+        here = table[np.isclose(table["delta"], gap)]
+        curve = here.groupby("period_mm").agg(accuracy=("accuracy", "mean"), n=("trials", "sum"))
+        shade = plt.get_cmap("viridis")(0.85 * i / (len(GAPS) - 1))
+        style = {"color": shade, "lw": 0.7 + 0.45 * i, "label": f"{gap:g}"}
+        psychometric(ax, curve.index, curve["accuracy"] * curve["n"], curve["n"], **style)
+        folds = here.pivot(index="period_mm", columns="fold", values="accuracy")
+        ax.fill_between(
+            folds.index, folds.min(axis=1), folds.max(axis=1), color=shade, alpha=0.1, lw=0
+        )
+    ax.set(xlabel="grating period (mm)", ylim=(0.4, 1.02))
+    ax.legend(title="gap δ (nats)", loc="lower right")
+    return figure
+
+
+if __name__ == "__main__":
+    run(draw=draw)

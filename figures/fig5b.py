@@ -1,0 +1,96 @@
+"""Figure 5b: sampled rewards of all gaps, their average, the exact curve and the learned value."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import Sprt, stream, threshold_from_gap
+from bgmodel.decision import crossing_of_each
+from bgmodel.learning import reward
+from bgmodel.study import fold_sources, search_folds
+from bgmodel.tables import read_table, write_table
+from figures.common import COLOUR, Settings, letter, run
+
+DOTS = 1500
+
+
+def search(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Search all gaps on 1.4e6 trials a grating, a sixth of them on each fold."""
+    table = read_table(taps)
+    parts = []
+    for period in COLOUR:
+        scored = search_folds(
+            fold_sources(table, period),
+            settings.deltas,
+            trials=settings.search_trials // 6,
+            t_max=settings.t_max,
+            seed=settings.seed,
+            name=("fig5b", period),
+        )
+        parts.append(scored.assign(period_mm=period))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def dots(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Draw single trials, each with a gap of its own, for the cloud of sampled rewards."""
+    table = read_table(taps)
+    parts = []
+    for period in COLOUR:
+        rng = stream(settings.seed, "dots", period)
+        evidence = fold_sources(table, period)[0].draw(DOTS, settings.t_max, rng=rng)
+        gaps = rng.uniform(0, 8, DOTS)
+        decision = crossing_of_each(Sprt().run(evidence), threshold_from_gap(gaps))
+        rewards = reward(decision, evidence.truth, settings.xi)
+        parts.append(pd.DataFrame({"period_mm": period, "delta": gaps, "reward": rewards}))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def draw(
+    settings: Settings, searched: Path, dotted: Path, learned: Path, *, output: Path
+) -> Figure:
+    """Draw a panel a grating."""
+    tables = [read_table(path) for path in (searched, dotted, learned)]
+    figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.6), sharex=True, height_ratios=[1, 1.2])
+    for column, period in enumerate(COLOUR):
+        curve, cloud, values = (t[t["period_mm"] == period] for t in tables)
+        colour = COLOUR[period]
+        for ax in axes[:, column]:
+            _curves(ax, curve, settings.xi, colour)
+            _learned(ax, values)
+        axes[0, column].plot(cloud["delta"], cloud["reward"], ".", ms=1, color="0.75", zorder=0)
+        best = -curve.groupby("delta").apply(_exact_cost, xi=settings.xi, include_groups=False)
+        span = max(0.15, 0.6 * (best.max() - best.min()))
+        axes[1, column].set_ylim(best.max() - span, best.max() + 0.12 * span)
+        axes[1, column].set_xlabel("gap δ (nats)")
+        letter(axes[0, column], f"{period:g} mm")
+    axes[0, 0].set_ylabel("reward of a trial\n(readings)")
+    axes[1, 0].set_ylabel("mean reward,\nenlarged (readings)")
+    axes[1, -1].legend(loc="lower center")
+    return figure
+
+
+def _exact_cost(rows: pd.DataFrame, xi: float) -> float:
+    return float((xi * (1 - rows["exact_accuracy"]) + rows["exact_mean_steps"]).mean())
+
+
+def _curves(ax, curve: pd.DataFrame, xi: float, colour: str) -> None:
+    sampled = -(xi * (1 - curve["accuracy"]) + curve["mean_steps"])
+    mean = sampled.groupby(curve["delta"]).mean()
+    ax.plot(mean.index, mean, color=colour, lw=2.2, alpha=0.5, label="sampled average")
+    exact = curve.groupby("delta").apply(_exact_cost, xi=xi, include_groups=False)
+    ax.plot(exact.index, -exact, color="k", lw=0.8, ls=":", label="exact")
+
+
+def _learned(ax, values: pd.DataFrame) -> None:
+    final = values.groupby(["start_delta", "fold", "repeat"])["learned_delta"].first()
+    ax.axvline(final.mean(), color="0.2", lw=1, label="learned (mean, 10-90 %)")
+    ax.axvspan(*np.percentile(final, [10, 90]), color="0.5", alpha=0.15, lw=0)
+
+
+if __name__ == "__main__":
+    run(search=search, dots=dots, draw=draw)

@@ -1,0 +1,56 @@
+"""Figure S1: do stated posteriors hold?  Calibration of one reading's likelihood on unseen taps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel.plots import reliability
+from bgmodel.study import fold_sources
+from bgmodel.tables import read_table, write_table
+from bgmodel.tactile.likelihood import Density, calibration
+from figures.common import Settings, letter, run
+
+SHOWN_MM = (1.0, 1.5, 2.0, 2.5)
+FORMS = {"kde": Density(kind="kde"), "t": Density(kind="t")}
+
+
+def compute(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Compare stated and observed on the scored sixth of every fold."""
+    table = read_table(taps)
+    parts = []
+    for form, density in FORMS.items():
+        for period in SHOWN_MM:
+            sources = fold_sources(table, period, density=density)
+            values = np.concatenate([x for s in sources for x in s.log_likelihood])
+            truth = np.concatenate(
+                [np.full(len(x), i) for s in sources for i, x in enumerate(s.log_likelihood)]
+            )
+            # Pairs share taps: an interval counts taps, of which there are far fewer.
+            rows = calibration(values, truth)
+            taps_scored = sum(int(np.sqrt(len(s.log_likelihood[1]))) for s in sources)
+            rows["count"] *= 2 * taps_scored / rows["count"].sum()
+            parts.append(rows.assign(form=form, period_mm=period))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
+    """Draw a panel a grating, both forms."""
+    table = read_table(data)
+    figure, axes = plt.subplots(1, 4, figsize=(7.2, 2.0), sharex=True, sharey=True)
+    for ax, period in zip(axes, SHOWN_MM, strict=True):
+        for form, colour in zip(FORMS, ("C0", "C1"), strict=True):
+            here = table[(table["period_mm"] == period) & (table["form"] == form)]
+            reliability(ax, here, color=colour, label={"kde": "kernel", "t": "Student t"}[form])
+        letter(ax, f"{period:g} mm")
+        ax.label_outer()
+    axes[0].legend()
+    return figure
+
+
+if __name__ == "__main__":
+    run(compute=compute, draw=draw)
