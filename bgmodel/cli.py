@@ -75,30 +75,33 @@ class Simulate:
 
 @dataclass(frozen=True)
 class Train:
-    """Train the decoder on taps.
+    """Train a decoder on simulated taps, or on a folder of recordings.
 
-    Example: bgmodel train taps.npz decoder.safetensors --training.epochs 20 --seed 1
+    Examples: bgmodel train taps.npz decoder.safetensors --training.epochs 4 --seed 1;
+    bgmodel train my_recordings edge.safetensors --edge --mm-per-px 0.33
     """
 
     taps: Positional[Path]
-    """Taps from `bgmodel simulate`."""
+    """Taps from `bgmodel simulate`, or a folder of recordings with its targets csv."""
     output: Positional[Path]
     """Where the decoder goes, .safetensors."""
-    training: Training = field(default_factory=Training)
+    edge: bool = False
+    """Read the direction of an edge (-180..180) instead of a grating's orientation."""
+    mm_per_px: float | None = None
+    """Scale of recordings, mm."""
+    training: Training | None = None
+    """Options; those of the chosen network if left out."""
     seed: int = 0
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.tactile.decoder import train
-        from bgmodel.tactile.taps import Taps
+        from bgmodel.tactile.decoder import EDGE, train
 
         _ending(self.output, ".safetensors")
         tables.check_writable(self.output.parent)
-        taps, about = Taps.load(self.taps)
-        yaw = taps.labels["yaw_deg"].to_numpy()
-        decoder = train(
-            taps.maps(), yaw, seed=self.seed, training=self.training, about={"taps": about}
-        )
+        training = self.training or (EDGE if self.edge else Training())
+        taps, about = _taps(self.taps, self.mm_per_px)
+        decoder = train(taps, seed=self.seed, training=training, about={"taps": about})
         decoder.save(self.output)
         best = min(row["mae_deg"] for row in decoder.history)
         print(f"validation error {best:.1f} degrees -> {self.output}")
@@ -117,25 +120,21 @@ class Decode:
     """Taps from `bgmodel simulate`, or a folder of recordings with its targets csv."""
     output: Positional[Path]
     """Where the table goes, .parquet or .csv."""
+    mm_per_px: float | None = None
+    """Scale of recordings, mm."""
 
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.tactile.decoder import Decoder
-        from bgmodel.tactile.taps import Taps
 
         _ending(self.output, ".parquet", ".csv")
         tables.check_writable(self.output.parent)
         decoder = Decoder.load(self.decoder)
-        if self.taps.is_dir():
-            from bgmodel.tactile.recordings import read_taps
-
-            taps = read_taps(self.taps)
-        else:
-            taps, _ = Taps.load(self.taps)
-        table = taps.labels.assign(**decoder.decode(taps.maps()))
-        tables.write_table(
-            table, self.output, decoder=str(self.decoder), taps=str(self.taps), about=decoder.about
-        )
+        taps, about = _taps(self.taps, self.mm_per_px, rest=decoder.rest_mm)
+        table = taps.labels.assign(**decoder.decode(taps))
+        if "image" in table:
+            table["image"] = table["image"].map(lambda path: Path(path).name)
+        tables.write_table(table, self.output, taps=about, decoder=decoder.about)
         print(f"{len(table)} taps decoded -> {self.output}")
 
 
@@ -327,6 +326,20 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"bgmodel: stopped. {stop}", file=sys.stderr)
         return 130
     return 0
+
+
+def _taps(path: Path, mm_per_px: float | None, rest: np.ndarray | None = None):
+    """Return taps and their provenance, from a file or from a folder of recordings."""
+    if not path.is_dir():
+        from bgmodel.tactile.taps import Taps
+
+        return Taps.load(path)
+    if mm_per_px is None:
+        raise ValueError("recordings need their scale: --mm-per-px, mm a pixel")
+    from bgmodel.tactile.recordings import read_taps
+
+    taps = read_taps(path, mm_per_px=mm_per_px, rest=rest)
+    return taps, {"recordings": path.name, "mm_per_px": mm_per_px}
 
 
 def _ending(path: Path, *allowed: str) -> None:

@@ -55,7 +55,9 @@ class Empirical:
         require(bool((weights >= 0).all()), "weights", weights, "at least 0")
         total = float(weights.sum())
         require(abs(total - 1) < 1e-9, "sum of weights", total, "1")
-        values, group = np.unique(given[weights > 0], return_inverse=True)
+        # Values that differ by rounding alone are one; the walk tells apart no less than 1e-10.
+        near = np.round(given[weights > 0], 12) + 0.0
+        values, group = np.unique(near, return_inverse=True)
         merged = np.bincount(group, weights[weights > 0]) / total
         for name, array in (("values", values), ("weights", merged)):
             array.flags.writeable = False
@@ -100,7 +102,9 @@ def empirical_chain(
     if t_max is not None:
         bottom = max(lower, start + (t_max + 1) * min(x.values[0], 0))
         top = min(upper, start + (t_max + 1) * max(x.values[-1], 0))
-    exact = places.size < MAX_PLACES and bool(x.heavy.all())
+    # With one reading that always decides, nothing is left for cells, however narrow x is.
+    once = bool(np.all((x.values <= lower - start) | (x.values >= upper - start)))
+    exact = once or (places.size < MAX_PLACES and bool(x.heavy.all()))
     n = 0
     if top > bottom and not exact:
         n = 2 * int(np.ceil(max(cells, 4 * (top - bottom) / x.sd) / 2))

@@ -41,9 +41,10 @@ def psychometric(
     return accuracy_axis(ax)
 
 
-def accuracy_axis(ax: Axes, chance: float = 0.5) -> Axes:
-    """Label the y axis as proportion correct and mark chance."""
-    ax.axhline(chance, color="0.8", lw=0.8, zorder=0)
+def accuracy_axis(ax: Axes, chance: float | None = 0.5) -> Axes:
+    """Label the y axis as proportion correct and mark chance, if it is one number."""
+    if chance is not None:
+        ax.axhline(chance, color="0.8", lw=0.8, zorder=0)
     ax.set_ylabel("proportion correct")
     return ax
 
@@ -73,12 +74,16 @@ def trajectories(
 
 
 def speed_accuracy(
-    ax: Axes, mean_steps: npt.ArrayLike, accuracy: npt.ArrayLike, **line: Any
+    ax: Axes,
+    mean_steps: npt.ArrayLike,
+    accuracy: npt.ArrayLike,
+    chance: float | None = 0.5,
+    **line: Any,
 ) -> Axes:
     """Draw accuracy against mean decision time in readings."""
     ax.plot(np.asarray(mean_steps), np.asarray(accuracy), **line)
     ax.set_xlabel("mean decision time (readings)")
-    return accuracy_axis(ax)
+    return accuracy_axis(ax, chance)
 
 
 def acquisition(ax: Axes, runs: pd.DataFrame, **line: Any) -> Axes:

@@ -52,7 +52,7 @@ def draw(settings: Settings, data: Path, taps: Path, *, output: Path) -> Figure:
         ax.set_axis_off()
         ax.set_title(f"{period:g} mm" if period else "smooth", fontweight="normal", loc="center")
     right.suptitle(
-        "b  z-scored maps of one tap (yaw 45°, no marker noise)", fontweight="bold", x=0.3
+        "b  z-scored maps, one tap each (yaw 45°, no noise)", fontsize=8, fontweight="bold", x=0.35
     )
     panels = bottom.subplots(1, 2)
     _response(panels[0], read_table(data))
@@ -93,7 +93,7 @@ def _decoder(ax: Axes, table: pd.DataFrame) -> None:
     human_thresholds(ax)
     ax.set(xlabel="groove width (mm)", ylim=(0.4, 1.02))
     ax.legend(loc="lower right")
-    letter(ax, "d  orientation from one tap, and human thresholds")
+    letter(ax, "d  orientation from one tap; humans")
 
 
 if __name__ == "__main__":

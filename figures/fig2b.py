@@ -24,7 +24,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     evidence = readings.draw(2000, settings.t_max, rng=stream(settings.seed, "fig2b"))
     trace = Sprt().run(evidence)
     decision = first_crossing(trace, float(threshold_from_gap(GAP)))
-    z = trace.out_nats[..., 1]
+    z = trace.out_nats[..., 0]  # OUT of R1 is Z itself
     trial, step = np.indices(z.shape)
     table = pd.DataFrame({"trial": trial.ravel(), "step": step.ravel(), "z": z.ravel()})
     table["truth"] = evidence.truth[table["trial"]]

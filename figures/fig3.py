@@ -22,7 +22,7 @@ BOXES = (
 def draw(settings: Settings, *, output: Path) -> Figure:
     """Draw the boxes, the loop over readings and the way back from reward to threshold."""
     figure, ax = plt.subplots(figsize=(7.2, 1.9))
-    ax.set(xlim=(-0.55, 5.55), ylim=(-1.15, 0.95))
+    ax.set(xlim=(-0.55, 5.55), ylim=(-1.15, 1.1))
     ax.set_axis_off()
     for i, (name, text) in enumerate(BOXES):
         box = plt.Rectangle((i - 0.44, -0.5), 0.88, 1.0, fc=f"C{i}", alpha=0.13, ec="none")
@@ -32,7 +32,7 @@ def draw(settings: Settings, *, output: Path) -> Figure:
         if i:
             _arrow(ax, (i - 0.56, 0), (i - 0.44, 0), "-")
     _arrow(ax, (4, 0.52), (0, 0.52), "k", bend=0.12)
-    ax.text(2, 0.86, "no bound reached: tap again", ha="center", va="center", fontsize=7)
+    ax.text(2, 1.04, "no bound reached: tap again", ha="center", va="center", fontsize=7)
     _arrow(ax, (5, -0.52), (4, -0.52), "k", bend=-0.45)
     ax.text(4.5, -1.02, "reward prediction error moves the gap $\\delta$", ha="center", fontsize=7)
     return figure

@@ -7,8 +7,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.stats import t
 
-from bgmodel.plots import psychometric
+from bgmodel.plots import accuracy_axis
 from bgmodel.tables import read_table
 from figures.common import Settings, run
 
@@ -21,14 +22,14 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     figure, ax = plt.subplots(figsize=(3.6, 2.8))
     for i, gap in enumerate(GAPS):
         here = table[np.isclose(table["delta"], gap)]
-        curve = here.groupby("period_mm").agg(accuracy=("accuracy", "mean"), n=("trials", "sum"))
-        shade = plt.get_cmap("viridis")(0.85 * i / (len(GAPS) - 1))
-        style = {"color": shade, "lw": 0.7 + 0.45 * i, "label": f"{gap:g}"}
-        psychometric(ax, curve.index, curve["accuracy"] * curve["n"], curve["n"], **style)
         folds = here.pivot(index="period_mm", columns="fold", values="accuracy")
-        ax.fill_between(
-            folds.index, folds.min(axis=1), folds.max(axis=1), color=shade, alpha=0.1, lw=0
+        # Trials are many, taps are few: the interval is that of six folds of taps.
+        half = t.ppf(0.975, folds.shape[1] - 1) * folds.sem(axis=1)
+        style = {"color": plt.get_cmap("viridis")(0.85 * i / (len(GAPS) - 1)), "capsize": 2}
+        ax.errorbar(
+            folds.index, folds.mean(axis=1), half, lw=0.7 + 0.45 * i, label=f"{gap:g}", **style
         )
+    accuracy_axis(ax)
     ax.set(xlabel="grating period (mm)", ylim=(0.4, 1.02))
     ax.legend(title="gap δ (nats)", loc="lower right")
     return figure

@@ -11,8 +11,10 @@ from matplotlib.figure import Figure
 
 from bgmodel.study import fold_sources, increments
 from bgmodel.tables import read_table, write_table
-from bgmodel.theory import optimal_delta, sprt
+from bgmodel.theory import sprt
 from figures.common import COLOUR, Settings, letter, run
+
+GAPS = np.linspace(0, 8, 161)
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
@@ -21,19 +23,19 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     rows = []
     for period in COLOUR:
         for fold, readings in enumerate(fold_sources(table, period)):
-            pair = increments(readings)
-            for xi in np.geomspace(5, 500, 13):
-                best = optimal_delta(*pair, xi, t_max=settings.t_max)
-                test = sprt(*pair, best.delta, t_max=settings.t_max)
+            test = sprt(*increments(readings), GAPS, t_max=settings.t_max)
+            for xi in np.geomspace(5, 500, 25):
+                costs = xi * test.error_rate + test.mean_steps
+                best = int(np.argmin(costs))
                 rows.append(
                     {
                         "period_mm": period,
                         "fold": fold,
                         "xi": xi,
-                        "optimal_delta": best.delta,
-                        "cost": best.cost,
-                        "accuracy": 1 - float(test.error_rate),
-                        "mean_steps": float(test.mean_steps),
+                        "optimal_delta": GAPS[best],
+                        "cost": costs[best],
+                        "accuracy": 1 - test.error_rate[best],
+                        "mean_steps": test.mean_steps[best],
                     }
                 )
     write_table(pd.DataFrame(rows), output, seed=settings.seed, settings=settings)

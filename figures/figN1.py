@@ -54,12 +54,12 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         for count in range(2, 9):
             here = table[(table["period_mm"] == period) & (table["orientations"] == count)]
             mean = here.groupby("posterior")[["mean_steps", "accuracy"]].mean()
+            # Where the prior alone is enough, no reading is taken: not shown.
             mean = mean[mean["mean_steps"] > 0]
             colour = plt.get_cmap("viridis")((count - 2) / 7)
             style = {"color": colour, "label": f"N = {count}", "lw": 1.2, "marker": ".", "ms": 3}
-            speed_accuracy(ax, mean["mean_steps"], mean["accuracy"], **style)
+            speed_accuracy(ax, mean["mean_steps"], mean["accuracy"], None, **style)
         letter(ax, f"{period:g} mm")
-        ax.lines[0].set_visible(False)
     for ax in axes[1:]:
         ax.set_ylabel("")
     axes[-1].legend(ncols=2, loc="lower right")

@@ -31,11 +31,10 @@ def decoder(settings: Settings, done: Path, *, output: Path) -> None:
     """Simulate the training taps and train the decoder."""
     rng = stream(settings.seed, "training taps")
     periods = np.repeat(settings.periods_mm, settings.training_taps)
-    yaw = rng.uniform(-90, 90, len(periods))
-    taps = simulate(periods, yaw, rng=rng, **SENSOR)
+    taps = simulate(periods, rng.uniform(-90, 90, len(periods)), rng=rng, **SENSOR)
     about = {"taps": provenance(settings.seed, periods_mm=settings.periods_mm, **SENSOR)}
     training = Training(epochs=settings.epochs)
-    train(taps.maps(), yaw, seed=settings.seed, training=training, about=about).save(output)
+    train(taps, seed=settings.seed, training=training, about=about).save(output)
 
 
 def yaws() -> dict[float, bool]:
@@ -56,9 +55,8 @@ def held_out(settings: Settings, done: Path, stored: Path, *, output: Path) -> N
             count = settings.held_out_taps if often else settings.orientation_taps
             rng = stream(settings.seed, "held-out taps", period, yaw)
             taps = simulate(np.full(count, period), yaw, rng=rng, **SENSOR)
-            parts.append(
-                taps.labels[["period_mm", "yaw_deg"]].assign(**network.decode(taps.maps()))
-            )
+            decoded = network.decode(taps)
+            parts.append(taps.labels[["period_mm", "yaw_deg"]].assign(**decoded))
     table = pd.concat(parts, ignore_index=True).drop(columns="strength")
     # A tenth of a degree is far below any error of the decoder, and packs small.
     for name in ("psi_deg", "orientation_deg"):

@@ -185,24 +185,37 @@ def calibration(
 
 
 def _cross_validated_shrink(pool, readings, grid, period, log_densities, density) -> float:
-    """Return the factor on log-likelihood ratios that predicts held-out taps best."""
+    """Return the factor on log-likelihood ratios that predicts held-out taps best.
+
+    It is 0, no evidence at all, unless the gain in log score over saying nothing exceeds twice
+    its standard error over the inner folds.
+    """
     from scipy.optimize import minimize_scalar
 
-    held: list[FloatArray] = []
+    held: list[list[FloatArray]] = []
     for k in range(density.inner_folds):
         inside = [np.arange(len(part)) % density.inner_folds == k for part in pool]
         logs = log_densities([part[~i] for part, i in zip(pool, inside, strict=True)])
         test = readings([part[i] for part, i in zip(pool, inside, strict=True)])
-        for truth, x in enumerate(test):
-            some = _thinned(x)
-            y = np.stack([np.interp(some, grid, row, period=period) for row in logs], axis=-1)
-            # Every hypothesis's log-likelihood relative to the true one's.
-            held.append(y - y[:, [truth]])
+        held.append(
+            [_against_truth(_thinned(x), i, grid, logs, period) for i, x in enumerate(test)]
+        )
 
-    def loss(factor: float) -> float:
-        return float(sum(np.log(np.exp(factor * y).sum(axis=1)).mean() for y in held))
+    def losses(factor: float) -> FloatArray:
+        """Mean negative log score of each inner fold, nats a reading."""
+        scores = [[np.log(np.exp(factor * y).sum(axis=1)).mean() for y in fold] for fold in held]
+        return np.mean(scores, axis=1)
 
-    return float(minimize_scalar(loss, bounds=(0, 1), method="bounded").x)
+    best = minimize_scalar(lambda factor: losses(factor).mean(), bounds=(0, 1), method="bounded").x
+    gain = losses(0.0) - losses(best)
+    certain = gain.mean() > 2 * gain.std(ddof=1) / np.sqrt(len(gain))
+    return float(best) if certain else 0.0
+
+
+def _against_truth(x, truth: int, grid, logs: FloatArray, period: float | None) -> FloatArray:
+    """Return every hypothesis's log-likelihood relative to the true one's, (readings, N)."""
+    y = np.stack([np.interp(x, grid, row, period=period) for row in logs], axis=-1)
+    return y - y[:, [truth]]
 
 
 def _log_density(

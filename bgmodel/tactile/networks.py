@@ -1,0 +1,184 @@
+"""The networks that read an angle from a tap: what they see, what they say, how that is read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.tactile.taps import Taps
+
+if TYPE_CHECKING:
+    import torch
+
+FloatArray = npt.NDArray[np.floating]
+
+
+def import_torch() -> Any:
+    """Return torch, or raise the ImportError that says how to get it."""
+    try:
+        import torch
+    except ImportError as error:
+        raise ImportError('the decoder needs PyTorch: pip install "bgmodel[tactile]"') from error
+    return torch
+
+
+class GratingNetwork:
+    """The convolutional network of Pestell et al. (2022) on z-scored 19 x 19 maps.
+
+    Three outputs: the source's label (yaw + 90)/180, and cos and sin of twice the yaw, in which
+    -90 and 90 degrees are one orientation.
+    """
+
+    # The label has a tenth of the others' variance; equal shares of the loss.
+    weights: ClassVar = (10.0, 1.0, 1.0)
+    range_deg: ClassVar = (-90.0, 90.0)
+    score: ClassVar = "psi_deg"
+
+    @staticmethod
+    def inputs(taps: Taps) -> FloatArray:
+        """Return maps (taps, 1, 19, 19)."""
+        return taps.maps()
+
+    @staticmethod
+    def build(shape: tuple[int, ...], width: float, dropout: float) -> torch.nn.Sequential:
+        """Return the source's layers scaled by ``width``; ``dropout`` scales its .4, .2, .2."""
+        nn = import_torch().nn
+        c1, c2 = max(1, round(64 * width)), max(1, round(128 * width))
+
+        def norm(n: int, flat: bool = False):
+            return (nn.BatchNorm1d if flat else nn.BatchNorm2d)(n, eps=1e-3)
+
+        def dense(n_in: int, n_out: int):
+            layers = [nn.Linear(n_in, n_out), nn.ReLU(), norm(n_out, flat=True)]
+            return [*layers, nn.Dropout(0.2 * dropout)]
+
+        return nn.Sequential(
+            *[nn.Conv2d(1, c1, 3, padding="same"), nn.ReLU(), nn.MaxPool2d(2), norm(c1)],
+            *[nn.Conv2d(c1, c2, 3, padding="same"), nn.ReLU(), norm(c2)],
+            *[nn.Conv2d(c2, c2, 3), nn.ReLU(), norm(c2), nn.MaxPool2d(2), norm(c2)],
+            *[nn.Flatten(), nn.Dropout(0.4 * dropout)],
+            *dense(9 * c2, 32),
+            *dense(32, 16),
+            nn.Linear(16, 3),
+        )
+
+    @staticmethod
+    def augmented(maps: FloatArray, yaw_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Add the mirror images of maps: a square array seen in a mirror is a square array."""
+        turned, left, up = maps[..., ::-1, ::-1], maps[..., ::-1], maps[..., ::-1, :]
+        yaws = [yaw_deg, yaw_deg, -yaw_deg, -yaw_deg]
+        return np.concatenate([maps, turned, left, up]), np.concatenate(yaws)
+
+    @staticmethod
+    def targets(yaw_deg: FloatArray) -> FloatArray:
+        """Return what the outputs should be, (taps, 3)."""
+        double = np.radians(2 * np.asarray(yaw_deg))
+        columns = [(np.asarray(yaw_deg) + 90) / 180, np.cos(double), np.sin(double)]
+        return np.stack(columns, axis=1)
+
+    @staticmethod
+    def read(outputs: FloatArray) -> dict[str, FloatArray]:
+        """Return ``psi_deg`` (linear, clipped to -90..90), ``orientation_deg``, ``strength``."""
+        label, cosine, sine = outputs.astype(np.float64).T
+        return {
+            "psi_deg": np.clip(180 * label - 90, -90, 90),
+            "orientation_deg": np.degrees(np.arctan2(sine, cosine)) / 2,
+            "strength": np.hypot(cosine, sine),
+        }
+
+    @staticmethod
+    def errors(read: dict[str, FloatArray], yaw_deg: FloatArray) -> dict[str, float]:
+        """Return mean absolute errors, degrees; the first judges the training."""
+        linear = np.abs(read["psi_deg"] - yaw_deg)
+        double = np.abs(wrapped(read["orientation_deg"] - yaw_deg, 180))
+        return {"mae_deg": float(linear.mean()), "orientation_mae_deg": float(double.mean())}
+
+
+class EdgeNetwork:
+    """A perceptron on standardised pin displacements that reads the direction of an edge.
+
+    Two outputs: cos and sin of the yaw, in -180..180 degrees.
+    """
+
+    weights: ClassVar = (1.0, 1.0)
+    range_deg: ClassVar = (-180.0, 180.0)
+    score: ClassVar = "edge_deg"
+
+    @staticmethod
+    def inputs(taps: Taps) -> FloatArray:
+        """Return displacements (taps, 2 pins), mm."""
+        return taps.displacement_mm.reshape(len(taps), -1)
+
+    @staticmethod
+    def build(shape: tuple[int, ...], width: float, dropout: float) -> torch.nn.Sequential:
+        """Return two hidden layers of ``256 width`` units; ``dropout`` scales .1 after each."""
+        nn = import_torch().nn
+        hidden = max(1, round(256 * width))
+        return nn.Sequential(
+            _standardise(shape[0]),
+            *[nn.Linear(shape[0], hidden), nn.ReLU(), nn.Dropout(0.1 * dropout)],
+            *[nn.Linear(hidden, hidden), nn.ReLU(), nn.Dropout(0.1 * dropout)],
+            nn.Linear(hidden, 2),
+        )
+
+    @staticmethod
+    def augmented(inputs: FloatArray, yaw_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the taps as they are: real pins are not in a symmetric array."""
+        return inputs, yaw_deg
+
+    @staticmethod
+    def targets(yaw_deg: FloatArray) -> FloatArray:
+        """Return what the outputs should be, (taps, 2)."""
+        yaw = np.radians(yaw_deg)
+        return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+
+    @staticmethod
+    def read(outputs: FloatArray) -> dict[str, FloatArray]:
+        """Return ``edge_deg`` in -180..180, and ``strength``."""
+        cosine, sine = outputs.astype(np.float64).T
+        return {
+            "edge_deg": np.degrees(np.arctan2(sine, cosine)),
+            "strength": np.hypot(cosine, sine),
+        }
+
+    @staticmethod
+    def errors(read: dict[str, FloatArray], yaw_deg: FloatArray) -> dict[str, float]:
+        """Return the mean absolute and the sd of the error, degrees; the first judges."""
+        error = wrapped(read["edge_deg"] - yaw_deg, 360)
+        return {"mae_deg": float(np.abs(error).mean()), "sd_deg": float(error.std())}
+
+
+def _standardise(features: int) -> Any:
+    """Return a layer that subtracts a mean and divides by an sd, set once by ``set_scale``."""
+    torch = import_torch()
+
+    class Standardise(torch.nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.register_buffer("mean", torch.zeros(features))
+            self.register_buffer("sd", torch.ones(features))
+
+        def forward(self, x):
+            return (x - self.mean) / self.sd
+
+    return Standardise()
+
+
+def set_scale(network: Any, inputs: FloatArray) -> None:
+    """Give a network's standardising layer, if it has one, the scale of its training taps."""
+    first = network[0]
+    if hasattr(first, "sd"):
+        torch = import_torch()
+        first.mean.copy_(torch.from_numpy(inputs.mean(axis=0)))
+        first.sd.copy_(torch.from_numpy(inputs.std(axis=0) + 1e-6))
+
+
+def wrapped(angle_deg: FloatArray, period_deg: float) -> FloatArray:
+    """Return angles in -period/2..period/2."""
+    return (angle_deg + period_deg / 2) % period_deg - period_deg / 2
+
+
+Network = type[GratingNetwork] | type[EdgeNetwork]
+NETWORKS: dict[str, Network] = {"grating": GratingNetwork, "edge": EdgeNetwork}

@@ -1,0 +1,93 @@
+"""Figure R1: the same test on real taps of an edge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import stream
+from bgmodel.learning import exhaustive_search
+from bgmodel.plots import speed_accuracy
+from bgmodel.tables import read_table, write_table
+from bgmodel.tactile.decoder import EDGE, train
+from bgmodel.tactile.likelihood import fit_likelihood
+from bgmodel.tactile.networks import wrapped
+from bgmodel.tactile.recordings import read_taps
+from bgmodel.tactile.task import Source
+from figures.common import Settings, letter, run
+
+# A 40 mm tip spans about 122 px of the 128; only the scale of displacements hangs on it.
+MM_PER_PX = 0.33
+DIFFERENCES_DEG = (2.0, 5.0, 10.0)
+TOLERANCE_DEG = 0.5
+T_MAX = 30
+
+
+def compute(settings: Settings, recordings: Path, *, output: Path) -> None:
+    """Decode held-out real taps; decide same or different from pairs of them, on two halves."""
+    taps = read_taps(recordings / "csv_train", mm_per_px=MM_PER_PX)
+    decoder = train(taps, seed=settings.seed, training=EDGE)
+    held = read_taps(recordings / "csv_val", mm_per_px=MM_PER_PX, rest=taps.rest_mm)
+    decoded = np.stack([held.labels["yaw_deg"], decoder.decode(held)["edge_deg"]], axis=1)
+    error_sd = wrapped(decoded[:, 1] - decoded[:, 0], 360).std()
+    # Tables of recordings are sorted by yaw: two halves at random, not first and last.
+    order = stream(settings.seed, "figR1", "halves").permutation(len(decoded))
+    halves = np.array_split(decoded[order], 2)
+    parts = []
+    for difference in DIFFERENCES_DEG:
+        for half in (0, 1):
+            scores = _score(settings, halves[1 - half], halves[half], difference, half)
+            parts.append(scores.assign(difference_deg=difference, half=half))
+    table = pd.concat(parts).assign(error_sd_deg=error_sd)
+    write_table(table, output, seed=settings.seed, settings=settings, recordings=recordings.name)
+
+
+def pairs(difference: float, taps: np.ndarray) -> list[np.ndarray]:
+    """Return decoded differences of real pairs: true difference about 0 (S1), or as given (S2)."""
+    true = wrapped(taps[None, :, 0] - taps[:, None, 0], 360)
+    read = wrapped(taps[None, :, 1] - taps[:, None, 1], 360)
+    other = ~np.eye(len(taps), dtype=bool)
+    return [read[other & (np.abs(true - d) < TOLERANCE_DEG)] for d in (0.0, difference)]
+
+
+def _score(settings, fitted, scored, difference: float, half: int) -> pd.DataFrame:
+    likelihood = fit_likelihood([fitted], lambda pool: pairs(difference, pool[0]), (-180.0, 180.0))
+    readings = pairs(difference, scored)
+    source = Source([likelihood(x) for x in readings], ("same", "different"), likelihood)
+    rng = stream(settings.seed, "figR1", difference, half)
+    evidence = source.draw(settings.sweep_trials, T_MAX, rng=rng)
+    counts = exhaustive_search(evidence, settings.deltas)
+    return pd.DataFrame(
+        {
+            "delta": settings.deltas,
+            "accuracy": counts.accuracy,
+            "mean_steps": counts.mean_steps,
+            "pairs": min(len(x) for x in readings),
+        }
+    )
+
+
+def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
+    """Draw accuracy against mean taps; a thin line a half, a bold one their mean."""
+    table = read_table(data)
+    figure, ax = plt.subplots(figsize=(4.2, 3.0))
+    for i, difference in enumerate(DIFFERENCES_DEG):
+        here = table[table["difference_deg"] == difference]
+        for _, half in here.groupby("half"):
+            speed_accuracy(ax, half["mean_steps"], half["accuracy"], color=f"C{i}", lw=0.6)
+        mean = here.groupby("delta")[["mean_steps", "accuracy"]].mean()
+        style = {"color": f"C{i}", "lw": 2, "label": f"{difference:g}°"}
+        speed_accuracy(ax, mean["mean_steps"], mean["accuracy"], **style)
+    sd = table["error_sd_deg"].iloc[0]
+    ax.set(xlabel="mean decision time (taps of each interval)", ylim=(0.45, 1.02))
+    ax.legend(title="edge yaw difference,\nbetween real taps (±0.5°)", loc="lower right")
+    letter(ax, f"real TacTip taps on an edge, decoder error sd {sd:.1f}°")
+    return figure
+
+
+if __name__ == "__main__":
+    run(compute=compute, draw=draw)
