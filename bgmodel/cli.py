@@ -222,14 +222,14 @@ class Decide:
 class Learn:
     """Learn the gap from reward by REINFORCE with baseline, beside the exact optimum.
 
-    Example: bgmodel learn learning.parquet --period-mm 2 --xi 60 --start-delta 0.5
+    Example: bgmodel learn learning.parquet --period-mm 2 --xi 50 --start-delta 0.5
     """
 
     output: Positional[Path]
     """Where the table of trials goes, .parquet or .csv."""
     period_mm: float = 2.0
     """Period of the grating, mm."""
-    xi: float = 60.0
+    xi: float = 50.0
     """Cost of an error, readings."""
     start_delta: float = 0.5
     """Gap at the start, nats, 0..8."""

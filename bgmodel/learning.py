@@ -72,7 +72,9 @@ class Policy(Protocol):
         """Return parameters (runs, p) whose mean gap is ``delta``."""
         ...
 
-    def sample(self, parameters: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def sample(
+        self, parameters: FloatArray, noise: FloatArray, episode: int
+    ) -> tuple[FloatArray, FloatArray]:
         """Return gaps (runs,) and the gradient of log probability (runs, p)."""
         ...
 
@@ -92,20 +94,34 @@ class Policy(Protocol):
 
 @dataclass(frozen=True)
 class GaussianPolicy:
-    """``delta ~ N(mu, sd_nats)``, played within ``DELTA_RANGE`` (Williams 1992)."""
+    """``delta ~ N(mu, sd)``, played within ``DELTA_RANGE`` (Williams 1992).
 
-    sd_nats: float = 0.5
-    """Exploration, sd of the gap, nats; our choice."""
+    Exploration starts wide, where the slope of a flat reward shows best, and narrows.
+    """
+
+    sd_nats: float = 2.0
+    """Exploration at the start, sd of the gap, nats; assumed (not printed)."""
+    last_sd_nats: float = 0.4
+    """Exploration in the end, nats; assumed."""
+    half_episodes: float = 2_000.0
+    """Trials after which half of the way from the first to the last sd is gone; assumed."""
     noise = 1
+
+    def sd(self, episode: int) -> float:
+        """Return the exploration in a trial, nats."""
+        wide = self.sd_nats - self.last_sd_nats
+        return self.last_sd_nats + wide / (1 + episode / self.half_episodes)
 
     def start(self, runs: int, delta: float) -> FloatArray:
         """Return mu (runs, 1)."""
         return np.full((runs, 1), float(delta))
 
-    def sample(self, parameters: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def sample(
+        self, parameters: FloatArray, noise: FloatArray, episode: int
+    ) -> tuple[FloatArray, FloatArray]:
         """Return gaps (runs,) and d log p / d mu (runs, 1)."""
-        gaps = parameters[:, 0] + self.sd_nats * noise[:, 0]
-        return np.clip(gaps, *DELTA_RANGE), noise / self.sd_nats
+        sd = self.sd(episode)
+        return np.clip(parameters[:, 0] + sd * noise[:, 0], *DELTA_RANGE), noise / sd
 
     def mean(self, parameters: FloatArray) -> FloatArray:
         """Return mu (runs,)."""
@@ -145,7 +161,9 @@ class BernoulliPolicy:
         p = np.clip(delta / DELTA_RANGE[1], 1e-9, 1 - 1e-9)
         return self.bounded(np.full((runs, self.units), np.log(p / (1 - p))))
 
-    def sample(self, parameters: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def sample(
+        self, parameters: FloatArray, noise: FloatArray, episode: int
+    ) -> tuple[FloatArray, FloatArray]:
         """Return gaps (runs,) and ``y_j - p_j`` (runs, units)."""
         from scipy.special import expit, ndtr
 
@@ -168,11 +186,12 @@ class BernoulliPolicy:
 class Learner:
     """REINFORCE with baseline (Williams 1992; Sutton & Barto 2018, section 13.4)."""
 
-    episodes: int = 20_000
+    episodes: int = 40_000
     """Trials of learning; assumed (not printed)."""
-    rate: float = 0.002
-    """Step size, squared nats per reading of prediction error; assumed (not printed)."""
-    half_episodes: float = 2_000.0
+    rate: float = 0.04
+    """Step size at the start, on the prediction error as a share of the baseline; assumed (not
+    printed)."""
+    half_episodes: float = 1_000.0
     """Trials after which the step size has halved, rate / (1 + k / half); assumed."""
     baseline_rate: float = 0.01
     """Share of each reward in the running baseline; its inverse is the number of trials that only
@@ -242,15 +261,17 @@ def learn(
     baseline = np.zeros(runs)
     for k in range(episodes):
         mean_gap[:, k] = policy.mean(parameters)
-        gap[:, k], gradient = policy.sample(parameters, noise[k])
+        gap[:, k], gradient = policy.sample(parameters, noise[k], k)
         r = environment(k, gap[:, k])
         if not np.isfinite(r).all():
             raise ValueError(f"a reward must be finite, got {r[~np.isfinite(r)][0]} in episode {k}")
         error = r - baseline if k else np.zeros(runs)
+        scale = baseline  # of earlier trials alone, so that the gradient stays unbiased
         baseline = baseline + max(learner.baseline_rate, 1 / (k + 1)) * (r - baseline)
         if k * learner.baseline_rate >= 1:
             rate = learner.rate / (1 + k / learner.half_episodes)
-            parameters = policy.bounded(parameters + rate * error[:, None] * gradient)
+            share = error / np.abs(scale)
+            parameters = policy.bounded(parameters + rate * share[:, None] * gradient)
         rewards[:, k], errors[:, k] = r, error
     return Learned(gap, mean_gap, rewards, errors, mean_gap[:, -learner.last :].mean(axis=1))
 

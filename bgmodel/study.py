@@ -89,28 +89,34 @@ def search_folds(
     return pd.concat(rows, ignore_index=True)
 
 
-def learn_source(
-    readings: Source,
+def learn_sources(
+    sources: list[Source],
     *,
     xi: float,
     start_delta: float,
-    runs: int,
+    repeats: int,
     t_max: int,
     seed: int,
     name: object,
     policy: Policy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
-    """Learn the gap on one set of readings, in independent runs with streams of their own."""
+    """Learn the gap on sets of readings side by side: repeats of the first set, of the next, ...
+
+    Every run has streams of its own, so its course depends on nothing beside it.
+    """
     low, high = DELTA_RANGE
     if not low <= start_delta <= high:
         raise ValueError(f"start_delta must lie in {low:g}..{high:g} nats, got {start_delta}")
-    rngs = [stream(seed, "trials", name, start_delta, run) for run in range(runs)]
-    draws = [lambda n, rng=rng: readings.draw(n, t_max, rng=rng) for rng in rngs]
+    runs = [(i, k) for i in range(len(sources)) for k in range(repeats)]
+    draws = []
+    for i, k in runs:
+        rng = stream(seed, "trials", name, i, k, start_delta)
+        draws.append(lambda n, source=sources[i], rng=rng: source.draw(n, t_max, rng=rng))
     return learn(
         trials_of(draws, xi),
         start_delta,
-        rngs=[stream(seed, "explore", name, start_delta, run) for run in range(runs)],
+        rngs=[stream(seed, "explore", name, i, k, start_delta) for i, k in runs],
         policy=policy,
         learner=learner,
     )
@@ -155,42 +161,43 @@ def learn_folds(
         mean of the mean gap), and, the same in all rows of a run, learned_delta, regret,
         optimal_delta, optimal_cost and start_regret.
     """
+    sources = fold_sources(taps, period_mm)
+    options: dict[str, Any] = {"xi": xi, "t_max": t_max, "seed": seed, "name": period_mm}
+    learned = learn_sources(
+        sources,
+        start_delta=start_delta,
+        repeats=repeats,
+        policy=policy,
+        learner=learner,
+        **options,
+    )
+    episodes = np.linspace(0, learner.episodes - 1, keep).round().astype(int)
+    curves = smoothed(learned.mean_gap, window)[:, episodes]
     rows = []
-    for fold, readings in enumerate(fold_sources(taps, period_mm)):
-        name = (period_mm, fold)
-        options: dict[str, Any] = {"xi": xi, "t_max": t_max, "seed": seed, "name": name}
+    for fold, readings in enumerate(sources):
+        own = slice(fold * repeats, (fold + 1) * repeats)
         pair = increments(readings)
         optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
-        learned = learn_source(
-            readings,
-            start_delta=start_delta,
-            runs=repeats,
-            policy=policy,
-            learner=learner,
-            **options,
-        )
-        regret = regret_on_fresh_trials(learned.delta, readings, optimum, **options)
+        regret = regret_on_fresh_trials(learned.delta[own], readings, optimum, **options)
         start_cost = -float(reward_curve(*pair, start_delta, xi, t_max=t_max))
-        episodes = np.linspace(0, learner.episodes - 1, keep).round().astype(int)
-        curves = smoothed(learned.mean_gap, window)[:, episodes]
-        for repeat in range(repeats):
-            rows.append(
-                pd.DataFrame(
-                    {
-                        "period_mm": period_mm,
-                        "start_delta": start_delta,
-                        "fold": fold,
-                        "repeat": repeat,
-                        "episode": episodes,
-                        "smoothed_delta": curves[repeat],
-                        "learned_delta": learned.delta[repeat],
-                        "regret": regret[repeat],
-                        "optimal_delta": optimum.delta,
-                        "optimal_cost": optimum.cost,
-                        "start_regret": start_cost / optimum.cost - 1,
-                    }
-                )
+        runs = pd.DataFrame(
+            {
+                "period_mm": period_mm,
+                "start_delta": start_delta,
+                "fold": fold,
+                "repeat": np.arange(repeats),
+                "learned_delta": learned.delta[own],
+                "regret": regret,
+                "optimal_delta": optimum.delta,
+                "optimal_cost": optimum.cost,
+                "start_regret": start_cost / optimum.cost - 1,
+            }
+        )
+        rows.append(
+            runs.loc[runs.index.repeat(keep)].assign(
+                episode=np.tile(episodes, repeats), smoothed_delta=curves[own].ravel()
             )
+        )
     return pd.concat(rows, ignore_index=True)
 
 
@@ -222,11 +229,11 @@ def learn_grating(
     )
     optimum = optimal_delta(*increments(readings), xi, t_max=t_max, bounds=DELTA_RANGE)
     name = (period_mm, fold)
-    learned = learn_source(
-        readings,
+    learned = learn_sources(
+        [readings],
         xi=xi,
         start_delta=start_delta,
-        runs=runs,
+        repeats=runs,
         t_max=t_max,
         seed=seed,
         name=name,

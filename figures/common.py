@@ -28,7 +28,7 @@ class Settings:
     # Not printed in the paper.  t_max lets 1.5 mm integrate without limit on the others; xi puts
     # the optimum of 1.5 and of 2.0 mm inside 0..8 nats (figure 5c shows how it moves).
     t_max: int = 30
-    xi: float = 60.0
+    xi: float = 50.0
     training_taps: int = 1000
     held_out_taps: int = 1200
     orientation_taps: int = 200
@@ -36,7 +36,7 @@ class Settings:
     search_trials: int = 1_400_000
     sweep_trials: int = 12_000
     repeats: int = 10
-    episodes: int = 20_000
+    episodes: int = 40_000
     delta_step: float = 0.1
 
     @property

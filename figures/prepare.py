@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from bgmodel.tactile.tips import Tip
 from figures.common import Settings, run
 
 SENSOR = {"tip": Tip(), "skin": Skin(), "nuisance": Nuisance()}
+TRAINING = Training()
 
 
 def library(settings: Settings, *, output: Path) -> None:
@@ -33,7 +35,7 @@ def decoder(settings: Settings, done: Path, *, output: Path) -> None:
     periods = np.repeat(settings.periods_mm, settings.training_taps)
     taps = simulate(periods, rng.uniform(-90, 90, len(periods)), rng=rng, **SENSOR)
     about = {"taps": provenance(settings.seed, periods_mm=settings.periods_mm, **SENSOR)}
-    training = Training(epochs=settings.epochs)
+    training = replace(TRAINING, epochs=settings.epochs)
     train(taps, seed=settings.seed, training=training, about=about).save(output)
 
 

@@ -28,9 +28,9 @@ class Nuisance:
     """Standard deviation of the place of contact on the tip, each axis, mm; assumed."""
     shear_sd_mm: float = 0.03
     """Standard deviation of the rigid lateral shift of the skin, each axis, mm; assumed."""
-    marker_noise_um: float = 10.5
-    """Standard deviation of a marker's place in a frame, each axis, um; assumed: it gives the
-    validation error of Pestell, Griffith & Lepora (2022)."""
+    marker_noise_um: float = 9.5
+    """Standard deviation of a marker's place in a frame, each axis, um; assumed: 8.5 to 10.5 give
+    the validation error of Pestell, Griffith & Lepora (2022) within the spread of seeds."""
     noise_per: Literal["tap", "frame"] = "tap"
     """Noise drawn once for the peak of a tap, or in each frame of it, the frame of largest summed
     displacement being kept (Pestell, Griffith & Lepora 2022); assumed."""
