@@ -68,6 +68,9 @@ BLOCK = 4096
 class Policy(Protocol):
     """A distribution over gaps with parameters, for several independent runs at once."""
 
+    pace: float
+    """How many times the learner's step size suits the parameters."""
+
     def start(self, runs: int, delta: float) -> FloatArray:
         """Return parameters (runs, p) whose mean gap is ``delta``."""
         ...
@@ -106,6 +109,7 @@ class GaussianPolicy:
     half_episodes: float = 2_000.0
     """Trials after which half of the way from the first to the last sd is gone; assumed."""
     noise = 1
+    pace = 1.0
 
     def sd(self, episode: int) -> float:
         """Return the exploration in a trial, nats."""
@@ -144,6 +148,9 @@ class BernoulliPolicy:
     """Number of units; assumed."""
     saturation: float = 4.0
     """Largest |w_j|, so that no unit ever stops exploring; assumed."""
+
+    # The gap moves by s_j p (1 - p), less than one, for each unit of w.
+    pace = 8.0
 
     @property
     def noise(self) -> int:
@@ -269,7 +276,7 @@ def learn(
         scale = baseline  # of earlier trials alone, so that the gradient stays unbiased
         baseline = baseline + max(learner.baseline_rate, 1 / (k + 1)) * (r - baseline)
         if k * learner.baseline_rate >= 1:
-            rate = learner.rate / (1 + k / learner.half_episodes)
+            rate = policy.pace * learner.rate / (1 + k / learner.half_episodes)
             share = error / np.abs(scale)
             parameters = policy.bounded(parameters + rate * share[:, None] * gradient)
         rewards[:, k], errors[:, k] = r, error

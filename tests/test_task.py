@@ -1,0 +1,106 @@
+"""The tactile tasks on the held-out taps that ship with the package."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import Msprt, Sprt, stream, tally, threshold_from_gap
+from bgmodel.study import fold_sources, increments, search_folds
+from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source
+from bgmodel.theory import sprt
+
+TAPS = held_out_taps()
+
+
+def test_the_shipped_table_is_small_and_says_where_it_is_from():
+    from importlib import resources
+
+    from bgmodel.tables import read_provenance
+
+    with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
+        assert path.stat().st_size < 200_000
+        about = read_provenance(path)
+    assert about["parameters"]["command"] == "make shipped-taps"
+    assert {"tip", "skin", "nuisance", "training"} <= set(about["parameters"])
+    assert 25 < about["parameters"]["validation_mae_deg"] < 30
+
+
+@pytest.mark.parametrize("period", [3.0, 4.0, 5.0])
+def test_coarse_gratings_are_decided_by_one_reading(period):
+    for readings in fold_sources(TAPS, period):
+        test = sprt(*increments(readings), 0.0, t_max=30)
+        assert test.error_rate < 0.01
+        assert test.mean_steps == pytest.approx(1)
+
+
+def test_fine_gratings_need_more_readings():
+    for period, at_least in ((1.5, 0.2), (2.0, 0.1)):
+        test = sprt(*increments(fold_sources(TAPS, period)[0]), [0.0, 4.0], t_max=30)
+        assert test.error_rate[0] - test.error_rate[1] > at_least
+        assert test.mean_steps[1] > 1.5
+
+
+def test_smooth_gives_no_evidence():
+    for readings in fold_sources(TAPS, 0.0):
+        error = sprt(*increments(readings), [0.0, 4.0, 8.0], t_max=30).error_rate
+        assert np.abs(error - 0.5).max() < 0.1
+
+
+def test_simulation_agrees_with_the_exact_solution_on_tactile_evidence():
+    deltas = [0.0, 1.0, 4.0, 8.0]
+    trials = 30_000
+    table = search_folds(
+        fold_sources(TAPS, 2.0)[:2], deltas, trials=trials, t_max=30, seed=7, name="test"
+    )
+    p = table["exact_accuracy"]
+    z = (table["accuracy"] - p) / np.sqrt(p * (1 - p) / trials)
+    assert np.abs(z).max() < 4
+    assert np.abs(table["mean_steps"] / table["exact_mean_steps"] - 1).max() < 0.03
+
+
+def test_shuffled_truth_is_at_chance():
+    readings = fold_sources(TAPS, 2.5)[0]
+    evidence = readings.draw(20_000, 30, rng=stream(1, "shuffled"))
+    trace = Sprt().run(evidence)
+    right = tally(trace, evidence.truth, [threshold_from_gap(4.0)]).accuracy[0]
+    truth = stream(2, "shuffled").permutation(evidence.truth)
+    wrong = tally(trace, truth, [threshold_from_gap(4.0)]).accuracy[0]
+    assert right > 0.98
+    assert abs(wrong - 0.5) < 0.02
+
+
+@pytest.mark.parametrize("count", [2, 4, 8])
+def test_orientations_are_identified(count):
+    readings = source(TAPS, Orientations(count), period_mm=3.0, fold=1)
+    evidence = readings.draw(4000, 30, rng=stream(3, "orientations", count))
+    accuracy = tally(Msprt().run(evidence), evidence.truth, -np.log([0.9, 0.99])).accuracy
+    assert accuracy[1] > 0.9
+    assert accuracy[1] > 1.5 / count
+
+
+def test_draws_are_paired_and_reproducible():
+    readings = fold_sources(TAPS, 2.0)[0]
+    a, b = (readings.draw(50, 5, rng=stream(1, "draw")) for _ in range(2))
+    assert np.array_equal(a.log_likelihood, b.log_likelihood)
+    assert a.truth.tolist() == [0, 1] * 25
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: source(TAPS, SameDifferent(), period_mm=2.0, fold=6), "fold must be 0..5"),
+        (lambda: source(TAPS, SameDifferent(), period_mm=2.2, fold=0), "period_mm must be one of"),
+        (lambda: source(TAPS, SameDifferent(b_deg=9), period_mm=2.0, fold=0), "no taps of period"),
+        (
+            lambda: fold_sources(TAPS, 2.0)[0].draw(0, 5, rng=stream(1)),
+            "trials and steps must be >= 1",
+        ),
+        (
+            lambda: source(pd.DataFrame(TAPS).head(0), SameDifferent(), period_mm=2.0, fold=0),
+            "period_mm must be one of",
+        ),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
