@@ -86,11 +86,11 @@ class Train:
     output: Positional[Path]
     """Where the decoder goes, .safetensors."""
     edge: bool = False
-    """Read the direction of an edge (-180..180) instead of a grating's orientation."""
+    """Read the direction of an edge (-180..180) instead of a grating's orientation, with the
+    settings found for edges in place of the training options."""
     mm_per_px: float | None = None
     """Scale of recordings, mm."""
-    training: Training | None = None
-    """Options; those of the chosen network if left out."""
+    training: Training = field(default_factory=Training)
     seed: int = 0
 
     def __call__(self) -> None:
@@ -99,7 +99,7 @@ class Train:
 
         _ending(self.output, ".safetensors")
         tables.check_writable(self.output.parent)
-        training = self.training or (EDGE if self.edge else Training())
+        training = EDGE if self.edge else self.training
         taps, about = _taps(self.taps, self.mm_per_px)
         decoder = train(taps, seed=self.seed, training=training, about={"taps": about})
         decoder.save(self.output)

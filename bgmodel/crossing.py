@@ -1,4 +1,4 @@
-"""The compiled inner loop of the stopping rule; ``decision`` is its only caller."""
+"""The compiled inner loops of the stopping rule and of the SPRT's sum."""
 
 import numpy as np
 from numba import njit
@@ -53,6 +53,53 @@ def cross_all(out, first, order, level):
     for n in range(trials):
         cross_trial(out[n], first, order, level, tick[n], choice[n], margin, pointer)
     return tick, choice
+
+
+@njit(cache=True, nogil=True)
+def tally_common(out, truth, first, level, steps_at):
+    """Return what ``tally_all`` does where all channels share thresholds, sorted from the highest.
+
+    The lowest channel of a tick then decides for every threshold met at that tick, a run of
+    neighbours, so sums are kept as differences between neighbours: a few operations a tick.
+    """
+    trials, ticks, channels = out.shape
+    count = level.shape[0]
+    correct = np.zeros(count + 1, np.int64)
+    steps = np.zeros(count + 1)
+    forced = 0 * correct
+    for n in range(trials):
+        p = 0  # thresholds before p are met
+        for t in range(ticks):
+            winner = np.argmin(out[n, t]) if channels > 2 else int(out[n, t, 1] < out[n, t, 0])
+            lowest = out[n, t, winner]
+            end = p
+            while end < count and (lowest < level[end] or (t >= first and lowest == level[end])):
+                end += 1
+            if t == ticks - 1:  # the deadline: what is still open is forced
+                forced[end] += 1
+                end = count
+            if end > p:
+                correct[p] += winner == truth[n]
+                correct[end] -= winner == truth[n]
+                steps[p] += steps_at[t]
+                steps[end] -= steps_at[t]
+                p = end
+                if p == count:
+                    break
+    return np.cumsum(correct)[:count], np.cumsum(steps)[:count], np.cumsum(forced)[:count]
+
+
+@njit(cache=True, nogil=True)
+def log_odds(log_likelihood, start, out):
+    """Fill ``out`` (trials, 1 + steps, 2) with Z and -Z: Z_0 = start, then summed log ratios."""
+    for n in range(log_likelihood.shape[0]):
+        z = start
+        out[n, 0, 0] = z
+        out[n, 0, 1] = -z
+        for t in range(log_likelihood.shape[1]):
+            z += log_likelihood[n, t, 1] - log_likelihood[n, t, 0]
+            out[n, t + 1, 0] = z
+            out[n, t + 1, 1] = -z
 
 
 @njit(cache=True, nogil=True)

@@ -169,11 +169,12 @@ def tally(trace: Trace, truth: npt.NDArray[np.integer] | None, thresholds: npt.A
         raise ValueError("tally counts correct choices: it needs the truth of each trial")
     order, level = _sorted_levels(np.atleast_1d(thresholds), trace.out_nats.shape[2])
     steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
-    out = _contiguous(trace.out_nats)
-    sums = _compiled().tally_all(
-        out, np.asarray(truth), _first_reading(trace), order, level, steps_at
-    )
-    return Tally(len(out), *sums)
+    out, truth, first = _contiguous(trace.out_nats), np.asarray(truth), _first_reading(trace)
+    if np.ndim(thresholds) == 2:
+        return Tally(len(out), *_compiled().tally_all(out, truth, first, order, level, steps_at))
+    sums = _compiled().tally_common(out, truth, first, level[0], steps_at)
+    back = np.argsort(order[0])
+    return Tally(len(out), *(values[back] for values in sums))
 
 
 def _decision(trace: Trace, tick: np.ndarray, choice: np.ndarray, forced: bool) -> Decision:

@@ -81,8 +81,12 @@ class Evidence:
 
     def __getitem__(self, trials: slice) -> Evidence:
         """Return the evidence of some trials (a slice, a mask or indices)."""
+        part = object.__new__(Evidence)  # checked already
         truth = None if self.truth is None else self.truth[trials]
-        return Evidence(self.log_likelihood[trials], truth, self.prior, self.onset_ms, self.step_ms)
+        for name, value in {**vars(self), "truth": truth}.items():
+            object.__setattr__(part, name, value)
+        object.__setattr__(part, "log_likelihood", self.log_likelihood[trials])
+        return part
 
 
 def gaussian_evidence(

@@ -35,18 +35,27 @@ class Sprt:
             raise ValueError(
                 f"Sprt needs exactly 2 hypotheses, got {evidence.hypotheses}: use Msprt"
             )
-        ratio = evidence.log_likelihood[..., 1] - evidence.log_likelihood[..., 0]
+        # Importing Numba takes most of a second: only where it is used.
+        from bgmodel.crossing import log_odds
+
+        start = float(np.log(evidence.prior[1]) - np.log(evidence.prior[0]))
         out = np.empty((evidence.trials, evidence.steps + 1, 2))
-        out[:, 0, 0] = np.log(evidence.prior[1]) - np.log(evidence.prior[0])
-        out[:, 1:, 0] = ratio
-        np.cumsum(out[..., 0], axis=1, out=out[..., 0])
-        np.negative(out[..., 0], out=out[..., 1])
+        log_odds(evidence.log_likelihood, start, out)
         return _trace(out, evidence)
 
-    def output(self, log_posterior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Return OUT (..., 2) from unnormalised log posteriors (..., 2)."""
-        z = log_posterior[..., 1] - log_posterior[..., 0]
-        return np.stack([z, -z], axis=-1)
+    def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return the state before the first reading: Z_0, shape (1,)."""
+        return np.log(prior[1:]) - np.log(prior[:1])
+
+    def add(
+        self, state: npt.NDArray[np.float64], reading: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """Return the state after one more reading (2,)."""
+        return state + (reading[1] - reading[0])
+
+    def output(self, state: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return OUT (2,) of a state."""
+        return np.append(state, -state)
 
 
 @dataclass(frozen=True)
@@ -76,6 +85,16 @@ class Msprt:
         total[:, 1:] = evidence.log_likelihood
         np.cumsum(total, axis=1, out=total)
         return _trace(self.output(total), evidence)
+
+    def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return the state before the first reading: log priors (N,)."""
+        return np.log(prior)
+
+    def add(
+        self, state: npt.NDArray[np.float64], reading: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """Return the state after one more reading (N,)."""
+        return state + reading
 
     def output(self, log_posterior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return OUT = -ln P (..., N) from unnormalised log posteriors (..., N)."""
@@ -152,7 +171,7 @@ class Stream:
             raise ValueError(f"Sprt needs exactly 2 hypotheses, got {self.hypotheses}: use Msprt")
         if self.t_max is not None and self.t_max < 1:
             raise ValueError(f"t_max must be at least 1 reading, got {self.t_max}")
-        self._total = np.log(checked_prior(self.prior, self.hypotheses))
+        self._state = self.test.start(checked_prior(self.prior, self.hypotheses))
         self._levels = np.broadcast_to(
             np.asarray(self.threshold, dtype=np.float64), (self.hypotheses,)
         )[None]
@@ -172,13 +191,13 @@ class Stream:
         if self.choice is not None:
             raise RuntimeError("the trial is already decided: start a new Stream")
         self.readings += 1
-        self._total = self._total + reading
+        self._state = self.test.add(self._state, reading)
         self.choice = self._decide()
         return self.choice
 
     def _decide(self) -> int | None:
         """Ask the one stopping rule about the newest tick alone."""
-        out = self.test.output(self._total.copy())
+        out = self.test.output(self._state)
         now = Trace(out[None, None], np.array([float(self.readings)]))
         last = self.t_max is not None and self.readings >= self.t_max
         decision: Decision = first_crossing(now, self._levels, forced=last)

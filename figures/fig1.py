@@ -20,6 +20,8 @@ from bgmodel.tactile.tips import Tip
 from figures.common import Settings, letter, run
 
 YAW_DEG = 45.0
+SCALE_UM = 20.0
+TITLE = {"fontsize": 8, "fontweight": "bold"}
 
 
 def compute(settings: Settings, done: Path, *, output: Path) -> None:
@@ -47,13 +49,15 @@ def draw(settings: Settings, data: Path, taps: Path, *, output: Path) -> Figure:
     ax.set_axis_off()
     letter(ax, "a  camera (simulated)")
     axes = right.subplots(2, 4)
-    for ax, image, period in zip(axes.flat, pins.maps()[:, 0], settings.periods_mm, strict=True):
-        ax.imshow(image, vmin=-2, vmax=2)
+    size = 1000 * np.linalg.norm(pins.displacement_mm, axis=2).reshape(-1, 19, 19)
+    axes.flat[0].imshow(size[0])
+    for ax, image in zip(axes.flat[1:], size[1:] - size[0], strict=True):
+        shown = ax.imshow(image, cmap="RdBu_r", vmin=-SCALE_UM, vmax=SCALE_UM)
+    for ax, period in zip(axes.flat, settings.periods_mm, strict=True):
         ax.set_axis_off()
         ax.set_title(f"{period:g} mm" if period else "smooth", fontweight="normal", loc="center")
-    right.suptitle(
-        "b  z-scored maps, one tap each (yaw 45°, no noise)", fontsize=8, fontweight="bold", x=0.35
-    )
+    right.colorbar(shown, ax=axes, shrink=0.7, label="µm")
+    right.suptitle("b  |displacement| of pins: smooth, and gratings minus smooth", x=0.42, **TITLE)
     panels = bottom.subplots(1, 2)
     _response(panels[0], read_table(data))
     _decoder(panels[1], read_table(taps))

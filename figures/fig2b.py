@@ -15,7 +15,7 @@ from bgmodel.study import fold_sources
 from bgmodel.tables import read_table, write_table
 from figures.common import Settings, letter, run
 
-PERIOD_MM, GAP, SHOWN = 2.0, 6.0, 24
+PERIOD_MM, GAP, SHOWN = 2.0, 4.0, 24
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:

@@ -55,7 +55,7 @@ def draw(
 ) -> Figure:
     """Draw a panel a grating."""
     tables = [read_table(path) for path in (searched, dotted, learned)]
-    figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.6), sharex=True, height_ratios=[1, 1.2])
+    figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.8), sharex=True, height_ratios=[1, 1.2])
     for column, period in enumerate(COLOUR):
         curve, cloud, values = (t[t["period_mm"] == period] for t in tables)
         colour = COLOUR[period]
@@ -70,7 +70,8 @@ def draw(
         letter(axes[0, column], f"{period:g} mm")
     axes[0, 0].set_ylabel("reward of a trial\n(readings)")
     axes[1, 0].set_ylabel("mean reward,\nenlarged (readings)")
-    axes[1, -1].legend(loc="lower center")
+    handles, labels = axes[1, -1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 

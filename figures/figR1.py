@@ -84,7 +84,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         speed_accuracy(ax, mean["mean_steps"], mean["accuracy"], **style)
     sd = table["error_sd_deg"].iloc[0]
     ax.set(xlabel="mean decision time (taps of each interval)", ylim=(0.45, 1.02))
-    ax.legend(title="edge yaw difference,\nbetween real taps (±0.5°)", loc="lower right")
+    ax.legend(title="edge yaw difference, between real taps (±0.5°)", loc="lower right", ncols=3)
     letter(ax, f"real TacTip taps on an edge, decoder error sd {sd:.1f}°")
     return figure
 

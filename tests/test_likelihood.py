@@ -37,8 +37,9 @@ def test_no_difference_gives_no_evidence():
         fit_likelihood(normal_pool(0, 500, seed), as_they_are, (-180, 180)).shrink
         for seed in range(20)
     ]
-    # Twice a standard error over five folds is passed by chance about one time in twenty.
-    assert np.count_nonzero(silent) <= 4
+    # A gain above one standard error comes by chance about one time in six.
+    assert np.count_nonzero(silent) <= 8
+    assert np.median(silent) == 0
     raw = fit_likelihood(
         normal_pool(0, 500, 3), as_they_are, (-180, 180), density=Density(shrink=1.0)
     )
@@ -98,7 +99,7 @@ def test_orientations_are_evenly_spaced():
         (lambda: Density(cap_nats=0), "cap_nats must be > 0"),
         (lambda: Density(shrink=2), "shrink must lie in 0..1"),
         (lambda: Orientations(9), "2 to 8"),
-        (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "at least 20 taps"),
+        (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "at least 40 taps"),
         (
             lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)),
             "decoded angles must be finite",

@@ -1,0 +1,147 @@
+"""The command line, as a person would use it."""
+
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.cli import COMMANDS, main
+from bgmodel.tables import read_provenance, read_table
+
+
+def run(*arguments):
+    return main([str(a) for a in arguments])
+
+
+def test_decide_on_tactile_evidence(tmp_path, capsys):
+    out = tmp_path / "decisions.csv"
+    assert run("decide", out, "--period-mm", 2, "--delta", 4, "--trials", 400, "--seed", 3) == 0
+    table = read_table(out)
+    assert len(table) == 400
+    assert set(table["response"]) == {"S1", "S2"}
+    assert 0.9 < table["correct"].mean() < 1
+    assert read_provenance(out)["seed"] == 3
+    assert "400 trials, accuracy 0.9" in capsys.readouterr().out
+    first = out.read_bytes()
+    run("decide", out, "--period-mm", 2, "--delta", 4, "--trials", 400, "--seed", 3)
+    assert out.read_bytes() == first
+
+
+def test_decide_on_a_users_own_table(tmp_path, capsys):
+    rng = np.random.default_rng(5)
+    rows = [
+        {"trial": n, "step": t, "ll_left": a, "ll_up": b, "ll_right": c, "truth": "up"}
+        for n in range(30)
+        for t, (a, b, c) in enumerate(rng.normal([0, 1, 0], 0.5, (12, 3)))
+    ]
+    mine = tmp_path / "mine.csv"
+    pd.DataFrame(rows).to_csv(mine, index=False)
+    out = tmp_path / "out.parquet"
+    assert run("decide", out, "--evidence", mine, "--posterior", 0.95) == 0
+    table = read_table(out)
+    assert table["response"].isin(["left", "up", "right"]).all()
+    assert table["correct"].mean() > 0.8
+
+
+def test_orientation_task(tmp_path):
+    out = tmp_path / "n.parquet"
+    arguments = ["--task", "orientation", "--orientations", 3, "--posterior", 0.9]
+    assert run("decide", out, *arguments, "--period-mm", 3, "--trials", 200) == 0
+    assert read_table(out)["response"].nunique() == 3
+
+
+def test_learn(tmp_path, capsys):
+    out = tmp_path / "learning.parquet"
+    short = ["--learner.episodes", 1500, "--runs", 2]
+    assert run("learn", out, "--period-mm", 2, "--start-delta", 0.5, *short) == 0
+    table = read_table(out)
+    assert len(table) == 3000
+    assert {"run", "episode", "delta", "reward", "dopamine"} <= set(table)
+    assert "exact optimum" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["decide", "out.xlsx"], "output must end in .parquet or .csv"),
+        (["decide", "out.csv", "--delta", "-1"], "delta must be finite and >= 0"),
+        (["decide", "out.csv", "--posterior", "1.5"], "posterior must lie between 0 and 1"),
+        (["decide", "out.csv", "--evidence", "absent.csv"], "there is no table"),
+        (["decide", "out.csv", "--prior", "0.5", "0.6"], "prior must sum to 1"),
+        (["decide", "out.csv", "--period-mm", "7"], "period_mm must be one of"),
+        (["decide", "file/out.csv"], "output folder"),
+        (["decide", "out.csv", "--seed", "-1"], "seed must be a whole number >= 0"),
+        (["learn", "out.csv", "--xi", "-2"], "xi must be"),
+        (["learn", "out.csv", "--start-delta", "9"], "start_delta must lie in 0..8"),
+        (["learn", "out.csv", "--runs", "0"], "runs must be at least 1"),
+        (["train", "absent.npz", "d.safetensors"], "there are no taps"),
+        (["train", "file", "d.safetensors"], "does not hold taps"),
+        (["decode", "absent.safetensors", "file", "out.csv"], "there is no decoder"),
+        (["simulate", "taps.csv"], "output must end in .npz"),
+        (["simulate", "taps.npz", "--taps", "0"], "taps must be at least 1"),
+        (["figures"], "figures are drawn in a checkout"),
+    ],
+)
+def test_bad_use_is_one_sentence_and_writes_nothing(tmp_path, monkeypatch, capsys, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("bgmodel: ")
+    assert says in error
+    assert error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_simulate_train_decode_decide(tmp_path, capsys):
+    """The whole way, on so few taps that only the way is tested."""
+    taps, decoder, decoded = (tmp_path / n for n in ("t.npz", "d.safetensors", "x.csv"))
+    periods = ["--periods-mm", 0, 5]
+    assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1) == 0
+    first = taps.read_bytes()
+    assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1) == 0
+    assert taps.read_bytes() == first
+    quick = ["--training.width", 0.1, "--training.epochs", 1, "--training.batch", 32]
+    assert run("train", taps, decoder, *quick) == 0
+    assert run("decode", decoder, taps, decoded) == 0
+    table = read_table(decoded)
+    assert {"period_mm", "yaw_deg", "psi_deg", "orientation_deg"} <= set(table)
+    assert len(table) == 300
+
+
+def test_options_say_what_they_are():
+    """Every field of every parameter class has a docstring, with a source or "assumed"."""
+    import inspect
+
+    from bgmodel.learning import BernoulliPolicy, GaussianPolicy, Learner
+    from bgmodel.tactile.decoder import Training
+    from bgmodel.tactile.likelihood import Density
+    from bgmodel.tactile.pressing import LibraryPlan
+    from bgmodel.tactile.sensor import Nuisance
+    from bgmodel.tactile.skin import Skin
+    from bgmodel.tactile.tips import Tip
+
+    sourced = ("assumed", "our choice", "19", "20")
+    for kind in (Nuisance, Skin, Tip, LibraryPlan, Training, Density, Learner):
+        text = inspect.getsource(kind)
+        for field in fields(kind):
+            after = text.split(f"    {field.name}: ", 1)[1].split('"""')[1]
+            after = " ".join(after.split())
+            if field.name not in ("network", "tol", "stored_dx_mm", "skin"):
+                assert any(word in after for word in sourced), f"{kind.__name__}.{field.name}"
+    assert all(is_dataclass(kind) for kind in (*COMMANDS, GaussianPolicy, BernoulliPolicy))
+
+
+def test_help_has_examples_and_starts_quickly_without_torch():
+    code = (
+        "import sys, bgmodel.cli as c\n"
+        "try:\n    c.main(['--help'])\nexcept SystemExit: pass\n"
+        "assert 'torch' not in sys.modules and 'cv2' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("Example") == len(COMMANDS)
