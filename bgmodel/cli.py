@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 import tyro
+from tyro.conf import Positional
 
 from bgmodel import tables
 from bgmodel.decision import first_crossing
@@ -23,8 +24,6 @@ from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.tips import Tip
-
-Positional = tyro.conf.Positional
 
 
 @dataclass(frozen=True)
@@ -280,7 +279,7 @@ class Figures:
     """
 
     targets: Positional[tuple[str, ...]] = ()
-    """Names of figures, such as fig4a; all if left out."""
+    """Names of figures, such as fig4a, or files to make; all if left out."""
     fast: bool = False
     """A coarse run, under 3 minutes, into figures/fast."""
     cores: int = 2
@@ -301,7 +300,8 @@ class Figures:
             raise ImportError('figures need Snakemake: pip install "bgmodel[figures]"') from error
         found = find_recordings(self.recordings)
         command = [sys.executable, "-m", "snakemake", "-s", "figures/Snakefile"]
-        command += ["--cores", str(self.cores), "--quiet", "rules", "--rerun-incomplete"]
+        command += ["--cores", str(self.cores), "--rerun-incomplete"]
+        command += ["--quiet", "rules", "host", "reason"]
         command += ["--config", f"fast={int(self.fast)}", f"recordings={found or ''}"]
         done = subprocess.run([*command, "--", *(self.targets or ["all"])], check=False)
         if done.returncode:

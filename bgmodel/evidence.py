@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +35,7 @@ class Evidence:
 
     log_likelihood: npt.NDArray[np.floating]
     truth: npt.NDArray[np.integer] | None = None
-    prior: npt.NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
+    prior: npt.NDArray[np.float64] = None  # type: ignore[assignment]
     onset_ms: float = 0.0
     step_ms: float = 1.0
 

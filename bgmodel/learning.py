@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -283,7 +283,9 @@ def learn(
     return Learned(gap, mean_gap, rewards, errors, mean_gap[:, -learner.last :].mean(axis=1))
 
 
-def trials_of(draws: list[Callable[[int], Evidence]], xi: float, block: int = 500) -> Environment:
+def trials_of(
+    draws: Sequence[Callable[[int], Evidence]], xi: float, block: int = 500
+) -> Environment:
     """Return an environment whose run i decides the trials of ``draws[i]``.
 
     Parameters

@@ -134,7 +134,8 @@ def _checked_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 
 def _trace(out: npt.NDArray[np.float64], evidence: Evidence) -> Trace:
-    time_ms = evidence.onset_ms + evidence.step_ms * np.arange(evidence.steps + 1)
+    readings = np.arange(evidence.steps + 1, dtype=np.float64)
+    time_ms = evidence.onset_ms + evidence.step_ms * readings
     time_ms[0] = 0.0
     return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -112,7 +113,7 @@ def learn_sources(
     draws = []
     for i, k in runs:
         rng = stream(seed, "trials", name, i, k, start_delta)
-        draws.append(lambda n, source=sources[i], rng=rng: source.draw(n, t_max, rng=rng))
+        draws.append(partial(sources[i].draw, steps=t_max, rng=rng))
     return learn(
         trials_of(draws, xi),
         start_delta,

@@ -194,8 +194,8 @@ def evidence_from_table(
             f"{lengths.min()} to {lengths.max()} readings a trial"
         )
     names = [name[3:] for name in columns]
-    values = table[columns].to_numpy(dtype=np.float64)
-    values = values.reshape(len(lengths), int(lengths.iloc[0]), len(names))
+    shape = (len(lengths), int(lengths.iloc[0]), len(names))
+    values = table[columns].to_numpy(dtype=np.float64).reshape(shape)
     truth = _truth_of(table, names) if "truth" in table.columns else None
     prior_array = None if prior is None else np.asarray(prior, dtype=np.float64)
     return Evidence(values, truth, prior_array, onset_ms, step_ms), names  # type: ignore[arg-type]

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from bgmodel.tactile.grating import PERIODS_MM
 
+mpl.use("Agg")
 COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
 STYLE = Path(__file__).with_name("style.mplstyle")
 

@@ -154,7 +154,7 @@ def _standardise(features: int) -> Any:
     """Return a layer that subtracts a mean and divides by an sd, set once by ``set_scale``."""
     torch = import_torch()
 
-    class Standardise(torch.nn.Module):
+    class Standardise(torch.nn.Module):  # type: ignore[name-defined]
         def __init__(self) -> None:
             super().__init__()
             self.register_buffer("mean", torch.zeros(features))

@@ -68,7 +68,7 @@ class Taps:
                 displacement_mm=self.displacement_mm,
                 rest_mm=self.rest_mm,
                 about=np.array(json.dumps(about, sort_keys=True)),
-                **columns,
+                **columns,  # type: ignore[arg-type]
             )
         partial.replace(path)
         return path

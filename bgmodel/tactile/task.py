@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +21,19 @@ STEP_MS = 500.0
 class Task(Protocol):
     """A question about taps: which column answers it, and how taps become readings."""
 
-    names: tuple[str, ...]
-    yaws_deg: tuple[float, ...]
-    column: str
-    range_deg: tuple[float, float]
-    circular: bool
+    column: ClassVar[str]
+    range_deg: ClassVar[tuple[float, float]]
+    circular: ClassVar[bool]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the hypotheses."""
+        ...
+
+    @property
+    def yaws_deg(self) -> tuple[float, ...]:
+        """Yaws of the taps that the readings are made of."""
+        ...
 
     def readings(self, pool: Pool) -> list[FloatArray]:
         """Turn decoded angles, one array a yaw, into readings, one array a hypothesis."""
@@ -44,10 +52,10 @@ class SameDifferent:
     b_deg: float = 45.0
     """Yaw of grating B, degrees; Burguete, Griffith & Lepora 2023."""
 
-    names = ("S1", "S2")
-    column = "psi_deg"
-    range_deg = (-180.0, 180.0)
-    circular = False
+    names: ClassVar[tuple[str, ...]] = ("S1", "S2")
+    column: ClassVar[str] = "psi_deg"
+    range_deg: ClassVar[tuple[float, float]] = (-180.0, 180.0)
+    circular: ClassVar[bool] = False
 
     @property
     def yaws_deg(self) -> tuple[float, ...]:
@@ -68,9 +76,9 @@ class Orientations:
     count: int = 4
     """Number of orientations, 2 to 8."""
 
-    column = "orientation_deg"
-    range_deg = (-90.0, 90.0)
-    circular = True
+    column: ClassVar[str] = "orientation_deg"
+    range_deg: ClassVar[tuple[float, float]] = (-90.0, 90.0)
+    circular: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not 2 <= self.count <= 8:
