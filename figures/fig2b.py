@@ -55,7 +55,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         trajectories(axes[1], z, steps, GAP, color=colour, lw=0.7, alpha=0.8)
         axes[1].plot([], [], color=colour, label=f"S{truth + 1} ({'AA' if truth == 0 else 'AB'})")
     axes[1].axhline(0, color="0.8", lw=0.8, zorder=0)
-    axes[1].legend(loc="center right")
+    axes[1].legend(loc="upper right")
     letter(axes[1], f"evidence, {PERIOD_MM:g} mm, gap δ = {GAP:g} nats")
     return figure
 

@@ -55,7 +55,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         best = here.groupby("fold")["optimal_delta"].first()
         ax.axhspan(best.min(), best.max(), color="0.85", lw=0, zorder=0)
         ax.axhline(best.mean(), color="k", lw=0.8, ls=":")
-        inset = ax.inset_axes([0.55, 0.5 if period == 1.5 else 0.14, 0.4, 0.22])
+        inset = ax.inset_axes([0.55, 0.55 if period == 1.5 else 0.22, 0.4, 0.2])
         final = here.groupby(["start_delta", "fold", "repeat"])["regret"].first() * 100
         bins = np.linspace(-1, max(6, np.ceil(final.max())), 22)
         for start, fill in zip(STARTS, (True, False), strict=True):

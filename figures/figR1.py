@@ -72,16 +72,15 @@ def _score(settings, fitted, scored, difference: float, half: int) -> pd.DataFra
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw accuracy against mean taps; a thin line a half, a bold one their mean."""
+    """Draw accuracy against mean taps, a line for each half of the taps scored on."""
     table = read_table(data)
     figure, ax = plt.subplots(figsize=(4.2, 3.0))
     for i, difference in enumerate(DIFFERENCES_DEG):
         here = table[table["difference_deg"] == difference]
-        for _, half in here.groupby("half"):
-            speed_accuracy(ax, half["mean_steps"], half["accuracy"], color=f"C{i}", lw=0.6)
-        mean = here.groupby("delta")[["mean_steps", "accuracy"]].mean()
-        style = {"color": f"C{i}", "lw": 2, "label": f"{difference:g}°"}
-        speed_accuracy(ax, mean["mean_steps"], mean["accuracy"], **style)
+        for half, rows in here.groupby("half"):
+            style = {"color": f"C{i}", "ls": "-" if half else "--"}
+            style["label"] = f"{difference:g}°" if half else None
+            speed_accuracy(ax, rows["mean_steps"], rows["accuracy"], **style)
     sd = table["error_sd_deg"].iloc[0]
     ax.set(xlabel="mean decision time (taps of each interval)", ylim=(0.45, 1.02))
     ax.legend(title="edge yaw difference, between real taps (±0.5°)", loc="lower right", ncols=3)
