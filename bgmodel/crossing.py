@@ -3,6 +3,19 @@
 import numpy as np
 from numba import njit
 
+# Sums of readings that differ by less are equal, as in ``theory``: 0.1 + 0.2 reaches 0.3.
+ROUNDING = 1e-10
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _lowest(row):
+    """Return the index of the lowest output, the first of those that are equal."""
+    best = 0
+    for i in range(1, row.shape[0]):
+        if row[i] < row[best] - ROUNDING:
+            best = i
+    return best
+
 
 @njit(cache=True, nogil=True, inline="always")
 def cross_trial(out, first, order, level, tick, choice, margin, pointer):
@@ -20,7 +33,8 @@ def cross_trial(out, first, order, level, tick, choice, margin, pointer):
         for i in range(channels):
             value = out[t, i]
             p = pointer[i]
-            while p < count and (value < level[i, p] or (t >= first and value == level[i, p])):
+            slack = ROUNDING if t >= first else -ROUNDING
+            while p < count and value <= level[i, p] + slack:
                 k = order[i, p]
                 below = level[i, p] - value
                 if tick[k] < 0:
@@ -28,7 +42,7 @@ def cross_trial(out, first, order, level, tick, choice, margin, pointer):
                     choice[k] = i
                     margin[k] = below
                     open_ -= 1
-                elif tick[k] == t and below > margin[k]:
+                elif tick[k] == t and below > margin[k] + ROUNDING:
                     choice[k] = i
                     margin[k] = below
                 p += 1
@@ -36,7 +50,7 @@ def cross_trial(out, first, order, level, tick, choice, margin, pointer):
         if open_ == 0:
             break
     if open_ > 0:
-        lowest = np.argmin(out[ticks - 1])
+        lowest = _lowest(out[ticks - 1])
         for k in range(count):
             if tick[k] < 0:
                 choice[k] = lowest
@@ -47,7 +61,7 @@ def cross_all(out, first, order, level):
     """Return tick and choice (trials, K); tick -1 where the deadline was reached."""
     trials, count = out.shape[0], order.shape[1]
     tick = np.empty((trials, count), np.int32)
-    choice = np.empty((trials, count), np.int8)
+    choice = np.empty((trials, count), np.int16)
     margin = np.empty(count)
     pointer = np.empty(out.shape[2], np.int64)
     for n in range(trials):
@@ -56,13 +70,13 @@ def cross_all(out, first, order, level):
 
 
 @njit(cache=True, nogil=True)
-def tally_common(out, truth, first, level, steps_at):
-    """Return what ``tally_all`` does where all channels share thresholds, sorted from the highest.
+def tally_all(out, truth, first, level, steps_at):
+    """Return correct, steps and forced (K,), each summed over trials; thresholds from the highest.
 
     The lowest channel of a tick then decides for every threshold met at that tick, a run of
     neighbours, so sums are kept as differences between neighbours: a few operations a tick.
     """
-    trials, ticks, channels = out.shape
+    trials, ticks = out.shape[:2]
     count = level.shape[0]
     correct = np.zeros(count + 1, np.int64)
     steps = np.zeros(count + 1)
@@ -70,10 +84,11 @@ def tally_common(out, truth, first, level, steps_at):
     for n in range(trials):
         p = 0  # thresholds before p are met
         for t in range(ticks):
-            winner = np.argmin(out[n, t]) if channels > 2 else int(out[n, t, 1] < out[n, t, 0])
-            lowest = out[n, t, winner]
+            winner = _lowest(out[n, t])
+            slack = ROUNDING if t >= first else -ROUNDING
+            lowest = out[n, t, winner] - slack
             end = p
-            while end < count and (lowest < level[end] or (t >= first and lowest == level[end])):
+            while end < count and lowest <= level[end]:
                 end += 1
             if t == ticks - 1:  # the deadline: what is still open is forced
                 forced[end] += 1
@@ -103,32 +118,11 @@ def log_odds(log_likelihood, start, out):
 
 
 @njit(cache=True, nogil=True)
-def tally_all(out, truth, first, order, level, steps_at):
-    """Return correct, steps and forced, each summed over trials, (K,)."""
-    trials, count = out.shape[0], order.shape[1]
-    correct = np.zeros(count, np.int64)
-    steps = np.zeros(count)
-    forced = np.zeros(count, np.int64)
-    tick = np.empty(count, np.int32)
-    choice = np.empty(count, np.int8)
-    margin = np.empty(count)
-    pointer = np.empty(out.shape[2], np.int64)
-    for n in range(trials):
-        cross_trial(out[n], first, order, level, tick, choice, margin, pointer)
-        for k in range(count):
-            correct[k] += choice[k] == truth[n]
-            forced[k] += tick[k] < 0
-            # A tick of -1 indexes the last tick: the deadline.
-            steps[k] += steps_at[tick[k]]
-    return correct, steps, forced
-
-
-@njit(cache=True, nogil=True)
 def cross_each(out, first, levels):
     """Return tick and choice (trials,) where trial n has the threshold ``levels[n]``."""
     trials, _, channels = out.shape
     tick = np.empty((trials, 1), np.int32)
-    choice = np.empty((trials, 1), np.int8)
+    choice = np.empty((trials, 1), np.int16)
     margin = np.empty(1)
     pointer = np.empty(channels, np.int64)
     order = np.zeros((channels, 1), np.int64)

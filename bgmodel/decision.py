@@ -70,6 +70,7 @@ def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = Tr
     Response i is made when ``OUT_i <= threshold_i``; up to the onset of evidence only when
     ``OUT_i < threshold_i``, so a flat prior never decides by itself at a zero gap.  If several
     channels cross at one tick, the one furthest below its threshold wins, then the lowest index.
+    Differences below 1e-10 nats are rounding, and count as equality.
     A forced response at the end of the trace goes to the lowest output, then the lowest index.
 
     Parameters
@@ -162,17 +163,22 @@ def tally(trace: Trace, truth: npt.NDArray[np.integer] | None, thresholds: npt.A
         Output (trials, ticks, hypotheses) in nats.
     truth : int array (trials,)
         The true hypothesis of each trial.
-    thresholds : array (K,) or (K, hypotheses), nats
-        As in ``first_crossing``; responses are forced at the deadline.
+    thresholds : array (K,), nats
+        Each for all responses; responses are forced at the deadline.
+
+    Raises
+    ------
+    ValueError
+        If the truth is not known, or thresholds are not (K,) finite numbers.
     """
+    if np.ndim(thresholds) != 1:
+        raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
     if truth is None:
         raise ValueError("tally counts correct choices: it needs the truth of each trial")
-    order, level = _sorted_levels(np.atleast_1d(thresholds), trace.out_nats.shape[2])
+    order, level = _sorted_levels(thresholds, trace.out_nats.shape[2])
     steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
     out, truth, first = _contiguous(trace.out_nats), np.asarray(truth), _first_reading(trace)
-    if np.ndim(thresholds) == 2:
-        return Tally(len(out), *_compiled().tally_all(out, truth, first, order, level, steps_at))
-    sums = _compiled().tally_common(out, truth, first, level[0], steps_at)
+    sums = _compiled().tally_all(out, truth, first, level[0], steps_at)
     back = np.argsort(order[0])
     return Tally(len(out), *(values[back] for values in sums))
 
@@ -183,7 +189,7 @@ def _decision(trace: Trace, tick: np.ndarray, choice: np.ndarray, forced: bool) 
     relative_ms = trace.time_ms - trace.onset_ms
     time_ms = relative_ms[tick]
     if not forced:
-        choice = np.where(reached, choice, np.int8(UNDECIDED))
+        choice = np.where(reached, choice, np.int16(UNDECIDED))
         time_ms = np.where(reached, time_ms, np.nan)
     return Decision(
         choice,

@@ -277,7 +277,7 @@ def learn(
         baseline = baseline + max(learner.baseline_rate, 1 / (k + 1)) * (r - baseline)
         if k * learner.baseline_rate >= 1:
             rate = policy.pace * learner.rate / (1 + k / learner.half_episodes)
-            share = error / np.abs(scale)
+            share = error / np.maximum(np.abs(scale), 1.0)  # a reading is the least a trial costs
             parameters = policy.bounded(parameters + rate * share[:, None] * gradient)
         rewards[:, k], errors[:, k] = r, error
     return Learned(gap, mean_gap, rewards, errors, mean_gap[:, -learner.last :].mean(axis=1))

@@ -194,3 +194,28 @@ def test_a_batch_does_not_change_a_trial():
 def test_bad_input_gets_one_clear_sentence(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+def test_sums_equal_up_to_rounding_are_equal():
+    """Evidence of +-0.1 nats: bounds and ties are hit exactly, though floats miss them."""
+    from bgmodel.theory import Empirical, sprt
+
+    rng = stream(9, "rounding")
+    trials, steps = 40_000, 30
+    truth = np.arange(trials) % 2
+    x = np.where(rng.random((trials, steps)) < 0.6, 0.1, -0.1) * np.where(truth, 1, -1)[:, None]
+    evidence = Evidence(np.stack([np.minimum(-x, 0), np.minimum(x, 0)], axis=-1), truth)
+    deltas = np.array([0.4, 1.6, 4.0])
+    a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
+    b = first_crossing(Msprt().run(evidence), posterior_criterion(deltas))
+    assert (a.choice != b.choice).sum() + (a.time_ms != b.time_ms).sum() == 0
+    pair = Empirical([-0.1, 0.1], [0.6, 0.4]), Empirical([-0.1, 0.1], [0.4, 0.6])
+    exact = sprt(*pair, deltas, t_max=steps)
+    error = (a.steps.mean(axis=1) - exact.mean_steps) / (a.steps.std(axis=1) / np.sqrt(trials))
+    assert np.abs(error).max() < 4
+
+
+def test_more_hypotheses_than_a_byte_holds():
+    out = np.ones((1, 2, 200))
+    out[0, 1, 190] = -1
+    assert first_crossing(Trace(out, np.array([0.0, 1.0])), 0.0).choice[0] == 190

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.tactile.camera import marker_pixels, render
-from bgmodel.tactile.library import contact_library, with_mirror_images
+from bgmodel.tactile.library import Library, contact_library, with_mirror_images
 from bgmodel.tactile.pressing import LibraryPlan, press
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
 from bgmodel.tactile.skin import Skin
@@ -84,6 +84,8 @@ def test_every_parameter_is_in_the_name():
         "phases": 4,
         "forces_n": (1.0, 2.0),
         "side_mm": 16.0,
+        "field_side_mm": 64.0,
+        "kept_mm": 32.0,
     }
     for field in dataclasses.fields(TINY):
         value = changed.get(field.name) or getattr(TINY, field.name) / 2
@@ -126,12 +128,12 @@ def test_interface_under_a_small_contact():
     plan = dataclasses.replace(
         PLAN, skin=body, radius_mm=2.0, forces_n=(load, 2 * load), dx_mm=0.125, stored_dx_mm=0.25
     )
-    fields, place = press(plan, 0.0, 0.0)[0], (np.arange(128) - 63.5) * 0.25
-    x, y = place[60:78, None], place[None, 64:72]
+    fields, place = press(plan, 0.0, 0.0)[0], (np.arange(144) - 71.5) * 0.25
+    x, y = place[68:86, None], place[None, 72:80]
     distance = np.sqrt(x**2 + y**2 + 1)
     outwards = load / (4 * np.pi * shear) / distance**3
     down = load / (4 * np.pi * shear) * (1 / distance + 1 / distance**3)
-    near = fields[60:78, 64:72]
+    near = fields[68:86, 72:80]
     assert near[..., 0] == pytest.approx(x * outwards, abs=0.02 * (x * outwards).max())
     assert near[..., 1] == pytest.approx(y * outwards, abs=0.02 * (x * outwards).max())
     # Up to a constant: the mean displacement of a periodic surface is zero.
@@ -141,10 +143,32 @@ def test_interface_under_a_small_contact():
 
 def test_field_passes_through_the_stored_values(library):
     cells = np.stack(np.meshgrid([5, 30, 31, 40], [20, 32, 63], indexing="ij"), axis=-1)
-    points = (cells.reshape(1, -1, 2) + 0.5) * 0.5 - 16
+    points = (cells.reshape(1, -1, 2) + 0.5) * 0.5 - 18
     given = library.sample(2.0, np.array([2 / 8]), np.array([1.5]), points, 0.0)
-    stored = library.fields[2.0][2, 1][cells[..., 0], cells[..., 1]].reshape(1, -1, 3)
+    stored = library.fields[2.0][2, 1][cells[..., 0], cells[..., 1], :3].reshape(1, -1, 3)
     assert given == pytest.approx(stored, abs=1e-6)
+
+
+def test_pins_beyond_the_field_are_refused(library):
+    with pytest.raises(ValueError, match=r"allows 17 mm"):
+        noiseless(one_tap(), Tip(pitch_mm=2.0), library)
+
+
+def test_smooth_plate_does_not_tell_its_yaw():
+    """A smooth plate has no orientation; images of a periodic square nearby would give it one."""
+
+    def rms_um(side):
+        plan = LibraryPlan(periods_mm=(0.0,), field_side_mm=side)
+        smooth = Library(plan, {0.0: press(plan, 0.0, 0.0)[None]})
+        size = [
+            np.linalg.norm(noiseless(one_tap(period_mm=0.0, yaw_deg=yaw), Tip(), smooth)[0], axis=1)
+            for yaw in (0, 45)
+        ]
+        return 1000 * np.sqrt(np.mean((size[0] - size[1]) ** 2))
+
+    # A hundredth of the marker noise; at 36 mm, the control, more than a third.
+    assert rms_um(LibraryPlan().field_side_mm) < 0.12
+    assert rms_um(36.0) > 3
 
 
 # --- pins ------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import platformdirs
 from numpy.typing import NDArray
+from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
 from bgmodel.tactile import sampling
@@ -29,8 +30,9 @@ Singles = NDArray[np.float32]
 class Library:
     """Displacements of the skin/gel interface for each period, phase and force.
 
-    `fields` maps a period to (solved phases, forces, n, n, 3) single floats, mm: lateral x,
-    lateral y, and depth (into the body), with x across the bars and the apex at the middle.
+    `fields` maps a period to (solved phases, forces, n, n, 5) single floats: lateral x,
+    lateral y, depth (into the body), mm, and the slopes of depth along x and y, with x across the
+    bars and the apex at the middle.
     """
 
     plan: LibraryPlan
@@ -60,7 +62,8 @@ class Library:
         Raises
         ------
         ValueError
-            The period is not in the library or a force is outside its range.
+            The period is not in the library, a force is outside its range, or a point outside
+            the field that is kept.
         """
         if period_mm not in self.fields:
             raise ValueError(f"period_mm: got {period_mm:g}, the library has {sorted(self.fields)}")
@@ -75,7 +78,13 @@ class Library:
         by_phase = sampling.phase_weights(phase, self.plan.phases if period_mm > 0 else 1)
         by_force = sampling.node_weights(forces, self.plan.forces_n)
         weights = (by_phase[:, :, None] * by_force[:, None, :]).reshape(len(forces), -1)
-        cells = (points_mm + self.plan.side_mm / 2) / self.plan.stored_dx_mm - 0.5
+        reach = self.plan.kept_mm / 2 - 2 * self.plan.stored_dx_mm
+        if (farthest := np.abs(points_mm).max(initial=0.0)) > reach:
+            raise ValueError(
+                f"pins: got one {farthest:.1f} mm from the apex along an axis of the grating, the "
+                f"library's field allows {reach:g} mm (kept_mm)"
+            )
+        cells = (points_mm + self.plan.kept_mm / 2) / self.plan.stored_dx_mm - 0.5
         out = np.empty((*points_mm.shape[:2], 3), dtype=np.float32)
         sampling.gather(splines, cells, weights.astype(np.float32), out)
         return out
@@ -87,21 +96,22 @@ class Library:
             half = np.moveaxis(self.fields[period_mm], -1, 0).astype(float)
             if period_mm > 0:
                 half = with_mirror_images(half, self.plan.phases)
-            x, y, depth = half
-            slope_x, slope_y = sampling.slopes(depth, self.plan.stored_dx_mm)
+            x, y, depth, slope_x, slope_y = half
             tips = np.stack([x - pin_mm * slope_x, y - pin_mm * slope_y, depth])
-            splines = sampling.spline_coefficients(tips).reshape(-1, *depth.shape[-2:])
+            for axis in (-2, -1):
+                tips = spline_filter1d(tips, axis=axis, mode="mirror")
+            splines = tips.reshape(-1, *depth.shape[-2:])
             self._splines[key] = np.ascontiguousarray(splines.transpose(1, 2, 0), np.float32)
         return self._splines[key]
 
 
 def with_mirror_images(half: NDArray, phases: int) -> NDArray:
-    """All phases (3, phases, ...) from those up to half a period (3, phases // 2 + 1, ...).
+    """All phases (5, phases, ...) from those up to half a period (5, phases // 2 + 1, ...).
 
     A grating at phase -f is the one at phase f seen in a mirror, x to -x.
     """
     image = half[:, 1 : (phases + 1) // 2][:, ::-1, :, ::-1]
-    return np.concatenate([half, image * np.reshape([-1, 1, 1], (3, 1, 1, 1, 1))], axis=1)
+    return np.concatenate([half, image * np.reshape([-1, 1, 1, -1, 1], (5, 1, 1, 1, 1))], axis=1)
 
 
 def contact_library(
@@ -183,7 +193,7 @@ def _save(path: Path, plan: LibraryPlan, fields: dict[float, Singles]) -> None:
 
 def _load(path: Path, plan: LibraryPlan) -> dict[float, Singles] | None:
     """Read the fields, or None where the file is missing, damaged or of another plan."""
-    n = round(plan.side_mm / plan.stored_dx_mm)
+    n = plan.stored_cells
     try:
         with np.load(path, allow_pickle=False) as stored:
             if str(stored["parameters"]) != plan.parameters():
@@ -191,5 +201,5 @@ def _load(path: Path, plan: LibraryPlan) -> dict[float, Singles] | None:
             fields = {p: stored[f"period_{p:g}"] for p in plan.periods_mm}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
-    shapes = {p: (plan.solved_phases(p), len(plan.forces_n), n, n, 3) for p in plan.periods_mm}
+    shapes = {p: (plan.solved_phases(p), len(plan.forces_n), n, n, 5) for p in plan.periods_mm}
     return fields if all(fields[p].shape == shapes[p] for p in shapes) else None

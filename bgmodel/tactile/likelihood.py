@@ -12,8 +12,9 @@ import pandas as pd
 
 Kind = Literal["kde", "t"]
 FloatArray = npt.NDArray[np.float64]
-# So many readings a hypothesis are enough for one shrinkage or three parameters of a t density.
-T_SAMPLES = 4000
+# So many readings a hypothesis are enough for one shrinkage, three parameters, a density.
+SHRINK_SAMPLES = 4000
+FISHRINK_SAMPLES = 1500
 KDE_SAMPLES = 100_000
 
 
@@ -262,7 +263,7 @@ def _silverman(x: FloatArray, period: float | None, taps: int) -> float:
 def _log_t(x: FloatArray, grid: FloatArray, period: float | None) -> FloatArray:
     from scipy.stats import t
 
-    some = _thinned(x)
+    some = _thinned(x, FISHRINK_SAMPLES)
     centre = 0.0 if period is None else _circular_mean(some, period)
     if period is not None:
         some = np.mod(some - centre + period / 2, period) - period / 2
@@ -274,7 +275,7 @@ def _log_t(x: FloatArray, grid: FloatArray, period: float | None) -> FloatArray:
     return np.log(t.pdf(offset + turns, df, loc, scale).sum(axis=0))
 
 
-def _thinned(x: FloatArray, most: int = T_SAMPLES) -> FloatArray:
+def _thinned(x: FloatArray, most: int = SHRINK_SAMPLES) -> FloatArray:
     # A prime stride, since readings that are pairs of taps come in rows of equal length.
     return x if len(x) <= most else x[(np.arange(most) * 7919) % len(x)]
 

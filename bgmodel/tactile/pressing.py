@@ -4,6 +4,7 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
 from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.skin import Skin, response
 
-_FORMAT = 1  # raise it when the numbers or their layout change: older files are then left alone
+_FORMAT = 2  # raise it when the numbers or their layout change: older files are then left alone
 Floats = NDArray[np.float64]
 
 
@@ -34,7 +35,12 @@ class LibraryPlan:
     forces_n: tuple[float, ...] = (1.2, 1.5, 1.8)
     """Forces, N, interpolated by a polynomial; assumed, error below the marker noise."""
     side_mm: float = 32.0
-    """Side of the periodic square that is solved, mm; assumed."""
+    """Side of the periodic square in which the contact is solved, mm; assumed."""
+    field_side_mm: float = 96.0
+    """Side of the periodic square in which the contact's field is found, mm; assumed: the images
+    of a nearer square would tell its orientation to the outer pins."""
+    kept_mm: float = 36.0
+    """Side of the square of the field that is kept, mm: where pins can stand; assumed."""
     dx_mm: float = 0.125
     """Side of a cell in the contact solve, mm; assumed."""
     stored_dx_mm: float = 0.25
@@ -45,7 +51,8 @@ class LibraryPlan:
     def __post_init__(self) -> None:
         for name in ("periods_mm", "forces_n"):  # lists are welcome, but a plan is a key
             object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
-        for name in ("radius_mm", "depth_mm", "side_mm", "dx_mm", "stored_dx_mm", "tol"):
+        sides = ("side_mm", "field_side_mm", "kept_mm")
+        for name in ("radius_mm", "depth_mm", *sides, "dx_mm", "stored_dx_mm", "tol"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise ValueError(f"LibraryPlan.{name}: got {value!r}, must be finite and above 0")
@@ -56,13 +63,19 @@ class LibraryPlan:
                 f"LibraryPlan.forces_n: got {self.forces_n!r}, "
                 "must be two or more forces above 0, increasing"
             )
-        for name in ("dx_mm", "stored_dx_mm"):
-            cells = self.side_mm / 2 / getattr(self, name)
+        if self.field_side_mm < max(self.side_mm, self.kept_mm):
+            raise ValueError(
+                f"LibraryPlan.field_side_mm: got {self.field_side_mm!r}, must be at least "
+                f"side_mm = {self.side_mm:g} and kept_mm = {self.kept_mm:g}"
+            )
+        for side, name in product(sides, ("dx_mm", "stored_dx_mm")):
+            side_mm = getattr(self, side)
+            cells = side_mm / 2 / getattr(self, name)
             if abs(cells - round(cells)) > 1e-9 or self.stored_dx_mm < self.dx_mm:
                 raise ValueError(
                     f"LibraryPlan.{name}: got dx_mm = {self.dx_mm!r} and stored_dx_mm = "
-                    f"{self.stored_dx_mm!r}, must both divide half of side_mm = "
-                    f"{self.side_mm:g}, the stored one not the smaller"
+                    f"{self.stored_dx_mm!r}, must both divide half of a side of "
+                    f"{side} = {side_mm:g}, the stored one not the smaller"
                 )
         for period in self.periods_mm:
             Grating(period).half_period_cells(self.dx_mm)
@@ -77,6 +90,11 @@ class LibraryPlan:
         # Read back with every number a float: 20 and 20.0 are equal, and so are their plans.
         numbers = json.loads(json.dumps(asdict(self)), parse_int=float)
         return json.dumps({"format": _FORMAT, **numbers}, sort_keys=True)
+
+    @property
+    def stored_cells(self) -> int:
+        """Number of stored cells along a side."""
+        return round(self.kept_mm / self.stored_dx_mm)
 
     def solved_phases(self, period_mm: float) -> int:
         """Count of phases that are solved: the others are mirror images."""
@@ -95,9 +113,9 @@ def press(plan: LibraryPlan, period_mm: float, phase: float) -> NDArray[np.float
 
     Returns
     -------
-    ndarray, (forces, n, n, 3)
-        Lateral x (across the bars) and y, and depth (into the body), mm, on cells of
-        ``stored_dx_mm`` with the apex at the middle.
+    ndarray, (forces, n, n, 5)
+        Lateral x (across the bars) and y, and depth (into the body), mm, and the slopes of depth
+        along x and y, on cells of ``stored_dx_mm`` with the apex at the middle.
     """
     cells, dx = round(plan.side_mm / plan.dx_mm), plan.dx_mm
     groove, apex = Grating(period_mm, plan.depth_mm, phase).on_grid(cells, dx)
@@ -130,25 +148,36 @@ def _compliance(plan: LibraryPlan) -> Floats:
 
 @lru_cache(maxsize=4)
 def _transfers(plan: LibraryPlan) -> NDArray[np.complex128]:
-    """Lateral x, y and depth at the interface for a unit pressure wave, (3, n, n), mm/MPa."""
-    n = round(plan.side_mm / plan.stored_dx_mm)
-    along = 2 * np.pi * fft.fftfreq(n, plan.stored_dx_mm)
-    k = np.hypot(along[:, None], along)
+    """Lateral x, y, depth and its slopes for a unit pressure wave, (5, n, n // 2 + 1), per MPa."""
+    n = round(plan.field_side_mm / plan.stored_dx_mm)
+    x, y = _frequencies(n, plan.stored_dx_mm)
+    k = np.hypot(x, y)
     waves = response(plan.skin, k)
     lateral = 1j * waves.interface_lateral / np.where(k > 0, k, 1.0)
-    transfers = np.stack([along[:, None] * lateral, along * lateral, waves.interface_depth + 0j])
+    depth = waves.interface_depth
+    transfers = np.stack([x * lateral, y * lateral, depth + 0j, 1j * x * depth, 1j * y * depth])
     # The highest frequency has no sign; the skin leaves nothing of it.
     transfers[:, n // 2], transfers[:, :, n // 2] = 0.0, 0.0
     return transfers
 
 
+def _frequencies(n: int, dx_mm: float) -> tuple[Floats, Floats]:
+    """Angular frequencies along x (n, 1) and y (n // 2 + 1,) of a real transform, per mm."""
+    return 2 * np.pi * fft.fftfreq(n, dx_mm)[:, None], 2 * np.pi * fft.rfftfreq(n, dx_mm)
+
+
 def _interface(plan: LibraryPlan, pressure_mpa: Floats, apex_mm: float) -> Floats:
-    """Displacements (n, n, 3) under a pressure, on the stored cells centred on the apex."""
-    fine, n = len(pressure_mpa), round(plan.side_mm / plan.stored_dx_mm)
+    """Fields (n, n, 5) under a pressure, on the stored cells centred on the apex."""
+    beside = round((plan.field_side_mm - plan.side_mm) / plan.dx_mm / 2)
+    pressure_mpa = np.pad(pressure_mpa, beside)
+    fine, n = len(pressure_mpa), round(plan.field_side_mm / plan.stored_dx_mm)
     kept = np.round(fft.fftfreq(n) * n).astype(int)
-    spectrum = fft.fft2(pressure_mpa)[np.ix_(kept, kept)] * (n / fine) ** 2
+    spectrum = fft.rfft2(pressure_mpa)[kept, : n // 2 + 1] * (n / fine) ** 2
     # The middle of the first stored cell is not that of the first fine cell.
-    along = 2 * np.pi * fft.fftfreq(n, plan.stored_dx_mm)
+    x, y = _frequencies(n, plan.stored_dx_mm)
     offset = (plan.stored_dx_mm - plan.dx_mm) / 2
-    spectrum *= np.exp(1j * along * (offset + apex_mm))[:, None] * np.exp(1j * along * offset)
-    return np.moveaxis(fft.ifft2(spectrum * _transfers(plan)).real, 0, -1)
+    spectrum *= np.exp(1j * x * (offset + apex_mm)) * np.exp(1j * y * offset)
+    first = (n - plan.stored_cells) // 2
+    middle = slice(first, first + plan.stored_cells)
+    fields = fft.irfft2(spectrum * _transfers(plan), s=(n, n))[:, middle, middle]
+    return np.moveaxis(fields, 0, -1)

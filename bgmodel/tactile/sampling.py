@@ -3,7 +3,6 @@
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy import fft
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -34,31 +33,11 @@ def node_weights(value: Floats, nodes: tuple[float, ...]) -> Floats:
     return weights
 
 
-def slopes(fields: NDArray, dx_mm: float) -> tuple[NDArray, NDArray]:
-    """Differentiate periodic fields (..., n, n) along x and y, per mm."""
-    n = fields.shape[-1]
-    k = 2 * np.pi * fft.fftfreq(n, dx_mm)
-    k[n // 2] = 0.0  # the sign of the highest frequency is undefined
-    along_x, along_y = 1j * k[:, None], 1j * k[: n // 2 + 1]
-    spectrum = fft.rfft2(fields)
-    return (
-        fft.irfft2(spectrum * along_x, s=(n, n)),
-        fft.irfft2(spectrum * along_y, s=(n, n)),
-    )
-
-
-def spline_coefficients(fields: NDArray) -> NDArray:
-    """Cubic B-spline coefficients of periodic fields (..., n, n): they pass through the values."""
-    n = fields.shape[-1]
-    gain = (2 + np.cos(2 * np.pi * fft.fftfreq(n))) / 3
-    return fft.irfft2(fft.rfft2(fields) / (gain[:, None] * gain[: n // 2 + 1]), s=(n, n))
-
-
 @njit(cache=True)
 def gather(
     coefficients: Singles, points: Floats, weights: Singles, out: Singles
 ) -> None:  # pragma: no cover - compiled
-    """Evaluate periodic cubic splines at points, blended by weights.
+    """Evaluate cubic splines at points well inside their grid, blended by weights.
 
     Parameters
     ----------
@@ -71,7 +50,6 @@ def gather(
     out : ndarray, (taps, pins, values)
         Overwritten.
     """
-    n = coefficients.shape[0]
     width = coefficients.shape[2]
     blends = weights.shape[1]
     along = np.empty((2, 4), np.float32)
@@ -91,7 +69,7 @@ def gather(
             for i in range(4):
                 for j in range(4):
                     share = along[0, i] * along[1, j]
-                    row = coefficients[(cell[0] + i - 1) % n, (cell[1] + j - 1) % n]
+                    row = coefficients[cell[0] + i - 1, cell[1] + j - 1]
                     for c in range(width):
                         sums[c] += share * row[c]
             for value in range(out.shape[2]):
