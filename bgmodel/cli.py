@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +13,7 @@ import numpy as np
 import tyro
 from tyro.conf import Positional
 
-from bgmodel import tables
+from bgmodel import files, tables
 from bgmodel.decision import first_crossing
 from bgmodel.learning import BernoulliPolicy, GaussianPolicy, Learner
 from bgmodel.seeds import stream
@@ -55,7 +55,7 @@ class Simulate:
 
         _whole(taps=self.taps, workers=self.workers)
         _ending(self.output, ".npz")
-        tables.check_writable(self.output.parent)
+        files.check_writable(self.output.parent)
         rng = stream(self.seed, "simulate")
         periods = np.repeat(self.periods_mm, self.taps)
         count = len(periods)
@@ -65,7 +65,7 @@ class Simulate:
         taps = simulate(
             periods, yaw, rng=rng, tip=self.tip, nuisance=self.nuisance, library=library
         )
-        about = tables.provenance(
+        about = files.provenance(
             self.seed, tip=self.tip, skin=self.skin, nuisance=self.nuisance, taps=self.taps
         )
         taps.save(self.output, about)
@@ -97,7 +97,7 @@ class Train:
         from bgmodel.tactile.decoder import EDGE, train
 
         _ending(self.output, ".safetensors")
-        tables.check_writable(self.output.parent)
+        files.check_writable(self.output.parent)
         training = EDGE if self.edge else self.training
         taps, about = _taps(self.taps, self.mm_per_px)
         decoder = train(taps, seed=self.seed, training=training, about={"taps": about})
@@ -127,13 +127,13 @@ class Decode:
         from bgmodel.tactile.decoder import Decoder
 
         _ending(self.output, ".parquet", ".csv")
-        tables.check_writable(self.output.parent)
+        files.check_writable(self.output.parent)
         decoder = Decoder.load(self.decoder)
         taps, about = _taps(self.taps, self.mm_per_px, rest=decoder.rest_mm)
         table = taps.labels.assign(**decoder.decode(taps))
         if "image" in table:
             table["image"] = table["image"].map(lambda path: Path(path).name)
-        tables.write_table(table, self.output, taps=about, decoder=decoder.about)
+        files.write_table(table, self.output, taps=about, decoder=decoder.about)
         print(f"{len(table)} taps decoded -> {self.output}")
 
 
@@ -170,6 +170,10 @@ class Decide:
     """Tactile trials."""
     t_max: int = 30
     """Most readings in a tactile trial."""
+    step_ms: float = 500.0
+    """Time between readings, ms; assumed."""
+    onset_ms: float = 0.0
+    """Time from the start of a trial of your own table to the onset of evidence, ms."""
     forced: bool = True
     """Whether the deadline forces a response."""
     density: Density = field(default_factory=Density)
@@ -178,33 +182,52 @@ class Decide:
     def __call__(self) -> None:
         """Run the command."""
         _ending(self.output, ".parquet", ".csv")
-        tables.check_writable(self.output.parent)
-        test, threshold, model = self._test()
+        files.check_writable(self.output.parent)
+        self._check()
         evidence, names = self._evidence()
+        test, threshold, model = self._test(evidence.hypotheses)
         decision = first_crossing(test.run(evidence), threshold, forced=self.forced)
         table = tables.trial_table(decision, evidence, seed=self.seed, model=model, names=names)
-        tables.write_table(table, self.output, seed=self.seed, command=self)
-        accuracy = table["correct"].mean() if evidence.truth is not None else float("nan")
+        files.write_table(table, self.output, seed=self.seed, command=_asked(self))
+        known = evidence.truth is not None
+        accuracy = f"accuracy {table['correct'].mean():.3f}" if known else "no truth given"
         print(
-            f"{len(table)} trials, accuracy {accuracy:.3f}, mean readings "
-            f"{np.nanmean(decision.steps):.2f}, undecided {table['undecided'].sum()} "
-            f"-> {self.output}"
+            f"{len(table)} trials, {accuracy}, mean readings {np.nanmean(decision.steps):.2f}, "
+            f"undecided {table['undecided'].sum()} -> {self.output}"
         )
 
-    def _test(self) -> tuple[Sprt | Msprt, float, str]:
-        if self.posterior is None:
-            gap = 4.0 if self.delta is None else self.delta
-            return Sprt(), float(threshold_from_gap(gap)), f"sprt delta={gap:g}"
-        if self.delta is not None or not 0 < self.posterior < 1:
-            raise ValueError(
-                "posterior must lie between 0 and 1 and replaces delta, got "
-                f"posterior {self.posterior} and delta {self.delta}"
-            )
-        return Msprt(), float(-np.log(self.posterior)), f"msprt posterior={self.posterior:g}"
+    def _check(self) -> None:
+        """Refuse what contradicts itself, before long work starts."""
+        if self.posterior is not None and not 0 < self.posterior < 1:
+            raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
+        if self.posterior is not None and self.delta is not None:
+            raise ValueError("delta and posterior are two ways to say one thing: give one of them")
+        threshold_from_gap(0.0 if self.delta is None else self.delta)
+        if self.evidence is None:
+            return
+        default = Decide(self.output)
+        for name in ("task", "orientations", "period_mm", "fold", "trials", "t_max", "density"):
+            if getattr(self, name) != getattr(default, name):
+                raise ValueError(
+                    f"{name} is for tactile evidence, it says nothing about {str(self.evidence)!r}"
+                )
+
+    def _test(self, hypotheses: int) -> tuple[Sprt | Msprt, float, str]:
+        if self.posterior is not None:
+            return Msprt(), float(-np.log(self.posterior)), f"msprt posterior={self.posterior:g}"
+        if hypotheses != 2:
+            raise ValueError(f"a gap is for 2 hypotheses: with {hypotheses}, give --posterior")
+        gap = 4.0 if self.delta is None else self.delta
+        return Sprt(), float(threshold_from_gap(gap)), f"sprt delta={gap:g}"
 
     def _evidence(self):
         if self.evidence is not None:
-            return tables.evidence_from_table(tables.read_table(self.evidence), prior=self.prior)
+            return tables.evidence_from_table(
+                files.read_table(self.evidence),
+                prior=self.prior,
+                onset_ms=self.onset_ms,
+                step_ms=self.step_ms,
+            )
         from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source
 
         same = self.task == "same-different"
@@ -213,7 +236,9 @@ class Decide:
             held_out_taps(), task, period_mm=self.period_mm, fold=self.fold, density=self.density
         )
         rng = stream(self.seed, "decide")
-        drawn = readings.draw(self.trials, self.t_max, rng=rng, prior=self.prior)
+        drawn = readings.draw(
+            self.trials, self.t_max, rng=rng, prior=self.prior, step_ms=self.step_ms
+        )
         return drawn, list(task.names)
 
 
@@ -248,7 +273,7 @@ class Learn:
         from bgmodel.study import learn_grating
 
         _ending(self.output, ".parquet", ".csv")
-        tables.check_writable(self.output.parent)
+        files.check_writable(self.output.parent)
         _whole(runs=self.runs, t_max=self.t_max)
         policy = GaussianPolicy() if self.policy == "gaussian" else BernoulliPolicy()
         table, summary = learn_grating(
@@ -262,7 +287,7 @@ class Learn:
             learner=self.learner,
             seed=self.seed,
         )
-        tables.write_table(table, self.output, seed=self.seed, command=self, summary=summary)
+        files.write_table(table, self.output, seed=self.seed, command=_asked(self), summary=summary)
         learned = np.asarray(summary["learned_delta"])
         print(
             f"learned delta {learned.mean():.2f} (sd {learned.std():.2f} over {self.runs} runs), "
@@ -299,6 +324,10 @@ class Figures:
         except ImportError as error:
             raise ImportError('figures need Snakemake: pip install "bgmodel[figures]"') from error
         found = find_recordings(self.recordings)
+        if found is None:
+            print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
+            if "figR1" in self.targets:
+                raise ValueError("figR1 needs recordings: --recordings or BGMODEL_RECORDINGS")
         command = [sys.executable, "-m", "snakemake", "-s", "figures/Snakefile"]
         command += ["--cores", str(self.cores), "--rerun-incomplete"]
         command += ["--quiet", "rules", "host", "reason"]
@@ -308,6 +337,7 @@ class Figures:
             raise SystemExit(done.returncode)
 
 
+ABOUT = "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw."
 COMMANDS = (Simulate, Train, Decode, Decide, Learn, Figures)
 
 
@@ -315,7 +345,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run ``bgmodel``; errors of use are one sentence on stderr, with exit status 2."""
     names: Any = {kind.__name__.lower(): kind for kind in COMMANDS}
     command: Callable[[], None] = tyro.extras.subcommand_cli_from_dict(
-        names, prog="bgmodel", description=__doc__, args=arguments
+        names, prog="bgmodel", description=ABOUT, args=arguments
     )
     try:
         command()
@@ -340,6 +370,12 @@ def _taps(path: Path, mm_per_px: float | None, rest: np.ndarray | None = None):
 
     taps = read_taps(path, mm_per_px=mm_per_px, rest=rest)
     return taps, {"recordings": path.name, "mm_per_px": mm_per_px}
+
+
+def _asked(command: Any) -> dict[str, Any]:
+    """Return a command's options but for where its result goes."""
+    options = {field.name: getattr(command, field.name) for field in fields(command)}
+    return {name: value for name, value in options.items() if name != "output"}
 
 
 def _ending(path: Path, *allowed: str) -> None:

@@ -329,18 +329,3 @@ def smoothed(curve: FloatArray, window: int) -> FloatArray:
 def _check_xi(xi: float) -> None:
     if not (np.isfinite(xi) and xi > 0):
         raise ValueError(f"xi must be > 0 readings, got {xi}")
-
-
-__all__ = [
-    "BernoulliPolicy",
-    "Environment",
-    "GaussianPolicy",
-    "Learned",
-    "Learner",
-    "exhaustive_search",
-    "learn",
-    "mean_reward",
-    "reward",
-    "smoothed",
-    "trials_of",
-]

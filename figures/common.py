@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from bgmodel.files import replacing
 from bgmodel.tactile.grating import PERIODS_MM
 
 mpl.use("Agg")
@@ -84,10 +84,8 @@ def run(**steps: Callable[..., Any]) -> None:
 def save(figure: Figure, path: Path) -> None:
     """Write a picture as PNG and PDF, whole or not at all, with no time stamp inside."""
     for ending, metadata in ((".pdf", {"CreationDate": None}), (".png", {"Software": None})):
-        final = path.with_suffix(ending)
-        partial = final.with_name("partial-" + final.name)
-        figure.savefig(partial, metadata=metadata)
-        os.replace(partial, final)
+        with replacing(path.with_suffix(ending)) as partial:
+            figure.savefig(partial, metadata=metadata)
     plt.close(figure)
 
 

@@ -10,9 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import Sprt, first_crossing, stream, threshold_from_gap
+from bgmodel.files import read_table, write_table
 from bgmodel.plots import trajectories
 from bgmodel.study import fold_sources
-from bgmodel.tables import read_table, write_table
 from figures.common import Settings, letter, run
 
 PERIOD_MM, GAP, SHOWN = 2.0, 4.0, 24

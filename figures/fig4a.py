@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import t
 
+from bgmodel.files import read_table
 from bgmodel.plots import accuracy_axis
-from bgmodel.tables import read_table
 from figures.common import Settings, run
 
 GAPS = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0)

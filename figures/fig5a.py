@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from bgmodel.files import read_table, write_table
 from bgmodel.plots import acquisition
 from bgmodel.study import learn_folds
-from bgmodel.tables import read_table, write_table
 from figures.common import COLOUR, Settings, letter, run
 
 STARTS = (0.5, 7.5)

@@ -9,21 +9,20 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from bgmodel.files import read_table, write_table
 from bgmodel.study import fold_sources, increments
-from bgmodel.tables import read_table, write_table
 from bgmodel.theory import sprt
 from figures.common import COLOUR, Settings, letter, run
-
-GAPS = np.linspace(0, 8, 161)
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     """Find the exact optimum of every fold at many costs of an error."""
     table = read_table(taps)
+    gaps = np.linspace(0, 8, 2 * len(settings.deltas) - 1)
     rows = []
     for period in COLOUR:
         for fold, readings in enumerate(fold_sources(table, period)):
-            test = sprt(*increments(readings), GAPS, t_max=settings.t_max)
+            test = sprt(*increments(readings), gaps, t_max=settings.t_max)
             for xi in np.geomspace(5, 500, 25):
                 costs = xi * test.error_rate + test.mean_steps
                 best = int(np.argmin(costs))
@@ -32,7 +31,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
                         "period_mm": period,
                         "fold": fold,
                         "xi": xi,
-                        "optimal_delta": GAPS[best],
+                        "optimal_delta": gaps[best],
                         "cost": costs[best],
                         "accuracy": 1 - test.error_rate[best],
                         "mean_steps": test.mean_steps[best],

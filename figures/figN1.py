@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import Msprt, stream, tally
+from bgmodel.files import read_table, write_table
 from bgmodel.plots import speed_accuracy
-from bgmodel.tables import read_table, write_table
 from bgmodel.tactile.task import FOLDS, Orientations, source
 from figures.common import Settings, letter, run
 

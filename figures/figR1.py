@@ -10,9 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
+from bgmodel.files import read_table, write_table
 from bgmodel.learning import exhaustive_search
 from bgmodel.plots import speed_accuracy
-from bgmodel.tables import read_table, write_table
 from bgmodel.tactile.decoder import EDGE, train
 from bgmodel.tactile.likelihood import fit_likelihood
 from bgmodel.tactile.networks import wrapped

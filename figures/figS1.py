@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from bgmodel.files import read_table, write_table
 from bgmodel.plots import reliability
 from bgmodel.study import fold_sources
-from bgmodel.tables import read_table, write_table
 from bgmodel.tactile.likelihood import Density, calibration
 from figures.common import Settings, letter, run
 

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.cli import COMMANDS, main
-from bgmodel.tables import read_provenance, read_table
+from bgmodel.files import read_provenance, read_table
 
 
 def run(*arguments):
@@ -70,6 +70,12 @@ def test_learn(tmp_path, capsys):
         (["decide", "out.xlsx"], "output must end in .parquet or .csv"),
         (["decide", "out.csv", "--delta", "-1"], "delta must be finite and >= 0"),
         (["decide", "out.csv", "--posterior", "1.5"], "posterior must lie between 0 and 1"),
+        (["decide", "out.csv", "--posterior", ".9", "--delta", "1"], "give one of them"),
+        (
+            ["decide", "out.csv", "--task", "orientation", "--delta", "1"],
+            "with 4, give --posterior",
+        ),
+        (["decide", "out.csv", "--evidence", "x.csv", "--fold", "3"], "fold is for tactile"),
         (["decide", "out.csv", "--evidence", "absent.csv"], "there is no table"),
         (["decide", "out.csv", "--prior", "0.5", "0.6"], "prior must sum to 1"),
         (["decide", "out.csv", "--period-mm", "7"], "period_mm must be one of"),

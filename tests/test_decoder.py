@@ -53,7 +53,7 @@ def test_a_stored_decoder_is_the_decoder(decoder, tmp_path):
     assert np.array_equal(back.decode(taps)["psi_deg"], decoder.decode(taps)["psi_deg"])
     assert back.training == QUICK
     assert back.about["seed"] == 3
-    assert not list(tmp_path.glob("*.partial"))
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_edges_are_read_in_all_directions():

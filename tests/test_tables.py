@@ -6,21 +6,16 @@ import pytest
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.evidence import gaussian_evidence
+from bgmodel.files import read_provenance, read_table, write_table
 from bgmodel.seeds import stream
-from bgmodel.tables import (
-    evidence_from_table,
-    read_provenance,
-    read_table,
-    trial_table,
-    write_table,
-)
+from bgmodel.tables import evidence_from_table, trial_table
 
 
 @pytest.fixture
 def trials():
     evidence = gaussian_evidence(20, 5, 1.0, rng=stream(1, "tables"), hypotheses=3)
     decision = first_crossing(Msprt().run(evidence), 0.05, forced=False)
-    return trial_table(decision, evidence, seed=1)
+    return trial_table(decision, evidence, model="msprt", seed=1)
 
 
 @pytest.mark.parametrize("ending", ["parquet", "csv"])
@@ -35,7 +30,7 @@ def test_round_trip_with_provenance(tmp_path, trials, ending):
     first = path.read_bytes()
     write_table(trials, path, seed=1, delta=np.float64(2), gaps=(1, 2))
     assert path.read_bytes() == first
-    assert not list(tmp_path.glob("*.partial"))
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, trials, monkeypatch):
@@ -76,7 +71,7 @@ def test_a_users_table_gives_back_the_evidence():
     assert np.array_equal(back.truth, evidence.truth)
     blind, _ = evidence_from_table(long_table(evidence, truth=False))
     assert blind.truth is None
-    decided = trial_table(first_crossing(Msprt().run(blind), 0.1), blind)
+    decided = trial_table(first_crossing(Msprt().run(blind), 0.1), blind, model="msprt")
     assert decided["correct"].isna().all()
 
 

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from bgmodel import Msprt, Sprt, stream, tally, threshold_from_gap
-from bgmodel.study import fold_sources, increments, search_folds
+from bgmodel.study import fold_sources, increments, regret_on_fresh_trials, search_folds
 from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source
-from bgmodel.theory import sprt
+from bgmodel.theory import optimal_delta, reward_curve, sprt
 
 TAPS = held_out_taps()
 
@@ -15,7 +15,7 @@ TAPS = held_out_taps()
 def test_the_shipped_table_is_small_and_says_where_it_is_from():
     from importlib import resources
 
-    from bgmodel.tables import read_provenance
+    from bgmodel.files import read_provenance
 
     with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
         assert path.stat().st_size < 200_000
@@ -56,6 +56,30 @@ def test_simulation_agrees_with_the_exact_solution_on_tactile_evidence():
     z = (table["accuracy"] - p) / np.sqrt(p * (1 - p) / trials)
     assert np.abs(z).max() < 4
     assert np.abs(table["mean_steps"] / table["exact_mean_steps"] - 1).max() < 0.03
+
+
+def test_scored_taps_fit_nothing():
+    """Whatever the scored fold holds, the likelihood is the same; other taps do change it."""
+    first = source(TAPS, SameDifferent(), period_mm=2.0, fold=2).likelihood
+    here = np.flatnonzero(np.isclose(TAPS["period_mm"], 2.0) & np.isclose(TAPS["yaw_deg"], 45))
+    for fold, same in ((2, True), (3, False)):
+        changed = TAPS.copy()
+        changed.loc[changed.index[here[np.arange(len(here)) % 6 == fold]], "psi_deg"] = 0.0
+        again = source(changed, SameDifferent(), period_mm=2.0, fold=2).likelihood
+        assert np.array_equal(again.log_density, first.log_density) == same
+
+
+def test_regret_is_the_share_that_a_gap_costs_more():
+    readings = fold_sources(TAPS, 2.0)[0]
+    best = optimal_delta(*increments(readings), 50.0, t_max=30)
+    deltas = np.array([0.5, best.delta])
+    regret = regret_on_fresh_trials(
+        deltas, readings, best, xi=50.0, t_max=30, seed=1, name="regret"
+    )
+    cost = -reward_curve(*increments(readings), deltas, 50.0, t_max=30)
+    assert regret == pytest.approx(cost / best.cost - 1, abs=0.03)
+    assert regret[0] > 0.3
+    assert abs(regret[1]) < 0.03
 
 
 def test_shuffled_truth_is_at_chance():

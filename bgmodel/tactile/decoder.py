@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from bgmodel.tables import check_writable, provenance
+from bgmodel.files import check_writable, provenance, replacing
 from bgmodel.tactile.networks import NETWORKS, FloatArray, import_torch, set_scale
 from bgmodel.tactile.taps import Taps
 
@@ -58,7 +58,7 @@ class Training:
             raise ValueError(f"dropout must lie in 0..2, got {self.dropout}")
 
 
-# Found on training taps alone; see README, "The decoder".
+# Found by the error of held-out parts of the training taps.
 EDGE = Training(
     "edge",
     width=1.0,
@@ -128,9 +128,8 @@ class Decoder:
         arrays = {f"net.{name}": v.numpy() for name, v in self.network.state_dict().items()}
         arrays["rest_mm"] = np.ascontiguousarray(self.rest_mm)
         header = {"training": asdict(self.training), "history": self.history, "about": self.about}
-        partial = path.with_name(path.name + ".partial")
-        partial.write_bytes(save(arrays, {"bgmodel": json.dumps(header, sort_keys=True)}))
-        partial.replace(path)
+        with replacing(path) as partial:
+            partial.write_bytes(save(arrays, {"bgmodel": json.dumps(header, sort_keys=True)}))
         return path
 
     @classmethod

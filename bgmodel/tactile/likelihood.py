@@ -51,9 +51,11 @@ class Likelihood:
         if not np.isfinite(reading).all():
             raise ValueError("a reading must be finite degrees, got NaN or infinity")
         low, high = self.grid_deg[0], self.grid_deg[-1]
-        if self.period_deg is not None:
-            reading = low + np.mod(reading - low, self.period_deg)
-        elif reading.size and (reading.min() < low or reading.max() > high):
+        if (
+            self.period_deg is None
+            and reading.size
+            and (reading.min() < low or reading.max() > high)
+        ):
             raise ValueError(
                 f"the likelihood table covers {low:g}..{high:g} degrees, got readings in "
                 f"{reading.min():g}..{reading.max():g}"

@@ -34,7 +34,6 @@ class GratingNetwork:
     # The label has a tenth of the others' variance; equal shares of the loss.
     weights: ClassVar = (10.0, 1.0, 1.0)
     range_deg: ClassVar = (-90.0, 90.0)
-    score: ClassVar = "psi_deg"
 
     @staticmethod
     def inputs(taps: Taps) -> FloatArray:
@@ -104,7 +103,6 @@ class EdgeNetwork:
 
     weights: ClassVar = (1.0, 1.0)
     range_deg: ClassVar = (-180.0, 180.0)
-    score: ClassVar = "edge_deg"
 
     @staticmethod
     def inputs(taps: Taps) -> FloatArray:

@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from bgmodel.files import replacing
+
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
@@ -60,9 +62,8 @@ class Taps:
     def save(self, path: str | Path, about: dict[str, Any]) -> Path:
         """Write the taps as .npz with their provenance, whole or not at all."""
         path = Path(path)
-        partial = path.with_name(path.name + ".partial")
         columns = {f"label_{name}": self.labels[name].to_numpy() for name in self.labels}
-        with partial.open("wb") as stream:
+        with replacing(path) as partial, partial.open("wb") as stream:
             np.savez(
                 stream,
                 displacement_mm=self.displacement_mm,
@@ -70,7 +71,6 @@ class Taps:
                 about=np.array(json.dumps(about, sort_keys=True)),
                 **columns,  # type: ignore[arg-type]
             )
-        partial.replace(path)
         return path
 
     @classmethod

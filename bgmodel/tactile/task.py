@@ -211,7 +211,7 @@ def tap_pool(taps: pd.DataFrame, task: Task, period_mm: float) -> list[FloatArra
     """Return the decoded angles of one grating, one array a yaw of the task, degrees."""
     here = taps[np.isclose(taps["period_mm"], period_mm)]
     if here.empty:
-        known = sorted(taps["period_mm"].unique())
+        known = sorted(float(period) for period in taps["period_mm"].unique())
         raise ValueError(f"period_mm must be one of {known}, got {period_mm}")
     pool = []
     for yaw in task.yaws_deg:

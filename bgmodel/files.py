@@ -1,0 +1,152 @@
+"""Files: written whole or not at all, with the parameters, seed and versions behind them."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, is_dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+PACKAGES = ("bgmodel", "numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
+KEY = b"bgmodel"
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Give a path to write to; it takes the final name once all is written, or vanishes."""
+    path = Path(path)
+    partial = path.with_name(f".{os.getpid()}.partial.{path.name}")
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
+    """Return what a result file must carry: its parameters, seed and versions.
+
+    No time and no machine goes in, so the same seed gives the same bytes.
+    """
+    return {
+        "parameters": {name: _plain(value) for name, value in parameters.items()},
+        "seed": seed,
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version for name in PACKAGES if (version := _version(name))},
+        },
+    }
+
+
+def write_table(
+    table: pd.DataFrame, path: str | Path, *, seed: int | None = None, **parameters: Any
+) -> Path:
+    """Write a table whole or not at all, with its provenance.
+
+    Parameters
+    ----------
+    table : DataFrame
+        What to write.
+    path : path
+        ``.parquet`` keeps the provenance inside; ``.csv`` has it in ``<name>.json`` beside it.
+    seed, parameters :
+        See ``provenance``.
+
+    Raises
+    ------
+    ValueError
+        If the ending is neither, or the folder can't be written.
+    """
+    path = Path(path)
+    if path.suffix not in (".parquet", ".csv"):
+        raise ValueError(f"a table is written as .parquet or .csv, got {str(path)!r}")
+    text = json.dumps(provenance(seed, **parameters), indent=1, sort_keys=True)
+    check_writable(path.parent)
+    with replacing(path) as partial:
+        if path.suffix == ".csv":
+            table.to_csv(partial, index=False)
+        else:
+            _write_parquet(table, partial, text)
+    if path.suffix == ".csv":
+        with replacing(path.with_suffix(".json")) as partial:
+            partial.write_text(text + "\n")
+    return path
+
+
+def read_table(path: str | Path) -> pd.DataFrame:
+    """Read a ``.parquet`` or ``.csv`` table; raise one clear ValueError if that can't be done."""
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"there is no table {str(path)!r}")
+    try:
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path)
+        if path.suffix == ".csv":
+            return pd.read_csv(path)
+    except (OSError, ValueError, pd.errors.ParserError) as error:
+        raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {error}") from error
+    raise ValueError(f"a table is read from .parquet or .csv, got {str(path)!r}")
+
+
+def read_provenance(path: str | Path) -> dict[str, Any]:
+    """Return the provenance that ``write_table`` stored with a table."""
+    import pyarrow.parquet as pq
+
+    path = Path(path)
+    if path.suffix == ".csv":
+        return json.loads(path.with_suffix(".json").read_text())
+    return json.loads(pq.read_schema(path).metadata[KEY])
+
+
+def check_writable(folder: str | Path) -> Path:
+    """Make a folder if need be and return it; ValueError if nothing can be written there."""
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"the output folder {str(folder)!r} can't be made: {error}") from error
+    if not os.access(folder, os.W_OK):
+        raise ValueError(f"the output folder {str(folder)!r} can't be written")
+    return folder
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _write_parquet(table: pd.DataFrame, path: Path, text: str) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    data = pa.Table.from_pandas(table, preserve_index=False)
+    kept = data.schema.metadata or {}
+    data = data.replace_schema_metadata({**kept, KEY: text.encode()})
+    pq.write_table(data, path, compression="zstd", compression_level=9)
+
+
+def _plain(value: Any) -> Any:
+    """Turn a parameter into what JSON holds."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {"kind": type(value).__name__, **{k: _plain(v) for k, v in asdict(value).items()}}
+    if isinstance(value, Path):
+        return value.name  # where a file lay says nothing about what is in it
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value if isinstance(value, (int, float, bool, type(None))) else str(value)

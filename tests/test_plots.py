@@ -1,0 +1,58 @@
+"""Plots draw what they are given on the Axes they are given."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from scipy.stats import binomtest
+
+from bgmodel import plots
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+@pytest.mark.parametrize(("k", "n"), [(0, 10), (7, 10), (93, 100), (50, 50)])
+def test_wilson_is_scipys(k, n):
+    interval = binomtest(k, n).proportion_ci(method="wilson")
+    assert plots.wilson(k, n) == pytest.approx((interval.low, interval.high), abs=1e-4)
+
+
+def test_psychometric_shows_proportions(ax):
+    assert plots.psychometric(ax, [1, 2], [5, 9], [10, 10], color="k") is ax
+    assert ax.lines[0].get_ydata().tolist() == [0.5, 0.9]
+    assert ax.get_ylabel() == "proportion correct"
+
+
+def test_trajectories_end_at_their_decision(ax):
+    z = np.array([[0.0, 1.0, 2.5, 9.0], [0.0, -2.0, 9.0, 9.0]])
+    plots.trajectories(ax, z, np.array([2.0, 1.0]), 4.0, color="k")
+    assert ax.lines[0].get_ydata().tolist() == [0.0, 1.0, 2.5]
+    assert ax.lines[2].get_ydata().tolist() == [0.0, -2.0]
+    assert {line.get_ydata()[0] for line in ax.lines[-2:]} == {-2.0, 2.0}
+
+
+def test_speed_accuracy_and_chance(ax):
+    plots.speed_accuracy(ax, [1, 2], [0.6, 0.9])
+    assert len(ax.lines) == 2
+    plots.speed_accuracy(ax, [1, 2], [0.6, 0.9], None)
+    assert len(ax.lines) == 3
+
+
+def test_acquisition_draws_the_median_run(ax):
+    runs = pd.DataFrame([[0.0, 1.0], [2.0, 3.0], [9.0, 5.0]], columns=[0, 100])
+    plots.acquisition(ax, runs, color="k")
+    assert ax.lines[0].get_ydata().tolist() == [2.0, 3.0]
+
+
+def test_reliability_and_human_thresholds(ax):
+    table = pd.DataFrame({"stated": [0.2, 0.8], "observed": [0.25, 0.75], "count": [40, 40]})
+    assert plots.reliability(ax, table, color="k") is ax
+    assert plots.human_thresholds(ax) is ax
+    assert {line.get_label() for line in ax.lines if "human" in str(line.get_label())} == {
+        "human finger",
+        "human lip",
+        "human tongue",
+    }
