@@ -46,6 +46,20 @@ def test_smooth_gives_no_evidence():
         assert np.abs(error - 0.5).max() < 0.1
 
 
+def test_smooth_tells_no_orientation():
+    """Pooled over folds; a shrinkage that finds a little by chance costs a few per cent."""
+    accuracy = []
+    for fold in range(6):
+        readings = source(TAPS, Orientations(8), period_mm=0.0, fold=fold)
+        evidence = readings.draw(2000, 30, rng=stream(1, "smooth", fold))
+        accuracy.append(tally(Msprt().run(evidence), evidence.truth, [0.01]).accuracy[0])
+    assert abs(np.mean(accuracy) - 1 / 8) < 0.05
+    # Nor does the linear head lean with the yaw.
+    smooth = TAPS[np.isclose(TAPS["period_mm"], 0)]
+    lean = smooth.groupby("yaw_deg")["psi_deg"].mean()
+    assert lean.std() < 3
+
+
 def test_simulation_agrees_with_the_exact_solution_on_tactile_evidence():
     deltas = [0.0, 1.0, 4.0, 8.0]
     trials = 30_000
