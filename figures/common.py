@@ -39,6 +39,7 @@ class Settings:
     repeats: int = 10
     episodes: int = 40_000
     delta_step: float = 0.1
+    calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
 
     @property
     def deltas(self) -> np.ndarray:
@@ -62,6 +63,7 @@ FAST = Settings(
     repeats=2,
     episodes=4_000,
     delta_step=0.5,
+    calibrated_mm=(1.5, 2.0),
 )
 
 
