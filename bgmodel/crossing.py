@@ -112,7 +112,7 @@ def log_odds(log_likelihood, start, out):
         out[n, 0, 0] = z
         out[n, 0, 1] = -z
         for t in range(log_likelihood.shape[1]):
-            z += log_likelihood[n, t, 1] - log_likelihood[n, t, 0]
+            z += np.float64(log_likelihood[n, t, 1]) - np.float64(log_likelihood[n, t, 0])
             out[n, t + 1, 0] = z
             out[n, t + 1, 1] = -z
 

@@ -120,9 +120,11 @@ def test_two_hypothesis_msprt_is_the_sprt_decision_by_decision():
     assert (a.time_ms != c.time_ms).sum() > 1000
 
 
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
 @pytest.mark.parametrize("hypotheses", [2, 3, 8])
-def test_streaming_gives_the_batch_decision(hypotheses):
+def test_streaming_gives_the_batch_decision(hypotheses, precision):
     evidence = some_evidence(trials=60, hypotheses=hypotheses)
+    evidence = Evidence(evidence.log_likelihood.astype(precision), evidence.truth)
     tests = [(Msprt(), np.linspace(0.1, 0.5, hypotheses))]
     if hypotheses == 2:
         tests.append((Sprt(), np.array([-1.0, -1.5])))
