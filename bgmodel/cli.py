@@ -15,7 +15,8 @@ from tyro.conf import Positional
 
 from bgmodel import files, tables
 from bgmodel.decision import first_crossing
-from bgmodel.learning import BernoulliPolicy, GaussianPolicy, Learner
+from bgmodel.learning import Learner
+from bgmodel.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.seeds import stream
 from bgmodel.sprt import Msprt, Sprt, threshold_from_gap
 from bgmodel.tactile.decoder import Training

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.decision import Decision, Tally, Trace, crossing_of_each, tally
 from bgmodel.evidence import Evidence
+from bgmodel.policies import GaussianPolicy, Policy
 from bgmodel.sprt import Sprt, threshold_from_gap
 
 FloatArray = npt.NDArray[np.float64]
-DELTA_RANGE = (0.0, 8.0)
 
 
 def reward(decision: Decision, truth: npt.NDArray[np.integer], xi: float) -> FloatArray:
@@ -63,130 +62,6 @@ def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.Array
 
 
 BLOCK = 4096
-
-
-class Policy(Protocol):
-    """A distribution over gaps with parameters, for several independent runs at once."""
-
-    pace: float
-    """How many times the learner's step size suits the parameters."""
-
-    def start(self, runs: int, delta: float) -> FloatArray:
-        """Return parameters (runs, p) whose mean gap is ``delta``."""
-        ...
-
-    def sample(
-        self, parameters: FloatArray, noise: FloatArray, episode: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return gaps (runs,) and the gradient of log probability (runs, p)."""
-        ...
-
-    def mean(self, parameters: FloatArray) -> FloatArray:
-        """Return the mean gap of each run, (runs,)."""
-        ...
-
-    def bounded(self, parameters: FloatArray) -> FloatArray:
-        """Return parameters held within the range that the policy allows."""
-        ...
-
-    @property
-    def noise(self) -> int:
-        """How many standard normal numbers a sample takes."""
-        ...
-
-
-@dataclass(frozen=True)
-class GaussianPolicy:
-    """``delta ~ N(mu, sd)``, played within ``DELTA_RANGE`` (Williams 1992).
-
-    Exploration starts wide, where the slope of a flat reward shows best, and narrows.
-    """
-
-    sd_nats: float = 2.0
-    """Exploration at the start, sd of the gap, nats; assumed (not printed)."""
-    last_sd_nats: float = 0.4
-    """Exploration in the end, nats; assumed."""
-    half_episodes: float = 2_000.0
-    """Trials after which half of the way from the first to the last sd is gone; assumed."""
-    noise = 1
-    pace = 1.0
-
-    def sd(self, episode: int) -> float:
-        """Return the exploration in a trial, nats."""
-        wide = self.sd_nats - self.last_sd_nats
-        return self.last_sd_nats + wide / (1 + episode / self.half_episodes)
-
-    def start(self, runs: int, delta: float) -> FloatArray:
-        """Return mu (runs, 1)."""
-        return np.full((runs, 1), float(delta))
-
-    def sample(
-        self, parameters: FloatArray, noise: FloatArray, episode: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return gaps (runs,) and d log p / d mu (runs, 1)."""
-        sd = self.sd(episode)
-        return np.clip(parameters[:, 0] + sd * noise[:, 0], *DELTA_RANGE), noise / sd
-
-    def mean(self, parameters: FloatArray) -> FloatArray:
-        """Return mu (runs,)."""
-        return parameters[:, 0]
-
-    def bounded(self, parameters: FloatArray) -> FloatArray:
-        """Hold mu within ``DELTA_RANGE``."""
-        return np.clip(parameters, *DELTA_RANGE)
-
-
-@dataclass(frozen=True)
-class BernoulliPolicy:
-    """A gap coded by stochastic binary units: ``delta = sum_j s_j y_j`` (Lepora 2016).
-
-    ``y_j`` is 1 with probability ``logistic(w_j)`` and the ``s_j`` fall as powers of two, so that
-    all units on give the top of ``DELTA_RANGE``.
-    """
-
-    units: int = 8
-    """Number of units; assumed."""
-    saturation: float = 4.0
-    """Largest |w_j|, so that no unit ever stops exploring; assumed."""
-
-    # The gap moves by s_j p (1 - p), less than one, for each unit of w.
-    pace = 8.0
-
-    @property
-    def noise(self) -> int:
-        """One number a unit."""
-        return self.units
-
-    @property
-    def sizes(self) -> FloatArray:
-        """``s_j`` (units,), nats."""
-        powers = 0.5 ** np.arange(1, self.units + 1)
-        return DELTA_RANGE[1] * powers / powers.sum()
-
-    def start(self, runs: int, delta: float) -> FloatArray:
-        """Return w (runs, units), all equal, with mean gap ``delta``."""
-        p = np.clip(delta / DELTA_RANGE[1], 1e-9, 1 - 1e-9)
-        return self.bounded(np.full((runs, self.units), np.log(p / (1 - p))))
-
-    def sample(
-        self, parameters: FloatArray, noise: FloatArray, episode: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return gaps (runs,) and ``y_j - p_j`` (runs, units)."""
-        from scipy.special import expit, ndtr
-
-        p = expit(parameters)
-        y = ndtr(noise) < p
-        return y @ self.sizes, y - p
-
-    def mean(self, parameters: FloatArray) -> FloatArray:
-        """Return ``sum_j s_j p_j`` (runs,)."""
-        from scipy.special import expit
-
-        return expit(parameters) @ self.sizes
-
-    def bounded(self, parameters: FloatArray) -> FloatArray:
-        """Hold every w within the saturation."""
-        return np.clip(parameters, -self.saturation, self.saturation)
 
 
 @dataclass(frozen=True)

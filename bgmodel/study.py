@@ -10,16 +10,15 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.learning import (
-    DELTA_RANGE,
     Learned,
     Learner,
-    Policy,
     exhaustive_search,
     learn,
     mean_reward,
     smoothed,
     trials_of,
 )
+from bgmodel.policies import DELTA_RANGE, Policy
 from bgmodel.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source

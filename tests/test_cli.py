@@ -123,7 +123,8 @@ def test_options_say_what_they_are():
     """Every field of every parameter class has a docstring, with a source or "assumed"."""
     import inspect
 
-    from bgmodel.learning import BernoulliPolicy, GaussianPolicy, Learner
+    from bgmodel.learning import Learner
+    from bgmodel.policies import BernoulliPolicy, GaussianPolicy
     from bgmodel.tactile.decoder import Training
     from bgmodel.tactile.likelihood import Density
     from bgmodel.tactile.pressing import LibraryPlan

@@ -10,7 +10,14 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Each module may import only from modules on lower levels.
 LEVELS = [
-    {"bgmodel.seeds", "bgmodel.files", "bgmodel.crossing", "bgmodel.evidence", "bgmodel.data"},
+    {
+        "bgmodel.seeds",
+        "bgmodel.files",
+        "bgmodel.policies",
+        "bgmodel.crossing",
+        "bgmodel.evidence",
+        "bgmodel.data",
+    },
     {"bgmodel.empirical"},
     {"bgmodel.decision", "bgmodel.first_passage"},
     {"bgmodel.sprt", "bgmodel.tables", "bgmodel.theory"},

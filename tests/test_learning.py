@@ -8,8 +8,6 @@ from bgmodel import Sprt, first_crossing, stream, threshold_from_gap
 from bgmodel.decision import crossing_of_each
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.learning import (
-    BernoulliPolicy,
-    GaussianPolicy,
     Learner,
     exhaustive_search,
     learn,
@@ -18,6 +16,7 @@ from bgmodel.learning import (
     smoothed,
     trials_of,
 )
+from bgmodel.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.theory import gaussian_pair, optimal_delta, reward_curve
 
 D, XI, T_MAX = 1.0, 25.0, 40

@@ -11,7 +11,8 @@ import pytest
 
 from bgmodel import Msprt, Sprt, first_crossing, posterior_criterion, stream, threshold_from_gap
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.learning import GaussianPolicy, Learner, learn, trials_of
+from bgmodel.learning import Learner, learn, trials_of
+from bgmodel.policies import GaussianPolicy
 from bgmodel.sprt import Stream
 from bgmodel.study import fold_sources, increments, regret_on_fresh_trials
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, tap_pool
