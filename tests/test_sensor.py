@@ -166,9 +166,9 @@ def test_smooth_plate_does_not_tell_its_yaw():
         ]
         return 1000 * np.sqrt(np.mean((size[0] - size[1]) ** 2))
 
-    # A hundredth of the marker noise; at 36 mm, the control, more than a third.
+    # About a hundredth of the marker noise; at 36 mm, the control, ten times as much.
     assert rms_um(LibraryPlan().field_side_mm) < 0.12
-    assert rms_um(36.0) > 3
+    assert rms_um(36.0) > 1.2
 
 
 # --- pins ------------------------------------------------------------------------------------
