@@ -27,6 +27,7 @@ benchmark: $(VENV)/bench.installed
 
 # The table of decoded taps that ships with the package, made again from nothing.
 shipped-taps: figures
+	@test -z '$(FAST)' || { echo 'The shipped table comes from a full run: leave FAST out.'; exit 1; }
 	cp figures/out/held_out_taps.parquet bgmodel/data/
 
 $(VENV)/pyvenv.cfg:
