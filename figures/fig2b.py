@@ -13,6 +13,7 @@ from bgmodel import Sprt, first_crossing, stream, threshold_from_gap
 from bgmodel.files import read_table, write_table
 from bgmodel.plots import trajectories
 from bgmodel.study import fold_sources
+from bgmodel.tactile.task import Source
 from figures.common import Settings, letter, run
 
 PERIOD_MM, GAP, SHOWN = 2.0, 4.0, 24
@@ -20,8 +21,13 @@ PERIOD_MM, GAP, SHOWN = 2.0, 4.0, 24
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     """Follow some trials of one grating."""
-    readings = fold_sources(read_table(taps), PERIOD_MM)[0]
-    evidence = readings.draw(2000, settings.t_max, rng=stream(settings.seed, "fig2b"))
+    table = follow(fold_sources(read_table(taps), PERIOD_MM)[0], settings)
+    write_table(table, output, seed=settings.seed, settings=settings, gap=GAP, period_mm=PERIOD_MM)
+
+
+def follow(readings: Source, settings: Settings, trials: int = 2000) -> pd.DataFrame:
+    """Return one row a trial and reading: Z, with the trial's truth, choice and steps."""
+    evidence = readings.draw(trials, settings.t_max, rng=stream(settings.seed, "fig2b"))
     trace = Sprt().run(evidence)
     decision = first_crossing(trace, float(threshold_from_gap(GAP)))
     z = trace.out_nats[..., 0]  # OUT of R1 is Z itself
@@ -30,7 +36,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     table["truth"] = evidence.truth[table["trial"]]
     table["choice"] = decision.choice[table["trial"]]
     table["steps"] = decision.steps[table["trial"]]
-    write_table(table, output, seed=settings.seed, settings=settings, gap=GAP, period_mm=PERIOD_MM)
+    return table
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:

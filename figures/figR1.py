@@ -14,7 +14,7 @@ from bgmodel.files import read_table, write_table
 from bgmodel.learning import exhaustive_search
 from bgmodel.plots import speed_accuracy
 from bgmodel.tactile.decoder import EDGE, train
-from bgmodel.tactile.likelihood import fit_likelihood
+from bgmodel.tactile.likelihood import Pool, fit_likelihood
 from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.recordings import read_taps
 from bgmodel.tactile.task import Source
@@ -28,22 +28,41 @@ T_MAX = 30
 
 
 def compute(settings: Settings, recordings: Path, *, output: Path) -> None:
-    """Decode held-out real taps; decide same or different from pairs of them, on two halves."""
+    """Decode held-out real taps, and decide on them."""
     taps = read_taps(recordings / "csv_train", mm_per_px=MM_PER_PX)
     decoder = train(taps, seed=settings.seed, training=EDGE)
     held = read_taps(recordings / "csv_val", mm_per_px=MM_PER_PX, rest=taps.rest_mm)
     decoded = np.stack([held.labels["yaw_deg"], decoder.decode(held)["edge_deg"]], axis=1)
     error_sd = wrapped(decoded[:, 1] - decoded[:, 0], 360).std()
+    table = decide(settings, decoded).assign(error_sd_deg=error_sd)
+    write_table(table, output, seed=settings.seed, settings=settings, recordings=recordings.name)
+
+
+def decide(settings: Settings, decoded: np.ndarray) -> pd.DataFrame:
+    """Decide same or different from pairs of taps (taps, 2: true and read yaw), on two halves."""
     # Tables of recordings are sorted by yaw: two halves at random, not first and last.
     order = stream(settings.seed, "figR1", "halves").permutation(len(decoded))
     halves = np.array_split(decoded[order], 2)
     parts = []
     for difference in DIFFERENCES_DEG:
-        for half in (0, 1):
-            scores = _score(settings, halves[1 - half], halves[half], difference, half)
+        for half, readings in enumerate(sources(halves, difference)):
+            scores = _score(settings, readings, stream(settings.seed, "figR1", difference, half))
             parts.append(scores.assign(difference_deg=difference, half=half))
-    table = pd.concat(parts).assign(error_sd_deg=error_sd)
-    write_table(table, output, seed=settings.seed, settings=settings, recordings=recordings.name)
+    return pd.concat(parts)
+
+
+def sources(halves: list[np.ndarray], difference: float) -> list[Source]:
+    """Return the readings of each half of the taps, with likelihoods fitted on the other half."""
+
+    def from_pairs(pool: Pool) -> list[np.ndarray]:
+        return pairs(difference, pool[0])
+
+    made = []
+    for scored, fitted in (halves, halves[::-1]):
+        likelihood = fit_likelihood([fitted], from_pairs, (-180.0, 180.0))
+        logs = [likelihood(x) for x in pairs(difference, scored)]
+        made.append(Source(logs, ("same", "different"), likelihood))
+    return made
 
 
 def pairs(difference: float, taps: np.ndarray) -> list[np.ndarray]:
@@ -54,19 +73,15 @@ def pairs(difference: float, taps: np.ndarray) -> list[np.ndarray]:
     return [read[other & (np.abs(true - d) < TOLERANCE_DEG)] for d in (0.0, difference)]
 
 
-def _score(settings, fitted, scored, difference: float, half: int) -> pd.DataFrame:
-    likelihood = fit_likelihood([fitted], lambda pool: pairs(difference, pool[0]), (-180.0, 180.0))
-    readings = pairs(difference, scored)
-    source = Source([likelihood(x) for x in readings], ("same", "different"), likelihood)
-    rng = stream(settings.seed, "figR1", difference, half)
-    evidence = source.draw(settings.sweep_trials, T_MAX, rng=rng)
+def _score(settings: Settings, readings: Source, rng: np.random.Generator) -> pd.DataFrame:
+    evidence = readings.draw(settings.sweep_trials, T_MAX, rng=rng)
     counts = exhaustive_search(evidence, settings.deltas)
     return pd.DataFrame(
         {
             "delta": settings.deltas,
             "accuracy": counts.accuracy,
             "mean_steps": counts.mean_steps,
-            "pairs": min(len(x) for x in readings),
+            "pairs": min(len(x) for x in readings.log_likelihood),
         }
     )
 

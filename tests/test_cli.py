@@ -2,14 +2,15 @@
 
 import subprocess
 import sys
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import tyro
 
-from bgmodel.cli import COMMANDS, main
+from bgmodel.cli import COMMANDS, choices, main
 from bgmodel.files import read_provenance, read_table
 
 
@@ -140,7 +141,28 @@ def test_options_say_what_they_are():
             after = " ".join(after.split())
             if field.name not in ("network", "tol", "stored_dx_mm", "skin"):
                 assert any(word in after for word in sourced), f"{kind.__name__}.{field.name}"
-    assert all(is_dataclass(kind) for kind in (*COMMANDS, GaussianPolicy, BernoulliPolicy))
+    assert all(is_dataclass(kind) for kind in (*COMMANDS.values(), GaussianPolicy, BernoulliPolicy))
+
+
+@dataclass(frozen=True)
+class Show:
+    name: tyro.conf.Positional[str] = "all"
+
+
+@dataclass(frozen=True)
+class Alone:
+    number: int = 1
+
+
+def test_a_group_of_commands_is_one_level_more(capsys):
+    group = choices({"alone": Alone, "circuit": ("Of circuits.", {"show": Show, "run": Alone})})
+    assert tyro.cli(group, args=["circuit", "show", "STN"]) == Show("STN")
+    assert tyro.cli(group, args=["circuit", "run", "--number", "3"]) == Alone(3)
+    assert tyro.cli(group, args=["alone"]) == Alone()
+    for asked in (["--help"], ["circuit", "--help"]):
+        with pytest.raises(SystemExit):
+            tyro.cli(group, args=asked)
+        assert "Of circuits." in capsys.readouterr().out
 
 
 def test_help_has_examples_and_starts_quickly_without_torch():

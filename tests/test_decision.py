@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, Trace, first_crossing, stream, tally
 from bgmodel.decision import crossing_of_each
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.sprt import Stream, posterior_criterion, threshold_from_gap
 
 
@@ -139,11 +140,18 @@ def test_streaming_gives_the_batch_decision(hypotheses, precision):
             assert trial.readings == batch.steps[0, n]
 
 
+@pytest.mark.parametrize("trials", [10, 11])
+def test_gaussian_trials_do_not_depend_on_those_after_them(trials):
+    few, many = (
+        gaussian_evidence(n, 5, 0.5, hypotheses=3, rng=stream(12, "prefix"))
+        for n in (trials, 2 * trials)
+    )
+    assert np.array_equal(few.log_likelihood, many.log_likelihood[:trials])
+
+
 @pytest.mark.parametrize("hypotheses", [2, 3, 8])
 def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
     """The martingale identity, exact for true likelihoods, in one z-test a threshold."""
-    from bgmodel.evidence import gaussian_evidence
-
     evidence = gaussian_evidence(
         60_000, 60, 0.5, hypotheses=hypotheses, rng=stream(11, "martingale", hypotheses)
     )

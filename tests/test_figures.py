@@ -1,11 +1,20 @@
-"""The figures' rules hang together; drawing them is `make figures`."""
+"""The figures' rules hang together, and two of them show what they say; `make figures` draws."""
 
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
+
+from bgmodel import stream
+from bgmodel.files import write_table
+from bgmodel.tactile.task import Source
+from figures import fig2b, figR1
+from figures.common import FAST
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted(path.stem for path in (ROOT / "figures").glob("fig*.py"))
@@ -40,3 +49,86 @@ def test_scripts_are_run_as_modules_and_import_downwards(script):
     text = (ROOT / "figures" / f"{script}.py").read_text()
     assert 'if __name__ == "__main__":\n    run(' in text
     assert "import torch" not in text
+
+
+@pytest.fixture
+def followed():
+    """Trials of figure 2b on readings that speak for the truth by 0.5 nats."""
+    for_s1, for_s2 = np.array([[0.25, -0.25]]), np.array([[-0.25, 0.25]])
+    readings = Source([for_s1, for_s2], ("S1", "S2"), None)
+    return fig2b.follow(readings, replace(FAST, t_max=6), trials=60)
+
+
+def test_evidence_of_figure_2b_rises_for_s2(followed):
+    """Z is the log odds of S2: R2 at the upper bound, R1 at the lower (Burguete et al. 2023)."""
+    sign = np.where(followed["truth"] == 1, 1, -1)
+    assert followed["z"].to_numpy() == pytest.approx(0.5 * sign * followed["step"])
+    assert (followed["choice"] == followed["truth"]).all()
+    assert (followed["steps"] == 4).all()
+
+
+def test_figure_2b_draws_the_evidence_of_each_state(followed, tmp_path):
+    write_table(followed, tmp_path / "z.parquet")
+    figure = fig2b.draw(FAST, tmp_path / "z.parquet", output=tmp_path)
+    responses, paths = figure.axes
+    plt.close(figure)
+    # Columns are responses, rows are states.
+    assert np.array_equal(responses.images[0].get_array(), np.eye(2))
+    colour = {text.get_text(): line.get_color() for line, text in legend(paths)}
+    for name, end in (("S1 (AA)", -2.0), ("S2 (AB)", 2.0)):
+        drawn = [x for x in paths.lines if x.get_color() == colour[name] and len(x.get_xdata()) > 1]
+        assert len(drawn) == fig2b.SHOWN
+        assert {line.get_ydata()[-1] for line in drawn} == {end}
+
+
+def legend(ax):
+    """Pairs of a line and its text."""
+    box = ax.get_legend()
+    return zip(box.get_lines(), box.get_texts(), strict=True)
+
+
+def edges(taps=800):
+    """Return true and decoded yaws of taps on an edge, (taps, 2)."""
+    rng = stream(1, "edges")
+    true = np.linspace(-6, 6, taps)
+    return np.stack([true, true + rng.normal(0, 1.5, taps)], axis=1)
+
+
+def test_taps_that_figure_r1_scores_fit_nothing():
+    """Another reading of a tap changes the likelihood of the half it is not scored in, no other."""
+    halves = [edges()[::2], edges()[1::2]]
+    whole = figR1.sources(halves, 5.0)
+    for half in (0, 1):
+        changed = [part.copy() for part in halves]
+        changed[half][60:, 1] += 3.0
+        again = figR1.sources(changed, 5.0)
+        for scored in (0, 1):
+            a, b = whole[scored], again[scored]
+            same = np.array_equal(a.likelihood.log_density, b.likelihood.log_density)
+            assert same == (scored == half)
+        # What is scored did change, by a likelihood that did not.
+        for before, after in zip(
+            whole[half].log_likelihood, again[half].log_likelihood, strict=True
+        ):
+            assert not np.array_equal(before, after)
+
+
+def test_figure_r1_scores_every_tap_in_one_half(monkeypatch):
+    taken = []
+    made = figR1.sources
+
+    def spy(halves, difference):
+        taken.append(halves)
+        return made(halves, difference)
+
+    monkeypatch.setattr(figR1, "sources", spy)
+    table = figR1.decide(replace(FAST, sweep_trials=400), edges())
+    assert len(taken) == len(figR1.DIFFERENCES_DEG)
+    for halves in taken:
+        assert sorted(np.concatenate(halves)[:, 0]) == sorted(edges()[:, 0])
+        assert [len(part) for part in halves] == [400, 400]
+    assert set(table["half"]) == {0, 1}
+    # One reading tells more of a wider difference.
+    accuracy = table[table["delta"] == 0].groupby("difference_deg")["accuracy"].mean()
+    assert accuracy.is_monotonic_increasing
+    assert accuracy.iloc[-1] > 0.9

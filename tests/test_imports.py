@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,8 @@ LEVELS = [
     {"bgmodel"},
     {"bgmodel.learning"},
     {"bgmodel.plots", "bgmodel.study"},
+    {"bgmodel.commands", "bgmodel.commands.checks"},
+    {"bgmodel.commands.taps", "bgmodel.commands.decisions", "bgmodel.commands.figures"},
     {"bgmodel.cli"},
 ]
 TACTILE_MAY = {"bgmodel.evidence", "bgmodel.files", "bgmodel.seeds", "bgmodel.data"}
@@ -74,6 +77,14 @@ def test_bgmodel_imports_downwards_only(name, path):
 @pytest.mark.parametrize(("name", "path"), list(modules("circuits")))
 def test_circuits_know_nothing_of_bgmodel(name, path):
     assert not any(i.split(".")[0] in {"bgmodel", "figures", "torch"} for i in imports(path))
+
+
+def test_every_package_is_shipped():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    found = {
+        n for p in ("bgmodel", "circuits") for n, path in modules(p) if "__init__" in path.name
+    }
+    assert set(settings["tool"]["setuptools"]["packages"]) == found
 
 
 def test_import_is_light():

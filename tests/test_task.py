@@ -3,10 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bgmodel import Msprt, Sprt, stream, tally, threshold_from_gap
 from bgmodel.study import fold_sources, increments, regret_on_fresh_trials, search_folds
-from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source
+from bgmodel.tactile.likelihood import Density
+from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
 from bgmodel.theory import optimal_delta, reward_curve, sprt
 
 TAPS = held_out_taps()
@@ -121,6 +124,44 @@ def test_draws_are_paired_and_reproducible():
     a, b = (readings.draw(50, 5, rng=stream(1, "draw")) for _ in range(2))
     assert np.array_equal(a.log_likelihood, b.log_likelihood)
     assert a.truth.tolist() == [0, 1] * 25
+
+
+def drawn(readings, *trials):
+    """Log-likelihoods of trials drawn in blocks from one generator."""
+    rng = stream(4, "drawn")
+    return np.concatenate([readings.draw(n, 3, rng=rng).log_likelihood for n in trials])
+
+
+@settings(max_examples=30, deadline=None)
+@given(trials=st.integers(1, 41), tables=st.lists(st.integers(1, 60), min_size=2, max_size=4))
+def test_a_trial_does_not_depend_on_those_after_it(trials, tables):
+    count = len(tables)
+    names = tuple("abcd"[:count])
+    values = [1000.0 * i + np.arange(float(n)) for i, n in enumerate(tables)]
+    # A reading tells its hypothesis and its place in the table.
+    readings = Source([np.stack([v] * count, axis=1) for v in values], names, None)
+    whole = drawn(readings, 2 * trials)
+    assert np.array_equal(drawn(readings, trials), whole[:trials])
+    assert (whole[..., 0] // 1000 == (np.arange(2 * trials) % count)[:, None]).all()
+    # Blocks that end with a whole round of hypotheses continue one another.
+    blocks = drawn(readings, count * trials, count * trials)
+    assert np.array_equal(blocks, drawn(readings, 2 * count * trials))
+
+
+@pytest.mark.parametrize("task", [SameDifferent(), Orientations(4)])
+@pytest.mark.parametrize("trials", [200, 201])
+def test_tactile_draws_begin_alike(task, trials):
+    readings = source(TAPS, task, period_mm=3.0, fold=0, density=Density(shrink=1.0))
+    assert np.array_equal(drawn(readings, trials), drawn(readings, 2 * trials)[:trials])
+
+
+def test_every_reading_is_as_likely():
+    table = np.arange(10.0)
+    readings = Source([np.stack([table, table], axis=1)] * 2, ("a", "b"), None)
+    values = readings.draw(10_000, 10, rng=stream(5, "even")).log_likelihood[..., 0]
+    for truth in (0, 1):
+        counts = np.bincount(values[truth::2].ravel().astype(int), minlength=10)
+        assert np.abs(counts - 5000).max() < 5 * np.sqrt(4500)
 
 
 @pytest.mark.parametrize(

@@ -131,7 +131,8 @@ class Source:
         Parameters
         ----------
         trials, steps : int
-            Truth is balanced: trial k belongs to hypothesis k mod N.
+            Truth is balanced: trial k belongs to hypothesis k mod N.  Its readings are the same
+            however many trials follow.
         rng : numpy.random.Generator
             The source of every random number.
         prior : array (hypotheses,), optional
@@ -143,10 +144,11 @@ class Source:
             raise ValueError(f"trials and steps must be >= 1, got {trials} and {steps}")
         count = len(self.names)
         truth = np.arange(trials) % count
+        # Filled trial by trial, one number a reading: a trial never sees the ones after it.
+        place = rng.random((trials, steps))
         values = np.empty((trials, steps, count), dtype=np.float64)
         for i, table in enumerate(self.log_likelihood):
-            shape = (len(range(i, trials, count)), steps)
-            values[i::count] = table[rng.integers(len(table), size=shape)]
+            values[i::count] = table[(place[i::count] * len(table)).astype(np.intp)]
         return Evidence(values, truth, prior, step_ms=step_ms)  # type: ignore[arg-type]
 
     @cached_property

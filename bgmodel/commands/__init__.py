@@ -1,0 +1,1 @@
+"""The commands of ``bgmodel``: a dataclass each, its fields the options, its call the work."""

@@ -1,0 +1,147 @@
+"""Commands on taps: simulate them, train a decoder on them, decode them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from tyro.conf import Positional
+
+from bgmodel import files
+from bgmodel.commands.checks import check_ending, check_whole
+from bgmodel.seeds import stream
+from bgmodel.tactile.decoder import Training
+from bgmodel.tactile.grating import PERIODS_MM
+from bgmodel.tactile.sensor import Nuisance
+from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.tips import Tip
+
+
+@dataclass(frozen=True)
+class Simulate:
+    """Tap gratings with the simulated TacTip.
+
+    Example: bgmodel simulate taps.npz --taps 100 --seed 1
+    """
+
+    output: Positional[Path]
+    """Where the taps go, .npz."""
+    taps: int = 1000
+    """Taps of each grating."""
+    periods_mm: tuple[float, ...] = PERIODS_MM
+    """Periods of the gratings, mm."""
+    yaw_deg: tuple[float, ...] | None = None
+    """Yaws that taps take in turn, degrees; uniform in -90..90 if left out."""
+    tip: Tip = field(default_factory=Tip)
+    skin: Skin = field(default_factory=Skin)
+    nuisance: Nuisance = field(default_factory=Nuisance)
+    workers: int = 1
+    """Processes for the contact library; they change no byte."""
+    seed: int = 0
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.tactile.library import LibraryPlan, contact_library
+        from bgmodel.tactile.sensor import simulate
+
+        check_whole(taps=self.taps, workers=self.workers)
+        check_ending(self.output, ".npz")
+        files.check_writable(self.output.parent)
+        rng = stream(self.seed, "simulate")
+        periods = np.repeat(self.periods_mm, self.taps)
+        count = len(periods)
+        yaw = rng.uniform(-90, 90, count) if self.yaw_deg is None else _in_turn(self.yaw_deg, count)
+        plan = LibraryPlan(skin=self.skin, radius_mm=self.tip.radius_mm)
+        library = contact_library(plan, workers=self.workers)
+        taps = simulate(
+            periods, yaw, rng=rng, tip=self.tip, nuisance=self.nuisance, library=library
+        )
+        about = files.provenance(
+            self.seed, tip=self.tip, skin=self.skin, nuisance=self.nuisance, taps=self.taps
+        )
+        taps.save(self.output, about)
+        print(f"{len(taps)} taps of {len(self.periods_mm)} gratings -> {self.output}")
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train a decoder on simulated taps, or on a folder of recordings.
+
+    Examples: bgmodel train taps.npz decoder.safetensors --training.epochs 4 --seed 1;
+    bgmodel train my_recordings edge.safetensors --edge --mm-per-px 0.33
+    """
+
+    taps: Positional[Path]
+    """Taps from `bgmodel simulate`, or a folder of recordings with its targets csv."""
+    output: Positional[Path]
+    """Where the decoder goes, .safetensors."""
+    edge: bool = False
+    """Read the direction of an edge (-180..180) instead of a grating's orientation, with the
+    settings found for edges in place of the training options."""
+    mm_per_px: float | None = None
+    """Scale of recordings, mm."""
+    training: Training = field(default_factory=Training)
+    seed: int = 0
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.tactile.decoder import EDGE, train
+
+        check_ending(self.output, ".safetensors")
+        files.check_writable(self.output.parent)
+        training = EDGE if self.edge else self.training
+        taps, about = _taps(self.taps, self.mm_per_px)
+        decoder = train(taps, seed=self.seed, training=training, about={"taps": about})
+        decoder.save(self.output)
+        best = min(row["mae_deg"] for row in decoder.history)
+        print(f"validation error {best:.1f} degrees -> {self.output}")
+
+
+@dataclass(frozen=True)
+class Decode:
+    """Read the angle of every tap: of simulated taps, or of a folder of recordings.
+
+    Example: bgmodel decode decoder.safetensors taps.npz decoded.parquet
+    """
+
+    decoder: Positional[Path]
+    """A decoder from `bgmodel train`."""
+    taps: Positional[Path]
+    """Taps from `bgmodel simulate`, or a folder of recordings with its targets csv."""
+    output: Positional[Path]
+    """Where the table goes, .parquet or .csv."""
+    mm_per_px: float | None = None
+    """Scale of recordings, mm."""
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.tactile.decoder import Decoder
+
+        check_ending(self.output, ".parquet", ".csv")
+        files.check_writable(self.output.parent)
+        decoder = Decoder.load(self.decoder)
+        taps, about = _taps(self.taps, self.mm_per_px, rest=decoder.rest_mm)
+        table = taps.labels.assign(**decoder.decode(taps))
+        if "image" in table:
+            table["image"] = table["image"].map(lambda path: Path(path).name)
+        files.write_table(table, self.output, taps=about, decoder=decoder.about)
+        print(f"{len(table)} taps decoded -> {self.output}")
+
+
+def _taps(path: Path, mm_per_px: float | None, rest: np.ndarray | None = None):
+    """Return taps and their provenance, from a file or from a folder of recordings."""
+    if not path.is_dir():
+        from bgmodel.tactile.taps import Taps
+
+        return Taps.load(path)
+    if mm_per_px is None:
+        raise ValueError("recordings need their scale: --mm-per-px, mm a pixel")
+    from bgmodel.tactile.recordings import read_taps
+
+    taps = read_taps(path, mm_per_px=mm_per_px, rest=rest)
+    return taps, {"recordings": path.name, "mm_per_px": mm_per_px}
+
+
+def _in_turn(values: tuple[float, ...], count: int) -> np.ndarray:
+    return np.resize(np.asarray(values, dtype=float), count)
