@@ -1,0 +1,126 @@
+"""The one result type of all engines."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from circuits.spec import Circuit
+from circuits.wiring import Array, Wiring
+
+
+@dataclass(frozen=True)
+class Activity:
+    """What a circuit did.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table that ran.
+    time_ms : array (ticks,)
+        Times of the samples, ms from the onset of evidence.
+    rates_hz : dict of arrays (trials, ticks, channels)
+        Rate of each population, Hz; spikes are counted from one sample to the next.
+    output_nats : array (trials, ticks, channels)
+        OUT: the read-out's rate, low-passed and decoded. NaN after a trial was dropped.
+    engine : str
+        Which engine ran.
+    spikes : dict of DataFrame, optional
+        For each spiking population one row a spike: trial, channel, neuron, time_ms.
+    about : dict
+        Seed, tick and whatever else a file should carry.
+    """
+
+    circuit: Circuit
+    time_ms: Array
+    rates_hz: dict[str, Array]
+    output_nats: Array
+    engine: str
+    spikes: dict[str, pd.DataFrame] | None = None
+    about: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def from_blocks(
+        cls,
+        wiring: Wiring,
+        rates: Array,
+        time_ms: Array,
+        *,
+        engine: str,
+        output_hz: Array | None = None,
+        **other: Any,
+    ) -> Activity:
+        """Build from rates (trials, ticks, blocks); the read-out is decoded from ``output_hz``."""
+        circuit = wiring.circuit
+        by_name = {row.name: rates[..., wiring.blocks_of(row.name)] for row in circuit.populations}
+        readout = by_name[circuit.readout] if output_hz is None else output_hz
+        return cls(
+            circuit=circuit,
+            time_ms=np.asarray(time_ms, dtype=np.float64),
+            rates_hz=by_name,
+            output_nats=wiring.activity(readout, circuit.readout),
+            engine=engine,
+            **other,
+        )
+
+    def decoded_nats(self, name: str) -> Array:
+        """Return the activity of a population, nats (trials, ticks, channels)."""
+        row = self.circuit.population(name)
+        return (self.rates_hz[name] - row.baseline_hz) / row.gain_hz_per_nat
+
+    def rate_table(self) -> pd.DataFrame:
+        """Return mean rates as a table: one row a population, channel and time."""
+        parts = []
+        for name, rates in self.rates_hz.items():
+            mean = np.nanmean(rates, axis=0)
+            ticks, channels = mean.shape
+            parts.append(
+                pd.DataFrame(
+                    {
+                        "population": name,
+                        "channel": np.tile(np.arange(channels), ticks),
+                        "time_ms": np.repeat(self.time_ms, channels),
+                        "rate_hz": mean.ravel(),
+                    }
+                )
+            )
+        return pd.concat(parts, ignore_index=True)
+
+
+def checked_drive(circuit: Circuit, drive: npt.ArrayLike) -> Array:
+    """Return the drive as an array (trials, steps, channels), nats, or say what is wrong with it."""
+    values = np.asarray(drive, dtype=np.float64)
+    if values.ndim != 3 or 0 in values.shape[:2]:
+        raise ValueError(f"drive must be (trials, steps, channels), got shape {values.shape}")
+    if values.shape[2] != circuit.channels:
+        raise ValueError(
+            f"the drive has {values.shape[2]} hypotheses, {circuit.name} has {circuit.channels} "
+            f"channels: use with_channels({values.shape[2]})"
+        )
+    if not np.isfinite(values).all():
+        raise ValueError("drive must be finite: a hypothesis that is ruled out has no finite nats")
+    return values
+
+
+def total_nats(circuit: Circuit, drive: Array) -> Array:
+    """Return ``S = ln sum exp y`` of a drive (..., channels), nats."""
+    top = drive.max(axis=-1)
+    total = top + np.log(np.exp(drive - top[..., None]).sum(axis=-1))
+    return circuit.reference_nats + total - np.log(circuit.channels)
+
+
+def warn_beyond_range(circuit: Circuit, drive: Array) -> None:
+    """Warn once if ``S`` leaves the range that the circuit states for its dynamics."""
+    total = total_nats(circuit, drive)
+    low, high = circuit.range_nats
+    if total.min() < low or total.max() > high:
+        warnings.warn(
+            f"S runs from {total.min():.2f} to {total.max():.2f} nats, {circuit.name} works from "
+            f"{low:g} to {high:g}",
+            stacklevel=3,
+        )

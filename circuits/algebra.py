@@ -1,0 +1,146 @@
+"""The algebraic engine: the fixed point of the table, solved to rounding."""
+
+from __future__ import annotations
+
+from graphlib import TopologicalSorter
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from circuits.activity import Activity, checked_drive
+from circuits.spec import Circuit
+from circuits.wiring import Array, Index, Wiring, wire
+
+MOST_STEPS = 200
+TOLERANCE = 1e-9
+"""Error below which the step that follows, which squares it, is the last."""
+LARGEST_MOVE = 1.0
+MOST_DAMPING = 1.0
+TRIALS_AT_ONCE = 512
+
+
+def run(circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0) -> Activity:
+    """Return the fixed point of the circuit for every reading: no time passes, nothing is noisy.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    drive : array (trials, steps, channels), nats
+        Accumulated evidence; 0 is rest.
+    step_ms : float
+        Time between readings, ms; only stated.
+
+    Raises
+    ------
+    ValueError
+        If the drive does not fit the circuit, or the circuit has no fixed point.
+    """
+    drive = checked_drive(circuit, drive)
+    wiring = wired(circuit)
+    flat = drive.reshape(-1, drive.shape[-1])
+    states = [
+        solve(wiring, flat[i : i + TRIALS_AT_ONCE]) for i in range(0, len(flat), TRIALS_AT_ONCE)
+    ]
+    rates = wiring.rates(np.concatenate(states)).reshape(*drive.shape[:2], wiring.blocks)
+    time = step_ms * np.arange(drive.shape[1])
+    return Activity.from_blocks(wiring, rates, time, engine="algebra")
+
+
+def wired(circuit: Circuit) -> Wiring:
+    """Return the circuit's wiring, replaced lesions at the rates of the intact circuit at rest."""
+    if not any(row.replaced for row in circuit.populations):
+        return wire(circuit)
+    return wire(circuit, rest_rates(wire(circuit.intact)))
+
+
+def rest_rates(wiring: Wiring) -> Array:
+    """Return the rates (blocks,) at rest, Hz."""
+    return wiring.rates(rest(wiring))
+
+
+def rest(wiring: Wiring) -> Array:
+    """Return the state (blocks,) at rest, nats."""
+    return solve(wiring, np.zeros((1, wiring.circuit.channels)))[0]
+
+
+def solve(wiring: Wiring, drive: Array) -> Array:
+    """Return the state at the fixed point, (trials, blocks) nats, for a drive (trials, channels).
+
+    Populations are settled upstream first; only those in a loop need Newton's method.
+
+    Raises
+    ------
+    ValueError
+        If there is no fixed point.
+    """
+    outside = wiring.drive(drive)
+    x = outside + wiring.bias
+    for blocks, loop in parts(wiring):
+        if loop:
+            _newton(wiring, drive, outside, x, blocks)
+        else:
+            units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
+            x[:, blocks] = (outside + wiring.inputs(units))[:, blocks]
+    return x
+
+
+def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
+    """Return the blocks of populations that settle together, upstream first, and whether they loop.
+
+    An integrator counts as a loop: where it stands still is not given by its input alone.
+    """
+    reach = (wiring.weight != 0) @ (wiring.deliver != 0)
+    target, source = (wiring.owner[blocks] for blocks in np.nonzero(reach))
+    rows = len(wiring.circuit.populations)
+    links = csr_array((np.ones(len(target)), (target, source)), (rows, rows))
+    label = connected_components(links, connection="strong")[1]
+    order: TopologicalSorter[int] = TopologicalSorter({int(i): set() for i in label})
+    for t, s in zip(label[target], label[source], strict=True):
+        if t != s:
+            order.add(int(t), int(s))
+    looped = set(target[target == source]) | set(wiring.owner[wiring.leakless])
+    result = []
+    for part in order.static_order():
+        members = np.flatnonzero(label == part)
+        loop = len(members) > 1 or members[0] in looped
+        result.append((np.flatnonzero(np.isin(wiring.owner, members)), loop))
+    return result
+
+
+def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Index) -> None:
+    """Settle the blocks of a loop in place.
+
+    Far from the end the steps are those of the damped dynamics (pseudo-transient continuation,
+    Kelley & Keyes 1998): they pass where rectified blocks are silent and Newton's are undefined.
+    No exponent moves by more than one nat a step, which keeps to the branch that starts from
+    silence.
+    """
+    within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
+    weight, deliver = wiring.weight[blocks][:, within], wiring.deliver[within][:, blocks]
+    slow = np.array([wiring.row(b).transfer == "exp" for b in blocks])
+    leak = np.where(wiring.leakless, 0.0, 1.0)[blocks]
+    for _ in range(MOST_STEPS):
+        here = x[:, blocks]
+        units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
+        error = (outside + wiring.inputs(units))[:, blocks] - leak * here
+        size = np.abs(error).max(axis=1) / (1 + np.abs(leak * here).max(axis=1))
+        gain = weight * wiring.units_slope(units)[:, None, within]
+        jacobian = gain @ (deliver * wiring.rates_slope(x)[:, None, blocks]) - np.diag(leak)
+        jacobian -= np.minimum(size, MOST_DAMPING)[:, None, None] * np.eye(len(blocks))
+        try:
+            move = np.linalg.solve(jacobian, -error[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            break
+        most = np.abs(move[:, slow]).max(axis=1, initial=0.0)
+        move *= np.minimum(1.0, LARGEST_MOVE / np.maximum(most, 1e-300))[:, None]
+        x[:, blocks] = here + move
+        if size.max() < TOLERANCE:
+            return
+    worst = int(np.nanargmax(np.where(np.isfinite(size), size, np.inf)))
+    raise ValueError(
+        f"{wiring.circuit.name} has no fixed point at drive "
+        f"{np.array2string(drive[worst], precision=3)}"
+    )

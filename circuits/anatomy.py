@@ -1,0 +1,220 @@
+"""THE TABLES: every nucleus, every pathway, every number with its source.
+
+Weights are in nats: what a nat of the source's activity adds to the target's input. Rates follow
+from each row's baseline and gain. Where a source is "assumed" or "tuned", that is what it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from circuits.cells import Integrator, Lif, Phase, Rate
+from circuits.spec import GABA, Circuit, Population, Projection
+
+BG2007 = "Bogacz & Gurney 2007"
+APPENDIX_B = "Bogacz & Gurney 2007, appendix B"
+HUMPHRIES = "Humphries, Stewart & Gurney 2006"
+STUDY = "tuned, feasibility study"
+
+
+def bogacz_gurney(channels: int = 2) -> Circuit:
+    """Return the exact circuit: OUT = -ln P (Bogacz & Gurney 2007, sections 3 and 4)."""
+    return appendix_b(channels, w_gpe_stn=1.0, w_d2_gpe=0.0)
+
+
+def appendix_b(
+    channels: int = 2,
+    *,
+    w_gpe_stn: float = 0.7,
+    w_gpe_snr: float | None = None,
+    w_d2_gpe: float = 0.5,
+    w_d1_snr: float | None = None,
+) -> Circuit:
+    """Return a member of the exact family with all pathways (Bogacz & Gurney 2007, appendix B).
+
+    Parameters
+    ----------
+    channels : int
+        Alternatives.
+    w_gpe_stn, w_gpe_snr : float
+        Magnitudes of GPe's weights, 0..1; they add to 1.
+    w_d2_gpe, w_d1_snr : float
+        Magnitudes of the striatal weights; ``w_d1_snr = 1 + w_d2_gpe``.
+
+    Raises
+    ------
+    ValueError
+        If the weights break either constraint.
+    """
+    w_gpe_snr = 1 - w_gpe_stn if w_gpe_snr is None else w_gpe_snr
+    w_d1_snr = 1 + w_d2_gpe if w_d1_snr is None else w_d1_snr
+    if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
+        raise ValueError(
+            "w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got "
+            f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
+        )
+    if not math.isclose(w_d1_snr, 1 + w_d2_gpe):
+        raise ValueError(f"w_d1_snr must be 1 + w_d2_gpe = {1 + w_d2_gpe}, got {w_d1_snr}")
+    simple = w_gpe_snr == 0 and w_d2_gpe == 0
+    cite = BG2007 if simple else APPENDIX_B
+    signed, unit = Rate(signed=True), Rate()
+    nuclei = [
+        Population("ctx", signed, 0, 10, cite="y = g* Y, " + BG2007),
+        Population("D1", signed, 0, 10, GABA, tau_ms=10, receptor="D1", cite=cite),
+        Population("D2", signed, 0, 10, GABA, tau_ms=10, receptor="D2", cite=cite),
+        Population("STN", unit, 0, 8, transfer="exp", tau_ms=5, cite=cite + "; tau assumed"),
+        Population("GPe", signed, 0, 15, GABA, pooled=simple, tau_ms=10, cite=cite),
+        Population("SNr", unit, 0, 30, GABA, tau_ms=5, cite=cite + "; gain assumed"),
+    ]
+    paths = [
+        Projection("ctx", "D1", 1, delay_ms=5, cite=cite),
+        Projection("ctx", "D2", 1, delay_ms=5, cite=cite),
+        Projection("ctx", "STN", 1, delay_ms=3, cite=cite),
+        Projection("D1", "SNr", -w_d1_snr, delay_ms=4, cite=cite),
+        Projection("D2", "GPe", -w_d2_gpe, delay_ms=4, cite=cite),
+        Projection("STN", "GPe", 1, "diffuse", 2, transfer="s_minus_log_s", cite=cite),
+        Projection("STN", "SNr", 1, "diffuse", 2, cite=cite),
+        Projection("GPe", "STN", -w_gpe_stn, delay_ms=2, cite=cite),
+        Projection("GPe", "SNr", -w_gpe_snr, delay_ms=2, cite=cite),
+    ]
+    if simple:
+        nuclei = [row for row in nuclei if row.name != "D2"]
+        paths = [p for p in paths if "D2" not in p.name and p.name != "GPe->SNr"]
+    return Circuit(
+        name="bogacz_gurney" if simple else "appendix_b",
+        populations=tuple(nuclei),
+        projections=tuple(paths),
+        channels=channels,
+        drive_gain=1 / (1 + w_gpe_stn * w_d2_gpe),
+        exact=True,
+        range_nats=(0.0, 5.0),
+        about=f"OUT = -ln P exactly; {cite}",
+    )
+
+
+def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
+    """Return the circuit whose GPe is linear, ``GPe = slope * Sigma``; Bogacz & Gurney 2007.
+
+    Their figure's best is slope .84 with the evidence scaled by .4.
+    """
+    if not slope > 0:
+        raise ValueError(f"slope must be > 0, got {slope}")
+    exact = bogacz_gurney(channels)
+    linear = exact.changed("STN->GPe", transfer="linear", weight=slope, cite=BG2007)
+    # Up to a loop gain slope * Sigma of 4, as the exact circuit: it oscillates from 4.5.
+    high = 4 + math.log(4 / slope)
+    return _renamed(linear, "linear_gpe", "GPe linear in its input; Bogacz & Gurney 2007", high)
+
+
+def spiking_msprt(channels: int = 2) -> Circuit:
+    """Return a first circuit of spiking cells that computes the MSPRT.
+
+    Works in S about ``s0``: STN's sum follows ``s0 + S - 3``, GPe its linearised ``S - ln S``, and
+    a slow common mode takes from every cortical channel what lifts STN's sum above ``s0``; it
+    leaves OUT as it is. ``share`` of the evidence reaches STN through D2 and GPe, the rest
+    directly: the exponent still sums to y. Its tuning is not finished.
+    """
+    s0, share = 2.2, 0.2
+    d1_from, d2_from = 2.35, 1.2
+    slope = 1 - 1 / s0
+    msn = Lif(12, 3, 15, 5, 2, rest_mv=8.17, mv_per_nat=13.34)
+    pallidal = Lif(10, 4, 15, 3, 2, rest_mv=14.07, mv_per_nat=13.56)
+    nigral = Lif(10, 4, 15, 3, 2, rest_mv=7.68, mv_per_nat=17.01)
+    cells = {"neurons": 300}
+    fitted = f"{STUDY}; currents by fit_current"
+    nuclei = (
+        Population(
+            "ctx",
+            Phase(0.5),
+            1,
+            20,
+            transfer="rectified",
+            tau_ms=5,
+            **cells,
+            cite="CV assumed; rate range tuned",
+        ),
+        Population(
+            "common",
+            Integrator(),
+            0,
+            1,
+            GABA,
+            pooled=True,
+            bias_nats=-s0,
+            tau_ms=100,
+            cite="assumed: slow thalamic or interneuron feedback; time tuned",
+        ),
+        Population(
+            "D1",
+            msn,
+            0,
+            80,
+            GABA,
+            bias_nats=-d1_from,
+            receptor="D1",
+            **cells,
+            cite=fitted + "; rates of MSN 0-5 Hz at rest, Lienard & Girard 2014",
+        ),
+        Population(
+            "D2", msn, 0, 80, GABA, bias_nats=-d2_from / 4, receptor="D2", **cells, cite=fitted
+        ),
+        Population(
+            "STN",
+            Phase(0.3),
+            0,
+            48 / 2.2,
+            transfer="exp",
+            tau_ms=5,
+            **cells,
+            bias_nats=math.log(s0) - 3 + share * d2_from,
+            cite="CV assumed; " + STUDY,
+        ),
+        Population("GPe", pallidal, 45, 80, GABA, bias_nats=-slope * s0, **cells, cite=fitted),
+        Population("SNr", nigral, 10, 95, GABA, bias_nats=3 - s0 - d1_from, **cells, cite=fitted),
+    )
+    paths = (
+        Projection("ctx", "D1", 1, delay_ms=5, tau_ms=8, cite="macaque 7, rat 10-12 ms; " + STUDY),
+        Projection("ctx", "D2", 1 / 4, delay_ms=5, tau_ms=8, cite=STUDY),
+        Projection("ctx", "STN", 1 - share, delay_ms=2.5, tau_ms=8, cite=HUMPHRIES + "; delay"),
+        Projection("common", "ctx", -1, "diffuse", delay_ms=2, cite="assumed"),
+        Projection("D1", "SNr", -1, delay_ms=5, tau_ms=8, cite=HUMPHRIES + ", 4 ms; " + STUDY),
+        Projection("D2", "GPe", -share * 4, delay_ms=5, tau_ms=8, cite=HUMPHRIES + "; delay"),
+        Projection("STN", "common", 1, "diffuse", delay_ms=2, tau_ms=5, cite="assumed"),
+        Projection(
+            "STN", "GPe", slope, "diffuse", delay_ms=2, tau_ms=5, cite=HUMPHRIES + "; delay"
+        ),
+        Projection("STN", "SNr", 1, "diffuse", delay_ms=2, tau_ms=38, cite=STUDY + "; kernel"),
+        Projection("GPe", "STN", -1, delay_ms=2, tau_ms=8, cite=STUDY),
+    )
+    return Circuit(
+        name="spiking_msprt",
+        populations=nuclei,
+        projections=paths,
+        channels=channels,
+        readout_tau_ms=25,
+        range_nats=(1.0, 12.0),
+        about="circuit J of a feasibility study, with D2 and channel-wise GPe; tuning unfinished",
+    )
+
+
+CIRCUITS: dict[str, Callable[..., Circuit]] = {
+    "bogacz_gurney": bogacz_gurney,
+    "appendix_b": appendix_b,
+    "linear_gpe": linear_gpe,
+    "spiking_msprt": spiking_msprt,
+}
+"""All tables by name; each takes the number of channels."""
+
+
+def circuit(name: str, channels: int = 2) -> Circuit:
+    """Return a circuit by name; raises ValueError with the names that there are."""
+    if name not in CIRCUITS:
+        raise ValueError(f"circuit must be one of {', '.join(CIRCUITS)}, got {name!r}")
+    return CIRCUITS[name](channels)
+
+
+def _renamed(row: Circuit, name: str, about: str, high: float) -> Circuit:
+    from dataclasses import replace
+
+    return replace(row, name=name, about=about, range_nats=(0.0, high), exact=False)

@@ -1,0 +1,117 @@
+"""Cell types: what turns the input of a channel, in nats, into spikes or a rate.
+
+An input ``x`` arrives in nats; a population's row says which rate that stands for,
+``rate_hz = baseline_hz + gain_hz_per_nat * f(x)``. Source-like and escape cells fire at that rate
+by construction; an integrate-and-fire cell turns x into a mean membrane potential and fires as its
+membrane decides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+OVERSHOOT = 0.5825971579390107
+"""-zeta(1/2)/sqrt(2 pi): how far, in steps, a sampled walk overshoots a bound (Siegmund 1985)."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A noiseless unit that passes its rate on: a population too large, or too abstract, for cells.
+
+    Parameters
+    ----------
+    signed : bool
+        Whether the rate stands for the difference from a tonic level, and so may be negative.
+    """
+
+    signed: bool = False
+    kind: ClassVar[str] = "rate"
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """A unit without leak, ``tau dx/dt = input``, that passes its rate on."""
+
+    signed: bool = True
+    kind: ClassVar[str] = "integrator"
+
+
+@dataclass(frozen=True)
+class Lif:
+    """Leaky integrate-and-fire cell with white membrane noise, in mV above a reference.
+
+    ``tau dV/dt = rest_mv + mv_per_nat x - V + noise_mv sqrt(2 tau) xi``. The threshold is lowered
+    by the overshoot of a sampled path (Broadie, Glasserman & Kou 1997), so that the rate is that of
+    continuous time to first order in the tick.
+
+    Parameters
+    ----------
+    tau_ms, refractory_ms : float
+        Membrane time constant and absolute refractory period, ms.
+    noise_mv : float
+        Standard deviation of the membrane without a threshold, mV.
+    threshold_mv, reset_mv : float
+        mV above the reference.
+    rest_mv, mv_per_nat : float
+        Mean potential at x = 0, and its slope. ``firing.fit_current`` finds both for a wanted line.
+    """
+
+    tau_ms: float
+    noise_mv: float
+    threshold_mv: float
+    reset_mv: float
+    refractory_ms: float
+    rest_mv: float
+    mv_per_nat: float
+    kind: ClassVar[str] = "lif"
+
+    def __post_init__(self) -> None:
+        for name in ("tau_ms", "noise_mv"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} of a Lif cell must be > 0, got {getattr(self, name)}")
+        if not self.refractory_ms >= 0:
+            raise ValueError(f"refractory_ms must be >= 0, got {self.refractory_ms}")
+        if not self.reset_mv < self.threshold_mv:
+            raise ValueError(
+                f"reset_mv must lie below threshold_mv, got {self.reset_mv} and {self.threshold_mv}"
+            )
+
+    def sampled_threshold_mv(self, dt_ms: float, tau_ms: float | None = None) -> float:
+        """Return the threshold for a path sampled every dt, mV."""
+        step = self.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / (tau_ms or self.tau_ms)))
+        return float(self.threshold_mv - OVERSHOOT * step)
+
+
+@dataclass(frozen=True)
+class Escape:
+    """A cell that fires with hazard ``rate_hz`` after a refractory period: Poisson if that is 0."""
+
+    refractory_ms: float = 0.0
+    kind: ClassVar[str] = "escape"
+
+    def __post_init__(self) -> None:
+        if not self.refractory_ms >= 0:
+            raise ValueError(f"refractory_ms must be >= 0, got {self.refractory_ms}")
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A renewal source of given CV: ``dphi = r dt + cv sqrt(r) dW``, a spike at every whole phi.
+
+    Its intervals are inverse Gaussian with mean 1/r and coefficient of variation cv; its rate is
+    exact. A pacemaker for cv well below 1, a cortical source near .5.
+    """
+
+    cv: float
+    kind: ClassVar[str] = "phase"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.cv <= 1:
+            raise ValueError(f"cv must lie in 0..1, got {self.cv}")
+
+
+Cell = Rate | Integrator | Lif | Escape | Phase
+SPIKING = (Lif, Escape, Phase)

@@ -1,0 +1,420 @@
+"""The declaration: a circuit is two tables, populations and projections, and edits of them.
+
+Nothing about a pathway is written anywhere else. An edit returns a new circuit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits import transfer
+from circuits.cells import SPIKING, Cell, Integrator, Lif, Rate
+
+GLUTAMATE, GABA = "glutamate", "GABA"
+SIGNS = {GLUTAMATE: 1, GABA: -1}
+RECEPTORS = {"": 0, "D1": 1, "D2": -1}
+
+
+def _one_to_one(targets: int, sources: int) -> npt.NDArray[np.float64]:
+    if 1 in (targets, sources):
+        return np.ones((targets, sources))
+    return np.eye(targets, sources)
+
+
+PATTERNS = {
+    "channel": _one_to_one,
+    "diffuse": lambda targets, sources: np.ones((targets, sources)),
+    "average": lambda targets, sources: np.full((targets, sources), 1 / sources),
+    "neighbour": lambda targets, sources: np.roll(_one_to_one(targets, sources), 1, axis=0),
+}
+"""Which channels reach which: to its own, the sum or the mean of all to all, to the wrong one."""
+
+
+@dataclass(frozen=True)
+class Population:
+    """A nucleus, or the part of one that plays one role.
+
+    Parameters
+    ----------
+    name : str
+        Standard abbreviation.
+    cell : Cell
+        Cell type with its constants.
+    baseline_hz, gain_hz_per_nat : float
+        The rate that stands for an activity of a nats: ``baseline_hz + gain_hz_per_nat * a``.
+    transmitter : str
+        "glutamate" or "GABA"; the sign of every projection from here.
+    neurons : int
+        Cells a channel.
+    pooled : bool
+        One channel for all alternatives, instead of one each.
+    transfer : str
+        The activity as a function of the input in nats, by name.
+    bias_nats : float
+        Constant input.
+    tau_ms : float
+        Time constant of the input's filter (of an Integrator: its time), ms; a Lif has its own.
+    receptor : str
+        "D1" or "D2" where dopamine raises or lowers the cortical gain.
+    spread : float
+        Standard deviation across cells of the cell's constants, as a fraction of each.
+    intact, replaced : float, bool
+        The fraction that survives a lesion, and whether the lost output is replaced by its rest.
+    cite : str
+        Where the numbers come from.
+    """
+
+    name: str
+    cell: Cell
+    baseline_hz: float = 0.0
+    gain_hz_per_nat: float = 1.0
+    transmitter: str = GLUTAMATE
+    neurons: int = 1
+    pooled: bool = False
+    transfer: str = "linear"
+    bias_nats: float = 0.0
+    tau_ms: float = 0.0
+    receptor: str = ""
+    spread: float = 0.0
+    intact: float = 1.0
+    replaced: bool = False
+    cite: str = ""
+
+    def __post_init__(self) -> None:
+        transfer.named(self.transfer)
+        _one_of("transmitter", self.transmitter, SIGNS)
+        _one_of("receptor", self.receptor, RECEPTORS)
+        if self.neurons != int(self.neurons) or self.neurons < 1:
+            raise ValueError(f"{self.name}: neurons must be a whole number >= 1: {self.neurons}")
+        if not self.gain_hz_per_nat > 0:
+            raise ValueError(f"{self.name}: gain_hz_per_nat must be > 0: {self.gain_hz_per_nat}")
+        for name in ("tau_ms", "spread"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{self.name}: {name} must be >= 0, got {getattr(self, name)}")
+        for name in ("baseline_hz", "bias_nats"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+        if isinstance(self.cell, Integrator) and not self.tau_ms:
+            raise ValueError(f"{self.name}: tau_ms of an Integrator must be > 0, got {self.tau_ms}")
+        if not 0 <= self.intact <= 1:
+            raise ValueError(f"{self.name}: intact must lie in 0..1, got {self.intact}")
+        if isinstance(self.cell, Lif) and self.tau_ms:
+            raise ValueError(f"{self.name}: tau_ms is that of the Lif cell, leave it 0 here")
+
+    @property
+    def spiking(self) -> bool:
+        """Whether its cells spike."""
+        return isinstance(self.cell, SPIKING)
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A pathway: what the source's activity adds to the target's input.
+
+    Parameters
+    ----------
+    source, target : str
+        Names of populations.
+    weight : float
+        Input to the target, nats, a unit of (transformed) source activity; negative from GABA.
+    pattern : str
+        Which channels reach which: a name in ``PATTERNS``.
+    delay_ms, tau_ms : float
+        Conduction delay and synaptic time constant, ms.
+    probability : float
+        Fraction of the source's cells that reach a target cell: a fixed in-degree.
+    transfer : str
+        What the target's dendrite makes of the summed, filtered activity, by name.
+    cite : str
+        Where the numbers come from.
+    """
+
+    source: str
+    target: str
+    weight: float
+    pattern: str = "channel"
+    delay_ms: float = 0.0
+    tau_ms: float = 0.0
+    probability: float = 1.0
+    transfer: str = "linear"
+    cite: str = ""
+
+    def __post_init__(self) -> None:
+        transfer.named(self.transfer)
+        _one_of("pattern", self.pattern, PATTERNS)
+        if not math.isfinite(self.weight):
+            raise ValueError(f"{self.name}: weight must be finite, got {self.weight}")
+        for name in ("delay_ms", "tau_ms"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{self.name}: {name} must be >= 0, got {getattr(self, name)}")
+        if not 0 < self.probability <= 1:
+            raise ValueError(f"{self.name}: probability must lie in 0..1, got {self.probability}")
+        if self.probability < 1 and self.transfer != "linear":
+            raise ValueError(f"{self.name}: connections of probability < 1 must be linear")
+
+    @property
+    def name(self) -> str:
+        """``source->target``."""
+        return f"{self.source}->{self.target}"
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """A whole circuit; every engine reads this and nothing else.
+
+    The evidence enters ``input`` as a drive in nats, one number a channel, that is zero at rest:
+    the input is ``drive_gain * (drive + reference_nats - ln channels)``. The decoded rate of
+    ``readout`` is OUT.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    populations, projections : tuple
+        The two tables.
+    channels : int
+        Number of alternatives.
+    input, readout : str
+        Populations where evidence enters and where OUT is read.
+    reference_nats : float
+        ``S = ln sum exp y`` at rest.
+    drive_gain : float
+        Factor on the drive that keeps OUT in nats.
+    readout_tau_ms : float
+        Low-pass of the read-out, ms.
+    exact : bool
+        Whether its fixed point claims to be ``-ln P``; an edit of a weight takes the claim away.
+    range_nats : tuple of float
+        Lowest and highest ``S`` at which the circuit works.
+    wiring_seed : int
+        Key of what differs from cell to cell: connections and spread.
+    about : str
+        One sentence with its source.
+    """
+
+    name: str
+    populations: tuple[Population, ...]
+    projections: tuple[Projection, ...]
+    channels: int = 2
+    input: str = "ctx"
+    readout: str = "SNr"
+    reference_nats: float = 3.0
+    drive_gain: float = 1.0
+    readout_tau_ms: float = 0.0
+    exact: bool = False
+    range_nats: tuple[float, float] = (0.0, math.inf)
+    wiring_seed: int = 0
+    about: str = ""
+    _known: dict[str, Population] = field(init=False, repr=False, compare=False, hash=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_known", {p.name: p for p in self.populations})
+        if len(self._known) != len(self.populations):
+            raise ValueError(f"{self.name}: two populations have one name")
+        if len({p.name for p in self.projections}) != len(self.projections):
+            raise ValueError(f"{self.name}: two projections join the same populations")
+        if self.channels != int(self.channels) or self.channels < 2:
+            raise ValueError(f"channels must be a whole number >= 2, got {self.channels}")
+        if not 0 <= self.readout_tau_ms < math.inf:
+            raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
+        for name in ("reference_nats", "drive_gain"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
+        for p in self.projections:
+            self.population(p.target)
+            sign = SIGNS[self.population(p.source).transmitter]
+            if p.weight * sign < 0:
+                what = self.population(p.source).transmitter
+                raise ValueError(
+                    f"{p.name}: {p.source} releases {what}, so the weight must be "
+                    f"{'>=' if sign > 0 else '<='} 0, got {p.weight}"
+                )
+        self._reaches()
+
+    def population(self, name: str) -> Population:
+        """Return a row by name.
+
+        Raises
+        ------
+        ValueError
+            If there is none, with the names that there are.
+        """
+        if name not in self._known:
+            raise ValueError(f"{self.name} has no nucleus {name!r}: {', '.join(self._known)}")
+        return self._known[name]
+
+    def projection(self, source: str, target: str) -> Projection:
+        """Return a row by its two ends; raises ValueError with the valid names."""
+        for p in self.projections:
+            if (p.source, p.target) == (source, target):
+                return p
+        valid = ", ".join(p.name for p in self.projections)
+        raise ValueError(f"{self.name} has no pathway {source}->{target}: {valid}")
+
+    def channels_of(self, name: str) -> int:
+        """Return how many channels a population has."""
+        return 1 if self.population(name).pooled else self.channels
+
+    def pattern(self, p: Projection) -> npt.NDArray[np.float64]:
+        """Return which channels reach which, (target channels, source channels)."""
+        return PATTERNS[p.pattern](self.channels_of(p.target), self.channels_of(p.source))
+
+    # ---- edits: each returns a new circuit
+
+    def changed(self, name: str, **values: Any) -> Circuit:
+        """Return the circuit with fields of one row changed.
+
+        Parameters
+        ----------
+        name : str
+            A population, ``"STN"``, or a projection, ``"STN->GPe"``.
+        **values
+            Fields of ``Population``, of its cell, or of ``Projection``.
+        """
+        if "->" in name:
+            old = self.projection(*name.split("->", 1))
+            _fields(name, old, values)
+            rows = tuple(replace(p, **values) if p is old else p for p in self.projections)
+            keeps = set(values) <= {"delay_ms", "tau_ms", "probability", "cite"}
+            return replace(self, projections=rows, exact=self.exact and keeps)
+        row = self.population(name)
+        inner = {k: v for k, v in values.items() if hasattr(row.cell, k) and not hasattr(row, k)}
+        if isinstance(row.cell, Lif) and "tau_ms" in values:
+            inner["tau_ms"] = values["tau_ms"]
+        outer = {k: v for k, v in values.items() if k not in inner}
+        _fields(name, row, outer)
+        new = replace(row, **outer)
+        new = replace(new, cell=replace(new.cell, **inner))
+        rows_ = tuple(new if p is row else p for p in self.populations)
+        keeps = set(outer) <= {"neurons", "spread", "tau_ms", "cite"} and not inner
+        return replace(self, populations=rows_, exact=self.exact and keeps)
+
+    def without(self, name: str, fraction: float = 1.0, *, replaced: bool = False) -> Circuit:
+        """Return the circuit with a fraction of a nucleus lesioned.
+
+        Parameters
+        ----------
+        name : str
+            The nucleus.
+        fraction : float
+            Lost part, 0..1.
+        replaced : bool
+            Whether its targets get the lost output back as a constant: its rate at rest.
+
+        Raises
+        ------
+        ValueError
+            For an unknown nucleus, a fraction out of range, or the input or the read-out itself.
+        """
+        row = self.population(name)
+        if name in (self.input, self.readout):
+            raise ValueError(
+                f"{name} is the {'input' if name == self.input else 'read-out'}: without it "
+                "nothing is decided"
+            )
+        if not 0 <= fraction <= 1:
+            raise ValueError(f"fraction must lie in 0..1, got {fraction}")
+        if fraction == 0:
+            return self
+        return self.changed(name, intact=row.intact * (1 - fraction), replaced=replaced)
+
+    def scaled(self, source: str, target: str, factor: float) -> Circuit:
+        """Return the circuit with the weight of one pathway multiplied by a factor >= 0."""
+        row = self.projection(source, target)
+        if not factor >= 0:
+            raise ValueError(f"factor must be >= 0, got {factor}")
+        return self.changed(row.name, weight=row.weight * factor) if factor != 1 else self
+
+    def dopamine(self, level: float) -> Circuit:
+        """Return the circuit at a dopamine level; 1 is normal, the range is 0..2.
+
+        The cortical weight onto cells with D1 receptors is multiplied by ``level``, onto cells with
+        D2 receptors by ``2 - level``.
+        """
+        if not 0 <= level <= 2:
+            raise ValueError(f"dopamine level must lie in 0..2, got {level}")
+        circuit = self
+        for p in self.projections:
+            sign = RECEPTORS[self.population(p.target).receptor]
+            if sign and p.source == self.input:
+                circuit = circuit.scaled(p.source, p.target, 1 + sign * (level - 1))
+        return circuit
+
+    def with_channels(self, channels: int) -> Circuit:
+        """Return the circuit for another number of alternatives."""
+        return replace(self, channels=channels)
+
+    def with_neurons(self, neurons: int) -> Circuit:
+        """Return the circuit with another number of cells in every spiking population."""
+        return self._everywhere(neurons=neurons)
+
+    def with_spread(self, spread: float) -> Circuit:
+        """Return the circuit with cells that differ by a fraction in every spiking population."""
+        return self._everywhere(spread=spread)
+
+    def with_connections(self, probability: float) -> Circuit:
+        """Return the circuit with sparse connections, of fixed in-degree, between spiking cells."""
+        rows = tuple(
+            replace(p, probability=probability)
+            if self.population(p.source).spiking and self.population(p.target).spiking
+            else p
+            for p in self.projections
+        )
+        return replace(self, projections=rows)
+
+    def with_rows(self, *rows: Population | Projection) -> Circuit:
+        """Return the circuit with rows added: a nucleus or a pathway of your own."""
+        nuclei = tuple(r for r in rows if isinstance(r, Population))
+        paths = tuple(r for r in rows if isinstance(r, Projection))
+        return replace(
+            self,
+            populations=self.populations + nuclei,
+            projections=self.projections + paths,
+            exact=False,
+        )
+
+    @property
+    def intact(self) -> Circuit:
+        """The circuit with every lesion undone."""
+        rows = tuple(replace(p, intact=1.0, replaced=False) for p in self.populations)
+        return replace(self, populations=rows)
+
+    def _everywhere(self, **values: Any) -> Circuit:
+        rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
+        return replace(self, populations=rows)
+
+    def _reaches(self) -> None:
+        """Refuse a circuit whose evidence cannot reach its read-out."""
+        if self.population(self.input).pooled or self.population(self.readout).pooled:
+            raise ValueError(f"{self.input} and {self.readout} need a channel an alternative")
+        reached = {self.input}
+        for _ in self.populations:
+            reached |= {
+                p.target
+                for p in self.projections
+                if p.source in reached and p.weight and self.population(p.source).intact
+            }
+        if self.readout not in reached:
+            raise ValueError(f"no pathway is left from {self.input} to {self.readout}")
+
+
+def _one_of(what: str, value: str, allowed: Iterable[str]) -> None:
+    if value not in allowed:
+        names = ", ".join(repr(name) for name in allowed)
+        raise ValueError(f"{what} must be one of {names}, got {value!r}")
+
+
+def _fields(name: str, row: Population | Projection, values: dict[str, Any]) -> None:
+    for key in values:
+        if key not in row.__dataclass_fields__:
+            valid = ", ".join(row.__dataclass_fields__)
+            raise ValueError(f"{name} has no {key!r}: {valid}")
+
+
+__all__ = ["GABA", "GLUTAMATE", "PATTERNS", "Circuit", "Population", "Projection", "Rate"]

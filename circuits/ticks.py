@@ -1,0 +1,188 @@
+"""The clock, and what one tick does: the scheme that the dynamic engines share.
+
+At tick k, with every rate of earlier ticks known:
+
+1. units: ``u = D u + (1 - D) deliver r[k - delay]``; the filtered activity is ``u + constant``;
+2. blocks: ``input = bias + weight g(u + constant) + drive``, then ``x = A x + (1 - A) input``, or
+   ``x += input dt/tau`` without a leak; an integrate-and-fire cell filters in its membrane instead;
+3. cells: units of rate pass ``r[k] = rates(x)`` on; spiking ones ``r[k] = spikes / (neurons dt)``;
+4. read-out: ``o = R o + (1 - R) r[k]``.
+
+A delay is at least one tick. Everything starts at the intact circuit's rest; the evidence comes
+after a time to settle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circuits import noise
+from circuits.algebra import rest
+from circuits.cells import Lif, Phase
+from circuits.spec import Circuit
+from circuits.wiring import Array, Index, Wiring, ticks, wire
+
+SPREAD_LEAST = 0.1
+"""No cell's constant falls below this fraction of its population's."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Times of a run, ms, and as ticks.
+
+    Parameters
+    ----------
+    steps : int
+        Readings of evidence.
+    step_ms : float
+        Time from one reading to the next; each is held until the next.
+    dt_ms : float
+        One tick.
+    sample_ms : float
+        Time from one recorded sample to the next.
+    settle_ms : float
+        Time at rest before the first reading; not recorded.
+
+    Raises
+    ------
+    ValueError
+        If a time is negative or no multiple of the tick.
+    """
+
+    steps: int
+    step_ms: float
+    dt_ms: float = 0.1
+    sample_ms: float = 1.0
+    settle_ms: float = 300.0
+
+    def __post_init__(self) -> None:
+        for name in ("step_ms", "sample_ms", "settle_ms"):
+            value = getattr(self, name)
+            if not value >= 0 or (name != "settle_ms" and value == 0):
+                raise ValueError(f"{name} must be positive, got {value}")
+            ticks(name, value, self.dt_ms)
+        if self.step_ticks % self.sample_ticks:
+            raise ValueError(
+                f"step_ms must be a multiple of sample_ms, got {self.step_ms} and {self.sample_ms}"
+            )
+
+    @property
+    def step_ticks(self) -> int:
+        """Ticks from reading to reading."""
+        return ticks("step_ms", self.step_ms, self.dt_ms)
+
+    @property
+    def sample_ticks(self) -> int:
+        """Ticks from sample to sample."""
+        return ticks("sample_ms", self.sample_ms, self.dt_ms)
+
+    @property
+    def settle_ticks(self) -> int:
+        """Ticks before the first reading."""
+        return ticks("settle_ms", self.settle_ms, self.dt_ms)
+
+    @property
+    def ticks(self) -> int:
+        """Ticks of the whole run."""
+        return self.settle_ticks + self.steps * self.step_ticks
+
+    @property
+    def samples(self) -> int:
+        """Samples recorded."""
+        return self.steps * self.step_ticks // self.sample_ticks
+
+    @property
+    def time_ms(self) -> Array:
+        """Time of each sample, ms from the first reading: the end of what it sums up."""
+        return (np.arange(self.samples) + 1) * self.sample_ms
+
+    def step_of(self, tick: int) -> int:
+        """Return the reading that holds at a tick, -1 before the first."""
+        late = tick - self.settle_ticks
+        return late // self.step_ticks if late >= 0 else -1
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A wiring at a given tick: the factors of the four lines above, and the start.
+
+    Parameters
+    ----------
+    wiring : Wiring
+        The circuit as arrays, lesions included.
+    dt_ms : float
+        One tick.
+    """
+
+    wiring: Wiring
+    dt_ms: float
+
+    @cached_property
+    def unit_decay(self) -> Array:
+        """D of each unit."""
+        w = self.wiring
+        return _decay(self.dt_ms, np.array([w.projection(u).tau_ms for u in range(w.units)]))
+
+    @cached_property
+    def unit_delay(self) -> Index:
+        """Delay of each unit, ticks, at least 1."""
+        rows = [self.wiring.projection(u) for u in range(self.wiring.units)]
+        delays = [ticks(f"the delay of {p.name}", p.delay_ms, self.dt_ms) for p in rows]
+        return np.maximum(np.array(delays, dtype=np.intp), 1)
+
+    @cached_property
+    def block_decay(self) -> Array:
+        """A of each block: of the membrane for a Lif; 1 for a block without leak."""
+        return np.where(self.wiring.leakless, 1.0, _decay(self.dt_ms, self.wiring.tau_ms))
+
+    @cached_property
+    def block_gain(self) -> Array:
+        """Factor on each block's input: 1 - A, or dt/tau without a leak."""
+        tau = np.where(self.wiring.leakless, self.wiring.tau_ms, 1.0)
+        return np.where(self.wiring.leakless, self.dt_ms / tau, 1 - self.block_decay)
+
+    @cached_property
+    def readout_decay(self) -> float:
+        """R of the read-out."""
+        return float(_decay(self.dt_ms, np.array([self.wiring.circuit.readout_tau_ms]))[0])
+
+    @cached_property
+    def start(self) -> tuple[Array, Array, Array]:
+        """Units (without constant), block states in nats, and rates in Hz of the intact rest."""
+        intact = wire(self.wiring.circuit.intact)
+        x = rest(intact)
+        rates = intact.rates(x)
+        return self.wiring.deliver @ rates, x, rates
+
+
+def refractory_ticks(refractory_ms: float, dt_ms: float) -> int:
+    """Return for how many ticks a cell is held after a spike."""
+    return ticks("refractory_ms", refractory_ms, dt_ms)
+
+
+def cell_factors(circuit: Circuit, name: str, channel: int) -> Array:
+    """Return the factors (3, neurons) of each cell's constants; 1 where the spread is 0.
+
+    For a Lif: of its time constant, its mv_per_nat and its threshold. For the others the first is
+    that of its rate. They belong to the circuit's ``wiring_seed``, not to a trial.
+    """
+    row = circuit.population(name)
+    key = noise.stream_key(circuit.wiring_seed, 0, f"{name}/{channel}")
+    draws = [noise.bits32(key, noise.CELLS_TICK + i, row.neurons) for i in range(3)]
+    return np.maximum(1 + row.spread * np.array(draws), SPREAD_LEAST)
+
+
+def starting_state(cell: object, streams: list[int], neurons: int, dt_ms: float) -> Array:
+    """Return where each cell starts, (len(streams), neurons): mV for a Lif, phase for a Phase."""
+    start = np.array([noise.uniform(s, noise.START_TICK, neurons) for s in streams])
+    if isinstance(cell, Lif):
+        return cell.reset_mv + (cell.sampled_threshold_mv(dt_ms) - cell.reset_mv) * start
+    return start if isinstance(cell, Phase) else np.zeros_like(start)
+
+
+def _decay(dt_ms: float, tau_ms: Array) -> Array:
+    safe = np.where(tau_ms > 0, tau_ms, 1.0)
+    return np.where(tau_ms > 0, np.exp(-dt_ms / safe), 0.0)

@@ -1,0 +1,90 @@
+"""Named transfer functions: the NumPy form beside the Brian2 text, so that engines agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+EXP_MOST = 60.0
+"""Exponents are capped here, nats: far above any rate, far below overflow."""
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """One function of one input in nats.
+
+    Parameters
+    ----------
+    function, slope : callable
+        The function and its derivative, on arrays.
+    brian : str
+        The same as Brian2 text, with ``{x}`` for its input.
+    about : str
+        What it stands for, with its source.
+    """
+
+    function: Callable[[Array], Array]
+    slope: Callable[[Array], Array]
+    brian: str
+    about: str
+
+    def __call__(self, x: npt.ArrayLike) -> Array:
+        """Return the function of x."""
+        return self.function(np.asarray(x, dtype=np.float64))
+
+
+def _capped(x: Array) -> Array:
+    return np.exp(np.minimum(x, EXP_MOST))
+
+
+def _s_minus_log_s(s: Array) -> Array:
+    some = s > 0
+    safe = np.where(some, s, 1.0)
+    return np.where(some, safe - np.log(safe), 0.0)
+
+
+def _s_minus_log_s_slope(s: Array) -> Array:
+    some = s > 0
+    return np.where(some, 1 - 1 / np.where(some, s, 1.0), 0.0)
+
+
+TRANSFERS: dict[str, Transfer] = {
+    "linear": Transfer(lambda x: x + 0.0, np.ones_like, "{x}", "as it is"),
+    "rectified": Transfer(
+        lambda x: np.maximum(x, 0.0),
+        lambda x: (x > 0).astype(np.float64),
+        "clip({x}, 0, inf)",
+        "no less than zero",
+    ),
+    "exp": Transfer(
+        _capped,
+        _capped,
+        f"exp(clip({{x}}, -inf, {EXP_MOST:g}))",
+        "exponential f-I of STN; Bogacz & Gurney 2007 after Hallworth 2003, Wilson 2004",
+    ),
+    "s_minus_log_s": Transfer(
+        _s_minus_log_s,
+        _s_minus_log_s_slope,
+        "int({x} > 0) * ({x} - log(clip({x}, 1e-300, inf)))",
+        "S - ln S of what STN delivers to GPe; Bogacz & Gurney 2007. No input drives nothing",
+    ),
+}
+"""All transfers by name. The compiled engine knows these four; a fifth runs in the others."""
+
+
+def named(name: str) -> Transfer:
+    """Return a transfer by name.
+
+    Raises
+    ------
+    ValueError
+        If there is none, with the names that there are.
+    """
+    if name not in TRANSFERS:
+        raise ValueError(f"transfer must be one of {', '.join(TRANSFERS)}, got {name!r}")
+    return TRANSFERS[name]

@@ -1,0 +1,248 @@
+"""From the table to arrays: what every engine integrates, so that all integrate the same.
+
+A *block* is one channel of one population. A *unit* is one postsynaptic sum of one projection:
+channels with the same row in the projection's pattern share it, so a diffuse projection is one
+unit however many channels there are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits import noise, transfer
+from circuits.cells import Integrator, Lif, Rate
+from circuits.spec import Circuit, Population, Projection
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """A circuit as arrays. Build it with ``wire``.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table that it came from.
+    owner, channel : arrays (blocks,)
+        Index of each block's population, and its channel.
+    path : array (units,)
+        Index of each unit's projection.
+    deliver : array (units, blocks)
+        Nats that a unit receives from each Hz of a block, lesions included.
+    constant : array (units,)
+        Nats that a unit receives always: minus the baselines, plus replaced output.
+    weight : array (blocks, units)
+        Nats of input to a block a unit of transformed activity.
+    bias : array (blocks,)
+        Constant input, nats; at the input this holds the drive at rest.
+    """
+
+    circuit: Circuit
+    owner: Index
+    channel: Index
+    path: Index
+    deliver: Array
+    constant: Array
+    weight: Array
+    bias: Array
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.owner)
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return len(self.path)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """``GPe/0`` and so on: the keys of the blocks' noise."""
+        return [f"{self.row(b).name}/{self.channel[b]}" for b in range(self.blocks)]
+
+    def row(self, block: int) -> Population:
+        """Return the population of a block."""
+        return self.circuit.populations[self.owner[block]]
+
+    def projection(self, unit: int) -> Projection:
+        """Return the projection of a unit."""
+        return self.circuit.projections[self.path[unit]]
+
+    def blocks_of(self, name: str) -> Index:
+        """Return the blocks of a population, in the order of its channels."""
+        self.circuit.population(name)
+        return np.array([b for b in range(self.blocks) if self.row(b).name == name], dtype=np.intp)
+
+    def column(self, name: str) -> Array:
+        """Return a field of each block's population as an array."""
+        return np.array([getattr(self.row(b), name) for b in range(self.blocks)], dtype=np.float64)
+
+    @cached_property
+    def baseline_hz(self) -> Array:
+        """Baseline of each block, Hz."""
+        return self.column("baseline_hz")
+
+    @cached_property
+    def gain_hz_per_nat(self) -> Array:
+        """Gain of each block, Hz/nat."""
+        return self.column("gain_hz_per_nat")
+
+    @cached_property
+    def leakless(self) -> npt.NDArray[np.bool_]:
+        """Which blocks integrate without a leak."""
+        return np.array([isinstance(self.row(b).cell, Integrator) for b in range(self.blocks)])
+
+    @cached_property
+    def tau_ms(self) -> Array:
+        """Time constant of each block's input filter, ms; the membrane's for a Lif."""
+        cells = [self.row(b).cell for b in range(self.blocks)]
+        membrane = [cell.tau_ms if isinstance(cell, Lif) else 0.0 for cell in cells]
+        return self.column("tau_ms") + np.array(membrane)
+
+    @cached_property
+    def floor_hz(self) -> Array:
+        """Lowest rate of each block, Hz: 0, or none where the rate stands for a difference."""
+        cells = [self.row(b).cell for b in range(self.blocks)]
+        signed = [isinstance(cell, Rate | Integrator) and cell.signed for cell in cells]
+        return np.where(signed, -np.inf, 0.0)
+
+    def drive(self, drive: Array) -> Array:
+        """Return the input (..., blocks) that a drive (..., channels) in nats adds."""
+        x = np.zeros((*drive.shape[:-1], self.blocks))
+        x[..., self.blocks_of(self.circuit.input)] = self.circuit.drive_gain * drive
+        return x
+
+    def inputs(self, units: Array) -> Array:
+        """Return the input (..., blocks), nats, from the filtered activity (..., units)."""
+        return self._by_name(units, self._unit_transfers) @ self.weight.T + self.bias
+
+    def units_slope(self, units: Array) -> Array:
+        """Return the slope (..., units) of the units' transfer."""
+        return self._by_name(units, self._unit_transfers, slope=True)
+
+    def rates(self, x: Array) -> Array:
+        """Return the rates (..., blocks), Hz, that inputs (..., blocks) in nats stand for."""
+        activity = self._by_name(x, self._block_transfers)
+        return np.maximum(self.baseline_hz + self.gain_hz_per_nat * activity, self.floor_hz)
+
+    def rates_slope(self, x: Array) -> Array:
+        """Return the slope (..., blocks) of ``rates``, Hz/nat."""
+        rate = self.baseline_hz + self.gain_hz_per_nat * self._by_name(x, self._block_transfers)
+        slope = self._by_name(x, self._block_transfers, slope=True)
+        return self.gain_hz_per_nat * slope * (rate > self.floor_hz)
+
+    def activity(self, rates: Array, name: str) -> Array:
+        """Return the activity (..., channels), nats, that rates (..., channels) stand for."""
+        row = self.circuit.population(name)
+        return (rates - row.baseline_hz) / row.gain_hz_per_nat
+
+    @cached_property
+    def _unit_transfers(self) -> list[str]:
+        return [self.projection(u).transfer for u in range(self.units)]
+
+    @cached_property
+    def _block_transfers(self) -> list[str]:
+        return [self.row(b).transfer for b in range(self.blocks)]
+
+    @staticmethod
+    def _by_name(values: Array, names: list[str], slope: bool = False) -> Array:
+        result = np.empty_like(values)
+        kinds = np.array(names, dtype=object)
+        for name in dict.fromkeys(names):
+            law = transfer.named(name)
+            here = kinds == name
+            result[..., here] = (law.slope if slope else law.function)(values[..., here])
+        return result
+
+
+def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
+    """Turn a circuit into arrays.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    rest_hz : array (blocks,), optional
+        Rates at rest of the intact circuit, Hz: what a replaced lesion delivers.
+    """
+    owner, channel = [], []
+    for i, row in enumerate(circuit.populations):
+        count = circuit.channels_of(row.name)
+        owner += [i] * count
+        channel += range(count)
+    rows = [circuit.populations[i] for i in owner]
+    start = {row.name: owner.index(i) for i, row in enumerate(circuit.populations)}
+    bias = np.array([row.bias_nats for row in rows])
+    rest = circuit.reference_nats - np.log(circuit.channels)
+    bias[[row.name == circuit.input for row in rows]] += circuit.drive_gain * rest
+
+    path, deliver, constant, weights = [], [], [], []
+    for i, p in enumerate(circuit.projections):
+        pattern, place = np.unique(circuit.pattern(p), axis=0, return_inverse=True)
+        source = circuit.population(p.source)
+        first = start[p.source]
+        kept = np.full(pattern.shape[1], -float(source.baseline_hz))
+        if source.replaced and rest_hz is not None:
+            kept += (1 - source.intact) * rest_hz[first : first + pattern.shape[1]]
+        for k, row_ in enumerate(pattern):
+            path.append(i)
+            hz = np.zeros(len(owner))
+            hz[first : first + len(row_)] = source.intact * row_ / source.gain_hz_per_nat
+            deliver.append(hz)
+            constant.append(float(row_ @ kept) / source.gain_hz_per_nat)
+            column = np.zeros(len(owner))
+            targets = np.flatnonzero(place.ravel() == k)
+            column[start[p.target] + targets] = p.weight
+            weights.append(column)
+    shape = (len(path), len(owner))
+    return Wiring(
+        circuit=circuit,
+        owner=np.array(owner, dtype=np.intp),
+        channel=np.array(channel, dtype=np.intp),
+        path=np.array(path, dtype=np.intp),
+        deliver=np.array(deliver).reshape(shape),
+        constant=np.array(constant),
+        weight=np.array(weights).reshape(shape).T,
+        bias=bias,
+    )
+
+
+def ticks(name: str, time_ms: float, dt_ms: float) -> int:
+    """Return a time as a number of ticks; raises ValueError if it is no multiple of dt."""
+    if not dt_ms > 0:
+        raise ValueError(f"dt_ms must be > 0, got {dt_ms}")
+    count = round(time_ms / dt_ms)
+    if abs(count * dt_ms - time_ms) > 1e-9 * max(1.0, time_ms):
+        raise ValueError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}")
+    return count
+
+
+def fan_in(circuit: Circuit, p: Projection, target: int, source: int) -> npt.NDArray[np.int64]:
+    """Return which source cells reach each target cell, (target cells, in-degree).
+
+    The in-degree is ``probability`` times the number of source cells, the same for every target:
+    with a binomial one the rates would differ from cell to cell. Connections belong to the
+    circuit's ``wiring_seed``, not to a trial.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    p : Projection
+        One of its rows.
+    target, source : int
+        Channels.
+    """
+    sources = circuit.population(p.source).neurons
+    targets = circuit.population(p.target).neurons
+    degree = max(1, round(p.probability * sources))
+    key = noise.stream_key(circuit.wiring_seed, 0, f"{p.name}/{target}/{source}")
+    words = noise.words(key, noise.WIRES_TICK, sources * targets).reshape(targets, sources)
+    return np.sort(np.argsort(words, axis=1, kind="stable")[:, :degree], axis=1)
