@@ -117,3 +117,18 @@ def test_orientations_are_evenly_spaced():
 def test_bad_input_gets_one_clear_sentence(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+def test_inner_folds_without_a_reading_are_left_out_or_refused():
+    pool = normal_pool(80, 60)
+
+    def late(part, pool):
+        """Readings of the second hypothesis come from its first few taps alone."""
+        return [pool[0], pool[1][pool[1] > part]]
+
+    some = np.sort(pool[1])[-4] - 1e-9
+    fitted = fit_likelihood(pool, lambda p: late(some, p), (-180, 180))
+    assert fitted.shrink > 0
+    with pytest.raises(ValueError, match="too few taps to judge"):
+        # A small part of the taps never gives a reading of the second hypothesis.
+        fit_likelihood(pool, lambda p: [p[0], p[1] if len(p[1]) > 30 else p[1][:0]], (-180, 180))

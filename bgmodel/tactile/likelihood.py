@@ -202,8 +202,15 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
         inside = [np.arange(len(part)) % density.inner_folds == k for part in pool]
         logs = log_densities([part[~i] for part, i in zip(pool, inside, strict=True)])
         test = readings([part[i] for part, i in zip(pool, inside, strict=True)])
+        if not all(len(x) for x in test):
+            continue
         held.append(
             [_against_truth(_thinned(x), i, grid, logs, period) for i, x in enumerate(test)]
+        )
+    if len(held) < 2:
+        raise ValueError(
+            f"too few taps to judge the likelihood: only {len(held)} of {density.inner_folds} inner "
+            "folds hold a reading of every hypothesis"
         )
 
     def losses(factor: float) -> FloatArray:
