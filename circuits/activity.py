@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,7 +39,7 @@ class Activity:
 
     circuit: Circuit
     time_ms: Array
-    rates_hz: dict[str, Array]
+    rates_hz: Mapping[str, npt.NDArray[np.floating]]
     output_nats: Array
     engine: str
     spikes: dict[str, pd.DataFrame] | None = None
@@ -71,7 +72,8 @@ class Activity:
     def decoded_nats(self, name: str) -> Array:
         """Return the activity of a population, nats (trials, ticks, channels)."""
         row = self.circuit.population(name)
-        return (self.rates_hz[name] - row.baseline_hz) / row.gain_hz_per_nat
+        rates = np.asarray(self.rates_hz[name], dtype=np.float64)
+        return (rates - row.baseline_hz) / row.gain_hz_per_nat
 
     def rate_table(self) -> pd.DataFrame:
         """Return mean rates as a table: one row a population, channel and time."""

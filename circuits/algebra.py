@@ -15,7 +15,7 @@ from circuits.wiring import Array, Index, Wiring, wire
 
 MOST_STEPS = 200
 TOLERANCE = 1e-9
-"""Error below which the step that follows, which squares it, is the last."""
+"""Error, nats, below which the step that follows, which squares it, is the last."""
 LARGEST_MOVE = 1.0
 MOST_DAMPING = 1.0
 TRIALS_AT_ONCE = 512
@@ -45,7 +45,7 @@ def run(circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0) -> Acti
         solve(wiring, flat[i : i + TRIALS_AT_ONCE]) for i in range(0, len(flat), TRIALS_AT_ONCE)
     ]
     rates = wiring.rates(np.concatenate(states)).reshape(*drive.shape[:2], wiring.blocks)
-    time = step_ms * np.arange(drive.shape[1])
+    time = step_ms * np.arange(drive.shape[1], dtype=np.float64)
     return Activity.from_blocks(wiring, rates, time, engine="algebra")
 
 
@@ -90,7 +90,8 @@ def solve(wiring: Wiring, drive: Array) -> Array:
 def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
     """Return the blocks of populations that settle together, upstream first, and whether they loop.
 
-    An integrator counts as a loop: where it stands still is not given by its input alone.
+    An integrator counts as a loop: where it stands still is not given by its input alone. A
+    lesioned one may stand anywhere.
     """
     reach = (wiring.weight != 0) @ (wiring.deliver != 0)
     target, source = (wiring.owner[blocks] for blocks in np.nonzero(reach))
@@ -101,7 +102,8 @@ def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
     for t, s in zip(label[target], label[source], strict=True):
         if t != s:
             order.add(int(t), int(s))
-    looped = set(target[target == source]) | set(wiring.owner[wiring.leakless])
+    kept = wiring.leakless & (wiring.column("intact") > 0)
+    looped = set(target[target == source]) | set(wiring.owner[kept])
     result = []
     for part in order.static_order():
         members = np.flatnonzero(label == part)
@@ -126,7 +128,7 @@ def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Inde
         here = x[:, blocks]
         units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
         error = (outside + wiring.inputs(units))[:, blocks] - leak * here
-        size = np.abs(error).max(axis=1) / (1 + np.abs(leak * here).max(axis=1))
+        size = np.abs(error).max(axis=1)
         gain = weight * wiring.units_slope(units)[:, None, within]
         jacobian = gain @ (deliver * wiring.rates_slope(x)[:, None, blocks]) - np.diag(leak)
         jacobian -= np.minimum(size, MOST_DAMPING)[:, None, None] * np.eye(len(blocks))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from circuits.cells import Integrator, Lif, Phase, Rate
 from circuits.spec import GABA, Circuit, Population, Projection
@@ -121,7 +122,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
     msn = Lif(12, 3, 15, 5, 2, rest_mv=8.17, mv_per_nat=13.34)
     pallidal = Lif(10, 4, 15, 3, 2, rest_mv=14.07, mv_per_nat=13.56)
     nigral = Lif(10, 4, 15, 3, 2, rest_mv=7.68, mv_per_nat=17.01)
-    cells = {"neurons": 300}
+    cells = 300
     fitted = f"{STUDY}; currents by fit_current"
     nuclei = (
         Population(
@@ -131,7 +132,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
             20,
             transfer="rectified",
             tau_ms=5,
-            **cells,
+            neurons=cells,
             cite="CV assumed; rate range tuned",
         ),
         Population(
@@ -153,11 +154,19 @@ def spiking_msprt(channels: int = 2) -> Circuit:
             GABA,
             bias_nats=-d1_from,
             receptor="D1",
-            **cells,
-            cite=fitted + "; rates of MSN 0-5 Hz at rest, Lienard & Girard 2014",
+            neurons=cells,
+            cite=fitted,
         ),
         Population(
-            "D2", msn, 0, 80, GABA, bias_nats=-d2_from / 4, receptor="D2", **cells, cite=fitted
+            "D2",
+            msn,
+            0,
+            80,
+            GABA,
+            bias_nats=-d2_from / 4,
+            receptor="D2",
+            neurons=cells,
+            cite=fitted,
         ),
         Population(
             "STN",
@@ -166,12 +175,16 @@ def spiking_msprt(channels: int = 2) -> Circuit:
             48 / 2.2,
             transfer="exp",
             tau_ms=5,
-            **cells,
+            neurons=cells,
             bias_nats=math.log(s0) - 3 + share * d2_from,
             cite="CV assumed; " + STUDY,
         ),
-        Population("GPe", pallidal, 45, 80, GABA, bias_nats=-slope * s0, **cells, cite=fitted),
-        Population("SNr", nigral, 10, 95, GABA, bias_nats=3 - s0 - d1_from, **cells, cite=fitted),
+        Population(
+            "GPe", pallidal, 45, 80, GABA, bias_nats=-slope * s0, neurons=cells, cite=fitted
+        ),
+        Population(
+            "SNr", nigral, 10, 95, GABA, bias_nats=3 - s0 - d1_from, neurons=cells, cite=fitted
+        ),
     )
     paths = (
         Projection("ctx", "D1", 1, delay_ms=5, tau_ms=8, cite="macaque 7, rat 10-12 ms; " + STUDY),
@@ -215,6 +228,4 @@ def circuit(name: str, channels: int = 2) -> Circuit:
 
 
 def _renamed(row: Circuit, name: str, about: str, high: float) -> Circuit:
-    from dataclasses import replace
-
     return replace(row, name=name, about=about, range_nats=(0.0, high), exact=False)

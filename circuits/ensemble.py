@@ -79,6 +79,8 @@ def run(
     warn_beyond_range(circuit, drive)
     trials, steps, _ = drive.shape
     clock = Clock(steps, step_ms, dt_ms, sample_ms, settle_ms)
+    if workers < 1:
+        raise ValueError(f"workers must be >= 1, got {workers}")
     wiring = wired(circuit)
     names = tuple(spikes)
     p = plan(wiring, clock, kept=_kept(wiring, names))
@@ -102,7 +104,7 @@ def run(
         return min(TRIALS_A_TASK, trials - first)
 
     with (
-        ThreadPoolExecutor(max_workers=max(1, workers)) as pool,
+        ThreadPoolExecutor(max_workers=workers) as pool,
         tqdm(total=trials, unit="trial", disable=not progress) as bar,
     ):
         for done in pool.map(task, range(0, trials, TRIALS_A_TASK)):
@@ -302,7 +304,9 @@ def _strands(
 ) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
     """Lay out connections cell by cell: strands, fibres, wires, and whose spikes they need."""
     circuit = wiring.circuit
-    strands, fibres, wires = [], [], [np.zeros(0, np.uint8)]
+    strands: list[tuple[Any, ...]] = []
+    fibres: list[tuple[Any, ...]] = []
+    wires = [np.zeros(0, np.uint8)]
     size = cells = 0
     needs = np.zeros(wiring.blocks, dtype=bool)
     for q in np.flatnonzero(sparse):

@@ -56,9 +56,7 @@ def stream_key(seed: int, trial: int, name: str) -> int:
     ValueError
         If seed or trial is out of range.
     """
-    for what, value in (("seed", seed), ("trial", trial)):
-        if value != int(value) or not 0 <= value <= _MASK:
-            raise ValueError(f"{what} must be a whole number 0 .. 2**64 - 1, got {value!r}")
+    _check(seed=seed, trial=trial)
     key = mix(int(seed) + GOLDEN)
     key = mix((key ^ int(trial)) + GOLDEN)
     return mix((key ^ name_key(name)) + GOLDEN)
@@ -128,11 +126,18 @@ def bits32(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.flo
 
 def stream_keys(seed: int, trials: npt.ArrayLike, names: list[str]) -> npt.NDArray[np.uint64]:
     """Return ``stream_key`` of many trials and names at once, (trials, names)."""
+    _check(seed=seed, trial=np.min(trials, initial=0))
     index = np.asarray(trials, dtype=np.uint64)
     golden = np.uint64(GOLDEN)
     first = _mix_all((np.uint64(mix(int(seed) + GOLDEN)) ^ index) + golden)
     keys = np.array([name_key(name) for name in names], dtype=np.uint64)
     return _mix_all((first[:, None] ^ keys[None, :]) + golden)
+
+
+def _check(**values: float) -> None:
+    for name, value in values.items():
+        if value != int(value) or not 0 <= value <= _MASK:
+            raise ValueError(f"{name} must be a whole number 0 .. 2**64 - 1, got {value!r}")
 
 
 def _mix_all(z: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:

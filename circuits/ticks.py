@@ -97,7 +97,7 @@ class Clock:
     @property
     def time_ms(self) -> Array:
         """Time of each sample, ms from the first reading: the end of what it sums up."""
-        return (np.arange(self.samples) + 1) * self.sample_ms
+        return np.arange(1, self.samples + 1, dtype=np.float64) * self.sample_ms
 
     def step_of(self, tick: int) -> int:
         """Return the reading that holds at a tick, -1 before the first."""

@@ -172,7 +172,8 @@ def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
     rest_hz : array (blocks,), optional
         Rates at rest of the intact circuit, Hz: what a replaced lesion delivers.
     """
-    owner, channel = [], []
+    owner: list[int] = []
+    channel: list[int] = []
     for i, row in enumerate(circuit.populations):
         count = circuit.channels_of(row.name)
         owner += [i] * count

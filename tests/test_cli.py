@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 import tyro
 
-from bgmodel.cli import COMMANDS, choices, main
+from bgmodel.cli import CIRCUIT, COMMANDS, choices, main
+from bgmodel.commands.circuit import Edits
 from bgmodel.files import read_provenance, read_table
 
 
@@ -141,7 +142,9 @@ def test_options_say_what_they_are():
             after = " ".join(after.split())
             if field.name not in ("network", "tol", "stored_dx_mm", "skin"):
                 assert any(word in after for word in sourced), f"{kind.__name__}.{field.name}"
-    assert all(is_dataclass(kind) for kind in (*COMMANDS.values(), GaussianPolicy, BernoulliPolicy))
+    plain = [kind for kind in COMMANDS.values() if not isinstance(kind, tuple)]
+    kinds = (*plain, *CIRCUIT.values(), Edits, GaussianPolicy, BernoulliPolicy)
+    assert all(is_dataclass(kind) for kind in kinds)
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,15 @@ LEVELS = [
     {"bgmodel.decision", "bgmodel.first_passage"},
     {"bgmodel.sprt", "bgmodel.tables", "bgmodel.theory"},
     {"bgmodel"},
-    {"bgmodel.learning"},
+    {"bgmodel.learning", "bgmodel.basal_ganglia"},
     {"bgmodel.plots", "bgmodel.study"},
     {"bgmodel.commands", "bgmodel.commands.checks"},
-    {"bgmodel.commands.taps", "bgmodel.commands.decisions", "bgmodel.commands.figures"},
+    {
+        "bgmodel.commands.taps",
+        "bgmodel.commands.decisions",
+        "bgmodel.commands.circuit",
+        "bgmodel.commands.figures",
+    },
     {"bgmodel.cli"},
 ]
 TACTILE_MAY = {"bgmodel.evidence", "bgmodel.files", "bgmodel.seeds", "bgmodel.data"}

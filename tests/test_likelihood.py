@@ -123,7 +123,7 @@ def test_inner_folds_without_a_reading_are_left_out_or_refused():
     pool = normal_pool(80, 60)
 
     def late(part, pool):
-        """Readings of the second hypothesis come from its first few taps alone."""
+        # Readings of the second hypothesis come from few taps.
         return [pool[0], pool[1][pool[1] > part]]
 
     some = np.sort(pool[1])[-4] - 1e-9

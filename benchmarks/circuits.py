@@ -1,0 +1,285 @@
+"""The engines side by side, and how the compiled one grows: make benchmark.
+
+Every number comes from a process of its own, engines in turn and repeated, so that what else the
+machine does falls on all alike; the least of the repeats counts. CPU time of the run alone:
+neither compilation nor building is in it. Cost is CPU nanoseconds a cell and tick.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+OUT = Path(__file__).parent / "out"
+STEP_MS, STEPS, SETTLE_MS = 50.0, 10, 0.0
+REPEATS = 3
+
+
+def drive(trials: int, channels: int) -> Any:
+    """Return evidence that grows for one channel, (trials, STEPS, channels) nats."""
+    values = np.zeros((trials, STEPS, channels))
+    values[:, :, 0] = np.linspace(0, 2, STEPS)
+    return values - values.mean(axis=2, keepdims=True)
+
+
+def circuit_of(
+    neurons: int = 300, channels: int = 2, connections: float = 1.0, spread: float = 0.0
+) -> Any:
+    """Return the circuit that is measured."""
+    from circuits.anatomy import spiking_msprt
+
+    circuit = spiking_msprt(channels).with_neurons(neurons).with_spread(spread)
+    return circuit.with_connections(connections) if connections < 1 else circuit
+
+
+def cells_of(circuit: Any) -> int:
+    """Return the spiking cells of a circuit."""
+    return sum(
+        row.neurons * circuit.channels_of(row.name) for row in circuit.populations if row.spiking
+    )
+
+
+def ensemble(trials: int = 100, workers: int = 1, **which: Any) -> dict[str, float]:
+    """Measure the compiled engine."""
+    from circuits import ensemble as engine
+
+    circuit = circuit_of(**which)
+    given = {"step_ms": STEP_MS, "seed": 1, "settle_ms": SETTLE_MS, "workers": workers}
+    given["rates"] = False
+    engine.run(circuit, drive(1, circuit.channels), **given)
+    wall, cpu = time.perf_counter(), time.process_time()
+    engine.run(circuit, drive(trials, circuit.channels), **given)
+    return _cost(cells_of(circuit), trials, time.process_time() - cpu, time.perf_counter() - wall)
+
+
+def brian2(trials: int = 20, target: str = "standalone", **which: Any) -> dict[str, float]:
+    """Measure the Brian2 engine, all trials in one network."""
+    from circuits import spiking
+
+    circuit = circuit_of(**which)
+    given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}
+    evidence = drive(trials, circuit.channels)
+    if target == "standalone":
+        with spiking.Standalone(circuit, trials, steps=STEPS, **given) as built:
+            built.run(evidence, seed=1)
+            cpu = _children()
+            wall = time.perf_counter()
+            built.run(evidence, seed=2)
+            return _cost(
+                cells_of(circuit), trials, _children() - cpu, time.perf_counter() - wall
+            )
+    given["target"] = target
+    spiking.run(circuit, evidence[:, :1], seed=1, **given)
+    one, more = _timed(lambda: spiking.run(circuit, evidence[:, :1], seed=1, **given)), None
+    more = _timed(lambda: spiking.run(circuit, evidence, seed=1, **given))
+    # What building takes is in both runs, and drops out of their difference.
+    share = (STEPS - 1) / STEPS
+    return _cost(cells_of(circuit), trials, (more - one) / share, (more - one) / share)
+
+
+def vanilla(target: str = "cython", **which: Any) -> dict[str, float]:
+    """Measure plain Brian2: one trial, all synapses."""
+    import brian2 as b2
+
+    from benchmarks.vanilla import network
+
+    circuit = circuit_of(**which)
+    run_ms = 100.0 if target == "cython" else STEPS * STEP_MS
+    if target == "standalone":
+        folder = tempfile.mkdtemp()
+        b2.set_device("cpp_standalone", build_on_run=False, directory=folder)
+    else:
+        b2.prefs.codegen.target = target
+    b2.defaultclock.dt = 0.1 * b2.ms
+    net, cells = network(b2, circuit)
+    net.run(run_ms * b2.ms)
+    if target == "standalone":
+        b2.device.build(run=False, directory=folder)
+        times = []
+        for length in ("first", "second"):
+            cpu = _children()
+            b2.device.run(results_directory=f"results_{length}")
+            times.append(_children() - cpu)
+        seconds = min(times)
+    else:
+        seconds = _timed(lambda: net.run(run_ms * b2.ms))
+    return _cost(cells, 1, seconds, seconds, run_ms)
+
+
+def nengo() -> dict[str, float]:
+    """Measure nengo's basal ganglia on its own network, dt 1 ms."""
+    import nengo as ng
+
+    with ng.Network(seed=1) as model:
+        source = ng.Node([0.8, 0.3])
+        nuclei = ng.networks.BasalGanglia(dimensions=2)
+        ng.Connection(source, nuclei.input)
+    with ng.Simulator(model, progress_bar=False) as simulator:
+        simulator.run(0.1)
+        seconds = _timed(lambda: simulator.run(1.0))
+    return _cost(model.n_neurons, 1, seconds, seconds, 1000.0, dt_ms=1.0)
+
+
+def _timed(work: Any) -> float:
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
+def _children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _cost(
+    cells: int,
+    trials: int,
+    cpu_s: float,
+    wall_s: float,
+    run_ms: float = STEPS * STEP_MS,
+    dt_ms: float = 0.1,
+) -> dict[str, float]:
+    return {
+        "cells": cells,
+        "trials": trials,
+        "cpu_s": cpu_s,
+        "wall_s": wall_s,
+        "ns_per_cell_tick": 1e9 * cpu_s / (cells * trials * run_ms / dt_ms),
+        "trial_s_per_cpu_s": trials * run_ms / 1000 / cpu_s,
+    }
+
+
+KINDS = {"ensemble": ensemble, "brian2": brian2, "vanilla": vanilla, "nengo": nengo}
+SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
+    ("ensemble", "ensemble", {}),
+    ("ensemble, 10 % spread", "ensemble", {"spread": 0.1}),
+    ("ensemble, 25 % connections", "ensemble", {"connections": 0.25}),
+    ("ensemble, both", "ensemble", {"spread": 0.1, "connections": 0.25}),
+    ("Brian2 engine, standalone", "brian2", {"target": "standalone"}),
+    ("Brian2 engine, cython", "brian2", {"target": "cython"}),
+    ("vanilla Brian2, standalone", "vanilla", {"target": "standalone"}),
+    ("vanilla Brian2, cython", "vanilla", {"target": "cython"}),
+    ("nengo, its own network", "nengo", {}),
+]
+SCALING: list[tuple[str, str, dict[str, Any]]] = [
+    *[("trials", "ensemble", {"trials": n}) for n in (100, 300, 1000, 3000, 10_000)],
+    *[("neurons", "ensemble", {"neurons": n}) for n in (100, 300, 1000, 3000)],
+    *[("alternatives", "ensemble", {"channels": n}) for n in (2, 4, 8, 16)],
+]
+
+
+def measure(kind: str, options: dict[str, Any]) -> dict[str, float]:
+    """Measure once, in a process of its own; add its peak memory, MB."""
+    command = [sys.executable, "-m", "benchmarks.circuits", kind, json.dumps(options)]
+    threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | threads, check=False
+    )
+    if done.returncode:
+        raise RuntimeError(f"{kind} {options} failed:\n{done.stderr[-2000:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def processes() -> dict[str, float]:
+    """Return how much more two processes do than one, in wall time."""
+    command = [sys.executable, "-m", "benchmarks.circuits", "ensemble", '{"trials": 300}']
+    one = min(measure("ensemble", {"trials": 300})["wall_s"] for _ in range(REPEATS))
+    two = np.inf
+    for _ in range(REPEATS):
+        started = [
+            subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)
+        ]
+        walls = [json.loads(p.communicate()[0].splitlines()[-1])["wall_s"] for p in started]
+        two = min(two, max(walls))
+    threads = min(
+        measure("ensemble", {"trials": 600, "workers": 2})["wall_s"] for _ in range(REPEATS)
+    )
+    return {"two_processes": 2 * one / two, "two_threads": 2 * one / threads}
+
+
+def machine() -> str:
+    """Describe the machine in a line."""
+    flags = ""
+    name = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        text = info.read_text()
+        flags = next((line for line in text.splitlines() if line.startswith("flags")), "")
+        model = next((line for line in text.splitlines() if line.startswith("model name")), "")
+        name = model.partition(":")[2].strip() or name
+    best = next((f for f in ("avx512f", "avx2", "sse4_2") if f in flags.split()), "?")
+    return f"{name}, {os.cpu_count()} CPUs, {best}, Python {platform.python_version()}"
+
+
+def main() -> None:
+    """Measure everything; print the tables, write them and figure P1."""
+    OUT.mkdir(exist_ok=True)
+    rows = []
+    plan = [("side by side", *one) for one in SIDE_BY_SIDE for _ in range(1)] * REPEATS
+    plan += [(f"against {what}", what, kind, opts) for what, kind, opts in SCALING] * REPEATS
+    for part, what, kind, options in tqdm(plan):
+        rows.append({"part": part, "what": what, **options, **measure(kind, options)})
+    every = pd.DataFrame(rows)
+    keys = ["part", "what", "trials", "neurons", "channels"]
+    best = every.sort_values("cpu_s").groupby(keys, dropna=False, sort=False).first().reset_index()
+    best.to_csv(OUT / "circuits.csv", index=False)
+    side = best[best["part"] == "side by side"].set_index("what").loc[[n for n, *_ in SIDE_BY_SIDE]]
+    side["times_ensemble"] = side["ns_per_cell_tick"] / side["ns_per_cell_tick"].iloc[0]
+    about = machine()
+    print(about)
+    columns = ["ns_per_cell_tick", "times_ensemble", "trial_s_per_cpu_s", "peak_mb"]
+    print(side[columns].round(3).to_string())
+    grown = best[best["part"] != "side by side"]
+    print(grown[["part", *keys[2:], "ns_per_cell_tick", "peak_mb"]].to_string(index=False))
+    print({name: round(value, 2) for name, value in processes().items()})
+    draw(side, grown, about)
+
+
+def draw(side: pd.DataFrame, grown: pd.DataFrame, about: str) -> None:
+    """Draw figure P1: the engines side by side, and how the compiled one grows."""
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), width_ratios=(3, 2))
+    order = side.sort_values("ns_per_cell_tick", ascending=False)
+    left.barh(order.index, order["ns_per_cell_tick"], color="#4477aa")
+    for i, value in enumerate(order["ns_per_cell_tick"]):
+        left.text(value * 1.1, i, f"{value:.3g}", va="center")
+    left.set_xscale("log")
+    left.set_xlim(0.1, 3 * order["ns_per_cell_tick"].max())
+    left.set_xlabel("CPU time (ns per cell and tick)")
+    names = {"trials": "trials", "neurons": "neurons", "alternatives": "channels"}
+    for what, column in names.items():
+        part = grown[grown["what"] == what].sort_values(column)
+        relative = part[column] / part[column].iloc[0]
+        right.plot(relative, part["ns_per_cell_tick"], "o-", label=what)
+    right.set_xscale("log")
+    right.set_ylim(0, None)
+    right.set_xlabel("times the least")
+    right.set_ylabel("CPU time (ns per cell and tick)")
+    right.legend(frameon=False)
+    figure.suptitle(about, fontsize=8)
+    figure.tight_layout()
+    for ending in ("pdf", "png"):
+        figure.savefig(OUT / f"figP1.{ending}", dpi=150)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 2:
+        result = KINDS[sys.argv[1]](**json.loads(sys.argv[2]))
+        usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        print(json.dumps(result | {"peak_mb": usage if sys.argv[1] != "brian2" else max(usage, children)}))
+    else:
+        main()

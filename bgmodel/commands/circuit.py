@@ -1,0 +1,203 @@
+"""Commands on circuits: show the table, run it on evidence."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from tyro.conf import Positional
+
+from bgmodel import files, tables
+from bgmodel.commands.checks import asked, check_ending, check_whole
+from bgmodel.decision import first_crossing
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.seeds import stream
+
+Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
+
+
+@dataclass(frozen=True)
+class Edits:
+    """What differs from the table: the hypothesis."""
+
+    without: tuple[str, ...] = ()
+    """Nuclei to lesion, whole ("STN") or by a fraction ("STN=0.5")."""
+    replaced: bool = False
+    """Whether the lost output is given back as a constant."""
+    scale: tuple[str, ...] = ()
+    """Pathways to scale, as "STN->GPe=0.5"."""
+    dopamine: float = 1.0
+    """Dopamine level, 0..2; 1 is normal."""
+    neurons: int | None = None
+    """Cells a channel of every spiking nucleus."""
+    connections: float | None = None
+    """Connection probability between spiking nuclei, fixed in-degree."""
+    spread: float | None = None
+    """Spread of cell constants, as a fraction."""
+
+    def of(self, table: Any) -> Any:
+        """Return the edited circuit."""
+        for edit in self.without:
+            name, fraction = _value(edit, 1.0)
+            table = table.without(name, fraction, replaced=self.replaced)
+        for edit in self.scale:
+            name, factor = _value(edit, None)
+            source, arrow, target = name.partition("->")
+            if not arrow:
+                raise ValueError(f'scale needs a pathway like "STN->GPe=0.5", got {edit!r}')
+            table = table.scaled(source, target, factor)
+        table = table.dopamine(self.dopamine)
+        if self.neurons is not None:
+            table = table.with_neurons(self.neurons)
+        if self.connections is not None:
+            table = table.with_connections(self.connections)
+        return table if self.spread is None else table.with_spread(self.spread)
+
+
+@dataclass(frozen=True)
+class Show:
+    """Print a circuit's table, as edited; draw it if a file is given.
+
+    Examples: bgmodel circuit show spiking_msprt;
+    bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf
+    """
+
+    circuit: Positional[Name] = "spiking_msprt"
+    """Name of the table."""
+    channels: int = 2
+    """Number of alternatives."""
+    edits: Edits = field(default_factory=Edits)
+    drawing: Path | None = None
+    """Where a drawing goes, .pdf, .svg or .png."""
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.basal_ganglia import circuit, text
+
+        table = self.edits.of(circuit(self.circuit, self.channels))
+        if self.drawing is not None:
+            from bgmodel.basal_ganglia import draw
+
+            check_ending(self.drawing, ".pdf", ".svg", ".png")
+            files.check_writable(self.drawing.parent)
+            import matplotlib.pyplot as plt
+
+            figure, ax = plt.subplots(figsize=(4, 4))
+            draw(table, ax)
+            with files.replacing(self.drawing) as beside:
+                figure.savefig(beside, format=self.drawing.suffix[1:], bbox_inches="tight")
+        print(text(table))
+
+
+@dataclass(frozen=True)
+class Run:
+    """Let a circuit decide, on Gaussian evidence or on a table of your own.
+
+    Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
+    bgmodel circuit run lesioned.csv --edits.without STN=0.5 --engine rate
+    """
+
+    output: Positional[Path]
+    """Where the trial table goes, .parquet or .csv."""
+    circuit: Name = "spiking_msprt"
+    """Name of the table."""
+    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
+    """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
+    edits: Edits = field(default_factory=Edits)
+    evidence: Path | None = None
+    """A table of log-likelihoods, as for `bgmodel decide`; Gaussian evidence if left out."""
+    channels: int = 2
+    """Alternatives of the Gaussian evidence."""
+    d_prime: float = 0.5
+    """Separation of the Gaussian evidence a reading: of the two hypotheses, in standard
+    deviations of their difference."""
+    trials: int = 100
+    """Trials of the Gaussian evidence."""
+    t_max: int = 40
+    """Most readings in a trial of the Gaussian evidence."""
+    step_ms: float = 50.0
+    """Time between readings, ms."""
+    gain: float = 0.6
+    """Nats in the circuit a nat of evidence, kappa."""
+    posterior: float = 0.9
+    """Posterior probability, in the circuit's nats, at which it decides."""
+    workers: int = 2
+    """Threads of the ensemble engine; they change no byte."""
+    rates: Path | None = None
+    """Where mean rates go, .parquet or .csv."""
+    nwb: Path | None = None
+    """Where the first trial's spikes and rates go, .nwb."""
+    seed: int = 0
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel import basal_ganglia
+
+        self._check()
+        evidence, names = self._evidence()
+        table = self.edits.of(basal_ganglia.circuit(self.circuit, evidence.hypotheses))
+        options: dict[str, Any] = {}
+        if self.engine in basal_ganglia.SPIKING and self.nwb is not None:
+            options["spikes"] = [p.name for p in table.populations if p.spiking]
+        if self.engine == "ensemble":
+            options |= {"workers": self.workers, "progress": True}
+        started = time.perf_counter()
+        model = basal_ganglia.BasalGanglia(table, self.engine, self.gain, self.seed, options)
+        activity = model.activity(evidence)
+        decision = first_crossing(model.trace(activity, evidence), -np.log(self.posterior))
+        result = tables.trial_table(
+            decision, evidence, seed=self.seed, model=f"{table.name} {self.engine}", names=names
+        )
+        files.write_table(result, self.output, seed=self.seed, command=asked(self))
+        if self.rates is not None:
+            files.write_table(activity.rate_table(), self.rates, command=asked(self))
+        if self.nwb is not None:
+            basal_ganglia.write_nwb(activity, self.nwb)
+        known = evidence.truth is not None
+        accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
+        print(
+            f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
+            f"forced {result['forced'].sum()}, in {time.perf_counter() - started:.1f} s "
+            f"-> {self.output}"
+        )
+
+    def _check(self) -> None:
+        """Refuse what makes no sense, before long work starts."""
+        check_ending(self.output, ".parquet", ".csv")
+        files.check_writable(self.output.parent)
+        check_whole(trials=self.trials, t_max=self.t_max, workers=self.workers)
+        if not 0 < self.posterior < 1:
+            raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
+        if not self.d_prime > 0:
+            raise ValueError(f"d_prime must be > 0, got {self.d_prime}")
+        for path, endings in ((self.rates, (".parquet", ".csv")), (self.nwb, (".nwb",))):
+            if path is not None:
+                check_ending(path, *endings)
+                files.check_writable(path.parent)
+
+    def _evidence(self) -> tuple[Evidence, list[str]]:
+        if self.evidence is not None:
+            return tables.evidence_from_table(files.read_table(self.evidence), step_ms=self.step_ms)
+        drawn = gaussian_evidence(
+            self.trials,
+            self.t_max,
+            self.d_prime / np.sqrt(2),
+            rng=stream(self.seed, "circuit run"),
+            hypotheses=self.channels,
+            step_ms=self.step_ms,
+        )
+        return drawn, [str(i) for i in range(self.channels)]
+
+
+def _value(edit: str, default: float | None) -> tuple[str, float]:
+    """Split "name=number"."""
+    name, equals, number = edit.partition("=")
+    if not equals and default is not None:
+        return name, default
+    try:
+        return name, float(number)
+    except ValueError:
+        raise ValueError(f"an edit is a name, =, and a number; got {edit!r}") from None

@@ -1,0 +1,86 @@
+"""Activity as Neurodata Without Borders, for the tools that read recordings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from circuits.activity import Activity
+from circuits.show import text
+
+# A simulation has no date; a fixed one keeps the same run the same file.
+START = datetime(2000, 1, 1, tzinfo=UTC)
+
+
+def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
+    """Write one trial: a unit a cell with its spike times, and a time series of rates a nucleus.
+
+    Parameters
+    ----------
+    activity : Activity
+        From an engine; spikes are written if they were kept.
+    path : path
+        Ends in .nwb; written whole or not at all.
+    trial : int
+        Which trial.
+
+    Raises
+    ------
+    ImportError
+        If pynwb is missing.
+    ValueError
+        If there is no such trial.
+    """
+    try:
+        from pynwb import NWBHDF5IO, NWBFile, TimeSeries
+    except ImportError as error:
+        raise ImportError('NWB needs pynwb: pip install "bgmodel[nwb]"') from error
+    trials = len(activity.output_nats)
+    if not 0 <= trial < trials:
+        raise ValueError(f"trial must be 0..{trials - 1}, got {trial}")
+    about = {"engine": activity.engine, "trial": trial, **activity.about}
+    identity = json.dumps([asdict(activity.circuit), about], sort_keys=True, default=str)
+    file = NWBFile(
+        session_description=f"simulation of {activity.circuit.name}, not a recording",
+        identifier=hashlib.sha256(identity.encode()).hexdigest()[:32],
+        session_start_time=START,
+        notes=json.dumps(about, sort_keys=True, default=str),
+        protocol=text(activity.circuit),
+    )
+    time_s = activity.time_ms / 1000
+    series = {f"{name} rate": (rates[trial], "Hz") for name, rates in activity.rates_hz.items()}
+    series["OUT"] = (activity.output_nats[trial], "nats")
+    for name, (data, unit) in series.items():
+        file.add_acquisition(
+            TimeSeries(
+                name=name,
+                data=np.asarray(data),
+                unit=unit,
+                timestamps=time_s,
+                description="one column a channel; time from the onset of evidence",
+            )
+        )
+    for name, table in (activity.spikes or {}).items():
+        if "population" not in (file.units.colnames if file.units else ()):
+            file.add_unit_column("population", "nucleus")
+            file.add_unit_column("channel", "alternative")
+        here = table[table["trial"] == trial]
+        for _, spikes in here.groupby(["channel", "neuron"]):
+            file.add_unit(
+                spike_times=np.sort(spikes["time_ms"].to_numpy()) / 1000,
+                population=name,
+                channel=int(spikes["channel"].iloc[0]),
+            )
+    path = Path(path)
+    beside = path.with_name(f".part-{path.stem}.nwb")
+    try:
+        with NWBHDF5IO(str(beside), "w") as out:
+            out.write(file)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -1,0 +1,160 @@
+"""The circuit as text for a terminal and as a drawing for a figure, both from its table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from circuits.cells import Cell
+from circuits.spec import GABA, Circuit, Population
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Where the nuclei of the textbooks lie in a drawing; others are put in a row below.
+PLACES = {
+    "ctx": (1.2, 3.0),
+    "common": (2.8, 3.0),
+    "D1": (0.0, 2.0),
+    "D2": (1.2, 2.1),
+    "STN": (2.8, 2.0),
+    "GPe": (1.3, 1.2),
+    "SNr": (0.5, 0.0),
+}
+COLOURS = {"glutamate": "#b2182b", GABA: "#2166ac"}
+
+
+def nuclei(circuit: Circuit) -> pd.DataFrame:
+    """Return the populations as a table: one row a nucleus, units in the column names."""
+    rows = [
+        {
+            "nucleus": p.name,
+            "cell": p.cell.kind,
+            "cells": f"{p.neurons} x {circuit.channels_of(p.name)}" if p.spiking else "-",
+            "releases": p.transmitter,
+            "baseline_hz": p.baseline_hz,
+            "gain_hz_per_nat": p.gain_hz_per_nat,
+            "f": p.transfer,
+            "bias_nats": p.bias_nats,
+            "tau_ms": p.tau_ms,
+            "receptor": p.receptor,
+            "spread": p.spread,
+            "intact": _intact(p),
+            "source": p.cite,
+        }
+        for p in circuit.populations
+    ]
+    return _dropping(pd.DataFrame(rows), receptor="", spread=0.0, intact="1")
+
+
+def pathways(circuit: Circuit) -> pd.DataFrame:
+    """Return the projections as a table: one row a pathway, units in the column names."""
+    rows = [
+        {
+            "pathway": f"{p.source} -> {p.target}",
+            "reaches": p.pattern,
+            "weight": p.weight,
+            "delay_ms": p.delay_ms,
+            "tau_ms": p.tau_ms,
+            "probability": p.probability,
+            "f": p.transfer,
+            "source": p.cite,
+        }
+        for p in circuit.projections
+    ]
+    return _dropping(pd.DataFrame(rows), probability=1.0, f="linear")
+
+
+def text(circuit: Circuit) -> str:
+    """Return the whole circuit on one page."""
+    low, high = circuit.range_nats
+    head = (
+        f"{circuit.name}: {circuit.about}\n"
+        f"{circuit.channels} channels, evidence into {circuit.input}, OUT from {circuit.readout}, "
+        f"{'exact' if circuit.exact else 'not exact'}, S = {circuit.reference_nats:g} nats at "
+        f"rest, works from {low:g} to {high:g}"
+    )
+    tables = [_text(table) for table in (nuclei(circuit), pathways(circuit))]
+    return "\n\n".join([head, *tables, constants(circuit)])
+
+
+def constants(circuit: Circuit) -> str:
+    """Return the constants of each cell type, one line a type and the nuclei that have it."""
+    owners: dict[Cell, list[str]] = {}
+    for p in circuit.populations:
+        owners.setdefault(p.cell, []).append(p.name)
+    return "\n".join(
+        f"{', '.join(names)}: {cell.kind}"
+        + "".join(f", {name} {value:g}" for name, value in vars(cell).items())
+        for cell, names in owners.items()
+    )
+
+
+def _text(table: pd.DataFrame) -> str:
+    """Return a table as text, words to the left and numbers to the right."""
+    words: dict[str, Any] = {
+        str(name): f"{{:<{max(column.str.len().max(), len(str(name)))}}}".format
+        for name, column in table.items()
+        if not pd.api.types.is_numeric_dtype(column)
+    }
+    lines = table.to_string(index=False, float_format="{:.4g}".format, formatters=words)
+    return "\n".join(line.rstrip() for line in lines.splitlines())
+
+
+def draw(circuit: Circuit, ax: Axes) -> Axes:
+    """Draw the circuit: arrows excite, bars inhibit, width follows the weight.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Nuclei that a lesion took whole are grey, its pathways dotted.
+    ax : Axes
+        Drawn on and returned.
+    """
+    others = [p.name for p in circuit.populations if p.name not in PLACES]
+    places = PLACES | {name: (0.8 * i, -1.0) for i, name in enumerate(others)}
+    joined = {(p.source, p.target) for p in circuit.projections}
+    for p in circuit.projections:
+        source = circuit.population(p.source)
+        both = (p.target, p.source) in joined
+        alive = source.intact > 0 and p.weight != 0
+        ax.annotate(
+            "",
+            xy=places[p.target],
+            xytext=places[p.source],
+            arrowprops={
+                "arrowstyle": "-|>" if source.transmitter != GABA else "|-|,widthA=0,widthB=.35",
+                "color": COLOURS[source.transmitter] if alive else "#999999",
+                "linewidth": 0.6 + 1.2 * np.sqrt(min(abs(p.weight), 4.0)),
+                "linestyle": "-" if alive else ":",
+                "connectionstyle": f"arc3,rad={0.18 if both else 0.0}",
+                "shrinkA": 16,
+                "shrinkB": 17,
+            },
+        )
+    for row in circuit.populations:
+        colour = COLOURS[row.transmitter] if row.intact > 0 else "#999999"
+        ax.text(
+            *places[row.name],
+            row.name if row.intact in (0, 1) else f"{row.name}\n{row.intact:.0%}",
+            ha="center",
+            va="center",
+            bbox={"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": colour},
+        )
+    points = np.array([places[p.name] for p in circuit.populations])
+    ax.set_xlim(points[:, 0].min() - 0.6, points[:, 0].max() + 0.6)
+    ax.set_ylim(points[:, 1].min() - 0.4, points[:, 1].max() + 0.4)
+    ax.set_axis_off()
+    return ax
+
+
+def _intact(p: Population) -> str:
+    return f"{p.intact:g}" + (", replaced" if p.replaced else "")
+
+
+def _dropping(table: pd.DataFrame, **defaults: object) -> pd.DataFrame:
+    """Leave out columns that say nothing."""
+    silent = [name for name, value in defaults.items() if (table[name] == value).all()]
+    return table.drop(columns=silent)

@@ -1,0 +1,157 @@
+"""Whether a circuit's fixed point is stable: the loops' delays make it oscillate above some S.
+
+The scheme of ``circuits.ticks`` in continuous time, linearised at the fixed point. A delay line is
+a transport equation, collocated at Chebyshev nodes, so that the rightmost roots of the delay
+equation are eigenvalues of one matrix (Breda, Maset & Vermiglio 2005).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from circuits.algebra import parts, solve, wired
+from circuits.spec import Circuit
+from circuits.wiring import Array, Index, Wiring
+
+NODES = 12
+"""Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""
+LOWEST_NATS, HIGHEST_NATS, FACTOR = 0.25, 40.0, 1.15
+"""Where the limit is looked for, and in what steps."""
+
+
+@dataclass(frozen=True)
+class Onset:
+    """Where oscillation begins.
+
+    Parameters
+    ----------
+    total_nats : float
+        The ``S = ln sum exp y`` above which the fixed point is unstable; inf if there is none.
+    frequency_hz : float
+        Frequency of the oscillation that begins there; nan if there is none.
+    """
+
+    total_nats: float
+    frequency_hz: float
+
+
+def growth(circuit: Circuit, drive: npt.ArrayLike | None = None) -> complex:
+    """Return the rightmost root of the circuit linearised at its fixed point, 1/s.
+
+    A disturbance grows as ``exp(real * t)`` and turns at ``imag / (2 pi)`` Hz; -inf for a circuit
+    without loops, which forgets it as fast as its filters do.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table; its delays and time constants count as they stand, without a tick.
+    drive : array (channels,), nats, optional
+        Evidence; rest if left out.
+
+    Raises
+    ------
+    ValueError
+        If there is no fixed point.
+    """
+    wiring = wired(circuit)
+    held = np.zeros(circuit.channels) if drive is None else np.asarray(drive, dtype=np.float64)
+    if held.shape != (circuit.channels,):
+        raise ValueError(f"drive must be ({circuit.channels},), got shape {held.shape}")
+    x = solve(wiring, held[None])[0]
+    roots = [_rightmost(wiring, x, blocks) for blocks, loop in parts(wiring) if loop]
+    return max(roots, key=lambda root: root.real, default=complex(-math.inf))
+
+
+def is_stable(circuit: Circuit, drive: npt.ArrayLike | None = None) -> bool:
+    """Return whether the circuit returns to its fixed point after a small disturbance."""
+    return growth(circuit, drive).real < 0
+
+
+def onset(circuit: Circuit) -> Onset:
+    """Return where the fixed point loses stability as the drive of all channels rises together.
+
+    Raises
+    ------
+    ValueError
+        If it is unstable already at the lowest S, or has no fixed point there.
+    """
+
+    def at(total: float) -> complex:
+        return growth(replace(circuit, reference_nats=total))
+
+    low = LOWEST_NATS
+    if at(low).real >= 0:
+        raise ValueError(f"{circuit.name} is unstable already at S = {low} nats")
+    while low < HIGHEST_NATS:
+        high = low * FACTOR
+        if at(high).real >= 0:
+            limit = float(brentq(lambda s: at(s).real, low, high, xtol=1e-7))
+            return Onset(limit, abs(at(limit).imag) / (2 * math.pi))
+        low = high
+    return Onset(math.inf, math.nan)
+
+
+def stability_limit_nats(circuit: Circuit) -> float:
+    """Return the S above which the circuit oscillates, nats; see ``onset``."""
+    return onset(circuit).total_nats
+
+
+def _rightmost(wiring: Wiring, x: Array, blocks: Index) -> complex:
+    """Return the rightmost root, 1/s, of one loop at the state x of the whole circuit."""
+    flow, lag = _linear(wiring, x, blocks)
+    slow = lag > 0
+    at_once = np.linalg.solve(flow[~slow][:, ~slow], flow[~slow][:, slow])
+    matrix = flow[slow][:, slow] - flow[slow][:, ~slow] @ at_once
+    roots = np.linalg.eigvals(matrix / lag[slow][:, None])
+    return 1000 * complex(roots[np.argmax(roots.real)])
+
+
+def _linear(wiring: Wiring, x: Array, blocks: Index) -> tuple[Array, Array]:
+    """Return the matrix F and times T, ms, of ``T dz/dt = F z``; where T is 0, ``0 = F z``.
+
+    z holds the blocks' inputs, the units' filtered activities and, unit by unit, what travels.
+    """
+    within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
+    units = np.flatnonzero(within)
+    activity = wiring.rates(x) @ wiring.deliver.T + wiring.constant
+    inward = wiring.weight[np.ix_(blocks, units)] * wiring.units_slope(activity)[units]
+    outward = wiring.deliver[np.ix_(units, blocks)] * wiring.rates_slope(x)[blocks]
+    delay = np.array([wiring.projection(u).delay_ms for u in units])
+    tau = np.array([wiring.projection(u).tau_ms for u in units])
+    b, u = len(blocks), len(units)
+    size = b + u + NODES * np.count_nonzero(delay)
+    flow, lag = np.zeros((size, size)), np.zeros(size)
+    flow[:b, :b] = -np.diag(np.where(wiring.leakless[blocks], 0.0, 1.0))
+    flow[:b, b : b + u] = inward
+    lag[:b] = wiring.tau_ms[blocks]
+    flow[b : b + u, b : b + u] = -np.eye(u)
+    lag[b : b + u] = tau
+    line = b + u
+    derivative = _chebyshev(NODES)
+    for k in range(u):
+        if delay[k] == 0:
+            flow[b + k, :b] += outward[k]
+            continue
+        travels = slice(line, line + NODES)
+        # The first node is what enters; the last is what arrives.
+        flow[travels, :b] = -np.outer(derivative[1:, 0], outward[k])
+        flow[travels, travels] = -derivative[1:, 1:]
+        lag[travels] = delay[k]
+        flow[b + k, line + NODES - 1] = 1.0
+        line += NODES
+    return flow, lag
+
+
+def _chebyshev(intervals: int) -> Array:
+    """Return the derivative at Chebyshev nodes from 0 to 1 (Trefethen 2000, chapter 6)."""
+    k = np.arange(intervals + 1)
+    nodes = (1 - np.cos(np.pi * k / intervals)) / 2
+    sign = np.where((k == 0) | (k == intervals), 2.0, 1.0) * (-1.0) ** k
+    apart = nodes[:, None] - nodes + np.eye(intervals + 1)
+    matrix = np.outer(sign, 1 / sign) / apart
+    return matrix - np.diag(matrix.sum(axis=1))

@@ -1,0 +1,218 @@
+"""The compiled engine: the spikes of the plain scheme, whatever runs beside them."""
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from reference import run as run_reference
+
+from circuits import anatomy, ensemble, lanes, noise
+from circuits.cells import Escape
+
+NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
+BASE = anatomy.spiking_msprt(2).with_neurons(40)
+ESCAPE = BASE.changed("STN", cell=Escape(1.0))
+
+
+def ramp(trials, steps, channels=2, top=1.4):
+    """Evidence that grows for a channel in turn, (trials, steps, channels)."""
+    drive = np.zeros((trials, steps, channels))
+    drive[np.arange(trials), :, np.arange(trials) % channels] = np.linspace(0, top, steps)
+    return drive - drive.mean(axis=2, keepdims=True)
+
+
+def spike_set(table):
+    ticks = np.rint(table["time_ms"] / 0.1).astype(int)
+    return set(zip(table["trial"], table["channel"], table["neuron"], ticks, strict=True))
+
+
+def both(circuit, drive, **options):
+    given = {"step_ms": 40, "seed": 7, "settle_ms": 60, "spikes": NAMES} | options
+    return ensemble.run(circuit, drive, **given), run_reference(circuit, drive, **given)
+
+
+@pytest.mark.parametrize(
+    "circuit",
+    [BASE, ESCAPE, BASE.without("GPe", 0.5, replaced=True), BASE.scaled("STN", "GPe", 0.5)],
+    ids=["plain", "escape", "lesion", "scaled"],
+)
+def test_cells_that_are_alike_spike_as_in_the_plain_scheme(circuit):
+    fast, plain = both(circuit, ramp(2, 3))
+    for name in NAMES:
+        assert spike_set(fast.spikes[name]) == spike_set(plain.spikes[name])
+        npt.assert_allclose(fast.rates_hz[name], plain.rates_hz[name], atol=1e-3)
+    npt.assert_allclose(fast.output_nats, plain.output_nats, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "circuit",
+    [
+        BASE.with_spread(0.1),
+        BASE.with_connections(0.25),
+        BASE.with_spread(0.1).with_connections(0.25),
+        ESCAPE.with_spread(0.1).with_connections(0.25),
+    ],
+    ids=["spread", "sparse", "both", "escape"],
+)
+def test_cells_that_differ_spike_as_in_the_plain_scheme_up_to_single_precision(circuit):
+    fast, plain = both(circuit, ramp(2, 3))
+    for name in NAMES:
+        a, b = spike_set(fast.spikes[name]), spike_set(plain.spikes[name])
+        # A potential within a rounding of the threshold fires a tick early or late, and takes
+        # with it the later spikes of its cell.
+        assert len(a ^ b) <= 0.03 * len(b)
+    npt.assert_allclose(fast.output_nats, plain.output_nats, atol=0.03)
+
+
+def test_another_seed_or_trial_has_other_spikes():
+    one = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=("STN",)).spikes["STN"]
+    two = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=8, spikes=("STN",)).spikes["STN"]
+    third = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=7, first_trial=1, spikes=("STN",))
+    for other in (two, third.spikes["STN"]):
+        assert len(spike_set(one) & spike_set(other)) < 0.1 * len(one)
+
+
+@pytest.mark.parametrize("circuit", [BASE, BASE.with_spread(0.1).with_connections(0.25)])
+def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
+    drive = ramp(20, 3)
+    given = {"step_ms": 20, "seed": 3, "settle_ms": 20}
+    whole = ensemble.run(circuit, drive, **given)
+    threads = ensemble.run(circuit, drive, workers=2, **given)
+    parts = [ensemble.run(circuit, drive[i : i + 7], first_trial=i, **given) for i in (14, 0, 7)]
+    batches = np.concatenate([parts[1].output_nats, parts[2].output_nats, parts[0].output_nats])
+    assert whole.output_nats.tobytes() == threads.output_nats.tobytes() == batches.tobytes()
+    for name in NAMES:
+        assert whole.rates_hz[name].tobytes() == threads.rates_hz[name].tobytes()
+
+
+def test_what_lies_downstream_never_changes_what_lies_upstream():
+    drive = ramp(2, 2)
+    given = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
+    whole = ensemble.run(BASE, drive, **given).spikes
+    edits = [
+        BASE.changed("SNr", neurons=10, noise_mv=1.0),
+        BASE.without("D1", 0.5),
+        BASE.scaled("STN", "SNr", 0.2),
+    ]
+    for edited in edits:
+        for name, table in ensemble.run(edited, drive, **given).spikes.items():
+            assert spike_set(table) == spike_set(whole[name])
+
+
+def test_more_spikes_than_room_are_all_there(monkeypatch):
+    plenty = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
+    monkeypatch.setattr(ensemble, "FIRST_CAPACITY", 5)
+    little = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
+    for name in NAMES:
+        assert spike_set(little[name]) == spike_set(plenty[name])
+
+
+def test_a_dropped_trial_is_the_whole_one_cut_short():
+    drive = ramp(6, 8, top=4.0)
+    whole = ensemble.run(BASE, drive, step_ms=40, seed=5).output_nats
+    cut = ensemble.run(BASE, drive, step_ms=40, seed=5, drop_below=0.2)
+    for full, short in zip(whole, cut.output_nats, strict=True):
+        over = np.flatnonzero(full.min(axis=1) < 0.2)
+        end = over[0] + 1 if len(over) else len(full)
+        npt.assert_array_equal(short[:end], full[:end])
+        assert np.isnan(short[end:]).all()
+    assert np.isnan(cut.output_nats).any()
+    assert np.isfinite(whole).all()
+
+
+def test_rates_can_be_left_out():
+    drive = ramp(2, 2)
+    without = ensemble.run(BASE, drive, step_ms=40, seed=5, rates=False)
+    assert without.rates_hz == {}
+    npt.assert_array_equal(
+        without.output_nats, ensemble.run(BASE, drive, step_ms=40, seed=5).output_nats
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=-1), "seed must be"),
+        (lambda: ensemble.run(BASE, ramp(1, 2), step_ms=0.25, seed=1), "no multiple of dt_ms"),
+        (lambda: ensemble.run(BASE, ramp(1, 2, 3), step_ms=40, seed=1), "3 hypotheses"),
+        (lambda: ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("X",)), "no nucleus"),
+        (
+            lambda: ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("common",)),
+            "no cells that spike",
+        ),
+        (lambda: ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=1, workers=0), "workers must be"),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+def test_drive_beyond_the_range_warns_once_with_the_number():
+    with pytest.warns(UserWarning, match=r"S runs from .* to 2\d\.\d\d nats") as caught:
+        ensemble.run(BASE, ramp(3, 2, top=40.0), step_ms=20, seed=1)
+    assert len(caught) == 1
+
+
+# ---- the loops, against plain NumPy
+
+
+def filled(cells, value=0.0):
+    return np.full(cells, value, np.float32)
+
+
+def test_words_are_those_of_noise():
+    stream = noise.stream_key(7, 3, "GPe")
+    high, low = (np.uint32(half) for half in noise.tick_key(stream, 5))
+    counts = np.zeros(128, np.uint32)
+    lanes.refresh(counts, 0, 128, high, low)
+    npt.assert_array_equal(counts, noise.byte_counts(noise.words(stream, 5, 128)))
+    v = filled(128)
+    lanes.begin(v, 0, 100, 128, high, low, np.float32(0), np.float32(1))
+    npt.assert_allclose(v[:100], noise.uniform(stream, 5, 100), atol=1e-7)
+    assert (v[100:] == -np.inf).all()
+
+
+def test_exp32_is_the_exponential():
+    @lanes.numba.njit
+    def table(x):
+        return np.array([lanes.exp32(value) for value in x])
+
+    x = np.linspace(-20, 20, 4001).astype(np.float32)
+    npt.assert_allclose(table(x), np.exp(x.astype(float)), rtol=4e-7)
+
+
+def test_lif_loop_against_numpy():
+    rng = np.random.default_rng(1)
+    v = rng.uniform(-5, 11, 128).astype(np.float32)
+    v[3], v[4], v[5] = -1024.0, -2048.0, -np.inf
+    counts = rng.integers(0, 9, 128).astype(np.uint32) << np.uint32(8)
+    expected = 0.99 * v + 0.2 + 0.3 * (counts >> 8)
+    waiting = v < -500
+    expected[waiting] = v[waiting] + 1024
+    spike = expected >= 11
+    expected[spike] = -20480
+    constants = [np.float32(c) for c in (0.99, 0.2, 0.3, 11.0, -20480.0)]
+    fired = lanes.lif_alike(v, counts, 0, 128, np.int32(8), *constants)
+    assert fired == spike.sum() > 0
+    npt.assert_allclose(v, expected, rtol=1e-6, atol=1e-6)
+    assert v[3] == 0.0
+
+
+def test_phase_and_escape_loops_against_numpy():
+    rng = np.random.default_rng(2)
+    v = rng.uniform(0, 1.05, 128).astype(np.float32)
+    counts = rng.integers(0, 9, 128).astype(np.uint32)
+    expected = v - (v >= 1) + 0.01 + 0.02 * counts
+    fired = lanes.phase_alike(v, counts, 0, 128, np.int32(0), np.float32(0.01), np.float32(0.02))
+    assert fired == (expected >= 1).sum() > 0
+    npt.assert_allclose(v, expected, rtol=1e-5)
+
+    state = np.array([0.0, -1.0, -10.0, 1.0] * 32, np.float32)
+    stream = noise.stream_key(1, 2, "STN")
+    high, low = (np.uint32(half) for half in noise.tick_key(stream, 9))
+    words = noise.words(stream, 9, 128)
+    spike = (words < 2**31) & (state >= 0)
+    expected = np.where(spike, -10, np.minimum(state + 1, 0))
+    fired = lanes.escape_alike(state, 0, 128, high, low, np.uint32(2**31), np.float32(-10))
+    assert fired == spike.sum() > 0
+    npt.assert_array_equal(state, expected)

@@ -1,0 +1,118 @@
+"""A circuit on one page, as a drawing and as NWB; the command that shows and runs it."""
+
+import json
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.cli import main
+from circuits import anatomy, ensemble, show
+from circuits.spec import GABA, Population, Projection
+
+
+@pytest.mark.parametrize("name", anatomy.CIRCUITS)
+def test_the_page_holds_every_row_with_its_source(name):
+    circuit = anatomy.circuit(name, 3)
+    page = show.text(circuit)
+    for row in circuit.populations:
+        assert row.name in page
+        assert row.cite
+        assert row.cite in page
+    for p in circuit.projections:
+        assert f"{p.source} -> {p.target}" in page
+        assert p.cite in page
+    assert max(len(line) for line in page.splitlines()) < 200
+
+
+def test_edits_show():
+    page = show.text(anatomy.spiking_msprt().without("GPe", 0.5, replaced=True).with_spread(0.1))
+    assert "0.5, replaced" in page
+    assert "spread" in page
+    assert "intact" not in show.text(anatomy.spiking_msprt())
+
+
+def test_the_drawing_shows_every_nucleus_and_pathway():
+    extra = Population("PPN", anatomy.bogacz_gurney().populations[0].cell, cite="test")
+    circuit = anatomy.spiking_msprt().with_rows(extra, Projection("PPN", "STN", 1, cite="test"))
+    figure, ax = plt.subplots()
+    assert show.draw(circuit, ax) is ax
+    labels = {text.get_text() for text in ax.texts}
+    assert {row.name for row in circuit.populations} <= labels
+    arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None)]
+    assert len(arrows) == len(circuit.projections)
+    assert circuit.population("GPe").transmitter == GABA
+    plt.close(figure)
+
+
+def test_nwb_reads_back(tmp_path):
+    pynwb = pytest.importorskip("pynwb")
+    from circuits.nwb import write_nwb
+
+    circuit = anatomy.spiking_msprt().with_neurons(20)
+    activity = ensemble.run(
+        circuit, np.zeros((2, 1, 2)), step_ms=50, seed=1, settle_ms=10, spikes=("STN", "GPe")
+    )
+    for _ in range(2):
+        write_nwb(activity, tmp_path / "a.nwb", trial=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.nwb"]
+    with pynwb.NWBHDF5IO(str(tmp_path / "a.nwb"), "r") as file:
+        read = file.read()
+        units = read.units.to_dataframe()
+        table = activity.spikes["STN"]
+        expected = np.sort(table[table["trial"] == 1]["time_ms"].to_numpy()) / 1000
+        found = units[units["population"] == "STN"]["spike_times"]
+        np.testing.assert_allclose(np.sort(np.concatenate(found.to_list())), expected)
+        out = read.acquisition["OUT"]
+        np.testing.assert_array_equal(out.data[:], activity.output_nats[1])
+        assert json.loads(read.notes)["seed"] == 1
+    with pytest.raises(ValueError, match=r"trial must be 0\.\.1, got 2"):
+        write_nwb(activity, tmp_path / "b.nwb", trial=2)
+
+
+def run(*arguments):
+    return main(["circuit", *map(str, arguments)])
+
+
+def test_show_command(capsys, tmp_path):
+    drawing = tmp_path / "c.svg"
+    edits = ["--edits.without", "STN=0.5", "--edits.scale", "D1->SNr=0.9"]
+    assert run("show", "appendix_b", *edits, "--drawing", drawing) == 0
+    assert "not exact" in capsys.readouterr().out
+    assert drawing.stat().st_size > 1000
+
+
+@pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate"])
+def test_run_command(capsys, tmp_path, engine):
+    table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
+    options = ["--edits.neurons", 30, "--trials", 6, "--t-max", 4, "--seed", 3, "--channels", 3]
+    assert run("run", table, "--engine", engine, "--rates", rates, *options) == 0
+    assert "6 trials, accuracy" in capsys.readouterr().out
+    first = pd.read_csv(table, comment="#")
+    assert len(first) == 6
+    assert {"rt", "response", "stimulus", "correct"} <= set(first)
+    assert {"population", "channel", "time_ms", "rate_hz"} <= set(pd.read_csv(rates, comment="#"))
+    again = tmp_path / "again.csv"
+    assert run("run", again, "--engine", engine, *options, "--workers", 1) == 0
+    pd.testing.assert_frame_equal(first, pd.read_csv(again, comment="#"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["show", "spiking_msprt", "--edits.without", "GPi"], "has no nucleus 'GPi': ctx, "),
+        (["show", "spiking_msprt", "--edits.without", "SNr"], "SNr is the read-out"),
+        (["show", "spiking_msprt", "--edits.scale", "STN=2"], 'a pathway like "STN->GPe=0.5"'),
+        (["show", "spiking_msprt", "--edits.scale", "STN->GPe=x"], "a name, =, and a number"),
+        (["show", "spiking_msprt", "--edits.neurons", "0"], "neurons must be a whole number"),
+        (["run", "d.txt"], "output must end in .parquet or .csv"),
+        (["run", "d.csv", "--posterior", "1"], "posterior must lie between 0 and 1"),
+        (["run", "d.csv", "--d-prime", "0"], "d_prime must be > 0"),
+    ],
+)
+def test_bad_use_gets_one_clear_sentence(capsys, arguments, says):
+    assert run(*arguments) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert says in lines[0]

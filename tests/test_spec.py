@@ -1,0 +1,293 @@
+"""The table: edits return new circuits, and what makes no sense is refused in one sentence."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circuits import algebra, anatomy, rate
+from circuits.activity import checked_drive
+from circuits.cells import Integrator, Lif
+from circuits.spec import Circuit, Population, Projection
+from circuits.ticks import Clock, Scheme
+from circuits.wiring import fan_in, ticks, wire
+
+EDITS = {
+    "lesion": lambda c: c.without("STN", 0.3),
+    "replaced lesion": lambda c: c.without("GPe", replaced=True),
+    "weight": lambda c: c.scaled("STN", "GPe", 0.5),
+    "dopamine": lambda c: c.dopamine(0.8),
+    "delay": lambda c: c.changed("STN->GPe", delay_ms=7),
+    "time constant": lambda c: c.changed("STN", tau_ms=7),
+    "neurons": lambda c: c.changed("STN", neurons=7),
+    "channels": lambda c: c.with_channels(5),
+    "row": lambda c: c.with_rows(Population("TRN", c.population("STN").cell)),
+}
+
+
+@pytest.fixture(params=sorted(anatomy.CIRCUITS))
+def circuit(request):
+    return anatomy.circuit(request.param)
+
+
+@pytest.mark.parametrize("edit", EDITS.values(), ids=list(EDITS))
+def test_an_edit_returns_a_new_circuit_and_leaves_the_old(circuit, edit):
+    before = repr(circuit)
+    edited = edit(circuit)
+    assert edited != circuit
+    assert repr(circuit) == before
+    assert edit(circuit) == edited
+
+
+def test_edits_that_change_nothing_return_the_circuit(circuit):
+    assert circuit.without("STN", 0) is circuit
+    assert circuit.scaled("STN", "GPe", 1) is circuit
+    assert circuit.dopamine(1) is circuit
+
+
+def test_fields_of_a_cell_are_edited_like_those_of_its_row():
+    circuit = anatomy.spiking_msprt()
+    edited = circuit.changed("STN", cv=0.1, neurons=40)
+    assert (edited.population("STN").cell.cv, edited.population("STN").neurons) == (0.1, 40)
+    assert circuit.changed("GPe", tau_ms=20).population("GPe").cell.tau_ms == 20
+    small = circuit.with_neurons(7).with_spread(0.1).with_connections(0.25)
+    assert {row.neurons for row in small.populations if row.spiking} == {7}
+    assert {row.spread for row in small.populations} == {0.1, 0.0}
+    assert {p.probability for p in small.projections} == {0.25, 1.0}
+
+
+def test_lesions_multiply_and_can_be_undone(circuit):
+    twice = circuit.without("STN", 0.5).without("STN", 0.5)
+    assert twice.population("STN").intact == 0.25
+    assert twice.intact.populations == circuit.populations
+
+
+def test_unknown_names_list_the_valid_ones(circuit):
+    nuclei = ", ".join(row.name for row in circuit.populations)
+    for edit in (
+        circuit.population,
+        circuit.without,
+        lambda name: circuit.changed(name, neurons=2),
+    ):
+        with pytest.raises(ValueError, match=rf"no nucleus 'GPi': {nuclei}$"):
+            edit("GPi")
+    paths = ", ".join(p.name for p in circuit.projections)
+    with pytest.raises(ValueError, match=f"no pathway STN->GPi: {paths}$"):
+        circuit.scaled("STN", "GPi", 2)
+    with pytest.raises(ValueError, match="no pathway STN->GPi: "):
+        circuit.changed("STN->GPi", weight=2)
+    with pytest.raises(ValueError, match=r"STN has no 'tau': name, cell"):
+        circuit.changed("STN", tau=3)
+    with pytest.raises(ValueError, match="has no 'delay': source, target"):
+        circuit.changed("STN->GPe", delay=3)
+    with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gpr'"):
+        anatomy.circuit("gpr")
+    with pytest.raises(ValueError, match=r"transfer must be one of linear, .*got 'cubic'"):
+        circuit.changed("STN", transfer="cubic")
+    with pytest.raises(ValueError, match=r"pattern must be one of 'channel', .*got 'random'"):
+        circuit.changed("STN->GPe", pattern="random")
+
+
+def test_input_and_readout_cannot_be_lesioned(circuit):
+    with pytest.raises(ValueError, match="ctx is the input"):
+        circuit.without("ctx", 0.1)
+    with pytest.raises(ValueError, match="SNr is the read-out"):
+        circuit.without("SNr")
+    with pytest.raises(ValueError, match=r"fraction must lie in 0\.\.1, got 1.5"):
+        circuit.without("STN", 1.5)
+
+
+def test_lesions_that_cut_the_input_from_the_readout_are_refused():
+    exact = anatomy.bogacz_gurney()
+    for cut in (
+        lambda: exact.without("STN").without("D1"),
+        lambda: exact.without("STN").scaled("D1", "SNr", 0),
+        lambda: exact.without("D1").scaled("ctx", "STN", 0),
+    ):
+        with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
+            cut()
+    # With all pathways one is left, through D2 and GPe.
+    detour = anatomy.appendix_b().without("STN").without("D1")
+    assert detour.population("D2").intact == 1
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        ({"w_gpe_stn": 1.2}, "w_gpe_stn \\+ w_gpe_snr must be 1"),
+        ({"w_gpe_stn": -0.1}, "w_gpe_stn \\+ w_gpe_snr must be 1"),
+        ({"w_gpe_stn": 0.5, "w_gpe_snr": 0.6}, "w_gpe_stn \\+ w_gpe_snr must be 1"),
+        ({"w_d2_gpe": -1}, "w_d2_gpe -1"),
+        ({"w_d2_gpe": 0.5, "w_d1_snr": 1.2}, "w_d1_snr must be 1 \\+ w_d2_gpe = 1.5"),
+    ],
+)
+def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
+    with pytest.raises(ValueError, match=message):
+        anatomy.appendix_b(**weights)
+
+
+@pytest.mark.parametrize(
+    ("row", "values", "message"),
+    [
+        ("D1->SNr", {"weight": 1}, "D1 releases GABA, so the weight must be <= 0, got 1"),
+        ("STN->SNr", {"weight": -1}, "STN releases glutamate, so the weight must be >= 0, got -1"),
+        ("STN->SNr", {"weight": math.nan}, "weight must be finite"),
+        ("STN->SNr", {"delay_ms": -1}, "STN->SNr: delay_ms must be >= 0, got -1"),
+        ("STN->SNr", {"delay_ms": math.inf}, "STN->SNr: delay_ms must be >= 0, got inf"),
+        ("STN->SNr", {"tau_ms": -1}, "STN->SNr: tau_ms must be >= 0, got -1"),
+        ("STN->SNr", {"probability": 0}, r"probability must lie in 0\.\.1, got 0"),
+        ("STN->SNr", {"probability": 1.1}, r"probability must lie in 0\.\.1, got 1.1"),
+        ("STN", {"neurons": 0}, "STN: neurons must be a whole number >= 1: 0"),
+        ("STN", {"neurons": 2.5}, "STN: neurons must be a whole number"),
+        ("STN", {"tau_ms": -1}, "STN: tau_ms must be >= 0, got -1"),
+        ("STN", {"spread": -0.1}, "STN: spread must be >= 0"),
+        ("STN", {"intact": 1.1}, r"STN: intact must lie in 0\.\.1"),
+        ("STN", {"gain_hz_per_nat": 0}, "STN: gain_hz_per_nat must be > 0: 0"),
+        ("STN", {"bias_nats": math.nan}, "STN: bias_nats must be finite"),
+        ("STN", {"cv": 1.5}, r"cv must lie in 0\.\.1, got 1.5"),
+        ("STN", {"transmitter": "glycine"}, "transmitter must be one of 'glutamate', 'GABA'"),
+        ("GPe", {"tau_ms": 0}, "tau_ms of a Lif cell must be > 0, got 0"),
+        ("GPe", {"noise_mv": -1}, "noise_mv of a Lif cell must be > 0"),
+        ("GPe", {"refractory_ms": -1}, "refractory_ms must be >= 0, got -1"),
+        ("GPe", {"reset_mv": 20}, "reset_mv must lie below threshold_mv, got 20 and 15"),
+        ("common", {"tau_ms": 0}, "tau_ms of an Integrator must be > 0, got 0"),
+    ],
+)
+def test_numbers_without_sense_are_refused(row, values, message):
+    with pytest.raises(ValueError, match=message):
+        anatomy.spiking_msprt().changed(row, **values)
+
+
+def test_tables_without_sense_are_refused():
+    circuit = anatomy.bogacz_gurney()
+    stn = circuit.population("STN")
+    with pytest.raises(ValueError, match="two populations have one name"):
+        circuit.with_rows(stn)
+    with pytest.raises(ValueError, match="two projections join the same populations"):
+        circuit.with_rows(circuit.projection("STN", "GPe"))
+    with pytest.raises(ValueError, match="no nucleus 'thalamus': ctx, D1"):
+        circuit.with_rows(Projection("SNr", "thalamus", -1))
+    with pytest.raises(ValueError, match="channels must be a whole number >= 2, got 1"):
+        circuit.with_channels(1)
+    with pytest.raises(ValueError, match="ctx and SNr need a channel an alternative"):
+        circuit.changed("SNr", pooled=True)
+    with pytest.raises(ValueError, match="readout_tau_ms must be >= 0"):
+        replace(circuit, readout_tau_ms=-1)
+    with pytest.raises(ValueError, match="reference_nats must be finite"):
+        replace(circuit, reference_nats=math.nan)
+    with pytest.raises(ValueError, match="STN: tau_ms is that of the Lif cell"):
+        replace(stn, cell=Lif(10, 3, 15, 5, 2, 0, 1))
+    with pytest.raises(ValueError, match="probability < 1 must be linear"):
+        circuit.changed("STN->GPe", probability=0.5)
+    with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
+        circuit.scaled("STN", "GPe", -1)
+    with pytest.raises(ValueError, match=r"dopamine level must lie in 0\.\.2, got 3"):
+        circuit.dopamine(3)
+    with pytest.raises(ValueError, match="slope must be > 0, got 0"):
+        anatomy.linear_gpe(slope=0)
+
+
+@pytest.mark.parametrize("name", ["appendix_b", "spiking_msprt"])
+def test_dopamine_raises_d1_and_lowers_d2(name):
+    circuit = anatomy.circuit(name)
+    for level in (0.9, 1.2):
+        changed = circuit.dopamine(level)
+        for p, old in zip(changed.projections, circuit.projections, strict=True):
+            factor = {"ctx->D1": level, "ctx->D2": 2 - level}.get(p.name, 1)
+            assert p.weight == pytest.approx(factor * old.weight, rel=1e-15), p.name
+
+
+def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away():
+    exact = anatomy.bogacz_gurney()
+    for same in (
+        exact.with_channels(7),
+        exact.changed("STN", tau_ms=3, neurons=2),
+        exact.changed("STN->GPe", delay_ms=3, tau_ms=2),
+        exact.dopamine(1),
+    ):
+        assert same.exact
+    for other in (
+        exact.without("STN", 0.1),
+        exact.scaled("STN", "GPe", 0.5),
+        exact.dopamine(1.1),
+        exact.changed("STN", transfer="linear"),
+        exact.changed("STN->SNr", pattern="channel"),
+        exact.with_rows(Population("TRN", exact.population("STN").cell)),
+        anatomy.linear_gpe(),
+    ):
+        assert not other.exact
+    assert not anatomy.spiking_msprt().exact
+
+
+def test_every_number_has_a_source(circuit):
+    for row in (*circuit.populations, *circuit.projections):
+        assert row.cite, row.name
+
+
+@pytest.mark.parametrize(
+    ("drive", "message"),
+    [
+        (np.zeros((2, 3)), r"\(trials, steps, channels\), got shape \(2, 3\)"),
+        (np.zeros((0, 3, 2)), "got shape"),
+        (np.zeros((2, 3, 4)), r"drive has 4 hypotheses.*use with_channels\(4\)"),
+        (np.full((1, 1, 2), np.nan), "drive must be finite"),
+        (np.full((1, 1, 2), -np.inf), "drive must be finite"),
+    ],
+)
+def test_a_drive_that_does_not_fit(circuit, drive, message):
+    for engine in (checked_drive, algebra.run, lambda *a: rate.run(*a, step_ms=1)):
+        with pytest.raises(ValueError, match=message):
+            engine(circuit, drive)
+
+
+def test_times_are_whole_ticks():
+    assert ticks("delay", 2.5, 0.1) == 25
+    circuit = anatomy.bogacz_gurney().changed("STN->GPe", delay_ms=2.05)
+    with pytest.raises(
+        ValueError, match=r"delay of STN->GPe of 2.05 ms is no multiple of dt_ms = 0.1"
+    ):
+        _ = Scheme(wire(circuit), 0.1).unit_delay
+    with pytest.raises(ValueError, match="delay of STN->GPe"):
+        rate.run(circuit, np.zeros((1, 1, 2)), step_ms=1)
+    with pytest.raises(ValueError, match="dt_ms must be > 0, got 0"):
+        ticks("delay", 2, 0)
+    with pytest.raises(ValueError, match="step_ms must be positive, got 0"):
+        Clock(1, 0)
+    with pytest.raises(ValueError, match=r"sample_ms of 0.25 ms is no multiple"):
+        Clock(1, 1, sample_ms=0.25)
+    with pytest.raises(ValueError, match="settle_ms must be positive, got -1"):
+        Clock(1, 1, settle_ms=-1)
+    with pytest.raises(ValueError, match="step_ms must be a multiple of sample_ms, got 3 and 2"):
+        Clock(1, 3, sample_ms=2)
+
+
+def test_the_clock_counts_what_it_says():
+    clock = Clock(4, 5.0, dt_ms=0.5, sample_ms=2.5, settle_ms=10)
+    assert (clock.ticks, clock.samples) == (20 + 40, 8)
+    assert clock.time_ms[[0, -1]].tolist() == [2.5, 20.0]
+    assert [clock.step_of(k) for k in (0, 19, 20, 29, 30, 59)] == [-1, -1, 0, 0, 1, 3]
+
+
+def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
+    circuit = anatomy.spiking_msprt().with_neurons(40).with_connections(0.25)
+    p = circuit.projection("D1", "SNr")
+    wires = fan_in(circuit, p, 0, 0)
+    assert wires.shape == (40, 10)
+    assert all(len(set(row)) == 10 for row in wires.tolist())
+    assert 0 <= wires.min() <= wires.max() < 40
+    assert np.array_equal(wires, fan_in(circuit.without("GPe"), p, 0, 0))
+    assert not np.array_equal(wires, fan_in(circuit, p, 1, 1))
+    assert not np.array_equal(wires, fan_in(replace(circuit, wiring_seed=1), p, 0, 0))
+    # Every source is chosen about equally often: 40 * .25 expected of each.
+    uses = np.bincount(wires.ravel(), minlength=40)
+    assert ((uses - 10) ** 2 / (40 * 0.25 * 0.75)).sum() < 80
+
+
+def test_an_integrator_alone_has_no_fixed_point():
+    clock = Population("clock", Integrator(), tau_ms=10, bias_nats=1)
+    circuit = anatomy.bogacz_gurney().with_rows(clock)
+    assert isinstance(circuit, Circuit)
+    for bias in (0.0, 1.0):
+        with pytest.raises(ValueError, match="has no fixed point"):
+            algebra.run(circuit.changed("clock", bias_nats=bias), np.zeros((1, 1, 2)))
