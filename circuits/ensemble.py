@@ -153,9 +153,11 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> kernel.Pl
     sparse = np.array([_sparse(circuit, q) for q in units], dtype=bool)
     unit_rest, rest_x, rest_hz = scheme.start
     targets = [np.flatnonzero(wiring.weight[:, q]) for q in range(wiring.units)]
-    apart = np.array([row.spiking and row.spread > 0 for row in rows])
+    apart = np.array(
+        [kernel.SPREAD if row.spiking and row.spread else kernel.ALIKE for row in rows]
+    )
     for q in np.flatnonzero(sparse):
-        apart[targets[q]] = True
+        apart[targets[q]] = kernel.WIRED
 
     cells = np.array([row.neurons if row.spiking else 0 for row in rows])
     filled = -(-cells // lanes.LANES) * lanes.LANES
@@ -278,7 +280,7 @@ def _cells_apart(
 ) -> dict[str, npt.NDArray[np.float32]]:
     """Return the constants of each cell, float32, where cells differ."""
     size = int(filled.sum()) if apart.any() else 0
-    names = ("cell_decay", "cell_rest", "cell_slope", "cell_kick", "cell_threshold", "cell_factor")
+    names = ("cell_decay", "cell_rest", "cell_slope", "cell_kick", "cell_factor")
     arrays = {name: np.zeros(size, np.float32) for name in names}
     for b in np.flatnonzero(apart):
         row = wiring.row(b)
@@ -291,11 +293,14 @@ def _cells_apart(
         each_tau = cell.tau_ms * tau
         decay = np.exp(-dt_ms / each_tau)
         step = cell.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / each_tau))
+        threshold = cell.threshold_mv * top - OVERSHOOT * step - cell.reset_mv
+        # In units of the population's own threshold all cells have that one.
+        unit = (cell.sampled_threshold_mv(dt_ms) - cell.reset_mv) / threshold
+        arrays["cell_factor"][here] = unit
         arrays["cell_decay"][here] = decay
-        arrays["cell_rest"][here] = (cell.rest_mv - cell.reset_mv) * (1 - decay)
-        arrays["cell_slope"][here] = cell.mv_per_nat * slope * (1 - decay)
-        arrays["cell_kick"][here] = step / np.sqrt(2)
-        arrays["cell_threshold"][here] = cell.threshold_mv * top - OVERSHOOT * step - cell.reset_mv
+        arrays["cell_rest"][here] = unit * (cell.rest_mv - cell.reset_mv) * (1 - decay)
+        arrays["cell_slope"][here] = unit * cell.mv_per_nat * slope * (1 - decay)
+        arrays["cell_kick"][here] = unit * step / np.sqrt(2)
     return arrays
 
 
@@ -367,7 +372,7 @@ def workspace(p: kernel.Plan) -> kernel.Work:
         unit=np.zeros(units),
         passed=np.zeros(units),
         strand=np.zeros(connected, np.float32),
-        strand_sums=np.zeros(connected, np.int32),
+        strand_sums=np.zeros(connected, np.uint16),
         found=np.zeros(ring * blocks * most, np.int32),
         found_n=np.zeros(ring * blocks, np.int32),
         low_pass=np.zeros(len(p.readout)),

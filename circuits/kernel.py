@@ -18,6 +18,8 @@ RATE, INTEGRATOR, LIF, ESCAPE, PHASE = range(5)
 KINDS = {"rate": RATE, "integrator": INTEGRATOR, "lif": LIF, "escape": ESCAPE, "phase": PHASE}
 LINEAR, RECTIFIED, EXP, S_MINUS_LOG_S = range(4)
 TRANSFERS = {"linear": LINEAR, "rectified": RECTIFIED, "exp": EXP, "s_minus_log_s": S_MINUS_LOG_S}
+# Whether a block's cells are alike, differ in their constants, or in their inputs as well.
+ALIKE, SPREAD, WIRED = range(3)
 ROOT_HALF = np.float32(math.sqrt(0.5))
 
 _GOLDEN = np.uint64(noise.GOLDEN)
@@ -66,8 +68,9 @@ class Plan(NamedTuple):
         Connections: for every source cell one row of target cells.
     readout : array (channels,)
         Blocks of the read-out.
-    cell_decay, cell_rest, cell_slope, cell_kick, cell_threshold, cell_factor : arrays float32
-        Constants of each cell where cells differ; empty if none do.
+    cell_decay, cell_rest, cell_slope, cell_kick, cell_factor : arrays float32
+        Constants of each cell where cells differ; empty if none do. The factor is that of its rate,
+        for a Lif that of its unit of potential.
     """
 
     clock: Any
@@ -83,7 +86,6 @@ class Plan(NamedTuple):
     cell_rest: Any
     cell_slope: Any
     cell_kick: Any
-    cell_threshold: Any
     cell_factor: Any
 
 
@@ -187,12 +189,14 @@ def _receive(block, b, common, dt_s, work):
         work.kick[b] = block.kick
         work.push[b] = block.push * (block.mv + block.mv_per_nat * common) - 4 * block.kick
         return 0.0
-    if block.apart:
+    if block.apart == WIRED:
         return 0.0
     work.state[b] = block.decay * work.state[b] + block.push * common
     rate = max(block.baseline + block.gain * _law(block.law, work.state[b]), block.floor)
     mean = rate * dt_s
-    if block.kind == PHASE:
+    if block.apart == SPREAD:
+        work.push[b] = mean
+    elif block.kind == PHASE:
         each = block.cv * math.sqrt(0.5 * mean)
         work.kick[b] = each
         work.push[b] = mean - 4 * each
@@ -261,17 +265,22 @@ def _rates_apart(block, dt_s, x, state, factor):
 
 
 @numba.njit(inline="always")
-def _fire_apart(block, k, v, counts, x, stream, decay, rest, slope, kick, threshold):
-    """Advance by a tick the cells of a block that differ, by what x holds for each."""
-    shift = np.int32(8 * (k & 3))
+def _fire_apart(p, work, block, b, k, stream):
+    """Advance by a tick the cells of a block that differ; return how many fired."""
+    v, counts, x, shift = work.v, work.counts, work.x, np.int32(8 * (k & 3))
     if block.kind == LIF:
+        if block.apart == SPREAD:
+            return lanes.lif_spread(
+                v, counts, block.start, block.filled, shift, np.float32(work.common[b]),
+                p.cell_decay, p.cell_rest, p.cell_slope, p.cell_kick, block.threshold, block.hold,
+            )  # fmt: skip
         return lanes.lif_apart(
-            v, counts, block.start, block.filled, shift, x, decay, rest, slope, kick, threshold,
-            block.hold,
+            v, counts, block.start, block.filled, shift, x, p.cell_decay, p.cell_rest,
+            p.cell_slope, p.cell_kick, block.threshold, block.hold,
         )  # fmt: skip
     if block.kind == PHASE:
-        noise_ = np.float32(block.cv) * ROOT_HALF
-        return lanes.phase_apart(v, counts, block.start, block.filled, shift, x, noise_)
+        kick = np.float32(block.cv) * ROOT_HALF
+        return lanes.phase_apart(v, counts, block.start, block.filled, shift, x, kick)
     high, low = _halves(_tick_key(stream, k))
     return lanes.escape_apart(v, block.start, block.filled, high, low, x, block.hold)
 
@@ -313,23 +322,26 @@ def _sample(clock, i, total, low_pass, rates, out):
 @numba.njit(inline="always")
 def _spikes(p, work, block, b, k, stream):
     """Advance the cells of a block by a tick; return how many fired (line 3 of the scheme)."""
-    v, counts, x = work.v, work.counts, work.x
+    counts, x = work.counts, work.x
     if block.kind != ESCAPE and k & 3 == 0:
         high, low = _halves(_tick_key(stream, k >> 2))
         lanes.refresh(counts, block.start, block.filled, high, low)
-    if not block.apart:
+    if block.apart == ALIKE:
         return _fire_alike(block, b, k, work, stream)
-    common, mask = np.float32(work.common[b]), p.clock[0].ring - 1
-    _inputs_apart(
-        block, b, k, mask, common, p.strands, p.fibres, p.wires, x, work.strand, work.strand_sums,
-        work.found, work.found_n,
-    )  # fmt: skip
-    if block.kind != LIF:
-        _rates_apart(block, p.clock[0].dt_s, x, work.own, p.cell_factor)
-    return _fire_apart(
-        block, k, v, counts, x, stream, p.cell_decay, p.cell_rest, p.cell_slope, p.cell_kick,
-        p.cell_threshold,
-    )  # fmt: skip
+    if block.apart == WIRED:
+        common, mask = np.float32(work.common[b]), p.clock[0].ring - 1
+        _inputs_apart(
+            block, b, k, mask, common, p.strands, p.fibres, p.wires, x, work.strand,
+            work.strand_sums, work.found, work.found_n,
+        )  # fmt: skip
+        if block.kind != LIF:
+            _rates_apart(block, p.clock[0].dt_s, x, work.own, p.cell_factor)
+    elif block.kind != LIF:
+        mean = np.float32(work.push[b])
+        for i in range(block.filled):
+            j = np.uint64(block.start + i)
+            x[j] = mean * p.cell_factor[j]
+    return _fire_apart(p, work, block, b, k, stream)
 
 
 @numba.njit(inline="always")
@@ -353,6 +365,9 @@ def _at_rest(p, work, streams):
         work.ring[:, b] = block.rest_hz
         for j in range(block.start, block.start + block.filled):
             work.own[j] = block.rest_x
+            if block.kind == LIF and block.apart != ALIKE:
+                # Into the units in which all cells have one threshold.
+                work.v[j] *= p.cell_factor[j] if work.v[j] >= 0 else lanes.ONE
     for c in range(len(p.readout)):
         work.low_pass[c] = p.blocks[p.readout[c]].rest_hz
     for q in range(len(p.units)):

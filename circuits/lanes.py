@@ -119,6 +119,17 @@ def count(typing, total, fired):
 
 
 @intrinsic
+def add16(typing, total, byte):
+    """Return total + byte in 16 bits."""
+
+    def build(context, builder, signature, arguments):
+        total, byte = arguments
+        return builder.add(total, builder.zext(byte, ir.IntType(16)))
+
+    return types.uint16(types.uint16, types.uint8), build
+
+
+@intrinsic
 def below32(typing, word, limit):
     """Return whether an unsigned word lies below a limit."""
 
@@ -192,16 +203,35 @@ def lif_alike(v, counts, start, cells, shift, decay, push, kick, threshold, hold
 
 
 @numba.njit(**COMPILED)
-def lif_apart(v, counts, start, cells, shift, x, decay, rest, slope, kick, threshold, hold):
-    """Advance integrate-and-fire cells with an input and constants each."""
+def lif_spread(v, counts, start, cells, shift, nats, decay, rest, slope, kick, threshold, hold):
+    """Advance integrate-and-fire cells that share an input in nats but not their constants.
+
+    v is in units in which all cells have one threshold.
+    """
     fired = np.int32(0)
     for i in range(cells):
         j = np.uint64(start + i)
         old = v[j]
-        push = rest[j] + slope[j] * x[j]
-        new = old * decay[j] + (push + kick[j] * (ones_at(counts[j], shift) - HALF_BITS))
+        noise_ = kick[j] * (ones_at(counts[j], shift) - HALF_BITS)
+        new = old * decay[j] + (rest[j] + slope[j] * nats) + noise_
         new = choose(old < WAITING, old + WAIT, new)
-        spike = new >= threshold[j]
+        spike = new >= threshold
+        v[j] = choose(spike, hold, new)
+        fired = count(fired, spike)
+    return fired
+
+
+@numba.njit(**COMPILED)
+def lif_apart(v, counts, start, cells, shift, x, decay, rest, slope, kick, threshold, hold):
+    """Advance integrate-and-fire cells with an input x and constants each."""
+    fired = np.int32(0)
+    for i in range(cells):
+        j = np.uint64(start + i)
+        old = v[j]
+        noise_ = kick[j] * (ones_at(counts[j], shift) - HALF_BITS)
+        new = old * decay[j] + (rest[j] + slope[j] * x[j]) + noise_
+        new = choose(old < WAITING, old + WAIT, new)
+        spike = new >= threshold
         v[j] = choose(spike, hold, new)
         fired = count(fired, spike)
     return fired
@@ -276,19 +306,35 @@ def filtered(x, start, cells, decay, gain, wanted):
 
 
 @numba.njit(**COMPILED)
+def count_equal(v, first, cells, mark):
+    """Return how many of some cells hold the mark."""
+    hits = np.int32(0)
+    for i in range(cells):
+        hits = count(hits, v[np.uint64(first + i)] == mark)
+    return hits
+
+
+@numba.njit(**COMPILED)
+def count_above(v, first, cells, mark):
+    """Return how many of some cells hold the mark or more."""
+    hits = np.int32(0)
+    for i in range(cells):
+        hits = count(hits, v[np.uint64(first + i)] >= mark)
+    return hits
+
+
+@numba.njit(**COMPILED)
 def spikers(v, start, cells, mark, above, found, place):
-    """Write down which cells just fired, their v being ``mark``, or at least that if above."""
+    """Write down which cells just fired: v is the mark, or for a phase at least that."""
     total = 0
-    for block in range(start, start + cells, 32):
-        hits = np.int32(0)
-        for i in range(32):
-            state = v[np.uint64(block + i)]
-            hits = count(hits, (state == mark) | (above & (state >= mark)))
+    # Whole registers are counted first: few of them hold a spike.
+    for first in range(start, start + cells, LANES):
+        hits = count_above(v, first, LANES, mark) if above else count_equal(v, first, LANES, mark)
         if hits:
-            for i in range(32):
-                state = v[np.uint64(block + i)]
+            for j in range(first, first + LANES):
+                state = v[np.uint64(j)]
                 if state == mark or (above and state >= mark):
-                    found[place + total] = block + i - start
+                    found[place + total] = j - start
                     total += 1
     return total
 
@@ -297,7 +343,8 @@ def spikers(v, start, cells, mark, above, found, place):
 def add_row(sums, start, wires, row, cells):
     """Add the connections of one spike, a row of 0 and 1, to the target cells' counts."""
     for i in range(cells):
-        sums[np.uint64(start + i)] += wires[np.uint64(row + i)]
+        j = np.uint64(start + i)
+        sums[j] = add16(sums[j], wires[np.uint64(row + i)])
 
 
 @numba.njit(**COMPILED)
