@@ -40,7 +40,7 @@ def network(b2: Any, circuit: Circuit) -> tuple[Any, int]:
             text = f"""dx/dt = ({nats} - x)/({row.tau_ms}*ms) : 1
                 f = {LAW[row.transfer].format(x="x")} : 1
                 rate = {rate} : Hz
-                dv/dt = rate + {cell.cv}*sqrt(rate)*xi : 1"""
+                dv/dt = rate + {cell.cv}*sqrt(rate/dt)*randn() : 1"""
             options |= {"threshold": "v > 1", "reset": "v -= 1"}
         else:
             text = f"dx/dt = ({nats})/({row.tau_ms}*ms) : 1"

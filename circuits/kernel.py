@@ -6,7 +6,6 @@ Sums over populations are double precision; cells, in ``circuits.lanes``, are si
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -23,114 +22,6 @@ ALIKE, SPREAD, WIRED = range(3)
 ROOT_HALF = np.float32(math.sqrt(0.5))
 
 _GOLDEN = np.uint64(noise.GOLDEN)
-
-
-def _record(**fields: str) -> np.dtype:
-    """Return a record type with the fields named under each NumPy type."""
-    pairs = [(name, kind) for kind, names in fields.items() for name in names.split()]
-    return np.dtype(pairs, align=True)
-
-
-# Records keep a row of the table together; the compiler reads their fields without a detour.
-CLOCK = _record(
-    i8="ticks settle step sample ring",
-    f8="dt_s readout_decay readout_baseline readout_gain",
-)
-BLOCK = _record(
-    i8="kind law drive input inputs start cells filled apart listed kept",
-    f8="spike_hz baseline gain floor decay push bias drive_gain rest_x rest_hz cv mv mv_per_nat",
-    f4="keep kick threshold hold begin begin_span",
-)
-UNIT = _record(i8="law delay source sources", f8="decay constant rest")
-EDGE = _record(i8="index", f8="weight")
-STRAND = _record(i8="target start delay fibre fibres", f4="decay jump weight rest")
-FIBRE = _record(i8="source wires")
-
-
-class Plan(NamedTuple):
-    """A circuit and a clock as the kernel wants them; made by ``ensemble.plan``.
-
-    Parameters
-    ----------
-    clock : record array (1,)
-        Times in ticks, and the read-out.
-    blocks : record array (blocks,)
-        One row a block: what it is, where its cells and its inputs lie, its constants.
-    units : record array (units,)
-        One row a postsynaptic sum, with where its sources lie.
-    sources, inputs : record arrays
-        Which block reaches a unit with which weight; which unit reaches a block.
-    strands : record array
-        Connections cell by cell: one row a target block of a sparse projection.
-    fibres : record array
-        Which blocks feed a strand, and where their rows of 0 and 1 lie in ``wires``.
-    wires : array uint8
-        Connections: for every source cell one row of target cells.
-    readout : array (channels,)
-        Blocks of the read-out.
-    cell_decay, cell_rest, cell_slope, cell_kick, cell_factor : arrays float32
-        Constants of each cell where cells differ; empty if none do. The factor is that of its rate,
-        for a Lif that of its unit of potential.
-    """
-
-    clock: Any
-    blocks: Any
-    units: Any
-    sources: Any
-    inputs: Any
-    strands: Any
-    fibres: Any
-    wires: Any
-    readout: Any
-    cell_decay: Any
-    cell_rest: Any
-    cell_slope: Any
-    cell_kick: Any
-    cell_factor: Any
-
-
-class Work(NamedTuple):
-    """What a trial writes on while it runs; made by ``ensemble.workspace``.
-
-    Parameters
-    ----------
-    v, counts, x, own : arrays (cells,)
-        State, noise of four ticks, input and filtered input of each cell.
-    ring : array (ring, blocks)
-        Rates of the last ticks, Hz.
-    state, total : arrays (blocks,)
-        Filtered inputs, nats; sums of rates over a sample.
-    common, push, kick, limit : arrays (blocks,)
-        Input of all cells, nats; what it does to a cell's state, and the noise of a bit; or the
-        word below which a cell fires.
-    unit, passed : arrays (units,)
-        Filtered activity before and after the transfer.
-    strand, strand_sums : arrays (strand cells,)
-        Filtered activity, and arrivals, cell by cell.
-    found, found_n : arrays (ring * blocks * most,), (ring * blocks,)
-        Which cells fired in the last ticks, and how many.
-    low_pass : array (channels,)
-        Read-out, Hz.
-    """
-
-    v: Any
-    counts: Any
-    x: Any
-    own: Any
-    ring: Any
-    state: Any
-    total: Any
-    common: Any
-    push: Any
-    kick: Any
-    limit: Any
-    unit: Any
-    passed: Any
-    strand: Any
-    strand_sums: Any
-    found: Any
-    found_n: Any
-    low_pass: Any
 
 
 @numba.njit(inline="always")

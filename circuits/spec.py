@@ -6,162 +6,16 @@ Nothing about a pathway is written anywhere else. An edit returns a new circuit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from circuits import transfer
-from circuits.cells import SPIKING, Cell, Integrator, Lif, Rate
+from circuits.cells import Lif
+from circuits.rows import GABA, GLUTAMATE, PATTERNS, RECEPTORS, SIGNS, Population, Projection
 
-GLUTAMATE, GABA = "glutamate", "GABA"
-SIGNS = {GLUTAMATE: 1, GABA: -1}
-RECEPTORS = {"": 0, "D1": 1, "D2": -1}
-
-
-def _one_to_one(targets: int, sources: int) -> npt.NDArray[np.float64]:
-    if 1 in (targets, sources):
-        return np.ones((targets, sources))
-    return np.eye(targets, sources)
-
-
-PATTERNS = {
-    "channel": _one_to_one,
-    "diffuse": lambda targets, sources: np.ones((targets, sources)),
-    "average": lambda targets, sources: np.full((targets, sources), 1 / sources),
-    "neighbour": lambda targets, sources: np.roll(_one_to_one(targets, sources), 1, axis=0),
-}
-"""Which channels reach which: to its own, the sum or the mean of all to all, to the wrong one."""
-
-
-@dataclass(frozen=True)
-class Population:
-    """A nucleus, or the part of one that plays one role.
-
-    Parameters
-    ----------
-    name : str
-        Standard abbreviation.
-    cell : Cell
-        Cell type with its constants.
-    baseline_hz, gain_hz_per_nat : float
-        The rate that stands for an activity of a nats: ``baseline_hz + gain_hz_per_nat * a``.
-    transmitter : str
-        "glutamate" or "GABA"; the sign of every projection from here.
-    neurons : int
-        Cells a channel.
-    pooled : bool
-        One channel for all alternatives, instead of one each.
-    transfer : str
-        The activity as a function of the input in nats, by name.
-    bias_nats : float
-        Constant input.
-    tau_ms : float
-        Time constant of the input's filter (of an Integrator: its time), ms; a Lif has its own.
-    receptor : str
-        "D1" or "D2" where dopamine raises or lowers the cortical gain.
-    spread : float
-        Standard deviation across cells of the cell's constants, as a fraction of each.
-    intact, replaced : float, bool
-        The fraction that survives a lesion, and whether the lost output is replaced by its rest.
-    cite : str
-        Where the numbers come from.
-    """
-
-    name: str
-    cell: Cell
-    baseline_hz: float = 0.0
-    gain_hz_per_nat: float = 1.0
-    transmitter: str = GLUTAMATE
-    neurons: int = 1
-    pooled: bool = False
-    transfer: str = "linear"
-    bias_nats: float = 0.0
-    tau_ms: float = 0.0
-    receptor: str = ""
-    spread: float = 0.0
-    intact: float = 1.0
-    replaced: bool = False
-    cite: str = ""
-
-    def __post_init__(self) -> None:
-        transfer.named(self.transfer)
-        _one_of("transmitter", self.transmitter, SIGNS)
-        _one_of("receptor", self.receptor, RECEPTORS)
-        if self.neurons != int(self.neurons) or self.neurons < 1:
-            raise ValueError(f"{self.name}: neurons must be a whole number >= 1: {self.neurons}")
-        if not self.gain_hz_per_nat > 0:
-            raise ValueError(f"{self.name}: gain_hz_per_nat must be > 0: {self.gain_hz_per_nat}")
-        for name in ("tau_ms", "spread"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{self.name}: {name} must be >= 0, got {getattr(self, name)}")
-        for name in ("baseline_hz", "bias_nats"):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
-        if isinstance(self.cell, Integrator) and not self.tau_ms:
-            raise ValueError(f"{self.name}: tau_ms of an Integrator must be > 0, got {self.tau_ms}")
-        if not 0 <= self.intact <= 1:
-            raise ValueError(f"{self.name}: intact must lie in 0..1, got {self.intact}")
-        if isinstance(self.cell, Lif) and self.tau_ms:
-            raise ValueError(f"{self.name}: tau_ms is that of the Lif cell, leave it 0 here")
-
-    @property
-    def spiking(self) -> bool:
-        """Whether its cells spike."""
-        return isinstance(self.cell, SPIKING)
-
-
-@dataclass(frozen=True)
-class Projection:
-    """A pathway: what the source's activity adds to the target's input.
-
-    Parameters
-    ----------
-    source, target : str
-        Names of populations.
-    weight : float
-        Input to the target, nats, a unit of (transformed) source activity; negative from GABA.
-    pattern : str
-        Which channels reach which: a name in ``PATTERNS``.
-    delay_ms, tau_ms : float
-        Conduction delay and synaptic time constant, ms.
-    probability : float
-        Fraction of the source's cells that reach a target cell: a fixed in-degree.
-    transfer : str
-        What the target's dendrite makes of the summed, filtered activity, by name.
-    cite : str
-        Where the numbers come from.
-    """
-
-    source: str
-    target: str
-    weight: float
-    pattern: str = "channel"
-    delay_ms: float = 0.0
-    tau_ms: float = 0.0
-    probability: float = 1.0
-    transfer: str = "linear"
-    cite: str = ""
-
-    def __post_init__(self) -> None:
-        transfer.named(self.transfer)
-        _one_of("pattern", self.pattern, PATTERNS)
-        if not math.isfinite(self.weight):
-            raise ValueError(f"{self.name}: weight must be finite, got {self.weight}")
-        for name in ("delay_ms", "tau_ms"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{self.name}: {name} must be >= 0, got {getattr(self, name)}")
-        if not 0 < self.probability <= 1:
-            raise ValueError(f"{self.name}: probability must lie in 0..1, got {self.probability}")
-        if self.probability < 1 and self.transfer != "linear":
-            raise ValueError(f"{self.name}: connections of probability < 1 must be linear")
-
-    @property
-    def name(self) -> str:
-        """``source->target``."""
-        return f"{self.source}->{self.target}"
+__all__ = ["GABA", "GLUTAMATE", "PATTERNS", "Circuit", "Population", "Projection"]
 
 
 @dataclass(frozen=True)
@@ -192,6 +46,8 @@ class Circuit:
         Whether its fixed point claims to be ``-ln P``; an edit of a weight takes the claim away.
     range_nats : tuple of float
         Lowest and highest ``S`` at which the circuit works.
+    most_channels : int
+        Most alternatives for which the circuit has a state of rest.
     wiring_seed : int
         Key of what differs from cell to cell: connections and spread.
     about : str
@@ -209,6 +65,7 @@ class Circuit:
     readout_tau_ms: float = 0.0
     exact: bool = False
     range_nats: tuple[float, float] = (0.0, math.inf)
+    most_channels: int = 1000
     wiring_seed: int = 0
     about: str = ""
     _known: dict[str, Population] = field(init=False, repr=False, compare=False, hash=False)
@@ -404,17 +261,8 @@ class Circuit:
             raise ValueError(f"no pathway is left from {self.input} to {self.readout}")
 
 
-def _one_of(what: str, value: str, allowed: Iterable[str]) -> None:
-    if value not in allowed:
-        names = ", ".join(repr(name) for name in allowed)
-        raise ValueError(f"{what} must be one of {names}, got {value!r}")
-
-
 def _fields(name: str, row: Population | Projection, values: dict[str, Any]) -> None:
     for key in values:
         if key not in row.__dataclass_fields__:
             valid = ", ".join(row.__dataclass_fields__)
             raise ValueError(f"{name} has no {key!r}: {valid}")
-
-
-__all__ = ["GABA", "GLUTAMATE", "PATTERNS", "Circuit", "Population", "Projection", "Rate"]
