@@ -104,15 +104,11 @@ def test_circuits_is_ours():
     assert Path(circuits.__file__).parent == ROOT / "circuits"
 
 
-def test_a_foreign_package_called_circuits_gets_one_clear_sentence(tmp_path):
-    foreign = tmp_path / "circuits"
-    foreign.mkdir()
-    (foreign / "__init__.py").write_text("")
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from bgmodel.cli import main; "
-    code += "sys.exit(main(['circuit', 'show']))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+def test_a_foreign_package_called_circuits_gets_one_clear_sentence():
+    code = "import sys, types; sys.modules['circuits'] = types.ModuleType('circuits'); "
+    code += "from bgmodel.cli import main; sys.exit(main(['circuit', 'show']))"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.startswith("bgmodel: the package 'circuits' that was found is not bgmodel's")
     assert len(done.stderr.strip().splitlines()) == 1
