@@ -24,6 +24,7 @@ validate: $(VENV)/test.installed
 
 benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.deciding
+	$(BIN)/python -m benchmarks.circuits
 
 # The table of decoded taps that ships with the package, made again from nothing.
 shipped-taps: figures

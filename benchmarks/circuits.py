@@ -77,12 +77,10 @@ def brian2(trials: int = 20, target: str = "standalone", **which: Any) -> dict[s
             cpu = _children()
             wall = time.perf_counter()
             built.run(evidence, seed=2)
-            return _cost(
-                cells_of(circuit), trials, _children() - cpu, time.perf_counter() - wall
-            )
+            return _cost(cells_of(circuit), trials, _children() - cpu, time.perf_counter() - wall)
     given["target"] = target
     spiking.run(circuit, evidence[:, :1], seed=1, **given)
-    one, more = _timed(lambda: spiking.run(circuit, evidence[:, :1], seed=1, **given)), None
+    one = _timed(lambda: spiking.run(circuit, evidence[:, :1], seed=1, **given))
     more = _timed(lambda: spiking.run(circuit, evidence, seed=1, **given))
     # What building takes is in both runs, and drops out of their difference.
     share = (STEPS - 1) / STEPS
@@ -194,9 +192,7 @@ def processes() -> dict[str, float]:
     one = min(measure("ensemble", {"trials": 300})["wall_s"] for _ in range(REPEATS))
     two = np.inf
     for _ in range(REPEATS):
-        started = [
-            subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)
-        ]
+        started = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
         walls = [json.loads(p.communicate()[0].splitlines()[-1])["wall_s"] for p in started]
         two = min(two, max(walls))
     threads = min(
@@ -223,7 +219,7 @@ def main() -> None:
     """Measure everything; print the tables, write them and figure P1."""
     OUT.mkdir(exist_ok=True)
     rows = []
-    plan = [("side by side", *one) for one in SIDE_BY_SIDE for _ in range(1)] * REPEATS
+    plan = [("side by side", *one) for one in SIDE_BY_SIDE] * REPEATS
     plan += [(f"against {what}", what, kind, opts) for what, kind, opts in SCALING] * REPEATS
     for part, what, kind, options in tqdm(plan):
         rows.append({"part": part, "what": what, **options, **measure(kind, options)})
@@ -276,6 +272,10 @@ if __name__ == "__main__":
         result = KINDS[sys.argv[1]](**json.loads(sys.argv[2]))
         usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-        print(json.dumps(result | {"peak_mb": usage if sys.argv[1] != "brian2" else max(usage, children)}))
+        print(
+            json.dumps(
+                result | {"peak_mb": usage if sys.argv[1] != "brian2" else max(usage, children)}
+            )
+        )
     else:
         main()

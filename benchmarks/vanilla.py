@@ -1,6 +1,7 @@
 """The same circuit as one would first write it in Brian2: every cell and every synapse, one trial.
 
-All-to-all synapses, Brian2's own noise, no relays: what the engines are compared with.
+All-to-all synapses, Brian2's own noise, no relays: what the engines are compared with. The slow
+common mode stays at rest.
 """
 
 from __future__ import annotations
@@ -23,7 +24,12 @@ def network(b2: Any, circuit: Circuit) -> tuple[Any, int]:
         count = circuit.channels_of(row.name) * (row.neurons if row.spiking else 1)
         drive = circuit.reference_nats - np.log(circuit.channels)
         bias = row.bias_nats + (drive if row.name == circuit.input else 0)
-        nats = " + ".join([str(bias), *(f"{p.weight}*s_{p.source}" for p in into)])
+        sources = [circuit.population(p.source) for p in into]
+        parts = [
+            f"{p.weight}*(s_{p.source} - {s.baseline_hz / s.gain_hz_per_nat})"
+            for p, s in zip(into, sources, strict=True)
+        ]
+        nats = " + ".join([str(bias), *parts])
         decays = "\n".join(f"ds_{p.source}/dt = -s_{p.source}/({p.tau_ms}*ms) : 1" for p in into)
         cell = row.cell
         options: dict[str, Any] = {"method": "euler"}

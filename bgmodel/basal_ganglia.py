@@ -18,7 +18,9 @@ try:
     from circuits.nwb import write_nwb
     from circuits.show import draw, text
     from circuits.spec import Circuit
-except ImportError as error:  # pragma: no cover - another distribution has that name too
+except ImportError as error:
+    if not (error.name or "").startswith("circuits"):
+        raise
     raise ImportError(
         "the package 'circuits' that was found is not bgmodel's: another distribution of that "
         "name is installed beside it; use an environment of its own"
@@ -33,6 +35,7 @@ __all__ = [
     "SPIKING",
     "BasalGanglia",
     "Circuit",
+    "check_threshold",
     "circuit",
     "draw",
     "drive_of",
@@ -53,8 +56,8 @@ class BasalGanglia:
         "algebra", "rate", "ensemble" or "brian2".
     gain : float
         Nats of drive a nat of evidence, kappa: OUT is then ``-ln softmax(kappa L)``.
-    seed : int
-        Key of the noise of the engines that spike.
+    seed : int, optional
+        Key of the noise; the engines that spike need one.
     options : dict
         Passed on to the engine.
     """
@@ -62,7 +65,7 @@ class BasalGanglia:
     circuit: Circuit
     engine: str = "algebra"
     gain: float = 1.0
-    seed: int = 0
+    seed: int | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -95,6 +98,38 @@ class BasalGanglia:
             step_ms=evidence.step_ms,
             **given,
             **self.options,
+        )
+
+
+def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
+    """Refuse a threshold that the circuit is past before any evidence, or never reads.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    threshold_nats : float
+        OUT at which it decides.
+
+    Raises
+    ------
+    ValueError
+        With the OUT at rest.
+    """
+    try:
+        silence = np.zeros((1, 1, circuit.channels))
+        at_rest = run_engine(circuit, silence, engine="algebra", step_ms=1.0).output_nats.min()
+    except ValueError:
+        return  # Without a state of rest there is nothing to compare with.
+    if at_rest <= threshold_nats:
+        raise ValueError(
+            f"{circuit.name} rests at OUT = {at_rest:.2f}, which is not above the threshold of "
+            f"{threshold_nats:.2f} nats: it would decide without evidence"
+        )
+    if threshold_nats < circuit.readable_nats[0]:
+        raise ValueError(
+            f"{circuit.name} reads no OUT below {circuit.readable_nats[0]:g}, the threshold is "
+            f"{threshold_nats:.2f} nats"
         )
 
 

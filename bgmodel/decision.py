@@ -44,7 +44,7 @@ class Decision:
     forced : bool array (..., trials)
         True where the deadline, not the threshold, made the choice.
     premature : bool array (..., trials)
-        True where the response came at or before onset, without any evidence.
+        True where the response came before the first reading, without any evidence.
     step_ms : float
         Time between readings, ms.
     deadline_ms : float
@@ -195,15 +195,16 @@ def _decision(trace: Trace, tick: np.ndarray, choice: np.ndarray, forced: bool) 
         choice,
         time_ms,
         ~reached & forced,
-        reached & (time_ms <= 0),
+        reached & (tick < _first_reading(trace)),
         trace.step_ms,
         float(relative_ms[-1]),
     )
 
 
 def _first_reading(trace: Trace) -> int:
-    """Return the first tick after the onset of evidence."""
-    return int(np.searchsorted(trace.time_ms, trace.onset_ms, side="right"))
+    """Return the first tick at which a reading can have arrived."""
+    reading_ms = trace.onset_ms + trace.step_ms
+    return int(np.searchsorted(trace.time_ms, reading_ms * (1 - 1e-12), side="left"))
 
 
 def _compiled():

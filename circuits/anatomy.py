@@ -207,6 +207,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         channels=channels,
         readout_tau_ms=25,
         range_nats=(1.0, 12.0),
+        readable_nats=(0.0, 3 - d1_from),
         most_channels=12,
         about="circuit J of a feasibility study, with D2 and channel-wise GPe; tuning unfinished",
     )

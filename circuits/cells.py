@@ -69,6 +69,8 @@ class Lif:
     kind: ClassVar[str] = "lif"
 
     def __post_init__(self) -> None:
+        if not all(np.isfinite(value) for value in vars(self).values()):
+            raise ValueError(f"constants of a Lif cell must be finite, got {vars(self)}")
         for name in ("tau_ms", "noise_mv"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} of a Lif cell must be > 0, got {getattr(self, name)}")

@@ -41,7 +41,7 @@ def lif_rate_hz(cell: Lif, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 def lif_mean_mv(cell: Lif, rate_hz: float) -> float:
     """Return the mean potential at which the cell fires at a rate, mV."""
-    if not 0 < rate_hz * cell.refractory_ms < 1000 or rate_hz <= 0:
+    if not (rate_hz > 0 and rate_hz * cell.refractory_ms < 1000):
         raise ValueError(f"rate_hz must lie in 0..1000/refractory_ms, got {rate_hz}")
     low, high = cell.threshold_mv - 12 * cell.noise_mv, cell.threshold_mv + 2000.0
     return float(brentq(lambda mv: float(lif_rate_hz(cell, mv)) - rate_hz, low, high))

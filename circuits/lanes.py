@@ -13,6 +13,8 @@ needed for that, and each is used below:
   a potential (measured from its reset), adds WAIT at each tick and is back at exactly 0 in time.
   Cells that only fill a register up wait for ever, at minus infinity.
 
+Numba's cache looks at the file of ``kernel.trial`` alone: after an edit here, touch kernel.py.
+
 The state of a cell is float32, sums over cells are int32. The tests hold each loop to plain NumPy.
 """
 
@@ -28,8 +30,8 @@ from circuits import noise
 
 LANES = 64
 """Populations are filled up to a multiple of this many cells."""
-WAIT = np.float32(1024.0)
-WAITING = np.float32(-512.0)
+WAIT = np.float32(2.0**20)
+WAITING = np.float32(-(2.0**19))
 ONE = np.float32(1.0)
 ZERO = np.float32(0.0)
 HALF_BITS = np.float32(4.0)

@@ -13,6 +13,7 @@ import numpy as np
 from circuits.activity import Activity
 from circuits.show import text
 
+COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}
 # A simulation has no date; a fixed one keeps the same run the same file.
 START = datetime(2000, 1, 1, tzinfo=UTC)
 
@@ -66,16 +67,17 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
             )
         )
     for name, table in (activity.spikes or {}).items():
-        if "population" not in (file.units.colnames if file.units else ()):
-            file.add_unit_column("population", "nucleus")
-            file.add_unit_column("channel", "alternative")
-        here = table[table["trial"] == trial]
-        for _, spikes in here.groupby(["channel", "neuron"]):
-            file.add_unit(
-                spike_times=np.sort(spikes["time_ms"].to_numpy()) / 1000,
-                population=name,
-                channel=int(spikes["channel"].iloc[0]),
-            )
+        if file.units is None:
+            for column, about_it in COLUMNS.items():
+                file.add_unit_column(column, about_it)
+        here = table[table["trial"] == trial].sort_values("time_ms")
+        times = here.groupby(["channel", "neuron"])["time_ms"].apply(np.asarray).to_dict()
+        cells = activity.circuit.population(name).neurons
+        for place in np.ndindex(activity.circuit.channels_of(name), cells):
+            # A silent cell is a unit too, or mean rates would come out too high.
+            when = np.asarray(times.get(place, np.empty(0))) / 1000
+            channel, neuron = place
+            file.add_unit(spike_times=when, population=name, channel=channel, neuron=neuron)
     path = Path(path)
     beside = path.with_name(f".part-{path.stem}.nwb")
     try:

@@ -32,7 +32,8 @@ def nuclei(circuit: Circuit) -> pd.DataFrame:
         {
             "nucleus": p.name,
             "cell": p.cell.kind,
-            "cells": f"{p.neurons} x {circuit.channels_of(p.name)}" if p.spiking else "-",
+            "channels": circuit.channels_of(p.name),
+            "cells": p.neurons if p.spiking else 0,
             "releases": p.transmitter,
             "baseline_hz": p.baseline_hz,
             "gain_hz_per_nat": p.gain_hz_per_nat,
@@ -73,8 +74,10 @@ def text(circuit: Circuit) -> str:
     head = (
         f"{circuit.name}: {circuit.about}\n"
         f"{circuit.channels} channels, evidence into {circuit.input}, OUT from {circuit.readout}, "
-        f"{'exact' if circuit.exact else 'not exact'}, S = {circuit.reference_nats:g} nats at "
-        f"rest, works from {low:g} to {high:g}"
+        f"{'exact' if circuit.exact else 'not exact'}\n"
+        f"S = {circuit.reference_nats:g} nats at rest, works from {low:g} to {high:g}; OUT is read "
+        f"from {circuit.readable_nats[0]:g} to {circuit.readable_nats[1]:g}; "
+        f"drive gain {circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms"
     )
     tables = [_text(table) for table in (nuclei(circuit), pathways(circuit))]
     return "\n\n".join([head, *tables, constants(circuit)])

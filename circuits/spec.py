@@ -46,6 +46,8 @@ class Circuit:
         Whether its fixed point claims to be ``-ln P``; an edit of a weight takes the claim away.
     range_nats : tuple of float
         Lowest and highest ``S`` at which the circuit works.
+    readable_nats : tuple of float
+        Lowest and highest OUT that the read-out's rate stands for.
     most_channels : int
         Most alternatives for which the circuit has a state of rest.
     wiring_seed : int
@@ -65,6 +67,7 @@ class Circuit:
     readout_tau_ms: float = 0.0
     exact: bool = False
     range_nats: tuple[float, float] = (0.0, math.inf)
+    readable_nats: tuple[float, float] = (0.0, math.inf)
     most_channels: int = 1000
     wiring_seed: int = 0
     about: str = ""
@@ -141,8 +144,10 @@ class Circuit:
             keeps = set(values) <= {"delay_ms", "tau_ms", "probability", "cite"}
             return replace(self, projections=rows, exact=self.exact and keeps)
         row = self.population(name)
-        inner = {k: v for k, v in values.items() if hasattr(row.cell, k) and not hasattr(row, k)}
-        if isinstance(row.cell, Lif) and "tau_ms" in values:
+        cell = values.get("cell", row.cell)
+        of_cell = set(cell.__dataclass_fields__) - set(row.__dataclass_fields__)
+        inner = {k: v for k, v in values.items() if k in of_cell}
+        if isinstance(cell, Lif) and "tau_ms" in values:
             inner["tau_ms"] = values["tau_ms"]
         outer = {k: v for k, v in values.items() if k not in inner}
         _fields(name, row, outer)
@@ -154,6 +159,8 @@ class Circuit:
 
     def without(self, name: str, fraction: float = 1.0, *, replaced: bool = False) -> Circuit:
         """Return the circuit with a fraction of a nucleus lesioned.
+
+        What it sends is scaled; its own cells are still shown, for they go on unheard.
 
         Parameters
         ----------
@@ -175,6 +182,8 @@ class Circuit:
                 f"{name} is the {'input' if name == self.input else 'read-out'}: without it "
                 "nothing is decided"
             )
+        if row.intact < 1 and row.replaced != replaced:
+            raise ValueError(f"{name} is lesioned already, its output replaced: {row.replaced}")
         if not 0 <= fraction <= 1:
             raise ValueError(f"fraction must lie in 0..1, got {fraction}")
         if fraction == 0:
@@ -189,7 +198,7 @@ class Circuit:
         return self.changed(row.name, weight=row.weight * factor) if factor != 1 else self
 
     def dopamine(self, level: float) -> Circuit:
-        """Return the circuit at a dopamine level; 1 is normal, the range is 0..2.
+        """Return the circuit at a dopamine level relative to this one; the range is 0..2.
 
         The cortical weight onto cells with D1 receptors is multiplied by ``level``, onto cells with
         D2 receptors by ``2 - level``.

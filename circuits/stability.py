@@ -105,6 +105,9 @@ def _rightmost(wiring: Wiring, x: Array, blocks: Index) -> complex:
     """Return the rightmost root, 1/s, of one loop at the state x of the whole circuit."""
     flow, lag = _linear(wiring, x, blocks)
     slow = lag > 0
+    if not slow.any():
+        names = ", ".join(dict.fromkeys(wiring.row(b).name for b in blocks))
+        raise ValueError(f"the loop of {names} has neither delay nor time constant: no dynamics")
     at_once = np.linalg.solve(flow[~slow][:, ~slow], flow[~slow][:, slow])
     matrix = flow[slow][:, slow] - flow[slow][:, ~slow] @ at_once
     roots = np.linalg.eigvals(matrix / lag[slow][:, None])

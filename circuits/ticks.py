@@ -14,6 +14,7 @@ after a time to settle.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -155,6 +156,14 @@ class Scheme:
         intact = wire(self.wiring.circuit.intact)
         x = rest(intact)
         rates = intact.rates(x)
+        try:
+            rest(self.wiring)
+        except ValueError:
+            warnings.warn(
+                f"{self.wiring.circuit.name} as edited has no state of rest: what it does depends "
+                "on the time it has to settle",
+                stacklevel=2,
+            )
         return self.wiring.deliver @ rates, x, rates
 
 

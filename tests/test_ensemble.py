@@ -184,14 +184,14 @@ def test_exp32_is_the_exponential():
 def test_lif_loop_against_numpy():
     rng = np.random.default_rng(1)
     v = rng.uniform(-5, 11, 128).astype(np.float32)
-    v[3], v[4], v[5] = -1024.0, -2048.0, -np.inf
+    v[3], v[4], v[5] = -lanes.WAIT, -2 * lanes.WAIT, -np.inf
     counts = rng.integers(0, 9, 128).astype(np.uint32) << np.uint32(8)
     expected = 0.99 * v + 0.2 + 0.3 * (counts >> 8)
-    waiting = v < -500
-    expected[waiting] = v[waiting] + 1024
+    waiting = v < lanes.WAITING
+    expected[waiting] = v[waiting] + lanes.WAIT
     spike = expected >= 11
-    expected[spike] = -20480
-    constants = [np.float32(c) for c in (0.99, 0.2, 0.3, 11.0, -20480.0)]
+    expected[spike] = -20 * lanes.WAIT
+    constants = [np.float32(c) for c in (0.99, 0.2, 0.3, 11.0, -20 * lanes.WAIT)]
     fired = lanes.lif_alike(v, counts, 0, 128, np.int32(8), *constants)
     assert fired == spike.sum() > 0
     npt.assert_allclose(v, expected, rtol=1e-6, atol=1e-6)

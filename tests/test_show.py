@@ -109,6 +109,11 @@ def test_run_command(capsys, tmp_path, engine):
         (["run", "d.txt"], "output must end in .parquet or .csv"),
         (["run", "d.csv", "--posterior", "1"], "posterior must lie between 0 and 1"),
         (["run", "d.csv", "--d-prime", "0"], "d_prime must be > 0"),
+        (
+            ["run", "d.csv", "--edits.without", "STN=0.5"],
+            "rests at OUT = -0.00, which is not above",
+        ),
+        (["run", "d.csv", "--posterior", "0.5"], "it would decide without evidence"),
     ],
 )
 def test_bad_use_gets_one_clear_sentence(capsys, arguments, says):

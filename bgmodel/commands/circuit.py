@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,7 +98,7 @@ class Run:
     """Let a circuit decide, on Gaussian evidence or on a table of your own.
 
     Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
-    bgmodel circuit run lesioned.csv --edits.without STN=0.5 --engine rate
+    bgmodel circuit run lesioned.csv --edits.without STN=0.1 --engine rate
     """
 
     output: Positional[Path]
@@ -139,6 +140,8 @@ class Run:
         self._check()
         evidence, names = self._evidence()
         table = self.edits.of(basal_ganglia.circuit(self.circuit, evidence.hypotheses))
+        threshold = float(-np.log(self.posterior))
+        basal_ganglia.check_threshold(table, threshold)
         options: dict[str, Any] = {}
         if self.engine in basal_ganglia.SPIKING and self.nwb is not None:
             options["spikes"] = [p.name for p in table.populations if p.spiking]
@@ -147,7 +150,7 @@ class Run:
         started = time.perf_counter()
         model = basal_ganglia.BasalGanglia(table, self.engine, self.gain, self.seed, options)
         activity = model.activity(evidence)
-        decision = first_crossing(model.trace(activity, evidence), -np.log(self.posterior))
+        decision = first_crossing(model.trace(activity, evidence), threshold)
         result = tables.trial_table(
             decision, evidence, seed=self.seed, model=f"{table.name} {self.engine}", names=names
         )
@@ -176,6 +179,8 @@ class Run:
         for path, endings in ((self.rates, (".parquet", ".csv")), (self.nwb, (".nwb",))):
             if path is not None:
                 check_ending(path, *endings)
+                if path is self.nwb and importlib.util.find_spec("pynwb") is None:
+                    raise ImportError('NWB needs pynwb: pip install "bgmodel[nwb]"')
                 files.check_writable(path.parent)
 
     def _evidence(self) -> tuple[Evidence, list[str]]:

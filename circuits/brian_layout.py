@@ -1,0 +1,261 @@
+"""Where everything lies in the arrays of the Brian2 engine, and what it holds as a run begins.
+
+Every group lies trial after trial. A unit of the wiring that serves whole blocks is a *relay*; of a
+pathway that every cell sums for itself, each cell has a *socket*.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits import brian_text, noise
+from circuits.spec import Projection
+from circuits.ticks import Scheme, cell_factors, starting_state
+from circuits.wiring import Array, Index, Wiring, fan_in
+
+Values = dict[tuple[str, str], Array]
+"""(group, variable) -> what it holds."""
+Columns = tuple[npt.NDArray[Any], ...]
+"""Sources, targets, and what else belongs to each synapse."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A circuit in a number of trials at once.
+
+    Parameters
+    ----------
+    scheme : Scheme
+        The circuit at a tick.
+    trials : int
+        Trials in one network.
+    explicit : bool
+        Whether connections of probability 1 become synapses too.
+    """
+
+    scheme: Scheme
+    trials: int
+    explicit: bool = False
+
+    @property
+    def wiring(self) -> Wiring:
+        """The circuit as arrays."""
+        return self.scheme.wiring
+
+    @cached_property
+    def populations(self) -> list[str]:
+        """Populations of cells: a group each."""
+        return [row.name for row in self.wiring.circuit.populations if row.spiking]
+
+    def is_own(self, p: Projection) -> bool:
+        """Whether each target cell sums this pathway for itself."""
+        ends = [self.wiring.circuit.population(name) for name in (p.source, p.target)]
+        return (p.probability < 1 or self.explicit) and all(end.spiking for end in ends)
+
+    @cached_property
+    def targets(self) -> list[list[int]]:
+        """Blocks that each unit of the wiring reaches."""
+        w, targets = self.wiring, []
+        for p in w.circuit.projections:
+            place = np.unique(w.circuit.pattern(p), axis=0, return_inverse=True)[1].ravel()
+            blocks = w.blocks_of(p.target)
+            targets += [list(blocks[place == k]) for k in range(place.max() + 1)]
+        return targets
+
+    @cached_property
+    def relays(self) -> list[int]:
+        """Units of the wiring that serve whole blocks."""
+        return [u for u in range(self.wiring.units) if not self.is_own(self.wiring.projection(u))]
+
+    @cached_property
+    def sockets(self) -> list[tuple[int, int, Index]]:
+        """(unit of the wiring, target block, places of its cells' sockets in a trial)."""
+        begin, found = 0, []
+        for u in sorted(set(range(self.wiring.units)) - set(self.relays)):
+            for b in self.targets[u]:
+                neurons = self.wiring.row(b).neurons
+                found.append((u, b, begin + np.arange(neurons)))
+                begin += neurons
+        return found
+
+    @cached_property
+    def units(self) -> dict[str, Index]:
+        """The units of the wiring that the relays and the sockets of a trial are of, if any."""
+        own = [np.full(len(places), u) for u, _, places in self.sockets]
+        units = {"relays": np.array(self.relays), "sockets": np.concatenate([[], *own])}
+        return {name: of.astype(np.intp) for name, of in units.items() if len(of)}
+
+    @cached_property
+    def line(self) -> dict[int, int]:
+        """Ticks to remember of each block that a relay hears."""
+        line: dict[int, int] = {}
+        for place, b in zip(*np.nonzero(self.wiring.deliver[self.relays]), strict=True):
+            delay = int(self.scheme.unit_delay[self.relays[place]])
+            line[int(b)] = max(line.get(int(b), 0), delay)
+        return line
+
+    def line_end(self, block: int) -> int:
+        """Return the place behind a block's newest rate in the delay line of a trial."""
+        return sum(list(self.line.values())[: list(self.line).index(block) + 1])
+
+    def size(self, group: str) -> int:
+        """Return the number of elements of a group in a trial."""
+        circuit = self.wiring.circuit
+        if group in self.populations:
+            return circuit.channels_of(group) * circuit.population(group).neurons
+        sizes = {name: len(of) for name, of in self.units.items()}
+        sizes |= {"blocks": self.wiring.blocks, "line": sum(self.line.values())}
+        return sizes[group]
+
+    def index(self, group: str, places: npt.ArrayLike) -> Index:
+        """Return the indices (trials, places) in a group from places in a trial."""
+        return np.arange(self.trials)[:, None] * self.size(group) + np.atleast_1d(places)
+
+    def cells(self, block: int) -> Index:
+        """Return the indices (trials, neurons) of a block's cells in their group."""
+        row = self.wiring.row(block)
+        return self.index(
+            row.name, self.wiring.channel[block] * row.neurons + np.arange(row.neurons)
+        )
+
+    # ---- who reaches whom
+
+    def line_to_relays(self) -> Columns:
+        """Return places in the delay line, relays and nats/Hz."""
+        w, found = self.wiring, []
+        for place, u in enumerate(self.relays):
+            for b in np.flatnonzero(w.deliver[u]):
+                at = self.line_end(int(b)) - self.scheme.unit_delay[u]
+                found.append((self.index("line", at), self.index("relays", place), w.deliver[u, b]))
+        return joined(found)
+
+    def relays_to_blocks(self) -> Columns:
+        """Return relays and blocks."""
+        reached = [(place, b) for place, u in enumerate(self.relays) for b in self.targets[u]]
+        return joined([(self.index("relays", at), self.index("blocks", b)) for at, b in reached])
+
+    def cells_to_blocks(self, name: str) -> Columns:
+        """Return cells, blocks and Hz a spike."""
+        hz = 1000 / (self.scheme.dt_ms * self.wiring.circuit.population(name).neurons)
+        blocks = self.wiring.blocks_of(name)
+        return joined([(self.cells(b), self.index("blocks", b), hz) for b in blocks])
+
+    def cells_to_sockets(self, name: str) -> Columns:
+        """Return cells, sockets, nats a spike and delays, ticks."""
+        w, found = self.wiring, []
+        for u, target, places in self.sockets:
+            for b in set(w.blocks_of(name)) & set(np.flatnonzero(w.deliver[u])):
+                fan = fan_in(w.circuit, w.projection(u), int(w.channel[target]), int(w.channel[b]))
+                jump = w.deliver[u, b] * 1000 / (self.scheme.dt_ms * fan.shape[1])
+                sockets = self.index("sockets", places)[:, :, None]
+                found.append((self.cells(b)[:, fan], sockets, jump, self.scheme.unit_delay[u]))
+        return joined(found)
+
+    def sockets_to_cells(self, name: str) -> Columns:
+        """Return sockets and their cells."""
+        here = [part for part in self.sockets if self.wiring.row(part[1]).name == name]
+        return joined([(self.index("sockets", at), self.cells(b)) for _, b, at in here])
+
+    # ---- what the variables hold
+
+    def fixed(self) -> Values:
+        """Return the variables that are the same in every run."""
+        values: Values = {}
+        for name in self.populations:
+            for b in self.wiring.blocks_of(name):
+                here = {n: v for n, v in self.constants(b).items() if np.ndim(v)}
+                here["cell"] = np.arange(self.wiring.row(b).neurons)
+                here["block"] = self.index("blocks", b)
+                for variable, value in here.items():
+                    array = values.setdefault(
+                        (name, variable), np.zeros(self.trials * self.size(name))
+                    )
+                    array[self.cells(b)] = value
+        if self.line:
+            newest = np.zeros(self.size("line"))
+            newest[np.cumsum(list(self.line.values())) - 1] = 1
+            values["line", "newest"] = np.tile(newest, self.trials)
+        return values
+
+    def constants(self, block: int) -> dict[str, Any]:
+        """Return the constants of a block's cells: numbers, or (neurons,) where they vary."""
+        row, circuit = self.wiring.row(block), self.wiring.circuit
+        factors = np.ones(3)
+        if row.spread:
+            factors = cell_factors(circuit, row.name, int(self.wiring.channel[block]))
+        return brian_text.cell_text(row).constants(row.cell, factors, self.scheme.dt_ms)
+
+    def start(self, seed: int, first_trial: int) -> Values:
+        """Return the variables that change from run to run, as one begins."""
+        w = self.wiring
+        streams = noise.stream_keys(seed, first_trial + np.arange(self.trials), w.names)
+        values = self._units() | self._blocks()
+        values["blocks", "stream"] = streams.ravel().astype(np.int64)
+        for name in self.populations:
+            row = w.circuit.population(name)
+            keys = [int(key) for key in streams[:, w.blocks_of(name)].ravel()]
+            begin = starting_state(row.cell, keys, row.neurons, self.scheme.dt_ms)
+            values[name, brian_text.cell_text(row).begins] = begin.ravel()
+        if self.line:
+            line = np.repeat(self.scheme.start[2][list(self.line)], list(self.line.values()))
+            values["line", "value_hz"] = np.tile(line, self.trials)
+        return values
+
+    def unit_laws(self, group: str) -> list[str]:
+        """Return the name of the transfer of each unit of a trial."""
+        return [self.wiring.projection(u).transfer for u in self.units[group]]
+
+    @cached_property
+    def block_laws(self) -> list[str]:
+        """Name of each block's transfer."""
+        return [self.wiring.row(b).transfer for b in range(self.wiring.blocks)]
+
+    def _units(self) -> Values:
+        scheme, w = self.scheme, self.wiring
+        values: Values = {}
+        for group, of in self.units.items():
+            one = {
+                "u": scheme.start[0][of],
+                "decay": scheme.unit_decay[of],
+                "constant_nats": w.constant[of],
+                "weight": np.array([w.projection(u).weight for u in of]),
+                **brian_text.law_marks(self.unit_laws(group)),
+            }
+            if group == "sockets":
+                one |= {"at_rest": scheme.start[0][of], "wait": scheme.unit_delay[of]}
+            values |= {(group, name): np.tile(value, self.trials) for name, value in one.items()}
+        return values
+
+    def _blocks(self) -> Values:
+        scheme, w = self.scheme, self.wiring
+        rows = [w.row(b) for b in range(w.blocks)]
+        texts = [brian_text.cell_text(row) if row.spiking else None for row in rows]
+        raw = np.array([text is not None and text.hears == "nats" for text in texts])
+        one: dict[str, Any] = {
+            "x": scheme.start[1],
+            "rate_hz": scheme.start[2],
+            "out_hz": scheme.start[2],
+            "bias": w.bias,
+            "decay": np.where(raw, 0.0, scheme.block_decay),
+            "gain": np.where(raw, 1.0, scheme.block_gain),
+            "baseline_hz": w.baseline_hz,
+            "gain_hz_per_nat": w.gain_hz_per_nat,
+            "lowest_hz": np.maximum(w.floor_hz, -1e300),
+            "spiking": np.array([row.spiking for row in rows]) * 1.0,
+            "word_ticks": [text.word_ticks if text else 1 for text in texts],
+            **brian_text.law_marks(self.block_laws),
+        }
+        return {("blocks", name): np.tile(value, self.trials) for name, value in one.items()}
+
+
+def joined(parts: list[tuple[Any, ...]]) -> Columns:
+    """Return the columns of a list of tuples, each tuple broadcast, as flat arrays."""
+    rows = [np.broadcast_arrays(*part) for part in parts]
+    return tuple(
+        np.concatenate([np.ravel(a) for a in column]) for column in zip(*rows, strict=True)
+    )

@@ -1,0 +1,86 @@
+"""Long checks of the spiking engines: make validate."""
+
+import numpy as np
+import pytest
+
+from bgmodel.basal_ganglia import BasalGanglia, drive_of
+from bgmodel.decision import Trace, first_crossing
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.seeds import stream
+from circuits import anatomy, ensemble, spiking
+
+pytestmark = pytest.mark.validate
+
+STEPS, STEP_MS, SETTLE_MS, GAIN = 14, 50.0, 100.0, 0.6
+NUCLEI = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
+
+
+def evidence(trials, channels=2, name="validation"):
+    return gaussian_evidence(
+        trials, STEPS, 0.8 / np.sqrt(2), rng=stream(31, name), hypotheses=channels, step_ms=STEP_MS
+    )
+
+
+def test_decisions_of_the_two_spiking_engines_are_the_same(record_property):
+    trials, batch = 2000, 200
+    circuit = anatomy.spiking_msprt(2)
+    drive = drive_of(evidence(trials), GAIN)
+    given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}
+    fast = ensemble.run(circuit, drive, seed=5, workers=2, rates=False, **given).output_nats
+    with spiking.Standalone(circuit, batch, steps=STEPS + 1, **given) as program:
+        parts = [
+            program.run(drive[i : i + batch], seed=5, first_trial=i).output_nats
+            for i in range(0, trials, batch)
+        ]
+    time_ms = np.arange(1, fast.shape[1] + 1.0)
+    decisions = [
+        first_crossing(Trace(out, time_ms, 0.0, STEP_MS), 0.2)
+        for out in (fast, np.concatenate(parts))
+    ]
+    choices = decisions[0].choice == decisions[1].choice
+    times = np.abs(decisions[0].time_ms - decisions[1].time_ms) < 0.5
+    print(f"same choice {choices.mean():.4f}, same choice and time {(choices & times).mean():.4f}")
+    print(f"forced {decisions[0].forced.mean():.3f}")
+    assert (choices & times).mean() >= 0.999
+
+
+def test_rates_of_the_two_spiking_engines_agree_on_independent_noise():
+    trials = 500
+    circuit = anatomy.spiking_msprt(2)
+    drive = drive_of(evidence(trials), GAIN)
+    given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}
+    fast = ensemble.run(circuit, drive, seed=5, workers=2, **given)
+    slow = spiking.run(circuit, drive, seed=6, target="standalone", **given)
+    for name in NUCLEI:
+        a, b = (activity.rates_hz[name].mean() for activity in (fast, slow))
+        print(f"{name}: {a:.2f} and {b:.2f} Hz")
+        assert a == pytest.approx(b, rel=0.01)
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_half_the_tick_changes_mean_out_by_less_than_its_standard_error(channels):
+    trials = 500
+    circuit = anatomy.spiking_msprt(channels)
+    drive = drive_of(evidence(trials, channels), GAIN)
+    given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS, "workers": 2, "rates": False}
+    means = [
+        ensemble.run(circuit, drive, seed=5, dt_ms=dt, **given).output_nats.mean(axis=1)
+        for dt in (0.1, 0.05)
+    ]
+    change = (means[1] - means[0]).mean(axis=0)
+    error = means[0].std(axis=0, ddof=1) / np.sqrt(trials)
+    print(f"change {change.round(5)} nats, standard error {error.round(5)}")
+    assert (np.abs(change) < error).all()
+
+
+def test_accuracy_comes_from_the_evidence():
+    shown = evidence(400, name="shuffled")
+    order = stream(31, "shuffle").permutation(shown.trials)
+    model = BasalGanglia(anatomy.spiking_msprt(2), "ensemble", GAIN, 5, {"workers": 2})
+    trace = model.run(shown)
+    choice = first_crossing(trace, 0.2).choice
+    right = (choice == shown.truth).mean()
+    wrong = (choice == shown.truth[order]).mean()
+    print(f"accuracy {right:.3f}, with truth shuffled {wrong:.3f}")
+    assert right > 0.85
+    assert abs(wrong - 0.5) < 4 * np.sqrt(0.25 / shown.trials)

@@ -1,0 +1,72 @@
+"""One table, all engines: the same answer where the theory gives one, the same spikes where not."""
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from scipy.special import log_softmax
+
+from circuits import anatomy
+from circuits.engines import ENGINES, SPIKING, run
+
+SEED = 11
+FAST = {"algebra": {}, "rate": {}, "ensemble": {}, "brian2": {"target": "numpy"}}
+CENTRED = np.array([[1.1, -0.3, -0.8], [0.0, 0.0, 0.0], [-0.5, 1.5, -1.0]])
+
+
+def all_of(circuit, drive, engine, **options):
+    given = FAST[engine] | options
+    return run(circuit, drive, engine=engine, step_ms=100, seed=SEED, **given)
+
+
+def test_every_engine_is_tested():
+    assert set(FAST) == set(ENGINES)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("circuit", [anatomy.bogacz_gurney(3), anatomy.appendix_b(3)])
+def test_exact_tables_settle_at_the_log_posterior(engine, circuit):
+    drive = np.repeat(CENTRED[:, None, :], 3, axis=1)
+    activity = all_of(circuit, drive, engine)
+    npt.assert_allclose(
+        activity.output_nats[:, -1], -log_softmax(CENTRED, axis=1), atol=1e-6, rtol=0
+    )
+    assert activity.engine == engine
+    assert set(activity.rates_hz) == {row.name for row in circuit.populations}
+    for rates in activity.rates_hz.values():
+        assert rates.shape[:2] == (3, len(activity.time_ms))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_lesion_of_stn_shifts_the_criterion_on_every_engine(engine):
+    drive = np.repeat(CENTRED[:, None, :], 3, axis=1)
+    circuit = anatomy.bogacz_gurney(3).without("STN", 0.4)
+    out = all_of(circuit, drive, engine).output_nats[:, -1]
+    exact = -log_softmax(CENTRED, axis=1) + np.log(0.6)
+    npt.assert_allclose(out, np.maximum(exact, 0), atol=1e-6, rtol=0)
+
+
+@pytest.mark.parametrize("engine", SPIKING)
+def test_spiking_engines_need_a_seed(engine):
+    with pytest.raises(ValueError, match=f"the {engine} engine needs a seed"):
+        run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine=engine, step_ms=10)
+
+
+def test_an_unknown_engine_lists_those_that_there_are():
+    with pytest.raises(ValueError, match="algebra, rate, ensemble, brian2, got 'nest'"):
+        run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine="nest", step_ms=10)
+
+
+@pytest.mark.parametrize("engine", SPIKING)
+def test_same_input_same_noise_same_spikes(engine):
+    from reference import run as run_reference
+
+    circuit = anatomy.spiking_msprt(3).with_neurons(20)
+    drive = np.repeat(CENTRED[:, None, :], 1, axis=1)
+    given = {"settle_ms": 30, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
+    fast = all_of(circuit, drive, engine, **given)
+    plain = run_reference(circuit, drive, step_ms=100, seed=SEED, **given)
+    for name, table in plain.spikes.items():
+        order = ["time_ms", "trial", "channel", "neuron"]
+        a, b = (t.round(3).sort_values(order)[order].to_numpy() for t in (fast.spikes[name], table))
+        npt.assert_allclose(a, b)
+    npt.assert_allclose(fast.output_nats, plain.output_nats, atol=1e-9)
