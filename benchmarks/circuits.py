@@ -162,7 +162,7 @@ SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
     ("ensemble, 25 % connections", "ensemble", {"connections": 0.25}),
     ("ensemble, both", "ensemble", {"spread": 0.1, "connections": 0.25}),
     ("Brian2 engine, standalone", "brian2", {"target": "standalone"}),
-    ("Brian2 engine, cython", "brian2", {"target": "cython"}),
+    ("Brian2 engine, NumPy", "brian2", {"target": "numpy"}),
     ("vanilla Brian2, standalone", "vanilla", {"target": "standalone"}),
     ("vanilla Brian2, cython", "vanilla", {"target": "cython"}),
     ("nengo, its own network", "nengo", {}),
@@ -177,7 +177,7 @@ SCALING: list[tuple[str, str, dict[str, Any]]] = [
 def measure(kind: str, options: dict[str, Any]) -> dict[str, float]:
     """Measure once, in a process of its own; add its peak memory, MB."""
     command = [sys.executable, "-m", "benchmarks.circuits", kind, json.dumps(options)]
-    threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     done = subprocess.run(
         command, capture_output=True, text=True, env=os.environ | threads, check=False
     )
@@ -220,7 +220,7 @@ def main() -> None:
     OUT.mkdir(exist_ok=True)
     rows = []
     plan = [("side by side", *one) for one in SIDE_BY_SIDE] * REPEATS
-    plan += [(f"against {what}", what, kind, opts) for what, kind, opts in SCALING] * REPEATS
+    plan += [(f"against {what}", what, kind, opts) for what, kind, opts in SCALING] * 2
     for part, what, kind, options in tqdm(plan):
         rows.append({"part": part, "what": what, **options, **measure(kind, options)})
     every = pd.DataFrame(rows)

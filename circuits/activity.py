@@ -95,7 +95,7 @@ class Activity:
 
 
 def checked_drive(circuit: Circuit, drive: npt.ArrayLike) -> Array:
-    """Return the drive as an array (trials, steps, channels), nats, or say what is wrong with it."""
+    """Return the drive (trials, steps, channels) in nats; ValueError for what cannot be one."""
     values = np.asarray(drive, dtype=np.float64)
     if values.ndim != 3 or 0 in values.shape[:2]:
         raise ValueError(f"drive must be (trials, steps, channels), got shape {values.shape}")

@@ -45,7 +45,7 @@ class Standalone:
     ------
     ValueError
         If a time or a name does not fit the circuit.
-    RuntimeError
+    OSError
         If there is no compiler.
     """
 
@@ -169,7 +169,7 @@ def _compile(directory: Path) -> None:
         done = subprocess.run(command, shell=True, cwd=directory, capture_output=True)
         if done.returncode:
             said = done.stderr.decode(errors="replace").strip()[-2000:]
-            raise RuntimeError(f"the C++ program of the circuit was not built:\n{said}")
+            raise OSError(f"the C++ program of the circuit was not built:\n{said}")
 
 
 def _compiler() -> str | None:
@@ -178,11 +178,11 @@ def _compiler() -> str | None:
 
 
 def need_compiler(target: str) -> None:
-    """Raise RuntimeError if what a target needs is not installed."""
+    """Raise OSError if what a target needs is not installed."""
     missing = [] if _compiler() else ["a C++ compiler (g++)"]
     if target == "standalone" and not shutil.which("make"):
         missing.append("make")
     if missing:
-        raise RuntimeError(
+        raise OSError(
             f"target {target!r} needs {' and '.join(missing)}: install it, or take target='numpy'"
         )

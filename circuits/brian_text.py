@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from circuits import noise, transfer
-from circuits.cells import OVERSHOOT, Cell, Escape, Lif, Phase
+from circuits.cells import Cell, Escape, Lif, Phase
 from circuits.spec import Population
 from circuits.ticks import refractory_ticks
 from circuits.wiring import Array
@@ -155,13 +155,11 @@ class CellText:
 
 
 def _lif_constants(cell: Lif, factors: Array, dt_ms: float) -> dict[str, Any]:
-    tau_ms = cell.tau_ms * factors[0]
-    step_mv = cell.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / tau_ms))
     return {
-        "alpha": np.exp(-dt_ms / tau_ms),
-        "step_mv": step_mv,
+        "alpha": np.exp(-dt_ms / (cell.tau_ms * factors[0])),
+        "step_mv": cell.step_mv(dt_ms, factors[0]),
         "mv_per_nat": cell.mv_per_nat * factors[1],
-        "threshold_mv": cell.threshold_mv * factors[2] - OVERSHOOT * step_mv,
+        "threshold_mv": cell.sampled_threshold_mv(dt_ms, factors[0], factors[2]),
         "rest_mv": cell.rest_mv,
         "reset_mv": cell.reset_mv,
         "held": refractory_ticks(cell.refractory_ms, dt_ms),

@@ -9,7 +9,7 @@ membrane decides.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -81,10 +81,22 @@ class Lif:
                 f"reset_mv must lie below threshold_mv, got {self.reset_mv} and {self.threshold_mv}"
             )
 
-    def sampled_threshold_mv(self, dt_ms: float, tau_ms: float | None = None) -> float:
-        """Return the threshold for a path sampled every dt, mV."""
-        step = self.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / (tau_ms or self.tau_ms)))
-        return float(self.threshold_mv - OVERSHOOT * step)
+    def step_mv(self, dt_ms: float, tau: Any = 1.0) -> Any:
+        """Return the sd of a tick's noise, mV; ``tau`` is a factor on the time constant."""
+        return self.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / (self.tau_ms * tau)))
+
+    def sampled_threshold_mv(self, dt_ms: float, tau: Any = 1.0, height: Any = 1.0) -> Any:
+        """Return the threshold for a path sampled every dt, mV.
+
+        Parameters
+        ----------
+        dt_ms : float
+            One tick, ms.
+        tau, height : float or arrays (neurons,)
+            Factors, cell by cell, on the time constant and on the way from reset to threshold.
+        """
+        way = (self.threshold_mv - self.reset_mv) * height
+        return self.reset_mv + way - OVERSHOOT * self.step_mv(dt_ms, tau)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import kernel, lanes, records
-from circuits.cells import OVERSHOOT, Escape, Lif, Phase
+from circuits.cells import Escape, Lif, Phase
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme, cell_factors, refractory_ticks
 from circuits.wiring import Array, Wiring, fan_in
@@ -161,7 +161,7 @@ def _lif(cell: object, dt_ms: float) -> tuple[float, ...]:
     """Return rest and slope (mV from the reset), the kick of a bit, and the threshold."""
     if not isinstance(cell, Lif):
         return (0.0,) * 4
-    kick = cell.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / cell.tau_ms)) / np.sqrt(2)
+    kick = cell.step_mv(dt_ms) / np.sqrt(2)
     threshold = cell.sampled_threshold_mv(dt_ms) - cell.reset_mv
     return cell.rest_mv - cell.reset_mv, cell.mv_per_nat, kick, threshold
 
@@ -181,10 +181,9 @@ def _cells_apart(
         if not isinstance(row.cell, Lif):
             continue
         cell = row.cell
-        each_tau = cell.tau_ms * tau
-        decay = np.exp(-dt_ms / each_tau)
-        step = cell.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / each_tau))
-        threshold = cell.threshold_mv * top - OVERSHOOT * step - cell.reset_mv
+        decay = np.exp(-dt_ms / (cell.tau_ms * tau))
+        step = cell.step_mv(dt_ms, tau)
+        threshold = cell.sampled_threshold_mv(dt_ms, tau, top) - cell.reset_mv
         # In units of the population's own threshold all cells have that one.
         unit = (cell.sampled_threshold_mv(dt_ms) - cell.reset_mv) / threshold
         arrays["cell_factor"][here] = unit

@@ -84,7 +84,7 @@ def run(
     ------
     ValueError
         If the drive, a time or a name does not fit the circuit.
-    RuntimeError
+    OSError
         If a target needs a compiler and there is none.
     """
     drive = checked_drive(circuit, drive)
@@ -128,7 +128,7 @@ def _target(target: str, circuit: Circuit, trials: int, clock: Clock) -> str:
         return "numpy"
     try:
         need_compiler("standalone")
-    except RuntimeError as error:
+    except OSError as error:
         warnings.warn(f"{error}; NumPy it is, which is slow", stacklevel=3)
         return "numpy"
     return "standalone"

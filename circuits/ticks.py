@@ -175,8 +175,9 @@ def refractory_ticks(refractory_ms: float, dt_ms: float) -> int:
 def cell_factors(circuit: Circuit, name: str, channel: int) -> Array:
     """Return the factors (3, neurons) of each cell's constants; 1 where the spread is 0.
 
-    For a Lif: of its time constant, its mv_per_nat and its threshold. For the others the first is
-    that of its rate. They belong to the circuit's ``wiring_seed``, not to a trial.
+    For a Lif: of its time constant, its mv_per_nat and the way from reset to threshold. For the
+    others the first is that of its rate. They belong to the circuit's ``wiring_seed``, not to a
+    trial.
     """
     row = circuit.population(name)
     key = noise.stream_key(circuit.wiring_seed, 0, f"{name}/{channel}")

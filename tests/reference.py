@@ -49,7 +49,10 @@ class Cells:
         noisy = noise.bits8(self.stream, k, self.neurons)
         moved = mean + (self.state - mean) * alpha + step * noisy
         self.state = np.where(free, moved, self.state)
-        fired = self.state >= c.threshold_mv * f_threshold - OVERSHOOT * step
+        fired = (
+            self.state
+            >= c.reset_mv + (c.threshold_mv - c.reset_mv) * f_threshold - OVERSHOOT * step
+        )
         self.state[fired] = c.reset_mv
         return fired
 

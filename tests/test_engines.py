@@ -25,7 +25,7 @@ def test_every_engine_is_tested():
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("circuit", [anatomy.bogacz_gurney(3), anatomy.appendix_b(3)])
 def test_exact_tables_settle_at_the_log_posterior(engine, circuit):
-    drive = np.repeat(CENTRED[:, None, :], 3, axis=1)
+    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
     activity = all_of(circuit, drive, engine)
     npt.assert_allclose(
         activity.output_nats[:, -1], -log_softmax(CENTRED, axis=1), atol=1e-6, rtol=0
@@ -38,7 +38,7 @@ def test_exact_tables_settle_at_the_log_posterior(engine, circuit):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_lesion_of_stn_shifts_the_criterion_on_every_engine(engine):
-    drive = np.repeat(CENTRED[:, None, :], 3, axis=1)
+    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
     circuit = anatomy.bogacz_gurney(3).without("STN", 0.4)
     out = all_of(circuit, drive, engine).output_nats[:, -1]
     exact = -log_softmax(CENTRED, axis=1) + np.log(0.6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -145,6 +146,8 @@ class Run:
         options: dict[str, Any] = {}
         if self.engine in basal_ganglia.SPIKING and self.nwb is not None:
             options["spikes"] = [p.name for p in table.populations if p.spiking]
+        if self.engine == "brian2":
+            print("Brian2 writes and compiles its program: 10 to 30 seconds", file=sys.stderr)
         if self.engine == "ensemble":
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()

@@ -209,8 +209,8 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
         )
     if len(held) < 2:
         raise ValueError(
-            f"too few taps to judge the likelihood: only {len(held)} of {density.inner_folds} inner "
-            "folds hold a reading of every hypothesis"
+            f"too few taps to judge the likelihood: only {len(held)} of {density.inner_folds} "
+            "inner folds hold a reading of every hypothesis"
         )
 
     def losses(factor: float) -> FloatArray:
