@@ -11,6 +11,7 @@ import numba
 import numpy as np
 
 from circuits import lanes, noise
+from circuits.compiling import compiled
 from circuits.transfer import EXP_MOST
 
 RATE, INTEGRATOR, LIF, ESCAPE, PHASE = range(5)
@@ -112,7 +113,7 @@ def _fire_alike(block, b, k, work, stream):
     return lanes.escape_alike(v, block.start, block.filled, high, low, work.limit[b], block.hold)
 
 
-@numba.njit(**lanes.COMPILED)
+@compiled
 def _inputs_apart(block, b, k, mask, common, strands, fibres, wires, x, u, sums, found, found_n):
     """Fill x with the input of each cell of a block: the common part, and its own connections."""
     for j in range(block.start, block.start + block.filled):
@@ -138,7 +139,7 @@ def _inputs_apart(block, b, k, mask, common, strands, fibres, wires, x, u, sums,
         )
 
 
-@numba.njit(**lanes.COMPILED)
+@compiled
 def _rates_apart(block, dt_s, x, state, factor):
     """Turn each cell's input into its expected number of spikes a tick, in place in x."""
     first, code = block.start, block.law
@@ -176,7 +177,7 @@ def _fire_apart(p, work, block, b, k, stream):
     return lanes.escape_apart(v, block.start, block.filled, high, low, x, block.hold)
 
 
-@numba.njit(**lanes.COMPILED)
+@compiled
 def _list(block, b, k, place, fired, v, found, found_n, written, spikes):
     """List which cells of a block fired; write down those wanted. Return how many so far."""
     most = len(found) // len(found_n)
@@ -197,7 +198,7 @@ def _list(block, b, k, place, fired, v, found, found_n, written, spikes):
     return written + found_n[place]
 
 
-@numba.njit(**lanes.COMPILED)
+@compiled
 def _sample(clock, i, total, low_pass, rates, out):
     """Record a sample; return the lowest OUT."""
     for b in range(rates.shape[1]):
@@ -243,7 +244,7 @@ def _read(clock, readout, rates, low_pass):
         low_pass[c] = kept * low_pass[c] + (1 - kept) * rates[readout[c]]
 
 
-@numba.njit(**lanes.COMPILED)
+@compiled
 def _at_rest(p, work, streams):
     """Start everything at rest, each cell at a random place between reset and threshold."""
     for b in range(len(p.blocks)):
@@ -271,7 +272,7 @@ def _at_rest(p, work, streams):
     work.total[:] = 0.0
 
 
-@numba.njit(**lanes.COMPILED)
+@compiled
 def trial(p, work, drive, streams, drop_below, out, rates, spikes):
     """Run one trial.
 

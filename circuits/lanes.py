@@ -13,8 +13,6 @@ needed for that, and each is used below:
   a potential (measured from its reset), adds WAIT at each tick and is back at exactly 0 in time.
   Cells that only fill a register up wait for ever, at minus infinity.
 
-Numba's cache looks at the file of ``kernel.trial`` alone: after an edit here, touch kernel.py.
-
 The state of a cell is float32, sums over cells are int32. The tests hold each loop to plain NumPy.
 """
 
@@ -27,6 +25,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from circuits import noise
+from circuits.compiling import compiled
 
 LANES = 64
 """Populations are filled up to a multiple of this many cells."""
@@ -38,14 +37,6 @@ HALF_BITS = np.float32(4.0)
 
 _I32 = ir.IntType(32)
 _F32 = ir.FloatType()
-COMPILED = {
-    "fastmath": {"contract", "nsz", "arcp", "reassoc"},
-    "error_model": "numpy",
-    # No memory is taken inside, so no references are counted: that alone cost 600 ns a tick.
-    "_nrt": False,
-    "nogil": True,
-    "cache": True,
-}
 
 
 def _const(value: int) -> ir.Constant:
@@ -171,7 +162,7 @@ def exp32(x):
     return p * two_to(whole)
 
 
-@numba.njit(**COMPILED)
+@compiled
 def begin(v, start, cells, filled, high, low, least, span):
     """Put each cell at ``least + span * word / 2**32``; what only fills up waits for ever."""
     for i in range(filled):
@@ -179,14 +170,14 @@ def begin(v, start, cells, filled, high, low, least, span):
         v[np.uint64(start + i)] = place if i < cells else -np.float32(np.inf)
 
 
-@numba.njit(**COMPILED)
+@compiled
 def refresh(counts, start, cells, high, low):
     """Draw the words that serve the next four ticks, as ones a byte."""
     for i in range(cells):
         counts[np.uint64(start + i)] = ones32(word32(i, high, low))
 
 
-@numba.njit(**COMPILED)
+@compiled
 def lif_alike(v, counts, start, cells, shift, decay, push, kick, threshold, hold):
     """Advance integrate-and-fire cells that differ in noise alone; return how many fired.
 
@@ -204,7 +195,7 @@ def lif_alike(v, counts, start, cells, shift, decay, push, kick, threshold, hold
     return fired
 
 
-@numba.njit(**COMPILED)
+@compiled
 def lif_spread(v, counts, start, cells, shift, nats, decay, rest, slope, kick, threshold, hold):
     """Advance integrate-and-fire cells that share an input in nats but not their constants.
 
@@ -223,7 +214,7 @@ def lif_spread(v, counts, start, cells, shift, nats, decay, rest, slope, kick, t
     return fired
 
 
-@numba.njit(**COMPILED)
+@compiled
 def lif_apart(v, counts, start, cells, shift, x, decay, rest, slope, kick, threshold, hold):
     """Advance integrate-and-fire cells with an input x and constants each."""
     fired = np.int32(0)
@@ -239,7 +230,7 @@ def lif_apart(v, counts, start, cells, shift, x, decay, rest, slope, kick, thres
     return fired
 
 
-@numba.njit(**COMPILED)
+@compiled
 def phase_alike(v, counts, start, cells, shift, push, kick):
     """Advance phases; a phase that reached 1 shows its spike until the next tick takes 1 off."""
     fired = np.int32(0)
@@ -252,7 +243,7 @@ def phase_alike(v, counts, start, cells, shift, push, kick):
     return fired
 
 
-@numba.njit(**COMPILED)
+@compiled
 def phase_apart(v, counts, start, cells, shift, mean, kick):
     """Advance phases with an expected advance ``mean`` each; kick is cv / sqrt 2."""
     fired = np.int32(0)
@@ -267,7 +258,7 @@ def phase_apart(v, counts, start, cells, shift, mean, kick):
     return fired
 
 
-@numba.njit(**COMPILED)
+@compiled
 def escape_alike(v, start, cells, high, low, limit, hold):
     """Advance escape cells that share a hazard; v counts waiting ticks up to 0."""
     fired = np.int32(0)
@@ -280,7 +271,7 @@ def escape_alike(v, start, cells, high, low, limit, hold):
     return fired
 
 
-@numba.njit(**COMPILED)
+@compiled
 def escape_apart(v, start, cells, high, low, mean, hold):
     """Advance escape cells with an expected number of spikes a tick, ``mean``, each."""
     fired = np.int32(0)
@@ -299,7 +290,7 @@ def escape_apart(v, start, cells, high, low, mean, hold):
     return fired
 
 
-@numba.njit(**COMPILED)
+@compiled
 def filtered(x, start, cells, decay, gain, wanted):
     """Filter the inputs of cells in place: ``x = decay x + gain wanted``."""
     for i in range(cells):
@@ -307,7 +298,7 @@ def filtered(x, start, cells, decay, gain, wanted):
         x[j] = decay * x[j] + gain * wanted[j]
 
 
-@numba.njit(**COMPILED)
+@compiled
 def count_equal(v, first, cells, mark):
     """Return how many of some cells hold the mark."""
     hits = np.int32(0)
@@ -316,7 +307,7 @@ def count_equal(v, first, cells, mark):
     return hits
 
 
-@numba.njit(**COMPILED)
+@compiled
 def count_above(v, first, cells, mark):
     """Return how many of some cells hold the mark or more."""
     hits = np.int32(0)
@@ -325,7 +316,7 @@ def count_above(v, first, cells, mark):
     return hits
 
 
-@numba.njit(**COMPILED)
+@compiled
 def spikers(v, start, cells, mark, above, found, place):
     """Write down which cells just fired: v is the mark, or for a phase at least that."""
     total = 0
@@ -341,7 +332,7 @@ def spikers(v, start, cells, mark, above, found, place):
     return total
 
 
-@numba.njit(**COMPILED)
+@compiled
 def add_row(sums, start, wires, row, cells):
     """Add the connections of one spike, a row of 0 and 1, to the target cells' counts."""
     for i in range(cells):
@@ -349,7 +340,7 @@ def add_row(sums, start, wires, row, cells):
         sums[j] = add16(sums[j], wires[np.uint64(row + i)])
 
 
-@numba.njit(**COMPILED)
+@compiled
 def synapse(u, sums, start, cells, decay, jump, x, offset, weight):
     """Filter a projection cell by cell, empty its counts, and add it to the cells' inputs x."""
     for i in range(cells):

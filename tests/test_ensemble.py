@@ -217,3 +217,10 @@ def test_phase_and_escape_loops_against_numpy():
     fired = lanes.escape_alike(state, 0, 128, high, low, np.uint32(2**31), np.float32(-10))
     assert fired == spike.sum() > 0
     npt.assert_array_equal(state, expected)
+
+
+def test_compiled_code_is_kept_under_a_hash_of_all_sources():
+    from circuits import compiling, kernel
+
+    for function in (kernel.trial, lanes.lif_alike):
+        assert compiling.STATE in function.stats.cache_path
