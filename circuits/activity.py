@@ -94,6 +94,15 @@ class Activity:
         return pd.concat(parts, ignore_index=True)
 
 
+def spike_table(
+    trial: npt.ArrayLike, channel: npt.ArrayLike, neuron: npt.ArrayLike, tick: Any, dt_ms: float
+) -> pd.DataFrame:
+    """Return spikes as ``Activity`` keeps them; tick 0 is the first of the evidence."""
+    time_ms = (np.asarray(tick) + 1) * dt_ms
+    columns = {"trial": trial, "channel": channel, "neuron": neuron, "time_ms": time_ms}
+    return pd.DataFrame(columns)
+
+
 def checked_drive(circuit: Circuit, drive: npt.ArrayLike) -> Array:
     """Return the drive (trials, steps, channels) in nats; ValueError for what cannot be one."""
     values = np.asarray(drive, dtype=np.float64)

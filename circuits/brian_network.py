@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from circuits import brian_text, noise
-from circuits.activity import Activity
+from circuits.activity import Activity, spike_table
 from circuits.brian_layout import Columns, Layout, Values
 from circuits.brian_noise import functions, load_brian
 from circuits.ticks import Clock
@@ -46,10 +46,7 @@ class Network:
     """
 
     def __init__(self, layout: Layout, clock: Clock, spikes: Iterable[str] = ()) -> None:
-        recorded = tuple(spikes)
-        for name in recorded:
-            if not layout.wiring.circuit.population(name).spiking:
-                raise ValueError(f"{name} has no cells whose spikes could be written down")
+        recorded = layout.wiring.circuit.spiking(spikes)
         self.brian, self.layout, self.clock = load_brian(), layout, clock
         self.ms = self.brian.ms
         self.tick = self.brian.Clock(clock.dt_ms * self.ms, name="tick")
@@ -247,11 +244,5 @@ class Network:
         tick = np.round(np.array(monitor.t / (self.clock.dt_ms * self.ms))).astype(np.int64)
         kept = (tick >= self.clock.settle_ticks) & (tick < self.clock.ticks)
         trial, place = np.divmod(np.array(monitor.i[:])[kept], self.layout.size(name))
-        return pd.DataFrame(
-            {
-                "trial": trial,
-                "channel": place // neurons,
-                "neuron": place % neurons,
-                "time_ms": (tick[kept] + 1 - self.clock.settle_ticks) * self.clock.dt_ms,
-            }
-        )
+        late = tick[kept] - self.clock.settle_ticks
+        return spike_table(trial, place // neurons, place % neurons, late, self.clock.dt_ms)

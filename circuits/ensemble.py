@@ -16,7 +16,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from circuits import kernel, noise
-from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
 from circuits.algebra import wired
 from circuits.plan import plan, workspace
 from circuits.spec import Circuit
@@ -82,8 +82,10 @@ def run(
     if workers < 1:
         raise ValueError(f"workers must be >= 1, got {workers}")
     wiring = wired(circuit)
-    names = tuple(spikes)
-    p = plan(wiring, clock, kept=_kept(wiring, names))
+    names = circuit.spiking(spikes)
+    written = np.array([wiring.row(b).name in names for b in range(wiring.blocks)])
+    level = -np.inf if drop_below is None else float(drop_below)
+    p = plan(wiring, clock, kept=written)
     streams = noise.stream_keys(seed, first_trial + np.arange(trials), wiring.names)
     out = np.empty((trials, clock.samples, circuit.channels))
     shape = (trials, clock.samples, wiring.blocks) if rates else (trials, clock.samples, 0)
@@ -95,7 +97,7 @@ def run(
         work = workspace(p)
         for t in range(first, min(first + TRIALS_A_TASK, trials)):
             while True:
-                given = (p, work, drive[t], streams[t], _level(drop_below), out[t], kept[t])
+                given = (p, work, drive[t], streams[t], level, out[t], kept[t])
                 count = kernel.trial(*given, room)
                 if count <= len(room):
                     break
@@ -123,19 +125,6 @@ def run(
     )
 
 
-def _kept(wiring: Wiring, names: tuple[str, ...]) -> npt.NDArray[np.bool_]:
-    keep = np.zeros(wiring.blocks, dtype=bool)
-    for name in names:
-        if not wiring.circuit.population(name).spiking:
-            raise ValueError(f"{name} has no cells that spike")
-        keep[wiring.blocks_of(name)] = True
-    return keep
-
-
-def _level(drop_below: float | None) -> float:
-    return -np.inf if drop_below is None else float(drop_below)
-
-
 def _spike_tables(
     wiring: Wiring, names: tuple[str, ...], found: list[Any], clock: Clock
 ) -> dict[str, pd.DataFrame]:
@@ -144,12 +133,7 @@ def _spike_tables(
     tables = {}
     for name in names:
         here = np.isin(block, wiring.blocks_of(name))
-        tables[name] = pd.DataFrame(
-            {
-                "trial": trial[here],
-                "channel": wiring.channel[block[here]],
-                "neuron": neuron[here],
-                "time_ms": (tick[here] + 1) * clock.dt_ms,
-            }
+        tables[name] = spike_table(
+            trial[here], wiring.channel[block[here]], neuron[here], tick[here], clock.dt_ms
         )
     return tables

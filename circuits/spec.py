@@ -6,6 +6,7 @@ Nothing about a pathway is written anywhere else. An edit returns a new circuit.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -120,6 +121,13 @@ class Circuit:
     def channels_of(self, name: str) -> int:
         """Return how many channels a population has."""
         return 1 if self.population(name).pooled else self.channels
+
+    def spiking(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return names of populations; ValueError for one whose cells do not spike."""
+        for name in (chosen := tuple(names)):
+            if not self.population(name).spiking:
+                raise ValueError(f"{name} has no cells that spike")
+        return chosen
 
     def pattern(self, p: Projection) -> npt.NDArray[np.float64]:
         """Return which channels reach which, (target channels, source channels)."""

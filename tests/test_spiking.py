@@ -197,7 +197,7 @@ def test_a_cell_type_of_your_own(monkeypatch):
     ("options", "message"),
     [
         ({"target": "gpu"}, "target must be one of auto, standalone, cython, numpy, got 'gpu'"),
-        ({"spikes": ("slow",)}, "slow has no cells whose spikes"),
+        ({"spikes": ("slow",)}, "slow has no cells that spike"),
         ({"spikes": ("STNN",)}, "no nucleus 'STNN'"),
         ({"settle_ms": 0.05}, "settle_ms of 0.05 ms is no multiple of dt_ms"),
         ({"seed": -1}, "seed must be"),
