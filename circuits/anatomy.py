@@ -60,24 +60,26 @@ def appendix_b(
     simple = w_gpe_snr == 0 and w_d2_gpe == 0
     cite = BG2007 if simple else APPENDIX_B
     signed, unit = Rate(signed=True), Rate()
+    # The source is algebraic: what only dynamics and Hz need is ours.
+    weight, cite = cite + "; delay assumed", cite + "; tau and gain in Hz assumed"
     nuclei = [
-        Population("ctx", signed, 0, 10, cite="y = g* Y, " + BG2007),
+        Population("ctx", signed, 0, 10, cite="y = g* Y, " + BG2007 + "; gain in Hz assumed"),
         Population("D1", signed, 0, 10, GABA, tau_ms=10, receptor="D1", cite=cite),
         Population("D2", signed, 0, 10, GABA, tau_ms=10, receptor="D2", cite=cite),
-        Population("STN", unit, 0, 8, transfer="exp", tau_ms=5, cite=cite + "; tau assumed"),
+        Population("STN", unit, 0, 8, transfer="exp", tau_ms=5, cite=cite),
         Population("GPe", signed, 0, 15, GABA, pooled=simple, tau_ms=10, cite=cite),
-        Population("SNr", unit, 0, 30, GABA, tau_ms=5, cite=cite + "; gain assumed"),
+        Population("SNr", unit, 0, 30, GABA, tau_ms=5, cite=cite),
     ]
     paths = [
-        Projection("ctx", "D1", 1, delay_ms=5, cite=cite),
-        Projection("ctx", "D2", 1, delay_ms=5, cite=cite),
-        Projection("ctx", "STN", 1, delay_ms=3, cite=cite),
-        Projection("D1", "SNr", -w_d1_snr, delay_ms=4, cite=cite),
-        Projection("D2", "GPe", -w_d2_gpe, delay_ms=4, cite=cite),
-        Projection("STN", "GPe", 1, "diffuse", 2, transfer="s_minus_log_s", cite=cite),
-        Projection("STN", "SNr", 1, "diffuse", 2, cite=cite),
-        Projection("GPe", "STN", -w_gpe_stn, delay_ms=2, cite=cite),
-        Projection("GPe", "SNr", -w_gpe_snr, delay_ms=2, cite=cite),
+        Projection("ctx", "D1", 1, delay_ms=5, cite=weight),
+        Projection("ctx", "D2", 1, delay_ms=5, cite=weight),
+        Projection("ctx", "STN", 1, delay_ms=3, cite=weight),
+        Projection("D1", "SNr", -w_d1_snr, delay_ms=4, cite=weight),
+        Projection("D2", "GPe", -w_d2_gpe, delay_ms=4, cite=weight),
+        Projection("STN", "GPe", 1, "diffuse", 2, transfer="s_minus_log_s", cite=weight),
+        Projection("STN", "SNr", 1, "diffuse", 2, cite=weight),
+        Projection("GPe", "STN", -w_gpe_stn, delay_ms=2, cite=weight),
+        Projection("GPe", "SNr", -w_gpe_snr, delay_ms=2, cite=weight),
     ]
     if simple:
         nuclei = [row for row in nuclei if row.name != "D2"]
@@ -90,7 +92,7 @@ def appendix_b(
         drive_gain=1 / (1 + w_gpe_stn * w_d2_gpe),
         exact=True,
         range_nats=(0.0, 5.0),
-        about=f"OUT = -ln P exactly; {cite}",
+        about=f"OUT = -ln P exactly; {BG2007 if simple else APPENDIX_B}",
     )
 
 

@@ -229,3 +229,13 @@ def test_more_hypotheses_than_a_byte_holds():
     out = np.ones((1, 2, 200))
     out[0, 1, 190] = -1
     assert first_crossing(Trace(out, np.array([0.0, 1.0])), 0.0).choice[0] == 190
+
+
+def test_a_crossing_between_onset_and_the_first_reading_is_premature():
+    time_ms = np.arange(1, 101.0)
+    out = np.ones((2, 100, 2))
+    out[0, 30:, 0] = 0.1  # 31 ms: nothing has been read yet
+    out[1, 49:, 1] = 0.1  # 50 ms: the first reading
+    decision = first_crossing(Trace(out, time_ms, 0.0, 50.0), 0.2)
+    assert decision.premature.tolist() == [True, False]
+    assert decision.time_ms.tolist() == [31.0, 50.0]

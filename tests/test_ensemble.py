@@ -224,3 +224,13 @@ def test_compiled_code_is_kept_under_a_hash_of_all_sources():
 
     for function in (kernel.trial, lanes.lif_alike):
         assert compiling.STATE in function.stats.cache_path
+
+
+def test_strong_inhibition_is_not_taken_for_a_refractory_period():
+    fast, plain = both(BASE.scaled("D1", "SNr", 60), ramp(2, 3, top=3.0))
+    assert spike_set(fast.spikes["SNr"]) == spike_set(plain.spikes["SNr"])
+
+
+def test_an_edit_without_a_state_of_rest_warns():
+    with pytest.warns(UserWarning, match="as edited has no state of rest"):
+        ensemble.run(BASE.without("STN"), ramp(1, 1), step_ms=20, seed=1, settle_ms=10)

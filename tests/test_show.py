@@ -1,6 +1,7 @@
 """A circuit on one page, as a drawing and as NWB; the command that shows and runs it."""
 
 import json
+from typing import get_args, get_type_hints
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -8,7 +9,9 @@ import pandas as pd
 import pytest
 
 from bgmodel.cli import main
+from bgmodel.commands.circuit import Name, Run
 from circuits import anatomy, ensemble, show
+from circuits.engines import ENGINES
 from circuits.spec import GABA, Population, Projection
 
 
@@ -64,11 +67,17 @@ def test_nwb_reads_back(tmp_path):
         expected = np.sort(table[table["trial"] == 1]["time_ms"].to_numpy()) / 1000
         found = units[units["population"] == "STN"]["spike_times"]
         np.testing.assert_allclose(np.sort(np.concatenate(found.to_list())), expected)
+        assert len(units) == 2 * 2 * 20  # silent cells too
         out = read.acquisition["OUT"]
         np.testing.assert_array_equal(out.data[:], activity.output_nats[1])
         assert json.loads(read.notes)["seed"] == 1
     with pytest.raises(ValueError, match=r"trial must be 0\.\.1, got 2"):
         write_nwb(activity, tmp_path / "b.nwb", trial=2)
+
+
+def test_the_command_names_all_circuits_and_engines():
+    assert set(get_args(Name)) == set(anatomy.CIRCUITS)
+    assert set(get_args(get_type_hints(Run)["engine"])) == set(ENGINES)
 
 
 def run(*arguments):
