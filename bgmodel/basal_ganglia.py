@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
+from bgmodel.sprt import Msprt, totals
 
 try:
     from circuits.anatomy import CIRCUITS, circuit
@@ -29,6 +31,9 @@ except ImportError as error:
 if TYPE_CHECKING:
     from circuits.activity import Activity
 
+BATCH = 250
+"""Trials that ``BasalGanglia.batches`` runs at a time."""
+
 __all__ = [
     "CIRCUITS",
     "ENGINES",
@@ -37,6 +42,7 @@ __all__ = [
     "Circuit",
     "check_threshold",
     "circuit",
+    "decoded_input",
     "draw",
     "drive_of",
     "text",
@@ -88,9 +94,11 @@ class BasalGanglia:
         time_ms = evidence.onset_ms + activity.time_ms
         return Trace(activity.output_nats, time_ms, evidence.onset_ms, evidence.step_ms)
 
-    def activity(self, evidence: Evidence) -> Activity:
-        """Return all that the circuit did."""
-        given: dict[str, Any] = {"seed": self.seed} if self.engine in SPIKING else {}
+    def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
+        """Return all that the circuit did; trial t has the noise of ``first_trial + t``."""
+        given: dict[str, Any] = {}
+        if self.engine in SPIKING:
+            given = {"seed": self.seed, "first_trial": first_trial}
         return run_engine(
             self.circuit,
             drive_of(evidence, self.gain),
@@ -99,6 +107,41 @@ class BasalGanglia:
             **given,
             **self.options,
         )
+
+    def batches(self, evidence: Evidence) -> Iterator[tuple[Evidence, Activity]]:
+        """Go through many trials, a part that fits into memory at a time.
+
+        Yields each part of the evidence with its activity; what a trial does is the same in any
+        part.
+        """
+        for first in range(0, evidence.trials, BATCH):
+            part = evidence[first : first + BATCH]
+            yield part, self.activity(part, first)
+
+
+def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) -> Trace:
+    """Return what an ideal observer makes of the spikes of the circuit's own input: -ln softmax.
+
+    No circuit behind these spikes can know more than they tell; the filter is the observer's only
+    freedom.
+
+    Parameters
+    ----------
+    activity : Activity
+        Of an engine that spikes, with rates.
+    evidence : Evidence
+        What it was given.
+    tau_ms : float
+        Time constant with which the observer counts spikes, ms.
+    """
+    y = activity.decoded_nats(activity.circuit.input)
+    keep = np.exp(-float(activity.time_ms[0]) / tau_ms)
+    seen, state = np.empty_like(y), y[:, :1].mean(axis=0)
+    for k in range(y.shape[1]):
+        # After a trial was dropped nothing new comes.
+        state = np.where(np.isnan(y[:, k]), state, keep * state + (1 - keep) * y[:, k])
+        seen[:, k] = state
+    return BasalGanglia.trace(replace(activity, output_nats=Msprt().output(seen)), evidence)
 
 
 def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
@@ -148,7 +191,5 @@ def drive_of(evidence: Evidence, gain: float = 1.0) -> npt.NDArray[np.float64]:
     ``kappa (L_i - mean_j L_j)`` with L the log prior plus all readings so far: a common input
     changes nothing (Bogacz & Gurney 2007), and without the mean no rate would have to be negative.
     """
-    start = np.broadcast_to(np.log(evidence.prior), (evidence.trials, 1, evidence.hypotheses))
-    readings = np.asarray(evidence.log_likelihood, dtype=np.float64)
-    total = np.cumsum(np.concatenate([start, readings], axis=1), axis=1)
+    total = totals(evidence)
     return gain * (total - total.mean(axis=2, keepdims=True))

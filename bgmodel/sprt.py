@@ -41,7 +41,7 @@ class Sprt:
         start = float(np.log(evidence.prior[1]) - np.log(evidence.prior[0]))
         out = np.empty((evidence.trials, evidence.steps + 1, 2))
         log_odds(evidence.log_likelihood, start, out)
-        return _trace(out, evidence)
+        return at_readings(out, evidence)
 
     def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the state before the first reading: Z_0, shape (1,)."""
@@ -79,12 +79,7 @@ class Msprt:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -ln P as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
-        shape = (evidence.trials, evidence.steps + 1, evidence.hypotheses)
-        total = np.empty(shape)
-        total[:, 0] = np.log(evidence.prior)
-        total[:, 1:] = evidence.log_likelihood
-        np.cumsum(total, axis=1, out=total)
-        return _trace(self.output(total), evidence)
+        return at_readings(self.output(totals(evidence)), evidence)
 
     def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the state before the first reading: log priors (N,)."""
@@ -133,7 +128,16 @@ def _checked_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return gap
 
 
-def _trace(out: npt.NDArray[np.float64], evidence: Evidence) -> Trace:
+def totals(evidence: Evidence) -> npt.NDArray[np.float64]:
+    """Return log prior plus all readings so far, (trials, 1 + steps, hypotheses) nats."""
+    total = np.empty((evidence.trials, evidence.steps + 1, evidence.hypotheses))
+    total[:, 0] = np.log(evidence.prior)
+    total[:, 1:] = evidence.log_likelihood
+    return np.cumsum(total, axis=1, out=total)
+
+
+def at_readings(out: npt.NDArray[np.float64], evidence: Evidence) -> Trace:
+    """Return OUT (trials, 1 + steps, hypotheses) as a trace: tick 0 is the prior."""
     readings = np.arange(evidence.steps + 1, dtype=np.float64)
     time_ms = evidence.onset_ms + evidence.step_ms * readings
     time_ms[0] = 0.0

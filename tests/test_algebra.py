@@ -13,6 +13,7 @@ from scipy.special import lambertw, logsumexp
 
 from circuits import algebra, anatomy
 from circuits.activity import total_nats
+from circuits.cells import Integrator
 
 CLOSE = 1e-9
 REFERENCE = 3.0
@@ -335,16 +336,35 @@ def test_rates_decode_to_the_activity_they_stand_for():
     )
 
 
+HELD = anatomy.spiking_msprt(4).changed("common", cell=Integrator(), bias_nats=-30)
+
+
 def test_an_integrator_loop_settles_where_its_input_is_zero():
-    """The common mode of spiking_msprt holds STN's sum at its set point whatever the drive."""
-    circuit = anatomy.spiking_msprt(4)
-    activity = algebra.run(circuit, 0.6 * evidence(4)[:, None] + 2)
-    assert np.abs(activity.decoded_nats("STN").sum(axis=2) - 2.2).max() < CLOSE
+    """A common mode without a leak holds STN's sum at its set point whatever the drive."""
+    activity = algebra.run(HELD, 0.6 * evidence(4)[:, None] + 2)
+    assert np.abs(activity.decoded_nats("STN").sum(axis=2) - 3.0).max() < CLOSE
+
+
+def test_the_common_mode_holds_stn_near_its_set_point_and_leaves_out_as_it_is():
+    """Its leak lets Sigma rise by a gain-th of what it takes away."""
+    circuit = anatomy.spiking_msprt(2)
+    drive = np.zeros((1, 2, 2))
+    drive[0, 1] = np.array([0.6, -0.6])
+    activity = algebra.run(circuit, drive)
+    taken = activity.decoded_nats("common")[0, :, 0]
+    sigma = activity.decoded_nats("STN")[0].sum(axis=1)
+    assert np.diff(sigma) == pytest.approx(np.diff(taken) / 10, abs=1e-9)
+    exact = -np.log(np.exp(drive[0, 1]) / np.exp(drive[0, 1]).sum())
+    # No cell is silent here: what is left is the line in place of S - ln S.
+    assert activity.output_nats[0, 1, 0] == pytest.approx(exact[0], abs=0.001)
 
 
 def test_a_loop_without_fixed_point_says_so():
-    runaway = anatomy.spiking_msprt().without("STN")  # nothing holds the integrator
+    runaway = HELD.without("STN")  # nothing holds the integrator
     with pytest.raises(ValueError, match="spiking_msprt has no fixed point at drive"):
-        algebra.run(runaway, np.zeros((1, 1, 2)))
+        algebra.run(runaway, np.zeros((1, 1, 4)))
     # A lesioned integrator may stand anywhere.
-    algebra.run(anatomy.spiking_msprt().without("common"), np.zeros((1, 1, 2)))
+    algebra.run(HELD.without("common"), np.zeros((1, 1, 4)))
+    # The bounded one of the table stops at silence.
+    lesioned = algebra.run(anatomy.spiking_msprt(4).without("STN"), np.zeros((1, 1, 4)))
+    assert lesioned.rates_hz["common"][0, 0, 0] == 0

@@ -23,8 +23,8 @@ LEVELS = [
     {"bgmodel.decision", "bgmodel.first_passage"},
     {"bgmodel.sprt", "bgmodel.tables", "bgmodel.theory"},
     {"bgmodel"},
-    {"bgmodel.learning", "bgmodel.basal_ganglia"},
-    {"bgmodel.plots", "bgmodel.study"},
+    {"bgmodel.learning", "bgmodel.basal_ganglia", "bgmodel.rivals", "bgmodel.comparison"},
+    {"bgmodel.plots", "bgmodel.study", "bgmodel.circuit_study"},
     {"bgmodel.commands", "bgmodel.commands.checks"},
     {
         "bgmodel.commands.taps",

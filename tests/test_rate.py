@@ -273,12 +273,12 @@ def test_stability_where_there_is_no_loop_or_no_limit():
     assert stability.onset(no_loop).total_nats == np.inf
     # A common mode that holds STN's sum keeps the spiking circuit stable, also under evidence.
     spiking = anatomy.spiking_msprt()
-    assert stability.stability_limit_nats(spiking) == np.inf
+    assert stability.stability_limit_nats(spiking) > spiking.range_nats[1]
     for difference in (0.0, 2.0, 6.0):
         assert stability.is_stable(spiking, [-difference / 2, difference / 2])
     # Without it the loop oscillates, in the beta band.
     limit = stability.onset(spiking.without("common"))
-    assert 5 < limit.total_nats < 6
+    assert 3.5 < limit.total_nats < 4.5
     assert 13 < limit.frequency_hz < 30
 
 

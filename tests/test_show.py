@@ -120,7 +120,7 @@ def test_run_command(capsys, tmp_path, engine):
         (["run", "d.csv", "--d-prime", "0"], "d_prime must be > 0"),
         (
             ["run", "d.csv", "--edits.without", "STN=0.5"],
-            "rests at OUT = -0.00, which is not above",
+            "rests at OUT = 0.00, which is not above",
         ),
         (["run", "d.csv", "--posterior", "0.5"], "it would decide without evidence"),
     ],

@@ -151,7 +151,7 @@ def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
         ("GPe", {"noise_mv": -1}, "noise_mv of a Lif cell must be > 0"),
         ("GPe", {"refractory_ms": -1}, "refractory_ms must be >= 0, got -1"),
         ("GPe", {"reset_mv": 20}, "reset_mv must lie below threshold_mv, got 20 and 15"),
-        ("common", {"tau_ms": 0}, "tau_ms of an Integrator must be > 0, got 0"),
+        ("common", {"cell": Integrator(), "tau_ms": 0}, "tau_ms of an Integrator must be > 0"),
     ],
 )
 def test_numbers_without_sense_are_refused(row, values, message):

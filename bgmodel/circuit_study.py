@@ -1,0 +1,221 @@
+"""Whole studies on circuits: what the command line and the figures both run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.basal_ganglia import SPIKING, BasalGanglia, Circuit, decoded_input
+from bgmodel.comparison import ACCURACIES, RESAMPLES, Sweep, compare, equivalent, sweep
+from bgmodel.evidence import Evidence
+from bgmodel.rivals import RIVALS
+from bgmodel.seeds import stream
+from bgmodel.sprt import Msprt
+
+CIRCUIT, DECODER = "circuit", "ideal decoder"
+OWN, FULL = "MSPRT at its gain", "MSPRT"
+DECODER_TAU_MS = 20.0
+THRESHOLDS = 120
+
+
+def tests(evidence: Evidence, gain: float) -> dict[str, Sweep]:
+    """Return the two references: the MSPRT at the circuit's gain, and the full one."""
+    return {
+        OWN: sweep(Msprt(gain).run(evidence), evidence),
+        FULL: sweep(Msprt().run(evidence), evidence),
+    }
+
+
+def thresholds_about(test: Sweep) -> npt.NDArray[np.float64]:
+    """Return thresholds for a circuit, nats, from below the test's at .98 to above that at .80.
+
+    A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
+    """
+    low, high = 0.7 * test.threshold(0.98), 1.3 * test.threshold(0.80)
+    return np.geomspace(high, low, THRESHOLDS)
+
+
+def sweeps(
+    model: BasalGanglia,
+    evidence: Evidence,
+    thresholds: npt.ArrayLike,
+    *,
+    decoder_tau_ms: float = DECODER_TAU_MS,
+) -> dict[str, Sweep]:
+    """Return the decisions of a circuit and, if it spikes, of an ideal decoder of its input.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit, its engine and its noise.
+    evidence : Evidence
+        What it is given.
+    thresholds : array (K,), nats
+        As from ``thresholds_about``. The ensemble engine drops a trial a little below the lowest.
+    decoder_tau_ms : float
+        How long the decoder counts.
+    """
+    if model.engine == "ensemble":
+        level = 0.9 * float(np.min(thresholds))
+        model = replace(model, options={"drop_below": level, **model.options})
+    found: dict[str, Sweep] = {}
+    for part, activity in model.batches(evidence):
+        traces = {CIRCUIT: model.trace(activity, part)}
+        if model.engine in SPIKING:
+            traces[DECODER] = decoded_input(activity, part, decoder_tau_ms)
+        for name, trace in traces.items():
+            new = sweep(trace, part, thresholds)
+            found[name] = found[name] + new if name in found else new
+    return found
+
+
+def against(
+    model: BasalGanglia,
+    evidence: Evidence,
+    *,
+    seed: int,
+    accuracies: Sequence[float] = ACCURACIES,
+    resamples: int = RESAMPLES,
+) -> pd.DataFrame:
+    """Compare a circuit, its ideal decoder and the rivals with the MSPRT, decision by decision.
+
+    Returns
+    -------
+    DataFrame
+        The columns of ``comparison.compare``, and model and reference. Rivals are abstract, with
+        no latency to take off, and are held to the full MSPRT alone.
+    """
+    references = tests(evidence, model.gain)
+    found = sweeps(model, evidence, thresholds_about(references[OWN]))
+    pairs = [(name, reference) for reference in references for name in found]
+    for name, kind in RIVALS.items():
+        found[name] = sweep(kind().run(evidence), evidence)
+        pairs.append((name, FULL))
+    parts = []
+    for name, reference in pairs:
+        table = compare(
+            references[reference],
+            found[name],
+            rng=stream(seed, "bootstrap"),
+            truth=evidence.truth,
+            latency_ms=0.0 if name in RIVALS else None,
+            accuracies=accuracies,
+            resamples=resamples,
+        )
+        parts.append(table.assign(model=name, reference=reference))
+    return pd.concat(parts, ignore_index=True)
+
+
+def variants(
+    model: BasalGanglia,
+    edited: Mapping[str, Circuit],
+    evidence: Evidence,
+    *,
+    seed: int,
+    accuracies: Sequence[float] = ACCURACIES,
+    resamples: int = RESAMPLES,
+) -> pd.DataFrame:
+    """Compare edited circuits with the MSPRT, and with the circuit as it is, on the same evidence.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit as it is.
+    edited : mapping from names to circuits
+        What is changed; noise and evidence are the same.
+    evidence : Evidence
+        What all are given.
+
+    Returns
+    -------
+    DataFrame
+        The columns of ``comparison.compare``, and variant and kind: "value", against the MSPRT at
+        the circuit's gain, thresholds tuned anew to equal accuracy; "change", that minus the
+        circuit's as it is; "fixed", at the circuit's own threshold (accuracy, mean_ms, premature
+        and forced, without intervals).
+    """
+    test = tests(evidence, model.gain)[OWN]
+    levels = thresholds_about(test)
+    intact = sweeps(model, evidence, levels)[CIRCUIT]
+    parts = []
+    for name, circuit in {"intact": model.circuit, **edited}.items():
+        same = name == "intact"
+        changed = replace(model, circuit=circuit)
+        found = intact if same else sweeps(changed, evidence, levels)[CIRCUIT]
+        for kind, minus in (("value", None), ("change", intact)):
+            table = compare(
+                test,
+                found,
+                rng=stream(seed, "bootstrap"),
+                truth=evidence.truth,
+                minus=minus,
+                accuracies=accuracies,
+                resamples=resamples,
+            )
+            parts.append(table.assign(variant=name, kind=kind))
+        fixed = _at_threshold_of(intact, found, evidence, accuracies)
+        parts.append(fixed.assign(variant=name, kind="fixed"))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _at_threshold_of(
+    intact: Sweep, found: Sweep, evidence: Evidence, accuracies: Sequence[float]
+) -> pd.DataFrame:
+    rows = []
+    for accuracy in accuracies:
+        k = int(np.flatnonzero(intact.thresholds == intact.threshold(accuracy))[0])
+        values = {
+            "expected_accuracy": found.posterior[k].mean(),
+            "mean_ms": found.time_ms[k].mean(),
+            "premature": found.premature[k].mean(),
+            "forced": found.forced[k].mean(),
+        }
+        if evidence.truth is not None:
+            values["accuracy"] = (found.choice[k] == evidence.truth).mean()
+        rows += [(accuracy, measure, float(value)) for measure, value in values.items()]
+    return pd.DataFrame(rows, columns=["accuracy", "measure", "value"])
+
+
+def page(table: pd.DataFrame) -> str:
+    """Return a comparison as text, 95 % intervals in brackets.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``against`` or, a row a variant, from ``variants``.
+    """
+    by = [name for name in ("reference", "model", "variant", "kind") if name in table]
+    lines = []
+    for names, part in table[table["measure"].isin(SHOWN)].groupby(by, sort=False):
+        line, same = part[part["accuracy"].isna()], equivalent(part)
+        lines += ["", "  ".join(map(str, names)) + ": " + _cells(line)]
+        for accuracy in same.index:
+            verdict = "equivalent" if same[accuracy] else "not equivalent"
+            cells = _cells(part[part["accuracy"] == accuracy])
+            lines.append(f"  at accuracy {accuracy:.2f}: {cells}  {verdict}")
+    return "\n".join(lines).strip()
+
+
+SHOWN = {
+    "offset_ms": ".0f",
+    "slope": ".3f",
+    "agreement": ".3f",
+    "error_agreement": ".2f",
+    "pearson_r": ".3f",
+    "spearman_r": ".3f",
+    "within_50_ms": ".2f",
+    "extra_ms": ".0f",
+    "accuracy_gap": "+.3f",
+}
+"""Measures that ``page`` prints, and how."""
+
+
+def _cells(rows: pd.DataFrame) -> str:
+    return "  ".join(
+        f"{m} {value:{SHOWN[m]}} [{low:{SHOWN[m]}}, {high:{SHOWN[m]}}]"
+        for m, value, low, high in rows[["measure", "value", "low", "high"]].itertuples(index=False)
+    )

@@ -1,0 +1,302 @@
+"""Algorithm against circuit, decision by decision, on the same evidence.
+
+A ``Sweep`` holds the decisions of one integrator at many thresholds. Two sweeps on the same
+evidence are compared at equal accuracy: their thresholds are matched, then trial stands against
+trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of trials, so that
+one expression gives the value and its resamples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.optimize import isotonic_regression
+from scipy.stats import rankdata
+
+from bgmodel.decision import Trace, first_crossing
+from bgmodel.evidence import Evidence
+from bgmodel.sprt import Msprt
+
+Array = npt.NDArray[np.float64]
+
+ACCURACIES = (0.90, 0.95, 0.97)
+FEWEST_TRIALS = 100
+RESAMPLES = 1000
+# Accuracies over which the extra time is fitted by a line.
+SPAN = np.linspace(0.85, 0.98, 14)
+MARGIN = 0.01
+"""Accuracies are called equivalent if their difference lies within this, with 95 % confidence."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Decisions of one integrator at K thresholds, from the highest OUT to the lowest.
+
+    Parameters
+    ----------
+    thresholds : array (K,)
+        In the units of its OUT, falling.
+    choice : int array (K, trials)
+        What it chose, forced at the end of the trace.
+    time_ms : array (K, trials)
+        When, ms from the onset of evidence.
+    forced, premature : bool arrays (K, trials)
+        Whether the end of the trace made the choice; whether it came before the first reading.
+    posterior : array (K, trials)
+        Probability of what was chosen, given all readings that there were by then. Its mean is the
+        expected accuracy, with a smaller error than counting; it is right if the likelihoods are.
+    """
+
+    thresholds: Array
+    choice: npt.NDArray[np.integer]
+    time_ms: Array
+    forced: npt.NDArray[np.bool_]
+    premature: npt.NDArray[np.bool_]
+    posterior: Array
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return self.choice.shape[1]
+
+    def __add__(self, more: Sweep) -> Sweep:
+        """Append trials; both must have the same thresholds."""
+        if not np.array_equal(self.thresholds, more.thresholds):
+            raise ValueError("sweeps can be joined only over the same thresholds")
+        names = ("choice", "time_ms", "forced", "premature", "posterior")
+        joined = {n: np.concatenate([getattr(self, n), getattr(more, n)], axis=1) for n in names}
+        return replace(self, **joined)
+
+    def threshold(self, accuracy: float) -> float:
+        """Return the threshold at which the expected accuracy is nearest."""
+        reached, _ = curve(self, np.ones((1, self.trials)))
+        return float(self.thresholds[np.abs(reached[0] - accuracy).argmin()])
+
+
+def levels(trace: Trace, count: int = 200) -> Array:
+    """Return thresholds that cut a trace's decisions evenly: quantiles of its lowest OUT."""
+    return np.unique(np.quantile(trace.out_nats.min(axis=2), np.linspace(0, 1, count)))[::-1]
+
+
+def sweep(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = None) -> Sweep:
+    """Let an integrator decide at many thresholds.
+
+    Parameters
+    ----------
+    trace : Trace
+        OUT, as an integrator gives it for this evidence.
+    evidence : Evidence
+        What it was given.
+    thresholds : array (K,), optional
+        ``levels(trace)`` if left out.
+    """
+    chosen = levels(trace) if thresholds is None else np.sort(np.asarray(thresholds))[::-1]
+    decided = first_crossing(trace, chosen)
+    known = np.exp(-Msprt().run(evidence).out_nats)
+    reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
+    reading = np.minimum(reading, evidence.steps)
+    posterior = known[np.arange(evidence.trials), reading, decided.choice]
+    return Sweep(
+        chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior
+    )
+
+
+def curve(swept: Sweep, weights: Array) -> tuple[Array, Array]:
+    """Return expected accuracy, made monotone, and mean time, (B, K) for weights (B, trials)."""
+    share = weights / weights.sum(axis=1, keepdims=True)
+    accuracy = np.stack([isotonic_regression(row).x for row in share @ swept.posterior.T])
+    # A rise too small to matter makes the curve invertible.
+    return accuracy + np.linspace(0, 1e-9, accuracy.shape[1]), share @ swept.time_ms.T
+
+
+def time_at(accuracies: Sequence[float] | Array, curves: tuple[Array, Array]) -> Array:
+    """Return mean times at given expected accuracies, ms (B, A); NaN beyond the curve."""
+    return np.stack(
+        [np.interp(accuracies, *row, np.nan, np.nan) for row in zip(*curves, strict=True)]
+    )
+
+
+def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return what the other takes longer than the test at equal accuracy, as a line.
+
+    Parameters
+    ----------
+    test, other : pairs of arrays (B, K)
+        As from ``curve``.
+
+    Returns
+    -------
+    offset_ms, slope : arrays (B,)
+        Of the extra time against the test's own time, over accuracies .85 to .98 as far as both
+        reach; NaN where they share fewer than three.
+    """
+    test_ms, other_ms = time_at(SPAN, test), time_at(SPAN, other)
+    lines = np.full((len(test_ms), 2), np.nan)
+    for line, x, y in zip(lines, test_ms, other_ms - test_ms, strict=True):
+        known = np.isfinite(x + y)
+        if known.sum() > 2:
+            line[:] = np.polyfit(x[known], y[known], 1)
+    return lines[:, 1], lines[:, 0]
+
+
+def compare(
+    test: Sweep,
+    other: Sweep,
+    *,
+    rng: np.random.Generator,
+    truth: npt.NDArray[np.integer] | None = None,
+    minus: Sweep | None = None,
+    latency_ms: float | None = None,
+    accuracies: Sequence[float] = ACCURACIES,
+    resamples: int = RESAMPLES,
+) -> pd.DataFrame:
+    """Compare two integrators on the same evidence at equal expected accuracy.
+
+    Parameters
+    ----------
+    test, other : Sweep
+        The reference, and what is held to it.
+    rng : numpy.random.Generator
+        For the bootstrap.
+    truth : int array (trials,), optional
+        For the accuracy that is counted, and the test's error trials.
+    minus : Sweep, optional
+        A third: every measure is then the other's minus this one's, with the interval of that.
+    latency_ms : float, optional
+        What is not decision time and taken off before accuracies are compared in equal time: 0 for
+        an abstract integrator; fitted if left out.
+    accuracies : sequence of float
+        Where the test's threshold is put.
+    resamples : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    DataFrame
+        One row an accuracy and measure: accuracy, measure, value, low, high (95 % interval).
+        Measures: threshold; accuracy, test_accuracy (counted); agreement, error_agreement (on
+        trials that the test gets wrong); pearson_r, spearman_r (of decision times); residual_sd_ms,
+        within_50_ms (of their difference about its median); test_ms, extra_ms; accuracy_gap (in
+        equal time); forced. With accuracy NaN: offset_ms and slope of ``latency``.
+
+    Raises
+    ------
+    ValueError
+        If the sweeps do not hold the same trials, or are too few for an interval.
+    """
+    for one in (other, minus or other):
+        if one.trials != test.trials:
+            raise ValueError(
+                f"the same trials must be compared, got {test.trials} and {one.trials}"
+            )
+    n = test.trials
+    if n < FEWEST_TRIALS:
+        raise ValueError(f"an interval needs {FEWEST_TRIALS} trials or more, got {n}")
+    drawn = rng.multinomial(n, np.full(n, 1 / n), size=resamples).astype(np.float64)
+    weights = np.concatenate([np.ones((1, n)), drawn])
+    found = _measures(test, other, truth, accuracies, weights, latency_ms)
+    if minus is not None:
+        base = _measures(test, minus, truth, accuracies, weights, latency_ms)
+        found = {key: found[key] - base[key] for key in found}
+    rows = []
+    for (accuracy, name), values in found.items():
+        ends = np.nanquantile(values[1:], [0.025, 0.975]) if _varies(values) else [np.nan] * 2
+        rows.append((accuracy, name, float(values[0]), *map(float, ends)))
+    return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
+
+
+def equivalent(table: pd.DataFrame, margin: float = MARGIN) -> pd.Series:
+    """Return, for each accuracy, whether the gap's 95 % interval lies within +-margin.
+
+    Two one-sided tests at 2.5 % (Schuirmann 1987): a gap that is merely not significant does not
+    pass.
+    """
+    gaps = table[table["measure"] == "accuracy_gap"].set_index("accuracy")
+    return (gaps["low"] > -margin) & (gaps["high"] < margin)
+
+
+Measures = dict[tuple[float, str], Array]
+
+
+def _measures(
+    test: Sweep,
+    other: Sweep,
+    truth: npt.NDArray[np.integer] | None,
+    accuracies: Sequence[float],
+    weights: Array,
+    latency_ms: float | None,
+) -> Measures:
+    """Return every measure, (B,) each; the first entry is the value itself."""
+    curves = curve(test, weights), curve(other, weights)
+    offset, slope = latency(*curves)
+    found = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
+    late = offset if latency_ms is None else np.full_like(offset, latency_ms)
+    for accuracy in accuracies:
+        i = int(np.abs(curves[0][0][0] - accuracy).argmin())
+        j = int(np.abs(curves[1][0][0] - test.posterior[i].mean()).argmin())
+        values = _trial_by_trial(test, other, i, j, truth, weights)
+        values["accuracy_gap"] = _gap(*curves, accuracy, late)
+        values["threshold"] = np.full(len(weights), other.thresholds[j])
+        found |= {(accuracy, name): value for name, value in values.items()}
+    return found
+
+
+def _trial_by_trial(
+    test: Sweep,
+    other: Sweep,
+    i: int,
+    j: int,
+    truth: npt.NDArray[np.integer] | None,
+    weights: Array,
+) -> dict[str, Array]:
+    """Return what trial against trial tells, threshold i of the test and j of the other."""
+    x, y = test.time_ms[i], other.time_ms[j]
+    same = (test.choice[i] == other.choice[j]).astype(np.float64)
+    late = y - x - np.median(y - x)
+    found = {
+        "agreement": _mean(same, weights),
+        "pearson_r": _correlation(x, y, weights),
+        "spearman_r": _correlation(rankdata(x), rankdata(y), weights),
+        "residual_sd_ms": np.sqrt(_mean(late**2, weights) - _mean(late, weights) ** 2),
+        "within_50_ms": _mean((np.abs(late) <= 50).astype(np.float64), weights),
+        "test_ms": _mean(x, weights),
+        "extra_ms": _mean(y - x, weights),
+        "forced": _mean(other.forced[j].astype(np.float64), weights),
+    }
+    if truth is not None:
+        wrong = (test.choice[i] != truth).astype(np.float64)
+        found["test_accuracy"] = 1 - _mean(wrong, weights)
+        found["accuracy"] = _mean((other.choice[j] == truth).astype(np.float64), weights)
+        with np.errstate(invalid="ignore"):
+            found["error_agreement"] = _mean(same * wrong, weights) / _mean(wrong, weights)
+    return found
+
+
+def _gap(
+    test: tuple[Array, Array], other: tuple[Array, Array], accuracy: float, late: Array
+) -> Array:
+    """Return accuracy of the other minus the test's in equal time, the latency taken off, (B,)."""
+    at_ms = time_at([accuracy], test)[:, 0] + late
+    reached = [np.interp(at, time, known) for at, known, time in zip(at_ms, *other, strict=True)]
+    return np.array(reached) - accuracy
+
+
+def _varies(values: Array) -> bool:
+    return bool(np.isfinite(values[1:]).any())
+
+
+def _mean(values: Array, weights: Array) -> Array:
+    return weights @ values / weights.sum(axis=1)
+
+
+def _correlation(x: Array, y: Array, weights: Array) -> Array:
+    x, y = x - x.mean(), y - y.mean()
+    mx, my = _mean(x, weights), _mean(y, weights)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return (_mean(x * y, weights) - mx * my) / np.sqrt(
+            (_mean(x * x, weights) - mx**2) * (_mean(y * y, weights) - my**2)
+        )

@@ -1,0 +1,114 @@
+"""What the MSPRT must beat: integrators that see the same evidence and combine it otherwise.
+
+Each is a linear integrator of the summed log-likelihoods ``Y_i`` with a rule of its own; OUT is
+minus what its rule compares with a threshold, so that the lowest OUT is the most favoured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.decision import Trace
+from bgmodel.evidence import Evidence
+from bgmodel.sprt import Msprt, at_readings, totals
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Race:
+    """Independent accumulators: stop when one total is high enough (Vickers 1970).
+
+    ``OUT_i = -Y_i``. A constant shared by the hypotheses of a reading changes nothing for the other
+    rules; here it does, so the zero of the evidence must mean that nothing was seen, as in
+    ``gaussian_evidence``.
+    """
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return -Y as a trace (trials, 1 + steps, hypotheses)."""
+        return at_readings(-totals(evidence) - np.log(evidence.hypotheses), evidence)
+
+
+@dataclass(frozen=True)
+class MaxVsAverage:
+    """Stop when one total is far enough above the mean of all.
+
+    ``OUT_i = mean_j Y_j - Y_i``: the limit of balanced, strong leak and inhibition
+    (Bogacz & Gurney 2007).
+    """
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return mean Y - Y as a trace (trials, 1 + steps, hypotheses)."""
+        total = totals(evidence)
+        return at_readings(total.mean(axis=2, keepdims=True) - total, evidence)
+
+
+@dataclass(frozen=True)
+class MaxVsNext:
+    """Stop when the highest total is far enough above the second (McMillen & Holmes 2006).
+
+    ``OUT_i = max_{j != i} Y_j - Y_i``: the limit of the MSPRT for a high gain.
+    """
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return the best other total minus Y as a trace (trials, 1 + steps, hypotheses)."""
+        total = totals(evidence)
+        top = np.sort(total, axis=2)[:, :, -2:]
+        leads = total == top[:, :, 1:]
+        return at_readings(np.where(leads, top[:, :, :1], top[:, :, 1:]) - total, evidence)
+
+
+@dataclass(frozen=True)
+class Lca:
+    """Leaky competing accumulators without a floor (Usher & McClelland 2001), solved exactly.
+
+    ``dx_i/dt = input_i - leak x_i - inhibition sum_{j != i} x_j``, each reading an input that is
+    held until the next, and ``OUT_i = -x_i``. It starts at 0, whatever the prior.
+
+    Parameters
+    ----------
+    leak_hz, inhibition_hz : float
+        Per second; 100 and 100 in Bogacz & Gurney 2007. Where they are equal, differences between
+        the accumulators do not leak.
+    """
+
+    leak_hz: float = 100.0
+    inhibition_hz: float = 100.0
+
+    def __post_init__(self) -> None:
+        for name in ("leak_hz", "inhibition_hz"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return -x as a trace (trials, 1 + steps, hypotheses)."""
+        n, step_s = evidence.hypotheses, evidence.step_ms / 1000
+        readings = np.asarray(evidence.log_likelihood, dtype=np.float64)
+        common = readings.mean(axis=2, keepdims=True)
+        # The mean and the differences from it are the two modes of the matrix.
+        together = _leaky(common, (self.leak_hz + (n - 1) * self.inhibition_hz) * step_s)
+        apart = _leaky(readings - common, (self.leak_hz - self.inhibition_hz) * step_s)
+        return at_readings(-(together + apart), evidence)
+
+
+RIVALS = {
+    "race": Race,
+    "LCA": Lca,
+    "max vs average": MaxVsAverage,
+    "max vs next": MaxVsNext,
+    "MSPRT": Msprt,
+}
+"""Integrators by name, the test itself among them."""
+
+
+def _leaky(readings: Array, decay: float) -> Array:
+    """Return ``dx/dt = input - decay x`` after each reading, time in readings; first tick 0."""
+    # scipy.signal takes a third of a second to import: only where it is used.
+    from scipy.signal import lfilter
+
+    share = 1.0 if decay == 0 else -np.expm1(-decay) / decay
+    x = lfilter([share], [1.0, -np.exp(-decay)], readings, axis=1)
+    return np.concatenate([np.zeros_like(x[:, :1]), x], axis=1)
