@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -14,12 +15,14 @@ from bgmodel.evidence import Evidence
 from bgmodel.sprt import Msprt, totals
 
 try:
+    from circuits.activity import warn_beyond_range
     from circuits.anatomy import CIRCUITS, circuit
+    from circuits.cells import Escape
     from circuits.engines import ENGINES, SPIKING
     from circuits.engines import run as run_engine
     from circuits.nwb import write_nwb
     from circuits.show import draw, text
-    from circuits.spec import Circuit
+    from circuits.spec import Circuit, Population, Projection
 except ImportError as error:
     if not (error.name or "").startswith("circuits"):
         raise
@@ -40,12 +43,17 @@ __all__ = [
     "SPIKING",
     "BasalGanglia",
     "Circuit",
+    "Escape",
+    "Population",
+    "Projection",
     "check_threshold",
     "circuit",
     "decoded_input",
     "draw",
     "drive_of",
+    "run_engine",
     "text",
+    "warn_beyond_range",
     "write_nwb",
 ]
 
@@ -96,17 +104,20 @@ class BasalGanglia:
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
         """Return all that the circuit did; trial t has the noise of ``first_trial + t``."""
+        return self.at(drive_of(evidence, self.gain), evidence.step_ms, first_trial)
+
+    def at(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
+        """Return what the circuit does under a drive (trials, steps, channels) in its own nats."""
         given: dict[str, Any] = {}
         if self.engine in SPIKING:
             given = {"seed": self.seed, "first_trial": first_trial}
         return run_engine(
-            self.circuit,
-            drive_of(evidence, self.gain),
-            engine=self.engine,
-            step_ms=evidence.step_ms,
-            **given,
-            **self.options,
+            self.circuit, drive, engine=self.engine, step_ms=step_ms, **given, **self.options
         )
+
+    def warn_of(self, evidence: Evidence) -> None:
+        """Warn if the evidence leaves the range in which the circuit works."""
+        warn_beyond_range(self.circuit, drive_of(evidence, self.gain))
 
     def batches(self, evidence: Evidence) -> Iterator[tuple[Evidence, Activity]]:
         """Go through many trials, a part that fits into memory at a time.
@@ -116,7 +127,11 @@ class BasalGanglia:
         """
         for first in range(0, evidence.trials, BATCH):
             part = evidence[first : first + BATCH]
-            yield part, self.activity(part, first)
+            with warnings.catch_warnings():
+                # A part at a time it would be said many times: ``warn_of`` says it once.
+                warnings.filterwarnings("ignore", message="S runs from")
+                activity = self.activity(part, first)
+            yield part, activity
 
 
 def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) -> Trace:

@@ -11,12 +11,13 @@ from typing import Annotated, Any
 import tyro
 
 from bgmodel.commands.circuit import Run, Show
+from bgmodel.commands.comparing import Compare, Lesion
 from bgmodel.commands.decisions import Decide, Learn
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.taps import Decode, Simulate, Train
 
 ABOUT = "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw."
-CIRCUIT = {"show": Show, "run": Run}
+CIRCUIT = {"show": Show, "run": Run, "lesion": Lesion}
 # A name and its command, or a name and a group: what it is about, and a table like this one with
 # two commands or more.
 COMMANDS: dict[str, Any] = {
@@ -26,9 +27,11 @@ COMMANDS: dict[str, Any] = {
     "decide": Decide,
     "learn": Learn,
     "circuit": (
-        "A basal ganglia circuit: show its table, or let it decide. Example: bgmodel circuit show",
+        "A basal ganglia circuit: show its table, let it decide, lesion it. "
+        "Example: bgmodel circuit show",
         CIRCUIT,
     ),
+    "compare": Compare,
     "figures": Figures,
 }
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
-from bgmodel.sprt import Msprt, at_readings, totals
+from bgmodel.sprt import at_readings, totals
 
 Array = npt.NDArray[np.float64]
 
@@ -99,9 +99,8 @@ RIVALS = {
     "LCA": Lca,
     "max vs average": MaxVsAverage,
     "max vs next": MaxVsNext,
-    "MSPRT": Msprt,
 }
-"""Integrators by name, the test itself among them."""
+"""The rivals by name."""
 
 
 def _leaky(readings: Array, decay: float) -> Array:

@@ -29,36 +29,44 @@ T_MAX = 30
 
 def compute(settings: Settings, recordings: Path, *, output: Path) -> None:
     """Decode held-out real taps, and decide on them."""
-    taps = read_taps(recordings / "csv_train", mm_per_px=MM_PER_PX)
-    decoder = train(taps, seed=settings.seed, training=EDGE)
-    held = read_taps(recordings / "csv_val", mm_per_px=MM_PER_PX, rest=taps.rest_mm)
-    decoded = np.stack([held.labels["yaw_deg"], decoder.decode(held)["edge_deg"]], axis=1)
-    error_sd = wrapped(decoded[:, 1] - decoded[:, 0], 360).std()
-    table = decide(settings, decoded).assign(error_sd_deg=error_sd)
+    taps = decoded(settings.seed, recordings)
+    error_sd = wrapped(taps[:, 1] - taps[:, 0], 360).std()
+    table = decide(settings, taps).assign(error_sd_deg=error_sd)
     write_table(table, output, seed=settings.seed, settings=settings, recordings=recordings.name)
 
 
-def decide(settings: Settings, decoded: np.ndarray) -> pd.DataFrame:
+def decoded(seed: int, recordings: Path) -> np.ndarray:
+    """Return true and read yaw of held-out real taps, (taps, 2) degrees; trains the decoder."""
+    taps = read_taps(recordings / "csv_train", mm_per_px=MM_PER_PX)
+    decoder = train(taps, seed=seed, training=EDGE)
+    held = read_taps(recordings / "csv_val", mm_per_px=MM_PER_PX, rest=taps.rest_mm)
+    return np.stack([held.labels["yaw_deg"], decoder.decode(held)["edge_deg"]], axis=1)
+
+
+def halves(seed: int, taps: np.ndarray) -> list[np.ndarray]:
+    """Return two halves at random: tables of recordings are sorted by yaw."""
+    order = stream(seed, "figR1", "halves").permutation(len(taps))
+    return np.array_split(taps[order], 2)
+
+
+def decide(settings: Settings, taps: np.ndarray) -> pd.DataFrame:
     """Decide same or different from pairs of taps (taps, 2: true and read yaw), on two halves."""
-    # Tables of recordings are sorted by yaw: two halves at random, not first and last.
-    order = stream(settings.seed, "figR1", "halves").permutation(len(decoded))
-    halves = np.array_split(decoded[order], 2)
     parts = []
     for difference in DIFFERENCES_DEG:
-        for half, readings in enumerate(sources(halves, difference)):
+        for half, readings in enumerate(sources(halves(settings.seed, taps), difference)):
             scores = _score(settings, readings, stream(settings.seed, "figR1", difference, half))
             parts.append(scores.assign(difference_deg=difference, half=half))
     return pd.concat(parts)
 
 
-def sources(halves: list[np.ndarray], difference: float) -> list[Source]:
+def sources(parts: list[np.ndarray], difference: float) -> list[Source]:
     """Return the readings of each half of the taps, with likelihoods fitted on the other half."""
 
     def from_pairs(pool: Pool) -> list[np.ndarray]:
         return pairs(difference, pool[0])
 
     made = []
-    for scored, fitted in (halves, halves[::-1]):
+    for scored, fitted in (parts, parts[::-1]):
         likelihood = fit_likelihood([fitted], from_pairs, (-180.0, 180.0))
         logs = [likelihood(x) for x in pairs(difference, scored)]
         made.append(Source(logs, ("same", "different"), likelihood))

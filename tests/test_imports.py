@@ -26,12 +26,14 @@ LEVELS = [
     {"bgmodel.learning", "bgmodel.basal_ganglia", "bgmodel.rivals", "bgmodel.comparison"},
     {"bgmodel.plots", "bgmodel.study", "bgmodel.circuit_study"},
     {"bgmodel.commands", "bgmodel.commands.checks"},
+    {"bgmodel.commands.stimuli"},
     {
         "bgmodel.commands.taps",
         "bgmodel.commands.decisions",
         "bgmodel.commands.circuit",
         "bgmodel.commands.figures",
     },
+    {"bgmodel.commands.comparing"},
     {"bgmodel.cli"},
 ]
 TACTILE_MAY = {"bgmodel.evidence", "bgmodel.files", "bgmodel.seeds", "bgmodel.data"}

@@ -7,16 +7,16 @@ import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import tyro
 from tyro.conf import Positional
 
 from bgmodel import files, tables
 from bgmodel.commands.checks import asked, check_ending, check_whole
+from bgmodel.commands.stimuli import Stimuli
 from bgmodel.decision import first_crossing
-from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.seeds import stream
 
 Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
 
@@ -96,7 +96,7 @@ class Show:
 
 @dataclass(frozen=True)
 class Run:
-    """Let a circuit decide, on Gaussian evidence or on a table of your own.
+    """Let a circuit decide, on Gaussian or tactile evidence or on a table of your own.
 
     Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
     bgmodel circuit run lesioned.csv --edits.without STN=0.1 --engine rate
@@ -109,20 +109,8 @@ class Run:
     engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
     """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
     edits: Edits = field(default_factory=Edits)
-    evidence: Path | None = None
-    """A table of log-likelihoods, as for `bgmodel decide`; Gaussian evidence if left out."""
-    channels: int = 2
-    """Alternatives of the Gaussian evidence."""
-    d_prime: float = 0.5
-    """Separation of the Gaussian evidence a reading: of the two hypotheses, in standard
-    deviations of their difference."""
-    trials: int = 100
-    """Trials of the Gaussian evidence."""
-    t_max: int = 40
-    """Most readings in a trial of the Gaussian evidence."""
-    step_ms: float = 50.0
-    """Time between readings, ms."""
-    gain: float = 0.6
+    stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
+    gain: float = 0.5
     """Nats in the circuit a nat of evidence, kappa."""
     posterior: float = 0.9
     """Posterior probability, in the circuit's nats, at which it decides."""
@@ -139,7 +127,7 @@ class Run:
         from bgmodel import basal_ganglia
 
         self._check()
-        evidence, names = self._evidence()
+        evidence, names = self.stimuli.draw(self.seed, "circuit run")
         table = self.edits.of(basal_ganglia.circuit(self.circuit, evidence.hypotheses))
         threshold = float(-np.log(self.posterior))
         basal_ganglia.check_threshold(table, threshold)
@@ -174,30 +162,16 @@ class Run:
         """Refuse what makes no sense, before long work starts."""
         check_ending(self.output, ".parquet", ".csv")
         files.check_writable(self.output.parent)
-        check_whole(trials=self.trials, t_max=self.t_max, workers=self.workers)
+        self.stimuli.check()
+        check_whole(workers=self.workers)
         if not 0 < self.posterior < 1:
             raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
-        if not self.d_prime > 0:
-            raise ValueError(f"d_prime must be > 0, got {self.d_prime}")
         for path, endings in ((self.rates, (".parquet", ".csv")), (self.nwb, (".nwb",))):
             if path is not None:
                 check_ending(path, *endings)
                 if path is self.nwb and importlib.util.find_spec("pynwb") is None:
                     raise ImportError('NWB needs pynwb: pip install "bgmodel[nwb]"')
                 files.check_writable(path.parent)
-
-    def _evidence(self) -> tuple[Evidence, list[str]]:
-        if self.evidence is not None:
-            return tables.evidence_from_table(files.read_table(self.evidence), step_ms=self.step_ms)
-        drawn = gaussian_evidence(
-            self.trials,
-            self.t_max,
-            self.d_prime / np.sqrt(2),
-            rng=stream(self.seed, "circuit run"),
-            hypotheses=self.channels,
-            step_ms=self.step_ms,
-        )
-        return drawn, [str(i) for i in range(self.channels)]
 
 
 def _value(edit: str, default: float | None) -> tuple[str, float]:

@@ -1,0 +1,109 @@
+"""The circuit against the MSPRT on scoring seeds: make score.
+
+Evidence of every kind, readings every 50 and every 500 ms, two cortices; beside each the ideal
+decoder of the circuit's own cortical spikes. These seeds tuned nothing. The table goes to
+``benchmarks/out/scoring.csv``; a condition that is there already, with the same numbers behind it,
+is not computed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.circuit_study import OWN, against, page
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import read_provenance, read_table, write_table
+from bgmodel.rivals import RIVALS
+from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
+
+OUT = Path(__file__).parent / "out"
+SCORING_SEED = 40_001
+GAIN = 0.5
+Draw = Callable[..., Evidence]
+
+
+def gaussian(hypotheses: int, d_prime: float) -> Draw:
+    """Return how to draw Gaussian evidence of a pairwise d' a reading."""
+    return partial(gaussian_evidence, separation=d_prime / np.sqrt(2), hypotheses=hypotheses)
+
+
+def kinds() -> Iterator[tuple[str, int, Draw]]:
+    """Yield the name, the alternatives and the drawing of each kind of evidence."""
+    for count, d_prime in ((2, 0.5), (2, 1.0), (4, 0.5), (4, 1.0), (8, 0.5)):
+        yield f"gaussian d' {d_prime:g}, N = {count}", count, gaussian(count, d_prime)
+    taps = held_out_taps()
+    for period in (1.5, 2.0):
+        drawn = source(taps, SameDifferent(), period_mm=period, fold=0).draw
+        yield f"same/different {period:g} mm", 2, drawn
+    for count in (4, 8):
+        drawn = source(taps, Orientations(count), period_mm=2.0, fold=0).draw
+        yield f"{count} orientations 2 mm", count, drawn
+    if folder := os.environ.get("BGMODEL_RECORDINGS"):
+        yield "real taps, edge 5 degrees", 2, real_taps(Path(folder)).draw
+
+
+def real_taps(folder: Path) -> Source:
+    """Return readings of real taps of an edge, as figure R1 makes them."""
+    from figures import figR1
+
+    taps = figR1.decoded(SCORING_SEED, folder)
+    return figR1.sources(figR1.halves(SCORING_SEED, taps), 5.0)[0]
+
+
+def conditions(trials: int) -> Iterator[tuple[str, Circuit, Evidence]]:
+    """Yield each condition: its name, its circuit, its evidence."""
+    for name, count, draw in kinds():
+        table = circuit("spiking_msprt", count)
+        for step_ms in (50.0, 500.0):
+            # Slow readings take ten times as long to simulate.
+            n = trials if step_ms == 50 else max(trials // 5, 200)
+            rng = stream(SCORING_SEED, "scoring", name)
+            evidence = draw(n, 120 if "0.5" in name else 60, rng=rng, step_ms=step_ms)
+            yield f"{name}, every {step_ms:g} ms", table, evidence
+            if step_ms == 50 and name.startswith("gaussian d' 0.5"):
+                yield f"{name}, Poisson cortex", table.changed("ctx", cv=1.0), evidence
+                apart = table.with_spread(0.1).with_connections(0.25)
+                yield f"{name}, 10 % spread, 25 % connections", apart, evidence
+
+
+def main() -> None:
+    """Score every condition, or those whose name holds a text."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=2000)
+    parser.add_argument("--only", default="", help="conditions whose name contains this")
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    OUT.mkdir(exist_ok=True)
+    for name, table, evidence in conditions(given.trials):
+        if given.only not in name:
+            continue
+        path = OUT / f"scoring {name.replace('/', ' ')}.csv"
+        behind = {"trials": evidence.trials, "gain": GAIN, "circuit": str(table)}
+        if not (path.exists() and read_provenance(path)["parameters"] == behind):
+            rivals = [r for r in RIVALS if r != "race" or name.startswith("gaussian")]
+            found = _score(table, evidence, rivals, given.workers)
+            write_table(found, path, seed=SCORING_SEED, **behind)
+        print(f"\n=== {name}, {evidence.trials} trials")
+        scored = read_table(path)
+        own = scored["reference"] == OWN
+        print(page(scored[own | scored["model"].isin(RIVALS)]), flush=True)
+
+
+def _score(table: Circuit, evidence: Evidence, rivals: list[str], workers: int) -> pd.DataFrame:
+    options: dict[str, Any] = {"workers": workers, "sample_ms": max(1.0, evidence.step_ms / 50)}
+    model = BasalGanglia(table, "ensemble", GAIN, SCORING_SEED, options)
+    return against(model, evidence, seed=SCORING_SEED, rivals=rivals)
+
+
+if __name__ == "__main__":
+    main()

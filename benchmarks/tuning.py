@@ -1,0 +1,95 @@
+"""What spiking_msprt was tuned on: the table as it is beside its neighbours, on tuning seeds.
+
+``python -m benchmarks.tuning [--channels 4] [--trials 500]`` prints, for every variant, its rates
+at rest and what it does against the MSPRT at its gain. The seeds here tune and never score; those
+of ``benchmarks.scoring`` score and never tune. What was kept is the row with the highest
+correlation of decision times whose latency stays within 65 ms and whose rates at rest are those of
+the animal.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+import numpy as np
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.circuit_study import page, variants
+from bgmodel.evidence import gaussian_evidence
+
+TUNING_SEEDS = (1001, 1002, 1003)
+ACCURACIES = (0.90, 0.93, 0.95, 0.97)
+
+
+def synapses(table: Circuit, cortical_ms: float, striatal_ms: float) -> Circuit:
+    """Return the circuit with other time constants of the direct pathway's two synapses."""
+    table = table.changed("D1->SNr", tau_ms=striatal_ms)
+    for target in ("D1", "D2", "STN"):
+        table = table.changed(f"ctx->{target}", tau_ms=cortical_ms)
+    return table
+
+
+def neighbours(table: Circuit) -> dict[str, Circuit]:
+    """Return what was tried beside the table."""
+
+    def common(acts_ms: float) -> Circuit:
+        return table.changed("common", tau_ms=10 * acts_ms)
+
+    def read_out(tau_ms: float, kernel_ms: float) -> Circuit:
+        return replace(table.changed("STN->SNr", tau_ms=kernel_ms), readout_tau_ms=tau_ms)
+
+    return {
+        "common mode 100 ms": common(100),
+        "common mode 400 ms": common(400),
+        "GPe replaced by its rest": table.without("GPe", replaced=True),
+        "synapses of 8 ms, read-out 25": replace(synapses(table, 8, 8), readout_tau_ms=25),
+        "STN-GPe loop 5 and 8 ms": table.changed("STN->GPe", tau_ms=5).changed(
+            "GPe->STN", tau_ms=8
+        ),
+        "kernel 22 ms": read_out(36, 22),
+        "kernel 38 ms": read_out(36, 38),
+        "read-out 42, kernel 26 ms": read_out(42, 26),
+        "STN filter 8 ms": table.changed("STN", tau_ms=8),
+        "Poisson cortex": table.changed("ctx", cv=1.0),
+        "STN of CV 0.6": table.changed("STN", cv=0.6),
+    }
+
+
+def rest(table: Circuit) -> str:
+    """Return the rates before evidence, Hz, as text."""
+    silence = np.zeros((20, 10, table.channels))
+    found = BasalGanglia(table, "ensemble", seed=TUNING_SEEDS[0])
+    activity = found.at(silence, step_ms=50.0)
+    return ", ".join(f"{name} {rates.mean():.1f}" for name, rates in activity.rates_hz.items())
+
+
+def main() -> None:
+    """Print the table of variants."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--channels", type=int, default=4)
+    parser.add_argument("--trials", type=int, default=500)
+    parser.add_argument("--gain", type=float, default=0.5)
+    given = parser.parse_args()
+    table = circuit("spiking_msprt", given.channels)
+    tried = neighbours(table)
+    for name, row in {"as it is": table, **tried}.items():
+        print(f"{name}: at rest {rest(row)} Hz")
+    for seed in TUNING_SEEDS:
+        evidence = gaussian_evidence(
+            given.trials,
+            120,
+            0.5 / np.sqrt(2),
+            rng=stream(seed, "tuning", given.channels),
+            hypotheses=given.channels,
+            step_ms=50.0,
+        )
+        model = BasalGanglia(table, "ensemble", given.gain, seed, {"workers": 2})
+        found = variants(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
+        print(f"\nseed {seed}, N = {given.channels}, {given.trials} trials")
+        print(page(found[found["kind"] == "value"].drop(columns="kind")))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,146 @@
+"""Commands that compare: circuit with algorithm, lesioned circuit with intact one."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from bgmodel import files
+from bgmodel.commands.checks import asked, check_ending, check_whole
+from bgmodel.commands.circuit import Edits, Name
+from bgmodel.commands.stimuli import Stimuli
+from bgmodel.evidence import Evidence
+from bgmodel.rivals import RIVALS
+
+if TYPE_CHECKING:
+    from bgmodel.basal_ganglia import BasalGanglia
+
+MANY = Stimuli(trials=1000, t_max=110)
+SAMPLES_A_STEP = 50
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Let a circuit and the MSPRT decide on the same evidence, and compare decision by decision.
+
+    Thresholds are matched to equal accuracy. Two references, the MSPRT at the circuit's gain and
+    the full one; beside the circuit an ideal decoder of its own cortical spikes, and the rivals.
+
+    Examples: bgmodel compare agreement.csv --channels 4;
+    bgmodel compare tactile.csv --task same-different --period-mm 1.5;
+    bgmodel compare clamped.csv --channels 4 --edits.without GPe --edits.replaced
+    """
+
+    output: Positional[Path]
+    """Where the table of measures goes, .parquet or .csv."""
+    circuit: Name = "spiking_msprt"
+    """Name of the table."""
+    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
+    """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
+    edits: Edits = field(default_factory=Edits)
+    stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
+    gain: float = 0.5
+    """Nats in the circuit a nat of evidence, kappa."""
+    accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
+    """Expected accuracies at which thresholds are matched."""
+    workers: int = 2
+    """Threads of the ensemble engine; they change no byte."""
+    seed: int = 0
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.circuit_study import against, page
+
+        model, evidence = _model(self)
+        gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
+        # Elsewhere the zero of the evidence means nothing, and a race has none to run.
+        rivals = [name for name in RIVALS if gaussian or name != "race"]
+        table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
+        files.write_table(table, self.output, seed=self.seed, command=asked(self))
+        print(page(table))
+        print(f"{evidence.trials} trials -> {self.output}")
+
+
+@dataclass(frozen=True)
+class Lesion:
+    """Compare edited circuits with the circuit as it is, on the same evidence and noise.
+
+    Each edit is a circuit of its own: a nucleus to lesion, whole ("STN") or by a fraction
+    ("STN=0.2"), or a pathway to scale ("D1->SNr=0.9"). Behaviour is shown at the intact circuit's
+    threshold, and with thresholds tuned anew. No experiment says that this is what happens: what a
+    lesion does here is the model's prediction.
+
+    Example: bgmodel circuit lesion lesions.csv STN=0.2 GPe=0.2 "D1->SNr=0.9" --channels 4
+    """
+
+    output: Positional[Path]
+    """Where the table of measures goes, .parquet or .csv."""
+    lesions: Positional[tuple[str, ...]] = (
+        "STN=0.2",
+        "GPe=0.2",
+        "D2",
+        "ctx->STN=0.9",
+        "D1->SNr=0.9",
+    )
+    """Edits, each on its own."""
+    circuit: Name = "spiking_msprt"
+    """Name of the table."""
+    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
+    """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
+    edits: Edits = field(default_factory=Edits)
+    stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
+    gain: float = 0.5
+    """Nats in the circuit a nat of evidence, kappa."""
+    accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
+    """Expected accuracies of the intact circuit at which thresholds are put."""
+    workers: int = 2
+    """Threads of the ensemble engine; they change no byte."""
+    seed: int = 0
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.circuit_study import behaviour, page, variants
+
+        model, evidence = _model(self)
+        edited = {}
+        for edit in self.lesions:
+            one = Edits(scale=(edit,)) if "->" in edit else Edits(without=(edit,))
+            edited[edit] = replace(one, replaced=self.edits.replaced).of(model.circuit)
+        table = variants(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
+        files.write_table(table, self.output, seed=self.seed, command=asked(self))
+        print("at the intact circuit's threshold (a prediction):")
+        print(behaviour(table))
+        print("\nagainst the MSPRT, thresholds tuned anew:")
+        print(page(table[table["kind"] == "value"].drop(columns="kind")))
+        print(f"{evidence.trials} trials -> {self.output}")
+
+
+def _model(asked_for: Compare | Lesion) -> tuple[BasalGanglia, Evidence]:
+    """Check the options; return the model and the evidence."""
+    from bgmodel import basal_ganglia
+
+    stimuli = asked_for.stimuli
+    check_ending(asked_for.output, ".parquet", ".csv")
+    files.check_writable(asked_for.output.parent)
+    stimuli.check()
+    check_whole(workers=asked_for.workers)
+    for accuracy in asked_for.accuracies:
+        if not 0 < accuracy < 1:
+            raise ValueError(f"accuracies must lie between 0 and 1, got {accuracy}")
+    evidence, _ = stimuli.draw(asked_for.seed, "compare")
+    table = asked_for.edits.of(basal_ganglia.circuit(asked_for.circuit, evidence.hypotheses))
+    options: dict[str, Any] = {}
+    if asked_for.engine == "ensemble":
+        options = {"workers": asked_for.workers}
+        print("the first run compiles: some ten seconds", file=sys.stderr)
+    if asked_for.engine in ("ensemble", "rate"):
+        options["sample_ms"] = max(1.0, evidence.step_ms / SAMPLES_A_STEP)
+    model = basal_ganglia.BasalGanglia(
+        table, asked_for.engine, asked_for.gain, asked_for.seed, options
+    )
+    return model, evidence

@@ -1,0 +1,69 @@
+"""What a circuit is to decide: options that several commands share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from bgmodel import files, tables
+from bgmodel.commands.checks import check_whole
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.seeds import stream
+
+
+@dataclass(frozen=True)
+class Stimuli:
+    """What is to be decided: Gaussian evidence, tactile evidence, or a table of your own."""
+
+    evidence: Path | None = None
+    """A table of log-likelihoods, as for `bgmodel decide`, instead of a task."""
+    task: Literal["gaussian", "same-different", "orientation"] = "gaussian"
+    """Gaussian evidence, or a tactile question: same or different, which of N orientations."""
+    channels: int = 2
+    """Alternatives of the Gaussian evidence, or N orientations, 2..8."""
+    d_prime: float = 0.5
+    """Separation of the Gaussian evidence a reading: of two hypotheses, in standard deviations of
+    their difference."""
+    period_mm: float = 2.0
+    """Period of the tactile grating, mm."""
+    fold: int = 0
+    """Which sixth of the held-out taps is scored, 0..5."""
+    trials: int = 100
+    """Trials to draw."""
+    t_max: int = 40
+    """Most readings in a trial."""
+    step_ms: float = 50.0
+    """Time between readings, ms."""
+
+    def check(self) -> None:
+        """Refuse what makes no sense, before long work starts."""
+        check_whole(trials=self.trials, t_max=self.t_max)
+        if not self.d_prime > 0:
+            raise ValueError(f"d_prime must be > 0, got {self.d_prime}")
+        if self.task == "same-different" and self.channels != 2:
+            raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
+
+    def draw(self, seed: int, name: str) -> tuple[Evidence, list[str]]:
+        """Return the evidence and the names of its hypotheses."""
+        if self.evidence is not None:
+            return tables.evidence_from_table(files.read_table(self.evidence), step_ms=self.step_ms)
+        rng = stream(seed, name)
+        if self.task == "gaussian":
+            drawn = gaussian_evidence(
+                self.trials,
+                self.t_max,
+                self.d_prime / np.sqrt(2),
+                rng=rng,
+                hypotheses=self.channels,
+                step_ms=self.step_ms,
+            )
+            return drawn, [str(i) for i in range(self.channels)]
+        from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source
+
+        asked = SameDifferent() if self.task == "same-different" else Orientations(self.channels)
+        readings = source(held_out_taps(), asked, period_mm=self.period_mm, fold=self.fold)
+        drawn = readings.draw(self.trials, self.t_max, rng=rng, step_ms=self.step_ms)
+        return drawn, list(asked.names)
