@@ -16,7 +16,8 @@ import numba
 import platformdirs
 
 OPTIONS = {
-    "fastmath": {"contract", "nsz", "arcp", "reassoc"},
+    # Not "reassoc": it would add in an order that depends on the loop around an expression.
+    "fastmath": {"contract", "nsz", "arcp"},
     "error_model": "numpy",
     # No memory is taken inside, so no references are counted: that alone cost 600 ns a tick.
     "_nrt": False,

@@ -1,5 +1,8 @@
 """One trial of the ensemble engine: the tick scheme of ``circuits.ticks``, compiled.
 
+What arrives in the next ticks, up to the least delay, is known before they begin. So each block in
+turn goes through such a window of ticks; the read-out follows. No tick knows the difference.
+
 Sums over populations are double precision; cells, in ``circuits.lanes``, are single precision.
 """
 
@@ -20,6 +23,12 @@ LINEAR, RECTIFIED, EXP, S_MINUS_LOG_S = range(4)
 TRANSFERS = {"linear": LINEAR, "rectified": RECTIFIED, "exp": EXP, "s_minus_log_s": S_MINUS_LOG_S}
 # Whether a block's cells are alike, differ in their constants, or in their inputs as well.
 ALIKE, SPREAD, WIRED = range(3)
+WINDOW = 20
+"""Most ticks that a block is taken through at a time: no more than the least delay."""
+LEAST_SCALE = 2.0**-10
+"""Filters of cells are written anew when what they are divided by falls below this."""
+MOST_ROWS = 255
+"""Rows of wires that a count of a byte takes."""
 ROOT_HALF = np.float32(math.sqrt(0.5))
 
 _GOLDEN = np.uint64(noise.GOLDEN)
@@ -37,6 +46,12 @@ def _law(code, x):
 
 
 @numba.njit(inline="always")
+def _most(work):
+    """Return how many spikes a list of found ones has room for."""
+    return len(work.found) // len(work.found_n)
+
+
+@numba.njit(inline="always")
 def _tick_key(stream, tick):
     z = stream + np.uint64(tick + 1) * _GOLDEN
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -49,94 +64,135 @@ def _halves(key):
     return np.uint32(key >> np.uint64(32)), np.uint32(key & np.uint64(0xFFFFFFFF))
 
 
-@numba.njit(inline="always")
-def _arrivals(k, mask, units, sources, ring, u, g):
-    """Filter what arrives at each unit (line 1 of the scheme)."""
+@compiled
+def _arrivals(first, window, units, sources, ring, state, passed):
+    """Filter what arrives at each unit in the ticks of a window (line 1 of the scheme)."""
+    mask = ring.shape[1] - 1
     for q in range(len(units)):
-        unit = units[q]
-        past = (k - unit.delay) & mask
-        arrived = 0.0
+        unit, row, u = units[q], passed[q], state[q]
+        for t in range(window):
+            row[t] = 0.0
         for e in range(unit.source, unit.sources):
-            arrived += sources[e].weight * ring[past, sources[e].index]
-        u[q] = unit.decay * u[q] + (1 - unit.decay) * arrived
-        g[q] = _law(unit.law, u[q] + unit.constant)
-
-
-@numba.njit(inline="always")
-def _common(block, inputs, g, step, drive):
-    """Return what all cells of a block receive, nats (line 2 of the scheme)."""
-    common = block.bias
-    for e in range(block.input, block.inputs):
-        common += inputs[e].weight * g[inputs[e].index]
-    if step >= 0 and block.drive >= 0:
-        common += block.drive_gain * drive[step, block.drive]
-    return common
-
-
-@numba.njit(inline="always")
-def _receive(block, b, common, dt_s, work):
-    """Turn a block's input into its rate, or into what its cells need; return the rate."""
-    work.common[b] = common
-    if block.kind == LIF:
-        work.kick[b] = block.kick
-        work.push[b] = block.push * (block.mv + block.mv_per_nat * common) - 4 * block.kick
-        return 0.0
-    if block.apart == WIRED:
-        return 0.0
-    work.state[b] = block.decay * work.state[b] + block.push * common
-    rate = max(block.baseline + block.gain * _law(block.law, work.state[b]), block.floor)
-    mean = rate * dt_s
-    if block.apart == SPREAD:
-        work.push[b] = mean
-    elif block.kind == PHASE:
-        each = block.cv * math.sqrt(0.5 * mean)
-        work.kick[b] = each
-        work.push[b] = mean - 4 * each
-    elif block.kind == ESCAPE:
-        work.limit[b] = np.uint32(min(-math.expm1(-mean) * 4294967296.0, 4294967295.0))
-    return rate
-
-
-@numba.njit(inline="always")
-def _fire_alike(block, b, k, work, stream):
-    """Advance by a tick the cells of a block that differ in noise alone; return how many fired."""
-    v, counts, shift = work.v, work.counts, np.int32(8 * (k & 3))
-    if block.kind == LIF:
-        return lanes.lif_alike(
-            v, counts, block.start, block.filled, shift, block.keep, work.push[b], work.kick[b],
-            block.threshold, block.hold,
-        )  # fmt: skip
-    if block.kind == PHASE:
-        push, kick = work.push[b], work.kick[b]
-        return lanes.phase_alike(v, counts, block.start, block.filled, shift, push, kick)
-    high, low = _halves(_tick_key(stream, k))
-    return lanes.escape_alike(v, block.start, block.filled, high, low, work.limit[b], block.hold)
+            weight, rates, past = sources[e].weight, ring[sources[e].index], first - unit.delay
+            for t in range(window):
+                row[t] += weight * rates[(past + t) & mask]
+        decay, gain, constant, law = unit.decay, 1 - unit.decay, unit.constant, unit.law
+        for t in range(window):
+            u = decay * u + gain * row[t]
+            row[t] = _law(law, u + constant)
+        state[q] = u
 
 
 @compiled
-def _inputs_apart(block, b, k, mask, common, strands, fibres, wires, x, u, sums, found, found_n):
-    """Fill x with the input of each cell of a block: the common part, and its own connections."""
-    for j in range(block.start, block.start + block.filled):
-        x[np.uint64(j)] = common
-    most = len(found) // len(found_n)
-    blocks = len(found_n) // (mask + 1)
-    for s in range(len(strands)):
-        strand = strands[s]
-        if strand.target != b:
-            continue
-        decay, jump, last = strand.decay, strand.jump, strand.fibres
-        if k < strand.delay:
-            # What is under way at the start keeps the filter at rest.
-            decay, jump, last = lanes.ONE, lanes.ZERO, strand.fibre
-        past = ((k - strand.delay) & mask) * blocks
-        for f in range(strand.fibre, last):
-            place = past + fibres[f].source
-            for i in range(found_n[place]):
-                row = fibres[f].wires + found[place * most + i] * block.filled
-                lanes.add_row(sums, strand.start, wires, row, block.filled)
-        lanes.synapse(
-            u, sums, strand.start, block.filled, decay, jump, x, block.start, strand.weight
-        )
+def _common(block, first, window, clock, inputs, passed, drive, common):
+    """Sum up what all cells of a block receive, nats, in the ticks of a window (line 2)."""
+    for t in range(window):
+        common[t] = block.bias
+    for e in range(block.input, block.inputs):
+        weight, row = inputs[e].weight, passed[inputs[e].index]
+        for t in range(window):
+            common[t] += weight * row[t]
+    if block.drive >= 0:
+        for t in range(max(clock.settle - first, 0), window):
+            step = (first + t - clock.settle) // clock.step
+            common[t] += block.drive_gain * drive[step, block.drive]
+
+
+@compiled
+def _receive(block, b, first, window, dt_s, work):
+    """Turn a block's input into its rates, or into what its cells need."""
+    common, push, kick, mask = work.common, work.push, work.kick, work.ring.shape[1] - 1
+    if block.kind == LIF:
+        for t in range(window):
+            push[t] = block.push * (block.mv + block.mv_per_nat * common[t]) - 4 * block.kick
+            kick[t] = block.kick
+        return
+    if block.apart == WIRED:
+        return
+    x = work.state[b]
+    for t in range(window):
+        x = block.decay * x + block.push * common[t]
+        rate = max(block.baseline + block.gain * _law(block.law, x), block.floor)
+        mean = rate * dt_s
+        work.ring[b, (first + t) & mask] = rate
+        if block.apart == SPREAD:
+            push[t] = mean
+        elif block.kind == PHASE:
+            each = block.cv * math.sqrt(0.5 * mean)
+            kick[t] = each
+            push[t] = mean - 4 * each
+        elif block.kind == ESCAPE:
+            work.limit[t] = np.uint32(min(-math.expm1(-mean) * 4294967296.0, 4294967295.0))
+    work.state[b] = x
+
+
+@numba.njit(inline="always")
+def _one(p, work, block, t, k, stream):
+    """Advance the cells of a block by a tick; return how many fired."""
+    v, counts, x, first, cells = work.v, work.counts, work.x[0], block.start, block.filled
+    alike, shift = block.apart == ALIKE, np.int32(8 * (k & 3))
+    push, kick, threshold, hold = work.push[t], work.kick[t], block.threshold, block.hold
+    if block.kind == LIF:
+        if alike:
+            return lanes.lif_alike(
+                v, counts, first, cells, shift, block.keep, push, kick, threshold, hold
+            )
+        return lanes.lif_apart(
+            v, counts, first, cells, shift, x, p.cell_decay, p.cell_rest, p.cell_slope,
+            p.cell_kick, threshold, hold,
+        )  # fmt: skip
+    if block.kind == PHASE:
+        if alike:
+            return lanes.phase_alike(v, counts, first, cells, shift, push, kick)
+        each = np.float32(block.cv) * ROOT_HALF
+        return lanes.phase_apart(v, counts, first, cells, shift, x, each)
+    high, low = _halves(_tick_key(stream, k))
+    if alike:
+        return lanes.escape_alike(v, first, cells, high, low, work.limit[t], hold)
+    return lanes.escape_apart(v, first, cells, high, low, x, hold)
+
+
+@numba.njit(inline="always")
+def _filter(p, work, s, k, cells):
+    """Take the filters of a strand to tick k.
+
+    They are kept divided by a common scale, which alone decays: only spikes touch them.
+    """
+    strand, mask = p.strands[s], p.clock[0].ring - 1
+    if k < strand.delay:
+        # What is under way at the start keeps the filter at rest.
+        return
+    work.scale[s] *= strand.decay
+    if work.scale[s] < LEAST_SCALE:
+        lanes.scaled(work.strand, strand.start, cells, np.float32(work.scale[s]))
+        work.scale[s] = 1.0
+    jump, rows, most = np.float32(strand.jump / work.scale[s]), 0, _most(work)
+    for f in range(strand.fibre, strand.fibres):
+        place = ((k - strand.delay) & mask) * len(p.blocks) + p.fibres[f].source
+        for i in range(work.found_n[place]):
+            row = p.fibres[f].wires + work.found[place * most + i] * (cells // lanes.LANES)
+            lanes.add_row(work.sums, p.wires, row, cells)
+            rows += 1
+            if rows % MOST_ROWS == 0:
+                lanes.arrive(work.strand, strand.start, work.sums, cells, jump)
+    if rows % MOST_ROWS:
+        lanes.arrive(work.strand, strand.start, work.sums, cells, jump)
+
+
+@numba.njit(inline="always")
+def _wired(p, work, block, common, k, x):
+    """Fill x with what all cells of a block receive, and each through its own connections."""
+    first, last, u = block.strand, block.strands - 1, work.strand
+    for s in range(first, last + 1):
+        _filter(p, work, s, k, block.filled)
+    second = min(first + 1, last)
+    weight = np.float32(p.strands[first].weight * work.scale[first])
+    other = np.float32(p.strands[second].weight * work.scale[second] if second > first else 0.0)
+    one, two = p.strands[first].start, p.strands[second].start
+    lanes.inputs(x, block.filled, common, u, one, weight, two, other)
+    for s in range(second + 1, last + 1):
+        weight = np.float32(p.strands[s].weight * work.scale[s])
+        lanes.more_inputs(x, block.filled, u, p.strands[s].start, weight)
 
 
 @compiled
@@ -148,54 +204,83 @@ def _rates_apart(block, dt_s, x, state, factor):
     if code == EXP:
         for i in range(block.filled):
             j = np.uint64(first + i)
-            x[j] = max(baseline + gain * lanes.exp32(state[j]), lanes.ZERO) * factor[j]
+            x[np.uint64(i)] = max(baseline + gain * lanes.exp32(state[j]), lanes.ZERO) * factor[j]
         return
     for i in range(block.filled):
         j = np.uint64(first + i)
         activity = np.float32(_law(code, np.float64(state[j])))
-        x[j] = max(baseline + gain * activity, lanes.ZERO) * factor[j]
+        x[np.uint64(i)] = max(baseline + gain * activity, lanes.ZERO) * factor[j]
 
 
 @numba.njit(inline="always")
-def _fire_apart(p, work, block, b, k, stream):
-    """Advance by a tick the cells of a block that differ; return how many fired."""
-    v, counts, x, shift = work.v, work.counts, work.x, np.int32(8 * (k & 3))
+def _inputs_apart(p, work, block, t, k, x):
+    """Fill x with the input of each cell of a block, or its expected number of spikes a tick."""
+    common = np.float32(work.common[t])
+    if block.apart == WIRED:
+        _wired(p, work, block, common, k, x)
+        if block.kind != LIF:
+            _rates_apart(block, p.clock[0].dt_s, x, work.own, p.cell_factor)
+    elif block.kind == LIF:
+        lanes.fill(x, block.filled, common)
+    else:
+        mean = np.float32(work.push[t])
+        lanes.fill_apart(x, block.start, block.filled, mean, p.cell_factor)
+
+
+@numba.njit(inline="always")
+def _four(p, work, block, t, marks):
+    """Advance the cells of a block by four ticks; return how many fired in each, or mark them."""
+    v, counts, x, first, cells = work.v, work.counts, work.x, block.start, block.filled
+    push, kick = work.push[t : t + 4], work.kick[t : t + 4]
+    threshold, hold = block.threshold, block.hold
     if block.kind == LIF:
-        if block.apart == SPREAD:
-            return lanes.lif_spread(
-                v, counts, block.start, block.filled, shift, np.float32(work.common[b]),
-                p.cell_decay, p.cell_rest, p.cell_slope, p.cell_kick, block.threshold, block.hold,
-            )  # fmt: skip
-        return lanes.lif_apart(
-            v, counts, block.start, block.filled, shift, x, p.cell_decay, p.cell_rest,
-            p.cell_slope, p.cell_kick, block.threshold, block.hold,
+        if block.apart == ALIKE:
+            return lanes.lif_four(
+                v, counts, first, cells, block.keep, push, block.kick, threshold, hold, marks
+            )
+        return lanes.lif_apart_four(
+            v, counts, first, cells, x, p.cell_decay, p.cell_rest, p.cell_slope, p.cell_kick,
+            threshold, hold, marks,
         )  # fmt: skip
-    if block.kind == PHASE:
-        kick = np.float32(block.cv) * ROOT_HALF
-        return lanes.phase_apart(v, counts, block.start, block.filled, shift, x, kick)
-    high, low = _halves(_tick_key(stream, k))
-    return lanes.escape_apart(v, block.start, block.filled, high, low, x, block.hold)
+    if block.apart == ALIKE:
+        return lanes.phase_four(v, counts, first, cells, push, kick, marks)
+    each = np.float32(block.cv) * ROOT_HALF
+    return lanes.phase_apart_four(v, counts, first, cells, x, each, marks)
 
 
-@compiled
-def _list(block, b, k, place, fired, v, found, found_n, written, spikes):
-    """List which cells of a block fired; write down those wanted. Return how many so far."""
-    most = len(found) // len(found_n)
-    found_n[place] = 0
+@numba.njit(inline="always")
+def _list_four(p, work, block, b, k):
+    """List the cells of a block that are marked; return how many in each of four ticks."""
+    for i in range(4):
+        work.places[i] = ((k + i) & (p.clock[0].ring - 1)) * len(p.blocks) + b
+    found, found_n = work.found, work.found_n
+    return lanes.marked(work.marks, block.filled, found, _most(work), work.places, found_n)
+
+
+@numba.njit(inline="always")
+def _list_one(work, block, place, fired):
+    """List which cells of a block just fired."""
+    work.found_n[place] = 0
     if fired:
-        phase = block.kind == PHASE
-        first = place * most
-        found_n[place] = lanes.spikers(
-            v, block.start, block.filled, block.hold, phase, found, first
+        first, phase = place * _most(work), block.kind == PHASE
+        work.found_n[place] = lanes.spikers(
+            work.v, block.start, block.filled, block.hold, phase, work.found, first
         )
-    if not block.kept or k < 0:
-        return written
-    for i in range(found_n[place]):
-        if written + i < len(spikes):
-            spikes[written + i, 0] = b
-            spikes[written + i, 1] = found[place * most + i]
-            spikes[written + i, 2] = k
-    return written + found_n[place]
+
+
+@numba.njit(inline="always")
+def _write(p, work, k, now, written, spikes):
+    """Write down the spikes of a tick that are wanted; return how many so far."""
+    for b in range(len(p.blocks)):
+        if p.blocks[b].kept:
+            place = now * len(p.blocks) + b
+            for i in range(work.found_n[place]):
+                if written < len(spikes):
+                    spikes[written, 0] = b
+                    spikes[written, 1] = work.found[place * _most(work) + i]
+                    spikes[written, 2] = k
+                written += 1
+    return written
 
 
 @compiled
@@ -212,36 +297,58 @@ def _sample(clock, i, total, low_pass, rates, out):
 
 
 @numba.njit(inline="always")
-def _spikes(p, work, block, b, k, stream):
-    """Advance the cells of a block by a tick; return how many fired (line 3 of the scheme)."""
-    counts, x = work.counts, work.x
-    if block.kind != ESCAPE and k & 3 == 0:
-        high, low = _halves(_tick_key(stream, k >> 2))
-        lanes.refresh(counts, block.start, block.filled, high, low)
-    if block.apart == ALIKE:
-        return _fire_alike(block, b, k, work, stream)
-    if block.apart == WIRED:
-        common, mask = np.float32(work.common[b]), p.clock[0].ring - 1
-        _inputs_apart(
-            block, b, k, mask, common, p.strands, p.fibres, p.wires, x, work.strand,
-            work.strand_sums, work.found, work.found_n,
-        )  # fmt: skip
-        if block.kind != LIF:
-            _rates_apart(block, p.clock[0].dt_s, x, work.own, p.cell_factor)
-    elif block.kind != LIF:
-        mean = np.float32(work.push[b])
-        for i in range(block.filled):
-            j = np.uint64(block.start + i)
-            x[j] = mean * p.cell_factor[j]
-    return _fire_apart(p, work, block, b, k, stream)
+def _fire_four(p, work, block, b, t, k):
+    """Advance the cells of a block by the four ticks of a word of noise."""
+    if block.listed:
+        _four(p, work, block, t, work.marks)
+        fired = _list_four(p, work, block, b, k)
+    else:
+        fired = _four(p, work, block, t, None)
+    for i in range(4):
+        work.ring[b, (k + i) & (p.clock[0].ring - 1)] = fired[i] * block.spike_hz
 
 
 @numba.njit(inline="always")
-def _read(clock, readout, rates, low_pass):
+def _fire_one(p, work, block, b, t, k, stream):
+    """Advance the cells of a block by a tick."""
+    now = k & (p.clock[0].ring - 1)
+    fired = _one(p, work, block, t, k, stream)
+    work.ring[b, now] = fired * block.spike_hz
+    if block.listed:
+        _list_one(work, block, now * len(p.blocks) + b, fired)
+
+
+@numba.njit(inline="always")
+def _advance(p, work, b, first, window, drive, stream):
+    """Take a block through the ticks of a window (line 3 of the scheme)."""
+    clock, block = p.clock[0], p.blocks[b]
+    _common(block, first, window, clock, p.inputs, work.passed, drive, work.common)
+    _receive(block, b, first, window, clock.dt_s, work)
+    if block.kind < LIF:
+        return
+    t = 0
+    while t < window:
+        k, words = first + t, block.kind != ESCAPE
+        if words and k & 3 == 0:
+            high, low = _halves(_tick_key(stream, k >> 2))
+            lanes.refresh(work.counts, block.start, block.filled, high, low)
+        ticks = 4 if words and k & 3 == 0 and t + 4 <= window else 1
+        if block.apart != ALIKE:
+            for i in range(ticks):
+                _inputs_apart(p, work, block, t + i, k + i, work.x[i])
+        if ticks == 4:
+            _fire_four(p, work, block, b, t, k)
+        else:
+            _fire_one(p, work, block, b, t, k, stream)
+        t += ticks
+
+
+@numba.njit(inline="always")
+def _read(clock, readout, ring, now, low_pass):
     """Low-pass the read-out (line 4 of the scheme)."""
     kept = clock.readout_decay
     for c in range(len(readout)):
-        low_pass[c] = kept * low_pass[c] + (1 - kept) * rates[readout[c]]
+        low_pass[c] = kept * low_pass[c] + (1 - kept) * ring[readout[c], now]
 
 
 @compiled
@@ -254,7 +361,7 @@ def _at_rest(p, work, streams):
             work.v, block.start, block.cells, block.filled, high, low, block.begin, block.begin_span
         )
         work.state[b] = block.rest_x
-        work.ring[:, b] = block.rest_hz
+        work.ring[b] = block.rest_hz
         for j in range(block.start, block.start + block.filled):
             work.own[j] = block.rest_x
             if block.kind == LIF and block.apart != ALIKE:
@@ -268,7 +375,8 @@ def _at_rest(p, work, streams):
         first = p.strands[s].start
         for j in range(first, first + p.blocks[p.strands[s].target].filled):
             work.strand[j] = p.strands[s].rest
-    work.strand_sums[:] = 0
+    work.sums[:] = 0
+    work.scale[:] = 1.0
     work.total[:] = 0.0
 
 
@@ -297,36 +405,26 @@ def trial(p, work, drive, streams, drop_below, out, rates, spikes):
     int
         Spikes that there were to write down.
     """
-    clock, blocks, ring = p.clock[0], p.blocks, work.ring
-    written, step, left, mask = 0, -1, clock.settle, clock.ring - 1
+    clock, ring, mask = p.clock[0], work.ring, p.clock[0].ring - 1
+    written = 0
     _at_rest(p, work, streams)
-    for k in range(clock.ticks):
-        if left == 0:
-            step, left = step + 1, clock.step
-        left -= 1
-        now = k & mask
-        _arrivals(k, mask, p.units, p.sources, ring, work.unit, work.passed)
-        for b in range(len(blocks)):
-            common = _common(blocks[b], p.inputs, work.passed, step, drive)
-            ring[now, b] = _receive(blocks[b], b, common, clock.dt_s, work)
-        for b in range(len(blocks)):
-            block = blocks[b]
-            if block.kind >= LIF:
-                fired = _spikes(p, work, block, b, k, streams[b])
-                ring[now, b] = fired * block.spike_hz
-                if block.listed:
-                    written = _list(
-                        block, b, k - clock.settle, now * len(blocks) + b, fired, work.v,
-                        work.found, work.found_n, written, spikes,
-                    )  # fmt: skip
-            work.total[b] += ring[now, b]
-        _read(clock, p.readout, ring[now], work.low_pass)
-        if step < 0:
-            work.total[:] = 0.0
-        elif left % clock.sample == 0:
-            i = (k + 1 - clock.settle) // clock.sample - 1
-            if _sample(clock, i, work.total, work.low_pass, rates, out) < drop_below:
-                out[i + 1 :] = np.nan
-                rates[i + 1 :] = np.nan
-                break
+    for first in range(0, clock.ticks, clock.window):
+        window = min(clock.window, clock.ticks - first)
+        _arrivals(first, window, p.units, p.sources, ring, work.unit, work.passed)
+        for b in range(len(p.blocks)):
+            _advance(p, work, b, first, window, drive, streams[b])
+        for k in range(first, first + window):
+            _read(clock, p.readout, ring, k & mask, work.low_pass)
+            late = k - clock.settle
+            if late < 0:
+                continue
+            written = _write(p, work, late, k & mask, written, spikes)
+            for b in range(len(p.blocks)):
+                work.total[b] += ring[b, k & mask]
+            if (late + 1) % clock.sample == 0:
+                i = late // clock.sample
+                if _sample(clock, i, work.total, work.low_pass, rates, out) < drop_below:
+                    out[i + 1 :] = np.nan
+                    rates[i + 1 :] = np.nan
+                    return written
     return written

@@ -55,10 +55,13 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     start = np.concatenate([[0], np.cumsum(filled)[:-1]]).astype(np.int64)
 
     weight = np.where(sparse[None, :], 0.0, wiring.weight)
-    ring = 1 << int(scheme.unit_delay.max(initial=1)).bit_length()
+    delays = scheme.unit_delay
+    window = min(int(delays.min(initial=kernel.WINDOW)), kernel.WINDOW)
+    ring = 1 << (int(delays.max(initial=1)) + window).bit_length()
     strands, fibres, wires, needs = _strands(wiring, scheme, sparse, filled, targets)
     source_from, sources = _edges(wiring.deliver)
     input_from, inputs = _edges(weight)
+    strand_from = np.searchsorted(strands["target"], np.arange(wiring.blocks + 1))
     drives = np.full(wiring.blocks, -1)
     drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
     lif = np.array([_lif(row.cell, dt) for row in rows])
@@ -72,6 +75,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             step=clock.step_ticks,
             sample=clock.sample_ticks,
             ring=ring,
+            window=window,
             dt_s=dt / 1000,
             readout_decay=scheme.readout_decay,
             readout_baseline=readout.baseline_hz,
@@ -85,6 +89,8 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             drive=drives,
             input=input_from[:-1],
             inputs=input_from[1:],
+            strand=strand_from[:-1],
+            strands=strand_from[1:],
             start=start,
             cells=cells,
             spike_hz=1000 / (np.maximum(cells, 1) * dt),
@@ -188,7 +194,8 @@ def _cells_apart(
         unit = (cell.sampled_threshold_mv(dt_ms) - cell.reset_mv) / threshold
         arrays["cell_factor"][here] = unit
         arrays["cell_decay"][here] = decay
-        arrays["cell_rest"][here] = unit * (cell.rest_mv - cell.reset_mv) * (1 - decay)
+        rest = (cell.rest_mv - cell.reset_mv) * (1 - decay)
+        arrays["cell_rest"][here] = unit * (rest - 4 * step / np.sqrt(2))
         arrays["cell_slope"][here] = unit * cell.mv_per_nat * slope * (1 - decay)
         arrays["cell_kick"][here] = unit * step / np.sqrt(2)
     return arrays
@@ -201,7 +208,7 @@ def _strands(
     circuit = wiring.circuit
     strands: list[tuple[Any, ...]] = []
     fibres: list[tuple[Any, ...]] = []
-    wires = [np.zeros(0, np.uint8)]
+    wires = [np.zeros(0, np.uint64)]
     size = cells = 0
     needs = np.zeros(wiring.blocks, dtype=bool)
     for q in np.flatnonzero(sparse):
@@ -219,19 +226,26 @@ def _strands(
                 table = np.zeros((circuit.population(p.source).neurons, filled[b]), np.uint8)
                 table[who.ravel(), np.repeat(np.arange(len(who)), degree)] = 1
                 fibres.append((source, size))
-                wires.append(table.ravel())
-                size += table.size
+                wires.append(_bits(table))
+                size += len(wires[-1])
             decay = scheme.unit_decay[q]
             jump = (1 - decay) * gains.sum() / max(len(gains), 1) / (degree * scheme.dt_ms / 1000)
             places = (b, cells, scheme.unit_delay[q], first, len(fibres))
             strands.append((*places, decay, jump, wiring.weight[b, q], scheme.start[0][q]))
             cells += int(filled[b])
+    strands.sort(key=lambda strand: strand[0])
     return (
         np.array(strands, dtype=records.STRAND),
         np.array(fibres, dtype=records.FIBRE),
         np.concatenate(wires),
         needs,
     )
+
+
+def _bits(table: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint64]:
+    """Return rows of 0 and 1 as bits, in the order that ``lanes.add_row`` reads."""
+    groups = table.reshape(len(table), -1, 8, 8)
+    return np.packbits(groups, axis=2, bitorder="little").ravel().view(np.uint64)
 
 
 def _edges(matrix: Array) -> tuple[Any, Any]:
@@ -243,26 +257,31 @@ def _edges(matrix: Array) -> tuple[Any, Any]:
 
 def workspace(p: records.Plan) -> records.Work:
     """Return the memory that one trial at a time runs in."""
-    blocks, units, ring = len(p.blocks), len(p.units), int(p.clock["ring"][0])
+    blocks, units, clock = len(p.blocks), len(p.units), p.clock[0]
+    ring, window = int(clock["ring"]), int(clock["window"])
     cells = int(p.blocks["filled"].sum())
     connected = int(p.blocks["filled"][p.strands["target"]].sum())
+    widest = int(p.blocks["filled"].max())
     most = int(p.blocks["filled"][p.blocks["listed"] > 0].max(initial=1))
     return records.Work(
         v=np.zeros(cells, np.float32),
         counts=np.zeros(cells, np.uint32),
-        x=np.zeros(cells, np.float32),
+        x=np.zeros((4, widest), np.float32),
         own=np.zeros(cells, np.float32),
-        ring=np.zeros((ring, blocks)),
+        ring=np.zeros((blocks, ring)),
         state=np.zeros(blocks),
         total=np.zeros(blocks),
-        common=np.zeros(blocks),
-        push=np.zeros(blocks, np.float32),
-        kick=np.zeros(blocks, np.float32),
-        limit=np.zeros(blocks, np.uint32),
+        common=np.zeros(window),
+        push=np.zeros(window, np.float32),
+        kick=np.zeros(window, np.float32),
+        limit=np.zeros(window, np.uint32),
         unit=np.zeros(units),
-        passed=np.zeros(units),
+        passed=np.zeros((units, window)),
         strand=np.zeros(connected, np.float32),
-        strand_sums=np.zeros(connected, np.uint16),
+        scale=np.zeros(len(p.strands)),
+        sums=np.zeros(widest, np.uint8),
+        marks=np.zeros(widest, np.uint8),
+        places=np.zeros(4, np.int64),
         found=np.zeros(ring * blocks * most, np.int32),
         found_n=np.zeros(ring * blocks, np.int32),
         low_pass=np.zeros(len(p.readout)),

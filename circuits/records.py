@@ -15,11 +15,11 @@ def _record(**fields: str) -> np.dtype:
 
 # Records keep a row of the table together; the compiler reads their fields without a detour.
 CLOCK = _record(
-    i8="ticks settle step sample ring",
+    i8="ticks settle step sample ring window",
     f8="dt_s readout_decay readout_baseline readout_gain",
 )
 BLOCK = _record(
-    i8="kind law drive input inputs start cells filled apart listed kept",
+    i8="kind law drive input inputs strand strands start cells filled apart listed kept",
     f8="spike_hz baseline gain floor decay push bias drive_gain rest_x rest_hz cv mv mv_per_nat",
     f4="keep kick threshold hold begin begin_span",
 )
@@ -45,14 +45,14 @@ class Plan(NamedTuple):
     strands : record array
         Connections cell by cell: one row a target block of a sparse projection.
     fibres : record array
-        Which blocks feed a strand, and where their rows of 0 and 1 lie in ``wires``.
-    wires : array uint8
-        Connections: for every source cell one row of target cells.
+        Which blocks feed a strand, and where their rows of bits lie in ``wires``.
+    wires : array uint64
+        Connections: for every source cell one row of target cells, a bit each.
     readout : array (channels,)
         Blocks of the read-out.
     cell_decay, cell_rest, cell_slope, cell_kick, cell_factor : arrays float32
-        Constants of each cell where cells differ; empty if none do. The factor is that of its rate,
-        for a Lif that of its unit of potential.
+        Constants of each cell where cells differ; empty if none do. The rest makes up for the mean
+        of the noise. The factor is that of its rate, for a Lif that of its unit of potential.
     """
 
     clock: Any
@@ -76,19 +76,25 @@ class Work(NamedTuple):
 
     Parameters
     ----------
-    v, counts, x, own : arrays (cells,)
-        State, noise of four ticks, input and filtered input of each cell.
-    ring : array (ring, blocks)
+    v, counts, own : arrays (cells,)
+        State, noise of four ticks, and filtered input of each cell.
+    x : array (4, most cells of a block)
+        Inputs of the cells of one block in four ticks.
+    ring : array (blocks, ring)
         Rates of the last ticks, Hz.
     state, total : arrays (blocks,)
         Filtered inputs, nats; sums of rates over a sample.
-    common, push, kick, limit : arrays (blocks,)
-        Input of all cells, nats; what it does to a cell's state, and the noise of a bit; or the
-        word below which a cell fires.
-    unit, passed : arrays (units,)
+    common, push, kick, limit : arrays (window,)
+        Input of all cells of one block, nats; what it does to a cell's state, and the noise of a
+        bit; or the word below which a cell fires.
+    unit, passed : arrays (units,), (units, window)
         Filtered activity before and after the transfer.
-    strand, strand_sums : arrays (strand cells,)
-        Filtered activity, and arrivals, cell by cell.
+    strand, scale : arrays (strand cells,), (strands,)
+        Filtered activity cell by cell, divided by a scale that a strand's cells share.
+    sums, marks : arrays (most cells of a block,)
+        Arrivals in a tick; a bit for each of four ticks in which a cell fired.
+    places : array (4,)
+        Where the lists of those that fired lie.
     found, found_n : arrays (ring * blocks * most,), (ring * blocks,)
         Which cells fired in the last ticks, and how many.
     low_pass : array (channels,)
@@ -109,7 +115,10 @@ class Work(NamedTuple):
     unit: Any
     passed: Any
     strand: Any
-    strand_sums: Any
+    scale: Any
+    sums: Any
+    marks: Any
+    places: Any
     found: Any
     found_n: Any
     low_pass: Any

@@ -5,7 +5,7 @@ import numpy.testing as npt
 import pytest
 from reference import run as run_reference
 
-from circuits import anatomy, ensemble, lanes, noise
+from circuits import anatomy, ensemble, kernel, lanes, noise
 from circuits.cells import Escape, Integrator
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
@@ -94,6 +94,21 @@ def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
     assert whole.output_nats.tobytes() == threads.output_nats.tobytes() == batches.tobytes()
     for name in NAMES:
         assert whole.rates_hz[name].tobytes() == threads.rates_hz[name].tobytes()
+
+
+@pytest.mark.parametrize(
+    "circuit", [BASE, ESCAPE, BASE.with_spread(0.1), ESCAPE.with_spread(0.1).with_connections(0.25)]
+)
+def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
+    given = {"step_ms": 20.1, "sample_ms": 0.3, "seed": 3, "settle_ms": 20.3}
+    whole = ensemble.run(circuit, ramp(2, 3), spikes=NAMES, **given)
+    unrecorded = ensemble.run(circuit, ramp(2, 3), **given)
+    monkeypatch.setattr(kernel, "WINDOW", 1)
+    one = ensemble.run(circuit, ramp(2, 3), spikes=NAMES, **given)
+    for other in (unrecorded, one):
+        assert other.output_nats.tobytes() == whole.output_nats.tobytes()
+    for name in NAMES:
+        assert one.spikes[name].equals(whole.spikes[name])
 
 
 def test_what_lies_downstream_never_changes_what_lies_upstream():
@@ -231,7 +246,7 @@ def test_phase_and_escape_loops_against_numpy():
 
 
 def test_compiled_code_is_kept_under_a_hash_of_all_sources():
-    from circuits import compiling, kernel
+    from circuits import compiling
 
     for function in (kernel.trial, lanes.lif_alike):
         assert compiling.STATE in function.stats.cache_path
