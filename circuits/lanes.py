@@ -225,12 +225,13 @@ def _lif(old, moved, threshold, hold):
 def lif_alike(v, counts, start, cells, shift, decay, push, kick, threshold, hold):
     """Advance integrate-and-fire cells that differ in noise alone; return how many fired.
 
-    v is measured from the reset: ``v decay + push + kick * ones``, waiting cells apart.
+    v is measured from the reset: ``v decay + (push + kick * ones)``, waiting cells apart: the
+    bracket does not wait for the tick before.
     """
     fired = np.int32(0)
     for i in range(cells & WHOLE):
         j = np.uint64(start + i)
-        moved = v[j] * decay + push + kick * ones_at(counts[j], shift)
+        moved = v[j] * decay + (push + kick * ones_at(counts[j], shift))
         v[j], spike = _lif(v[j], moved, threshold, hold)
         fired = count(fired, spike)
     return fired
@@ -247,10 +248,10 @@ def lif_four(v, counts, start, cells, decay, push, kick, threshold, hold, marks)
     for i in range(cells & WHOLE):
         j = np.uint64(start + i)
         x, word = v[j], counts[j]
-        x, s0 = _lif(x, x * decay + p0 + kick * ones_at(word, BYTE0), threshold, hold)
-        x, s1 = _lif(x, x * decay + p1 + kick * ones_at(word, BYTE1), threshold, hold)
-        x, s2 = _lif(x, x * decay + p2 + kick * ones_at(word, BYTE2), threshold, hold)
-        x, s3 = _lif(x, x * decay + p3 + kick * ones_at(word, BYTE3), threshold, hold)
+        x, s0 = _lif(x, x * decay + (p0 + kick * ones_at(word, BYTE0)), threshold, hold)
+        x, s1 = _lif(x, x * decay + (p1 + kick * ones_at(word, BYTE1)), threshold, hold)
+        x, s2 = _lif(x, x * decay + (p2 + kick * ones_at(word, BYTE2)), threshold, hold)
+        x, s3 = _lif(x, x * decay + (p3 + kick * ones_at(word, BYTE3)), threshold, hold)
         v[j] = x
         if marks is not None:
             marks[np.uint64(i)] = bits(s0, s1, s2, s3)
@@ -262,7 +263,7 @@ def lif_four(v, counts, start, cells, decay, push, kick, threshold, hold, marks)
 @numba.njit(inline="always")
 def _phase(old, push, noise_):
     """Return the next phase of a cell, and whether it fires."""
-    new = (old - choose(old >= ONE, ONE, ZERO)) + push + noise_
+    new = (old - choose(old >= ONE, ONE, ZERO)) + (push + noise_)
     return new, new >= ONE
 
 
