@@ -37,19 +37,20 @@ def gaussian(hypotheses: int, d_prime: float) -> Draw:
     return partial(gaussian_evidence, separation=d_prime / np.sqrt(2), hypotheses=hypotheses)
 
 
-def kinds() -> Iterator[tuple[str, int, Draw]]:
-    """Yield the name, the alternatives and the drawing of each kind of evidence."""
-    for count, d_prime in ((2, 0.5), (2, 1.0), (4, 0.5), (4, 1.0), (8, 0.5)):
-        yield f"gaussian d' {d_prime:g}, N = {count}", count, gaussian(count, d_prime)
+def kinds() -> Iterator[tuple[str, int, int, Draw]]:
+    """Yield name, alternatives, most readings and the drawing of each kind of evidence."""
+    gaussians = ((2, 0.5, 120), (4, 0.5, 120), (2, 1, 40), (4, 1, 40), (8, 0.5, 160))
+    for count, d_prime, most in gaussians:
+        yield f"gaussian d' {d_prime:g}, N = {count}", count, most, gaussian(count, d_prime)
     taps = held_out_taps()
-    for period in (1.5, 2.0):
+    for period, most in ((1.5, 240), (2.0, 40)):
         drawn = source(taps, SameDifferent(), period_mm=period, fold=0).draw
-        yield f"same/different {period:g} mm", 2, drawn
+        yield f"same/different {period:g} mm", 2, most, drawn
     for count in (4, 8):
         drawn = source(taps, Orientations(count), period_mm=2.0, fold=0).draw
-        yield f"{count} orientations 2 mm", count, drawn
+        yield f"{count} orientations 2 mm", count, 60, drawn
     if folder := os.environ.get("BGMODEL_RECORDINGS"):
-        yield "real taps, edge 5 degrees", 2, real_taps(Path(folder)).draw
+        yield "real taps, edge 5 degrees", 2, 60, real_taps(Path(folder)).draw
 
 
 def real_taps(folder: Path) -> Source:
@@ -62,15 +63,15 @@ def real_taps(folder: Path) -> Source:
 
 def conditions(trials: int) -> Iterator[tuple[str, Circuit, Evidence]]:
     """Yield each condition: its name, its circuit, its evidence."""
-    for name, count, draw in kinds():
+    for name, count, most, draw in kinds():
         table = circuit("spiking_msprt", count)
         for step_ms in (50.0, 500.0):
             # Slow readings take ten times as long to simulate.
-            n = trials if step_ms == 50 else max(trials // 5, 200)
+            n = trials if step_ms == 50 else max(trials // 10, 200)
             rng = stream(SCORING_SEED, "scoring", name)
-            evidence = draw(n, 120 if "0.5" in name else 60, rng=rng, step_ms=step_ms)
+            evidence = draw(n, most, rng=rng, step_ms=step_ms)
             yield f"{name}, every {step_ms:g} ms", table, evidence
-            if step_ms == 50 and name.startswith("gaussian d' 0.5"):
+            if step_ms == 50 and name.startswith("gaussian d' 0.5") and count < 8:
                 yield f"{name}, Poisson cortex", table.changed("ctx", cv=1.0), evidence
                 apart = table.with_spread(0.1).with_connections(0.25)
                 yield f"{name}, 10 % spread, 25 % connections", apart, evidence

@@ -103,3 +103,36 @@ def reliability(ax: Axes, table: pd.DataFrame, **line: Any) -> Axes:
     ax.errorbar(table["stated"], table["observed"], yerr=error, fmt="o", ms=3, **line)
     ax.set(xlabel="stated posterior", ylabel="observed frequency")
     return ax
+
+
+def channel_lines(ax: Axes, table: pd.DataFrame, *, steps: bool = False, **line: Any) -> Axes:
+    """Draw a line a channel over time (columns channel, time_ms, value), in colours C0, C1, ...
+
+    With ``steps`` a value holds until the next.
+    """
+    for channel, rows in table.groupby("channel"):
+        style = {"color": f"C{channel}", **line}
+        how = "steps-post" if steps else "default"
+        ax.plot(rows["time_ms"], rows["value"], drawstyle=how, **style)
+    return ax
+
+
+def raster(ax: Axes, spikes: pd.DataFrame, *, channels: int, neurons: int, **dots: Any) -> Axes:
+    """Draw the spikes of the first neurons of each channel, a row a neuron, channel 0 on top.
+
+    Parameters
+    ----------
+    ax : Axes
+        Dots are rasterized: many of them make a vector file large.
+    spikes : DataFrame
+        One row a spike: channel, neuron and time_ms.
+    channels, neurons : int
+        How many channels there are, and how many neurons of each are shown.
+    """
+    shown = spikes[spikes["neuron"] < neurons]
+    for channel in range(channels):
+        rows = shown[shown["channel"] == channel]
+        style = {"color": f"C{channel}", "marker": "s", "ms": 0.7, "mew": 0, "ls": "", **dots}
+        ax.plot(rows["time_ms"], channel * neurons + rows["neuron"], rasterized=True, **style)
+    ax.set(ylim=(channels * neurons - 0.5, -0.5), yticks=[])
+    return ax

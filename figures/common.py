@@ -18,6 +18,8 @@ from bgmodel.tactile.grating import PERIODS_MM
 
 mpl.use("Agg")
 COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
+# Nats in the spiking circuit a nat of evidence.
+GAIN = 0.5
 STYLE = Path(__file__).with_name("style.mplstyle")
 
 
@@ -40,6 +42,10 @@ class Settings:
     episodes: int = 40_000
     delta_step: float = 0.1
     calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
+    circuit_trials: int = 600
+    varied_trials: int = 120
+    # Of the circuit's numbers, every how manieth is varied.
+    varied_every: int = 1
 
     @property
     def deltas(self) -> np.ndarray:
@@ -64,6 +70,9 @@ FAST = Settings(
     episodes=4_000,
     delta_step=0.5,
     calibrated_mm=(1.5, 2.0),
+    circuit_trials=120,
+    varied_trials=100,
+    varied_every=12,
 )
 
 

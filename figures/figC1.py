@@ -1,4 +1,8 @@
-"""Figure C1: the circuit of spiking cells, and its two laws: STN's exponential, GPe's S - ln S."""
+"""Figure C1: the circuit of spiking cells, and its two laws: STN's exponential, GPe's S - ln S.
+
+STN's exponential is written in the table: what is measured is whether its cells keep to it. GPe's
+cells integrate and fire: what they make of Sigma is up to their membrane.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +26,14 @@ CIRCUIT = circuit("spiking_msprt")
 STN, GPE = CIRCUIT.population("STN"), CIRCUIT.population("GPe")
 SIGMA = CIRCUIT.projection("STN", "GPe")
 S0 = -GPE.bias_nats / SIGMA.weight
-STN_NATS = np.linspace(-3.5, 3.2, 21)
-SIGMA_NATS = np.linspace(0.5, 5, 46)
+STN_NATS = np.linspace(-3.5, 3.2, 17)
+SIGMA_NATS = np.linspace(0.5, 5, 37)
 JUDGED_NATS = (2.0, 4.0)
 CELLS = 2000
 
 
 def compute(settings: Settings, *, output: Path) -> None:
-    """Clamp the inputs of STN's and GPe's cells and count their spikes."""
+    """Clamp the input of STN's and of GPe's cells, D2 at its baseline, and count their spikes."""
     gpe_input = SIGMA.weight * SIGMA_NATS + GPE.bias_nats
     mean_mv = GPE.cell.rest_mv + GPE.cell.mv_per_nat * gpe_input
     table = pd.concat(
@@ -56,9 +60,10 @@ def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) 
     alone = Circuit(
         name, (row,), (), levels, input=name, readout=name, reference_nats=np.log(levels)
     )
-    drive = np.broadcast_to(input_nats, (settings.repeats, 1, levels))
+    drive = np.broadcast_to(input_nats, (settings.repeats, 2, levels))
     done = ensemble.run(alone, drive, step_ms=1000, sample_ms=1000, seed=settings.seed)
-    rates = done.rates_hz[name][:, 0].astype(np.float64)
+    # The clamp sets in with the first second, which is left out.
+    rates = done.rates_hz[name][:, 1].astype(np.float64)
     return pd.DataFrame(
         {
             "nucleus": name,
@@ -72,17 +77,27 @@ def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw the table's circuit, and each law above what the cells make of it."""
     table = read_table(data)
-    figure = plt.figure(figsize=(7.2, 2.8))
-    grid = figure.add_gridspec(2, 3, height_ratios=[3, 1], width_ratios=[0.9, 1, 1])
-    whole = draw_circuit(CIRCUIT, figure.add_subplot(grid[:, 0]))
-    letter(whole, "a")
-    for column, panel in enumerate((_stn, _gpe), start=1):
+    figure = plt.figure(figsize=(7.2, 2.9))
+    grid = figure.add_gridspec(2, 3, height_ratios=[3, 1], width_ratios=[1, 1, 1])
+    letter(_circuit(figure.add_subplot(grid[:, 0])), "a")
+    for column, name, panel in ((1, "STN", _stn), (2, "GPe", _gpe)):
         above = figure.add_subplot(grid[0, column])
         below = figure.add_subplot(grid[1, column], sharex=above)
         above.tick_params(labelbottom=False)
-        panel(above, below, table[table["nucleus"] == ("STN", "GPe")[column - 1]])
+        panel(above, below, table[table["nucleus"] == name])
         letter(above, " bc"[column])
     return figure
+
+
+def _circuit(ax: Any) -> Any:
+    draw_circuit(CIRCUIT, ax)
+    for text in ax.texts:
+        text.set_fontsize(7)
+        arrow = getattr(text, "arrow_patch", None)
+        if arrow is not None:
+            # Boxes are smaller here than what the drawing leaves room for.
+            arrow.shrinkA, arrow.shrinkB = 10, 12
+    return ax
 
 
 def _stn_hz(nats: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -92,7 +107,7 @@ def _stn_hz(nats: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def _stn(ax: Any, below: Any, table: pd.DataFrame) -> None:
     x, found, law = (table[name] for name in ("input_nats", "rate_hz", "law_hz"))
     ax.plot(x, law, color="0.6", lw=1, label=f"{STN.gain_hz_per_nat:g} Hz · exp(input)")
-    ax.plot(x, found, "o", ms=3, mfc="none", color="C1", label="STN cells")
+    ax.plot(x, found, "o", ms=3, mfc="none", color="C1", label="STN cells, counted")
     ax.set(yscale="log", ylabel="rate (Hz)")
     ax.legend(loc="upper left")
     off = 100 * (found / law - 1)
@@ -112,19 +127,19 @@ def _gpe(ax: Any, below: Any, table: pd.DataFrame) -> None:
     nats = {k: (hz - GPE.baseline_hz) / GPE.gain_hz_per_nat for k, hz in curves.items()}
     line = table["input_nats"]
     ax.plot(sigma, line, color="C0", lw=1, ls="--", label="line of the table")
-    ax.plot(sigma, law, color="0.6", lw=1, label="S − ln S")
-    ax.plot(sigma, nats["exact"], color="C1", lw=1, label="GPe, exact")
-    ax.plot(sigma, nats["cells"], "o", ms=2, mfc="none", color="C1", label="GPe cells")
+    ax.plot(sigma, law, color="0.6", lw=1, label=f"Σ − ln Σ, 0 at s₀ = {S0:.0f}")
+    ax.plot(sigma, nats["exact"], color="C1", lw=1, label="GPe cells, theory")
+    ax.plot(sigma, nats["cells"], "o", ms=2, mfc="none", color="C1", label="GPe cells, counted")
     judged = sigma.between(*JUDGED_NATS)
     for where in (ax, below):
         where.axvspan(*JUDGED_NATS, color="0.93", lw=0, zorder=0)
     worst = {name: (y - law)[judged].abs().max() for name, y in (nats | {"line": line}).items()}
     ax.text(
         0.98, 0.04,
-        f"S = 2..4: cells off by {worst['cells']:.2f},\nline by {worst['line']:.2f} nats",
+        f"Σ = 2..4: cells off by {worst['cells']:.2f},\nline by {worst['line']:.2f} nats",
         transform=ax.transAxes, ha="right", fontsize=7,
     )  # fmt: skip
-    ax.set(ylabel="GPe activity (nats)")
+    ax.set(ylabel="GPe activity (nats)", ylim=(-1.9, 2.1))
     ax.legend(loc="upper left")
     below.axhline(0, color="0.6", lw=1)
     below.plot(sigma, line - law, color="C0", lw=1, ls="--")

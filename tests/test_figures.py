@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.files import write_table
+from bgmodel.files import read_table, write_table
 from bgmodel.tactile.task import Source
-from figures import fig2b, figR1
+from figures import fig2b, figC1, figC2, figR1
 from figures.common import FAST
 
 ROOT = Path(__file__).parents[1]
@@ -132,3 +132,45 @@ def test_figure_r1_scores_every_tap_in_one_half(monkeypatch):
     accuracy = table[table["delta"] == 0].groupby("difference_deg")["accuracy"].mean()
     assert accuracy.is_monotonic_increasing
     assert accuracy.iloc[-1] > 0.9
+
+
+TINY = replace(FAST, repeats=1, circuit_trials=12)
+
+
+def computed_and_drawn(script, folder):
+    """Return the table and the figure of a script."""
+    data = folder / "data.parquet"
+    script.compute(TINY, output=data)
+    figure = script.draw(TINY, data, output=folder)
+    figure.draw_without_rendering()
+    plt.close(figure)
+    return read_table(data), figure
+
+
+def test_figure_c1_counts_what_theory_says(tmp_path):
+    table, figure = computed_and_drawn(figC1, tmp_path)
+    assert len(figure.axes) == 5
+    fast = table[table["law_hz"] > 5]
+    assert fast["rate_hz"].to_numpy() == pytest.approx(fast["law_hz"].to_numpy(), rel=0.02)
+    assert np.ptp(table.loc[table["nucleus"] == "STN", "input_nats"]) > 6
+
+
+def test_figure_c2_follows_the_first_trial(tmp_path):
+    table, figure = computed_and_drawn(figC2, tmp_path)
+    assert len(figure.axes) == 2 + 4 * len(figC2.NUCLEI)
+    decided = table[table["panel"] == "decision"].set_index("name")
+    for name, out in table[table["panel"] == "out"].groupby("name"):
+        below = out[(out["value"] <= figC2.THRESHOLD_NATS) & (out["time_ms"] > 0)]
+        first = below.sort_values("time_ms").iloc[0]
+        assert tuple(first[["channel", "time_ms"]]) == tuple(
+            decided.loc[name, ["channel", "time_ms"]]
+        )
+    counts = table[table["panel"] == "trials"].set_index("name")["value"]
+    assert counts["onset"] == 4
+    assert 1 <= counts["response"] <= 4
+
+
+def test_figure_c2_sets_the_chosen_channel_against_the_mean_of_the_others():
+    rates = np.array([[[1.0, 4.0, 7.0]], [[1.0, 4.0, 7.0]]])
+    pairs = figC2.chosen_and_others(rates, np.array([0, 2]))
+    assert pairs.tolist() == [[[1.0, 5.5]], [[7.0, 2.5]]]

@@ -56,3 +56,19 @@ def test_reliability_and_human_thresholds(ax):
         "human lip",
         "human tongue",
     }
+
+
+def test_channels_are_lines_in_their_own_colours(ax):
+    table = pd.DataFrame({"channel": [0, 1, 0, 1], "time_ms": [0, 0, 5, 5], "value": [1, 2, 3, 4]})
+    assert plots.channel_lines(ax, table, steps=True) is ax
+    assert [line.get_ydata().tolist() for line in ax.lines] == [[1, 3], [2, 4]]
+    assert [line.get_color() for line in ax.lines] == ["C0", "C1"]
+    assert {line.get_drawstyle() for line in ax.lines} == {"steps-post"}
+
+
+def test_raster_shows_the_first_neurons_of_each_channel(ax):
+    spikes = pd.DataFrame({"channel": [0, 1, 1], "neuron": [1, 0, 2], "time_ms": [1.0, 2.0, 3.0]})
+    assert plots.raster(ax, spikes, channels=2, neurons=2) is ax
+    assert [line.get_ydata().tolist() for line in ax.lines] == [[1], [2]]
+    assert ax.get_ylim() == (3.5, -0.5)
+    assert all(line.get_rasterized() for line in ax.lines)

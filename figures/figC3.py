@@ -1,0 +1,158 @@
+"""Figure C3: circuit and MSPRT on the same evidence: decision times, agreement, speed-accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.circuit_study import CIRCUIT, DECODER, FULL, OWN, sweeps, tests, thresholds_about
+from bgmodel.comparison import Sweep, compare, curve, sweep
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import read_table, write_table
+from bgmodel.rivals import MaxVsAverage, Race
+from bgmodel.tactile.task import SameDifferent, source
+from figures.common import GAIN, Settings, letter, run
+
+AT = 0.95
+ACCURACIES = (0.90, 0.95, 0.97)
+COLOURS = {"N = 2": "C0", "N = 4": "C1", "N = 8": "C2", "grating 2 mm": "C3"}
+
+
+def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Evidence]]:
+    """Yield the evidence of each condition, readings every 50 ms."""
+    most = settings.circuit_trials
+    for count, share in ((2, 1.0), (4, 0.8), (8, 0.4)):
+        rng = stream(settings.seed, "figC3", count)
+        trials = max(int(share * most), 100)
+        given = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
+        yield f"N = {count}", gaussian_evidence(trials, 120, 0.5 / np.sqrt(2), **given)
+    readings = source(taps, SameDifferent(), period_mm=2.0, fold=0)
+    rng = stream(settings.seed, "figC3", "tactile")
+    yield "grating 2 mm", readings.draw(most, 40, rng=rng, step_ms=50.0)
+
+
+def compute(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Compare on every condition; write measures and curves, and single trials beside them."""
+    measures, trials = [], []
+    for name, evidence in conditions(settings, read_table(taps)):
+        table = circuit("spiking_msprt", evidence.hypotheses)
+        model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
+        swept = tests(evidence, GAIN)
+        swept |= sweeps(model, evidence, thresholds_about(swept[OWN]))
+        for label, rival in (("race", Race()), ("max vs average", MaxVsAverage())):
+            if name in ("N = 4", "N = 8"):
+                swept[label] = sweep(rival.run(evidence), evidence)
+        for label in (CIRCUIT, DECODER):
+            found = compare(
+                swept[OWN],
+                swept[label],
+                rng=stream(settings.seed, "bootstrap"),
+                truth=evidence.truth,
+                accuracies=ACCURACIES,
+            )
+            measures.append(found.assign(condition=name, model=label, what="measure"))
+        for label, one in swept.items():
+            measures.append(_curve(one).assign(condition=name, model=label, what="curve"))
+        trials.append(_trials(swept[OWN], swept[CIRCUIT]).assign(condition=name))
+    write_table(pd.concat(measures), output, seed=settings.seed, settings=settings)
+    beside = output.with_stem(output.stem + "_trials")
+    write_table(pd.concat(trials), beside, seed=settings.seed, settings=settings)
+
+
+def _curve(swept: Sweep) -> pd.DataFrame:
+    accuracy, time = curve(swept, np.ones((1, swept.trials)))
+    return pd.DataFrame({"accuracy": accuracy[0], "measure": "mean_ms", "value": time[0]})
+
+
+def _trials(test: Sweep, other: Sweep) -> pd.DataFrame:
+    rows = [int(np.flatnonzero(one.thresholds == one.threshold(AT))[0]) for one in (test, other)]
+    return pd.DataFrame(
+        {
+            "test_ms": test.time_ms[rows[0]],
+            "circuit_ms": other.time_ms[rows[1]],
+            "same_choice": test.choice[rows[0]] == other.choice[rows[1]],
+        }
+    )
+
+
+def draw(settings: Settings, data: Path, trials: Path, *, output: Path) -> Figure:
+    """Draw decision times, measures with the ideal decoder's beside, and speed against accuracy."""
+    table, single = read_table(data), read_table(trials)
+    figure, axes = plt.subplots(3, 4, figsize=(7.2, 6.4), height_ratios=[1.15, 1, 1.15])
+    for ax, (name, colour) in zip(axes[0], COLOURS.items(), strict=True):
+        _scatter(ax, single[single["condition"] == name], colour)
+        letter(ax, name)
+    axes[0, 0].set_ylabel("circuit (s)")
+    shown = {
+        "agreement": "same choice",
+        "error_agreement": "same choice where\nthe MSPRT errs",
+        "pearson_r": "r of decision times",
+        "extra_ms": "extra time (ms)",
+    }
+    measures = table[table["what"] == "measure"]
+    for ax, (measure, label) in zip(axes[1], shown.items(), strict=True):
+        _measures(ax, measures[measures["measure"] == measure])
+        ax.set(xlabel="accuracy", title=label)
+    handles, labels = axes[1, 0].get_legend_handles_labels()
+    curves = table[table["what"] == "curve"]
+    for ax, name in zip(axes[2], COLOURS, strict=True):
+        lines = _speed_accuracy(ax, curves[curves["condition"] == name])
+    axes[2, 0].set_ylabel("expected accuracy")
+    title = "filled: circuit; open: ideal decoder; 95 % intervals"
+    figure.legend(handles, labels, loc="outside lower left", ncols=4, title=title)
+    figure.legend(*lines, loc="outside lower right", ncols=3)
+    return figure
+
+
+def _scatter(ax, rows: pd.DataFrame, colour: str) -> None:
+    top = 1.05 * rows[["test_ms", "circuit_ms"]].to_numpy().max() / 1000
+    ax.plot([0, top], [0, top], color="0.8", lw=0.8, zorder=0)
+    for same, style in ((True, {"color": colour, "alpha": 0.35}), (False, {"color": "k"})):
+        here = rows[rows["same_choice"] == same]
+        x, y = here["test_ms"] / 1000, here["circuit_ms"] / 1000
+        ax.plot(x, y, "." if same else "x", ms=3, mew=0.7, rasterized=True, **style)
+    r = np.corrcoef(rows["test_ms"], rows["circuit_ms"])[0, 1]
+    ax.text(0.05, 0.93, f"r = {r:.2f}\n{len(rows)} trials", transform=ax.transAxes, va="top")
+    ax.set(xlabel="MSPRT (s)", xlim=(0, top), ylim=(0, top), aspect="equal")
+
+
+def _measures(ax, rows: pd.DataFrame) -> None:
+    for i, (name, colour) in enumerate(COLOURS.items()):
+        for label, style in ((CIRCUIT, {"fmt": "o"}), (DECODER, {"fmt": "o", "mfc": "w"})):
+            here = rows[(rows["condition"] == name) & (rows["model"] == label)]
+            x = np.arange(len(here)) + 0.17 * (i - 1.5)
+            off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
+            named = f"{name}" if label == CIRCUIT else None
+            ax.errorbar(
+                x, here["value"], np.maximum(off, 0), ms=3, lw=0.8, color=colour,
+                label=named, **style,
+            )  # fmt: skip
+    ax.set_xticks(range(len(ACCURACIES)), [f"{a:.2f}".lstrip("0") for a in ACCURACIES])
+
+
+def _speed_accuracy(ax, rows: pd.DataFrame):
+    styles = {
+        OWN: {"color": "k", "lw": 1.2},
+        FULL: {"color": "k", "lw": 0.8, "ls": ":"},
+        CIRCUIT: {"color": "C3", "lw": 1.2},
+        DECODER: {"color": "C3", "lw": 0.8, "ls": "--"},
+        "max vs average": {"color": "C4", "lw": 0.8},
+        "race": {"color": "C5", "lw": 0.8},
+    }
+    for name, style in styles.items():
+        here = rows[(rows["model"] == name) & (rows["value"] > 0)]
+        ax.plot(here["value"] / 1000, here["accuracy"], label=name, **style)
+    at = rows[(rows["model"] == OWN) & (rows["accuracy"] < 0.99)]
+    ax.set(xlabel="mean decision time (s)", ylim=(0.6, 1.0), xlim=(0, 1.35e-3 * at["value"].max()))
+    return ax.get_legend_handles_labels()
+
+
+if __name__ == "__main__":
+    run(compute=compute, draw=draw)

@@ -1,0 +1,192 @@
+"""Figure C4: what numbers of cells, noise and every number of the table do to the circuit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy.optimize import curve_fit
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.circuit_study import (
+    CIRCUIT,
+    DECODER,
+    OWN,
+    correlated,
+    perturbed,
+    steady_out,
+    sweeps,
+    tests,
+    thresholds_about,
+    variants,
+)
+from bgmodel.comparison import compare
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import read_table, write_table
+from figures.common import GAIN, Settings, letter, run
+
+NEURONS = (30, 100, 300, 1000, 3000)
+AT = 0.95
+SHOWN = 14
+SPAN_MS = 50.0
+
+
+def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: float) -> Evidence:
+    """Return Gaussian evidence, readings every 50 ms."""
+    rng = stream(settings.seed, "figC4", name)
+    most = round(30 / d_prime**2)
+    separation = d_prime / np.sqrt(2)
+    return gaussian_evidence(trials, most, separation, rng=rng, hypotheses=count, step_ms=50.0)
+
+
+def neurons(settings: Settings, *, output: Path) -> None:
+    """Compare circuits of few and many cells; measure the noise of their OUT."""
+    evidence = gaussian(settings, "neurons", settings.varied_trials * 2, 2, 0.5)
+    test = tests(evidence, GAIN)[OWN]
+    parts = []
+    for count in NEURONS[: 4 if settings.varied_every > 1 else None]:
+        table = circuit("spiking_msprt").with_neurons(count)
+        model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
+        for name, found in sweeps(model, evidence, thresholds_about(test)).items():
+            rng = stream(settings.seed, "bootstrap")
+            measured = compare(test, found, rng=rng, truth=evidence.truth, accuracies=(AT,))
+            parts.append(measured.assign(model=name, neurons=count))
+        sd = _spread_of_out(table, settings.seed)
+        row = {"measure": "sd_nats", "value": sd, "model": CIRCUIT, "neurons": count}
+        parts.append(pd.DataFrame([row]))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def _spread_of_out(table: Circuit, seed: int) -> float:
+    """Return the sd, over trials, of OUT averaged for 50 ms, at a posterior of .85 in its nats."""
+    odds = np.log(0.85 / 0.15)
+    found = steady_out(table, [odds], seed=seed, trials=60, mean_ms=int(SPAN_MS))
+    return float(found.std(ddof=1))
+
+
+def wiring(settings: Settings, *, output: Path) -> None:
+    """Compare circuits whose cells differ, are sparsely connected or share noise, N = 4."""
+    evidence = gaussian(settings, "wiring", settings.varied_trials * 2, 4, 0.5)
+    table = circuit("spiking_msprt", 4)
+    edited = {
+        "Poisson cortex": table.changed("ctx", cv=1.0),
+        "10 % spread": table.with_spread(0.1),
+        "25 % connections": table.with_connections(0.25),
+        "both": table.with_spread(0.1).with_connections(0.25),
+        "shared noise .05 nats": correlated(table, 0.05),
+        "shared noise .1 nats": correlated(table, 0.1),
+        "GPe at its rest": table.without("GPe", replaced=True),
+        "linear STN": linear_stn(table),
+        "STN-SNr shuffled": table.changed("STN->SNr", pattern="neighbour", weight=4 * 1.0),
+    }
+    model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
+    found = variants(model, edited, evidence, seed=settings.seed, accuracies=(AT,))
+    write_table(found, output, seed=settings.seed, settings=settings)
+
+
+def linear_stn(table: Circuit) -> Circuit:
+    """Return the circuit whose STN is linear: its exponential's tangent at rest.
+
+    At rest a channel's activity is Sigma / N = 3 / N; there ``e^u`` is ``(u + 1 - ln u0) u0``.
+    """
+    rest = 3.0 / table.channels
+    bias = table.population("STN").bias_nats + 1 - float(np.log(rest))
+    table = table.changed("STN", transfer="rectified", bias_nats=bias)
+    for target in ("common", "GPe", "SNr"):
+        table = table.scaled("STN", target, rest)
+    return table
+
+
+def numbers(settings: Settings, *, output: Path) -> None:
+    """Change every number of the table by 20 %, N = 2."""
+    evidence = gaussian(settings, "numbers", settings.varied_trials, 2, 1.0)
+    table = circuit("spiking_msprt")
+    edited = dict(list(perturbed(table).items())[:: settings.varied_every])
+    model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
+    found = variants(model, edited, evidence, seed=settings.seed, accuracies=(AT,), resamples=300)
+    write_table(found, output, seed=settings.seed, settings=settings)
+
+
+def draw(settings: Settings, *data: Path, output: Path) -> Figure:
+    """Draw noise and correlation against cells, edits of wiring, and the numbers that matter."""
+    cells, wired, varied = (read_table(path) for path in data)
+    figure = plt.figure(figsize=(7.2, 5.6))
+    grid = figure.add_gridspec(2, 3, width_ratios=[1, 1, 1.5])
+    _noise(figure.add_subplot(grid[0, 0]), cells)
+    _correlation(figure.add_subplot(grid[1, 0]), cells)
+    _edits(figure.add_subplot(grid[:, 1]), wired)
+    _numbers(figure.add_subplot(grid[:, 2]), varied)
+    return figure
+
+
+def _noise(ax, table: pd.DataFrame) -> None:
+    rows = table[table["measure"] == "sd_nats"]
+    n, sd = rows["neurons"].to_numpy(float), rows["value"].to_numpy()
+    ax.loglog(n, sd, "o", ms=4, label="measured")
+
+    def law(n, each, floor):
+        return np.sqrt(each**2 / n + floor**2)
+
+    (each, floor), _ = curve_fit(law, n, sd, p0=(0.8, 0.01), sigma=sd)
+    x = np.geomspace(n.min(), n.max(), 50)
+    ax.loglog(
+        x, law(x, each, floor), color="k", lw=0.8, label=f"{each:.2f}/√n, floor {abs(floor):.3f}"
+    )
+    ax.set(xlabel="cells a channel n", ylabel="sd of OUT in 50 ms (nats)")
+    ax.legend()
+    letter(ax, "a")
+
+
+def _correlation(ax, table: pd.DataFrame) -> None:
+    rows = table[(table["measure"] == "pearson_r") & (table["accuracy"] == AT)]
+    for name, style in ((CIRCUIT, {"fmt": "o-"}), (DECODER, {"fmt": "o--", "mfc": "w"})):
+        here = rows[rows["model"] == name]
+        off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
+        ax.errorbar(
+            here["neurons"], here["value"], np.maximum(off, 0), ms=4, lw=0.8, label=name, **style
+        )
+    ax.set(xscale="log", xlabel="cells a channel n", ylabel=f"r of decision times at {AT}")
+    ax.legend(loc="lower right")
+    letter(ax, "b")
+
+
+def _edits(ax, table: pd.DataFrame) -> None:
+    rows = table[(table["measure"] == "pearson_r") & (table["kind"] == "value")]
+    places = np.arange(len(rows))[::-1]
+    off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
+    ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
+    ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
+    ax.set_yticks(places, rows["variant"])
+    ax.set(xlabel=f"r of decision times at {AT}, N = 4")
+    letter(ax, "c")
+
+
+def _numbers(ax, table: pd.DataFrame) -> None:
+    """Show the numbers whose change moves accuracy most, and what a new threshold leaves of it."""
+    fixed = table[(table["kind"] == "fixed") & (table["measure"] == "expected_accuracy")]
+    fixed = fixed.set_index("variant")["value"]
+    tuned = table[(table["kind"] == "change") & (table["measure"] == "pearson_r")]
+    tuned = tuned.set_index("variant")
+    moved = (fixed - fixed["intact"]).drop("intact")
+    worst = moved.abs().sort_values(ascending=False).index[:SHOWN]
+    places = np.arange(len(worst))[::-1]
+    ax.plot(moved[worst], places, "s", ms=4, color="C1", label="accuracy, threshold kept")
+    here = tuned.loc[worst]
+    off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
+    ax.errorbar(
+        here["value"], places - 0.25, xerr=np.maximum(off, 0), fmt="o", ms=3, lw=0.8,
+        label="r of times, threshold tuned anew",
+    )  # fmt: skip
+    ax.axvline(0, color="0.8", lw=0.8, zorder=0)
+    ax.set_yticks(places, worst)
+    ax.set(xlabel=f"change at {AT}, N = 2")
+    ax.legend(loc="lower right")
+    letter(ax, f"d   the {len(worst)} strongest of {len(moved)} changes")
+
+
+if __name__ == "__main__":
+    run(neurons=neurons, wiring=wiring, numbers=numbers, draw=draw)
