@@ -120,7 +120,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
     ``top - d1_from`` is read. ``share`` of the evidence reaches STN through D2 and GPe, the rest
     directly: the exponent still sums to y. Tuned by ``benchmarks/tuning.py`` on its own seeds.
     """
-    top, s0 = 3.5, 3.0
+    top, s0 = 3.5, 2.2
     d1_from, d2_mid, share = 2.85, 3.2, 0.1
     slope = 1 - 1 / s0
     # The common mode: its gain, the time in which it acts, and its tone.
@@ -164,7 +164,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
             "STN",
             Phase(0.3),
             0,
-            16,
+            21.8,
             transfer="exp",
             tau_ms=5,
             neurons=cells,

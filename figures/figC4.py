@@ -38,14 +38,14 @@ SPAN_MS = 50.0
 def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: float) -> Evidence:
     """Return Gaussian evidence, readings every 50 ms."""
     rng = stream(settings.seed, "figC4", name)
-    most = round(30 / d_prime**2)
+    most = round(25 / d_prime**2)
     separation = d_prime / np.sqrt(2)
     return gaussian_evidence(trials, most, separation, rng=rng, hypotheses=count, step_ms=50.0)
 
 
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
-    evidence = gaussian(settings, "neurons", settings.varied_trials * 2, 2, 0.5)
+    evidence = gaussian(settings, "neurons", settings.varied_trials, 2, 0.5)
     test = tests(evidence, GAIN)[OWN]
     parts = []
     for count in NEURONS[: 4 if settings.varied_every > 1 else None]:
@@ -70,7 +70,7 @@ def _spread_of_out(table: Circuit, seed: int) -> float:
 
 def wiring(settings: Settings, *, output: Path) -> None:
     """Compare circuits whose cells differ, are sparsely connected or share noise, N = 4."""
-    evidence = gaussian(settings, "wiring", settings.varied_trials * 2, 4, 0.5)
+    evidence = gaussian(settings, "wiring", settings.varied_trials, 4, 0.5)
     table = circuit("spiking_msprt", 4)
     edited = {
         "Poisson cortex": table.changed("ctx", cv=1.0),
@@ -91,9 +91,11 @@ def wiring(settings: Settings, *, output: Path) -> None:
 def linear_stn(table: Circuit) -> Circuit:
     """Return the circuit whose STN is linear: its exponential's tangent at rest.
 
-    At rest a channel's activity is Sigma / N = 3 / N; there ``e^u`` is ``(u + 1 - ln u0) u0``.
+    At rest a channel's activity is Sigma / N = a; there ``e^u`` is about ``a (u + 1 - ln a)``.
     """
-    rest = 3.0 / table.channels
+    silence = np.zeros((1, 1, table.channels))
+    activity = BasalGanglia(table).at(silence, step_ms=1.0)
+    rest = float(activity.decoded_nats("STN").mean())
     bias = table.population("STN").bias_nats + 1 - float(np.log(rest))
     table = table.changed("STN", transfer="rectified", bias_nats=bias)
     for target in ("common", "GPe", "SNr"):
@@ -107,19 +109,20 @@ def numbers(settings: Settings, *, output: Path) -> None:
     table = circuit("spiking_msprt")
     edited = dict(list(perturbed(table).items())[:: settings.varied_every])
     model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
-    found = variants(model, edited, evidence, seed=settings.seed, accuracies=(AT,), resamples=300)
+    found = variants(model, edited, evidence, seed=settings.seed, accuracies=(AT,), resamples=200)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
 def draw(settings: Settings, *data: Path, output: Path) -> Figure:
     """Draw noise and correlation against cells, edits of wiring, and the numbers that matter."""
     cells, wired, varied = (read_table(path) for path in data)
-    figure = plt.figure(figsize=(7.2, 5.6))
-    grid = figure.add_gridspec(2, 3, width_ratios=[1, 1, 1.5])
+    figure = plt.figure(figsize=(7.2, 5.8))
+    grid = figure.add_gridspec(2, 4, width_ratios=[1.2, 0.7, 0.7, 0.9])
     _noise(figure.add_subplot(grid[0, 0]), cells)
     _correlation(figure.add_subplot(grid[1, 0]), cells)
-    _edits(figure.add_subplot(grid[:, 1]), wired)
-    _numbers(figure.add_subplot(grid[:, 2]), varied)
+    sides = figure.add_subplot(grid[:, 1]), figure.add_subplot(grid[:, 2])
+    _edits(sides, wired)
+    _numbers(figure.add_subplot(grid[:, 3]), varied)
     return figure
 
 
@@ -154,15 +157,22 @@ def _correlation(ax, table: pd.DataFrame) -> None:
     letter(ax, "b")
 
 
-def _edits(ax, table: pd.DataFrame) -> None:
-    rows = table[(table["measure"] == "pearson_r") & (table["kind"] == "value")]
-    places = np.arange(len(rows))[::-1]
-    off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
-    ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
-    ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
-    ax.set_yticks(places, rows["variant"])
-    ax.set(xlabel=f"r of decision times at {AT}, N = 4")
-    letter(ax, "c")
+def _edits(axes, table: pd.DataFrame) -> None:
+    values = table[table["kind"] == "value"]
+    shown = {
+        "within_50_ms": "decisions within 50 ms\nof the MSPRT's",
+        "extra_ms": "extra time (ms)",
+    }
+    for ax, (measure, label) in zip(axes, shown.items(), strict=True):
+        rows = values[values["measure"] == measure]
+        places = np.arange(len(rows))[::-1]
+        off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
+        ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
+        ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
+        ax.set_yticks(places, rows["variant"] if ax is axes[0] else [])
+        ax.set(xlabel=label)
+    axes[1].set_xlim(0, 500)
+    letter(axes[0], f"c  N = 4, accuracy {AT}")
 
 
 def _numbers(ax, table: pd.DataFrame) -> None:
@@ -184,8 +194,8 @@ def _numbers(ax, table: pd.DataFrame) -> None:
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     ax.set_yticks(places, worst)
     ax.set(xlabel=f"change at {AT}, N = 2")
-    ax.legend(loc="lower right")
-    letter(ax, f"d   the {len(worst)} strongest of {len(moved)} changes")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.3, -0.12))
+    letter(ax, f"d  {len(worst)} strongest of {len(moved)}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,127 @@
+"""Figure C5: lesions of the circuit: what its fixed point says, and what they do to decisions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.circuit_study import steady_shifts, variants
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.files import read_table, write_table
+from figures.common import GAIN, Settings, letter, run
+
+CHANNELS = 4
+AT = 0.95
+LOG_ODDS = (1.75, 2.25, 2.75)
+
+
+def lesions(table: Circuit) -> dict[str, Circuit]:
+    """Return the edits, lost drive replaced or not."""
+    return {
+        "STN 10 %": table.without("STN", 0.1),
+        "STN 20 %": table.without("STN", 0.2),
+        "STN 50 %, replaced": table.without("STN", 0.5, replaced=True),
+        "GPe 10 %": table.without("GPe", 0.1),
+        "GPe 20 %": table.without("GPe", 0.2),
+        "GPe, replaced": table.without("GPe", replaced=True),
+        "D1 10 %": table.without("D1", 0.1),
+        "D1 20 %": table.without("D1", 0.2),
+        "D2": table.without("D2"),
+        "hyperdirect 3 %": table.scaled("ctx", "STN", 0.97),
+    }
+
+
+def steady(settings: Settings, *, output: Path) -> None:
+    """Measure what lesions add to OUT under constant evidence."""
+    table = circuit("spiking_msprt", CHANNELS)
+    trials = 12 if settings.varied_every > 1 else 30
+    found = steady_shifts(table, lesions(table), LOG_ODDS, seed=settings.seed, trials=trials)
+    write_table(found, output, seed=settings.seed, settings=settings)
+
+
+def behaviour(settings: Settings, *, output: Path) -> None:
+    """Let lesioned circuits decide, thresholds kept and tuned anew."""
+    table = circuit("spiking_msprt", CHANNELS)
+    evidence = gaussian_evidence(
+        settings.varied_trials * 2,
+        40,
+        1 / np.sqrt(2),
+        rng=stream(settings.seed, "figC5"),
+        hypotheses=CHANNELS,
+        step_ms=50.0,
+    )
+    model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
+    found = variants(model, lesions(table), evidence, seed=settings.seed, accuracies=(AT,))
+    write_table(found, output, seed=settings.seed, settings=settings)
+
+
+def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Figure:
+    """Draw measured against closed-form shifts, and behaviour before and after."""
+    table, lesioned = read_table(shifts), read_table(decided)
+    figure, axes = plt.subplots(
+        1, 4, figsize=(7.2, 3.4), width_ratios=[1.6, 0.9, 0.9, 0.9], sharey=False
+    )
+    _shifts(axes[0], table)
+    fixed = lesioned[lesioned["kind"] == "fixed"]
+    names = list(dict.fromkeys(fixed["variant"]))
+    places = {name: -i for i, name in enumerate(names)}
+    for ax, measure, label in (
+        (axes[1], "expected_accuracy", "accuracy"),
+        (axes[2], "mean_ms", "time (s)"),
+    ):
+        rows = fixed[fixed["measure"] == measure].set_index("variant")["value"]
+        values = rows / 1000 if measure == "mean_ms" else rows
+        ax.axvline(values["intact"], color="0.8", lw=0.8, zorder=0)
+        colours = [_colour(name) for name in names]
+        ax.scatter(values[names], [places[name] for name in names], c=colours, s=14)
+        ax.set(xlabel=label)
+    _tuned(axes[3], lesioned, places)
+    for ax in axes[1:]:
+        ax.set(ylim=(-len(names) + 0.4, 0.6))
+        ax.set_yticks(list(places.values()), names if ax is axes[1] else [])
+    letter(axes[1], "b  threshold kept (a prediction)")
+    letter(axes[3], "c  tuned anew")
+    return figure
+
+
+def _colour(name: str) -> str:
+    kinds = {"STN": "C0", "GPe": "C1", "D1": "C2", "D2": "C3", "hyperdirect": "C4"}
+    return kinds.get(name.replace(",", "").split(" ")[0], "k")
+
+
+def _shifts(ax, table: pd.DataFrame) -> None:
+    seen = set()
+    for name, rows in table.groupby("variant", sort=False):
+        colour = _colour(str(name))
+        label = None if colour in seen else str(name).replace(",", "").split(" ")[0]
+        seen.add(colour)
+        off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
+        ax.errorbar(
+            rows["exact_nats"], rows["value"], off, fmt="o", ms=3, lw=0.8, color=colour, label=label
+        )
+    ends = [table["exact_nats"].min() - 0.02, table["exact_nats"].max() + 0.02]
+    ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0)
+    ax.set(xlabel="change of OUT, fixed point (nats)", ylabel="change of OUT, spikes (nats)")
+    ax.legend(loc="upper left")
+    letter(ax, "a")
+
+
+def _tuned(ax, table: pd.DataFrame, places: dict[str, int]) -> None:
+    rows = table[(table["kind"] == "value") & (table["measure"] == "within_50_ms")]
+    off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
+    where = [places[name] for name in rows["variant"]]
+    colours = [_colour(name) for name in rows["variant"]]
+    ax.errorbar(rows["value"], where, xerr=off, fmt="none", lw=0.8, ecolor=colours)
+    ax.scatter(rows["value"], where, c=colours, s=14)
+    ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
+    ax.set(xlabel="within 50 ms\nof the MSPRT's")
+
+
+if __name__ == "__main__":
+    run(steady=steady, behaviour=behaviour, draw=draw)
