@@ -1,11 +1,11 @@
-# make figures | test | lint | validate | benchmark: each installs what it needs into .venv first.
+# make figures | test | lint | validate | score | benchmark: each installs what it needs into .venv first.
 PYTHON ?= python3
 CORES ?= 2
 VENV = .venv
 BIN = $(VENV)/bin
 export MPLBACKEND = Agg
 
-.PHONY: figures test lint validate benchmark shipped-taps clean
+.PHONY: figures test lint validate score benchmark shipped-taps clean
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
@@ -25,6 +25,9 @@ validate: $(VENV)/test.installed
 benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.deciding
 	$(BIN)/python -m benchmarks.circuits
+
+score: $(VENV)/figures.installed
+	$(BIN)/python -m benchmarks.scoring --workers $(CORES)
 
 # The table of decoded taps that ships with the package, made again from nothing.
 shipped-taps: figures

@@ -151,7 +151,8 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     """
     y = activity.decoded_nats(activity.circuit.input)
     keep = np.exp(-float(activity.time_ms[0]) / tau_ms)
-    seen, state = np.empty_like(y), y[:, :1].mean(axis=0)
+    # What all channels share changes nothing: at the start none is ahead.
+    seen, state = np.empty_like(y), np.zeros(y.shape[2])
     for k in range(y.shape[1]):
         # After a trial was dropped nothing new comes.
         state = np.where(np.isnan(y[:, k]), state, keep * state + (1 - keep) * y[:, k])

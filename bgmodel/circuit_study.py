@@ -32,7 +32,7 @@ DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
 
 
-def tests(evidence: Evidence, gain: float) -> dict[str, Sweep]:
+def msprt_sweeps(evidence: Evidence, gain: float) -> dict[str, Sweep]:
     """Return the two references: the MSPRT at the circuit's gain, and the full one."""
     return {
         OWN: sweep(Msprt(gain).run(evidence), evidence),
@@ -114,7 +114,7 @@ def against(
         no latency to take off, and are held to the full MSPRT alone.
     """
     model.warn_of(evidence)
-    references = tests(evidence, model.gain)
+    references = msprt_sweeps(evidence, model.gain)
     found = sweeps(model, evidence, thresholds_about(references[OWN]))
     pairs = [(name, reference) for reference in references for name in found]
     for name in rivals:
@@ -164,7 +164,7 @@ def variants(
         and forced, without intervals).
     """
     model.warn_of(evidence)
-    test = tests(evidence, model.gain)[OWN]
+    test = msprt_sweeps(evidence, model.gain)[OWN]
     levels = thresholds_about(test)
     middle = test.threshold(accuracies[len(accuracies) // 2])
     intact = sweeps(model, evidence, levels)[CIRCUIT]

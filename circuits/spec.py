@@ -82,6 +82,10 @@ class Circuit:
             raise ValueError(f"{self.name}: two projections join the same populations")
         if self.channels != int(self.channels) or self.channels < 2:
             raise ValueError(f"channels must be a whole number >= 2, got {self.channels}")
+        if self.channels > self.most_channels:
+            raise ValueError(
+                f"{self.name} takes at most {self.most_channels} alternatives, got {self.channels}"
+            )
         if not 0 <= self.readout_tau_ms < math.inf:
             raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
         for name in ("reference_nats", "drive_gain"):

@@ -12,7 +12,15 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.circuit_study import CIRCUIT, DECODER, FULL, OWN, sweeps, tests, thresholds_about
+from bgmodel.circuit_study import (
+    CIRCUIT,
+    DECODER,
+    FULL,
+    OWN,
+    msprt_sweeps,
+    sweeps,
+    thresholds_about,
+)
 from bgmodel.comparison import Sweep, compare, curve, sweep
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
@@ -44,7 +52,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     for name, evidence in conditions(settings, read_table(taps)):
         table = circuit("spiking_msprt", evidence.hypotheses)
         model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
-        swept = tests(evidence, GAIN)
+        swept = msprt_sweeps(evidence, GAIN)
         swept |= sweeps(model, evidence, thresholds_about(swept[OWN]))
         for label, rival in (("race", Race()), ("max vs average", MaxVsAverage())):
             if name in ("N = 4", "N = 8"):

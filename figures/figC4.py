@@ -17,10 +17,10 @@ from bgmodel.circuit_study import (
     DECODER,
     OWN,
     correlated,
+    msprt_sweeps,
     perturbed,
     steady_out,
     sweeps,
-    tests,
     thresholds_about,
     variants,
 )
@@ -46,7 +46,7 @@ def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: fl
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
     evidence = gaussian(settings, "neurons", settings.varied_trials, 2, 0.5)
-    test = tests(evidence, GAIN)[OWN]
+    test = msprt_sweeps(evidence, GAIN)[OWN]
     parts = []
     for count in NEURONS[: 4 if settings.varied_every > 1 else None]:
         table = circuit("spiking_msprt").with_neurons(count)

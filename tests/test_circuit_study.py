@@ -1,0 +1,219 @@
+"""Studies on circuits: a small comparison that must succeed, and controls that must fail."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import Msprt, stream
+from bgmodel.basal_ganglia import BasalGanglia, circuit, decoded_input
+from bgmodel.circuit_study import (
+    CIRCUIT,
+    DECODER,
+    FULL,
+    OWN,
+    against,
+    behaviour,
+    correlated,
+    msprt_sweeps,
+    out_shift,
+    page,
+    perturbed,
+    steady_out,
+    steady_shifts,
+    sweeps,
+    thresholds_about,
+    variants,
+)
+from bgmodel.cli import main
+from bgmodel.comparison import compare
+from bgmodel.evidence import gaussian_evidence
+
+SEED, GAIN = 51, 0.5
+TABLE = circuit("spiking_msprt", 4)
+EVIDENCE = gaussian_evidence(
+    120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
+)
+MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
+
+
+def of(table, measure, model=CIRCUIT, reference=OWN, column="value", **more):
+    rows = table[(table["measure"] == measure) & (table["model"] == model)]
+    rows = rows[rows["reference"] == reference]
+    for name, value in more.items():
+        rows = rows[rows[name] == value]
+    return rows[column].iloc[0]
+
+
+@pytest.fixture(scope="module")
+def table():
+    return against(MODEL, EVIDENCE, seed=SEED, accuracies=(0.9, 0.95), resamples=200)
+
+
+def test_the_spiking_circuit_decides_as_the_msprt(table):
+    """120 trials: the bars of `make score` need thousands, these are three errors below them."""
+    assert of(table, "agreement", accuracy=0.95) > 0.95
+    assert of(table, "within_50_ms", accuracy=0.95) > 0.7
+    assert 20 < of(table, "extra_ms", accuracy=0.95) < 100
+    assert of(table, "pearson_r", DECODER, accuracy=0.95) > 0.9
+    # No circuit is faster than what its input tells.
+    assert of(table, "extra_ms", DECODER, accuracy=0.95) < of(table, "extra_ms", accuracy=0.95)
+    assert of(table, "accuracy_gap", "race", FULL, "high", accuracy=0.95) < 0
+    text = page(table)
+    assert "ideal decoder" in text
+    assert "at accuracy 0.95" in text
+
+
+@pytest.mark.parametrize("kind", ["sign", "shuffled"])
+def test_wrong_evidence_does_not(kind):
+    """Negative controls: the circuit gets something else than the test."""
+    values = EVIDENCE.log_likelihood
+    wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
+    test = msprt_sweeps(EVIDENCE, GAIN)[OWN]
+    found = sweeps(MODEL, wrong, thresholds_about(test))[CIRCUIT]
+    measured = compare(test, found, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
+    assert measured.set_index("measure")["value"]["agreement"] < 0.5
+
+
+def test_what_computes_is_needed():
+    """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
+    edited = {
+        "GPe": TABLE.without("GPe", replaced=True),
+        "shuffled": TABLE.changed("STN->SNr", pattern="neighbour", weight=4.0),
+    }
+    found = variants(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)
+    rows = found[found["kind"] == "value"].set_index(["variant", "measure"])["value"]
+    assert rows["GPe", "within_50_ms"] < rows["intact", "within_50_ms"] - 0.2
+    assert rows["shuffled", "agreement"] < 0.6
+    changes = found[(found["kind"] == "change") & (found["variant"] == "intact")]
+    assert (changes["value"].dropna() == 0).all()
+    assert "intact" in behaviour(found)
+
+
+def test_trials_do_not_depend_on_their_batch(monkeypatch):
+    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[OWN])
+    whole = sweeps(MODEL, EVIDENCE[:30], given)
+    monkeypatch.setattr("bgmodel.basal_ganglia.BATCH", 7)
+    parts = sweeps(MODEL, EVIDENCE[:30], given)
+    for name in (CIRCUIT, DECODER):
+        assert np.array_equal(whole[name].time_ms, parts[name].time_ms)
+        assert np.array_equal(whole[name].choice, parts[name].choice)
+
+
+def test_the_ideal_decoder_of_a_steady_input_is_the_test():
+    """Its OUT is -ln softmax of what the cortex stands for, within the counting error."""
+    steady = replace(EVIDENCE[:40], log_likelihood=np.zeros((40, 20, 4)))
+    steady.log_likelihood[:, 0, 0] = 3.0
+    activity = MODEL.activity(steady)
+    out = decoded_input(activity, steady, tau_ms=100.0).out_nats[:, -200:, 0]
+    wanted = Msprt(GAIN).run(steady).out_nats[0, -1, 0]
+    assert out.mean() == pytest.approx(wanted, abs=0.03)
+
+
+@pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b", "spiking_msprt"])
+@pytest.mark.parametrize("lost", [0.1, 0.2])
+def test_losing_stn_shifts_out_by_ln_of_what_is_left(name, lost):
+    """The posterior criterion becomes (1 - f) P: exact, and nearly so where S - ln S is a line."""
+    table = circuit(name, 3)
+    if name == "appendix_b":  # GPe reaches SNr too, where its share is not lost
+        return
+    shift = out_shift(table, table.without("STN", lost), 0.3)
+    close = 1e-9 if name == "bogacz_gurney" else 0.01
+    assert shift == pytest.approx(np.log(1 - lost), abs=close)
+
+
+def test_lesions_of_the_spiking_circuit_follow_its_fixed_point():
+    edited = {"STN": TABLE.without("STN", 0.1), "D1": TABLE.without("D1", 0.1)}
+    found = steady_shifts(TABLE, edited, [2.0, 2.5], seed=SEED, trials=10)
+    assert (np.abs(found["value"] - found["exact_nats"]) < 0.02).all()
+    assert (found["low"] < found["value"]).all()
+    assert (found[found["variant"] == "STN"]["high"] < -0.05).all()
+    assert (found[found["variant"] == "D1"]["low"] > 0.02).all()
+
+
+def test_noise_of_out_falls_with_the_number_of_cells():
+    sd = [
+        steady_out(TABLE.with_neurons(n), [2.0], seed=SEED, trials=30, mean_ms=50).std()
+        for n in (50, 450)
+    ]
+    assert 1.8 < sd[0] / sd[1] < 5  # 3 if cells are all there is
+
+
+def test_every_number_is_varied_once_each_way():
+    made = perturbed(TABLE, 0.2)
+    assert len({str(table) for table in made.values()} | {str(TABLE)}) == len(made) + 1
+    assert made["STN cv +20%"].population("STN").cell.cv == pytest.approx(0.36)
+    assert made["ctx->STN delay_ms -20%"].projection("ctx", "STN").delay_ms == 2.0
+    assert made["GPe tau_ms +20%"].population("GPe").cell.tau_ms == pytest.approx(12)
+    assert made["read-out tau_ms -20%"].readout_tau_ms == pytest.approx(28.8)
+
+
+def test_shared_noise_has_the_size_that_was_asked():
+    noisy = correlated(TABLE, 0.2)
+    silence = np.zeros((40, 10, 4))
+    sd = []
+    for table in (TABLE, noisy):
+        y = BasalGanglia(table, "ensemble", seed=SEED).at(silence, 50.0).decoded_nats("ctx")
+        # Over 20 ms, the time of the shared noise.
+        sd.append(y.reshape(40, 25, 20, 4).mean(axis=2).std())
+    assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(
+        0.2 * np.sqrt(2 * np.exp(-1)), rel=0.25
+    )
+
+
+def run(*arguments):
+    return main([str(a) for a in arguments])
+
+
+SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edits.neurons", 100)
+
+
+def test_compare_command(tmp_path, capsys):
+    out = tmp_path / "a.csv"
+    assert run("compare", out, *SMALL, "--accuracies", 0.9) == 0
+    shown = capsys.readouterr().out
+    assert "MSPRT at its gain  circuit: offset_ms" in shown
+    found = pd.read_csv(out, comment="#")
+    assert {"circuit", "ideal decoder", "race", "LCA"} <= set(found["model"])
+    again = tmp_path / "b.csv"
+    assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
+    assert out.read_bytes() == again.read_bytes()
+    assert run("compare", out, "--engine", "algebra", "--trials", 100, "--accuracies", 0.9) == 0
+    assert "agreement 1.000" in capsys.readouterr().out
+
+
+def test_compare_command_on_gratings(tmp_path, capsys):
+    options = ("--task", "same-different", "--trials", 100, "--t-max", 10, "--engine", "algebra")
+    assert run("compare", tmp_path / "a.csv", *options) == 0
+    assert "race" not in capsys.readouterr().out
+
+
+def test_lesion_command(tmp_path, capsys):
+    out = tmp_path / "l.csv"
+    given = ("STN=0.1", "D1->SNr=0.95", *SMALL, "--accuracies", 0.9)
+    assert run("circuit", "lesion", out, *given) == 0
+    shown = capsys.readouterr().out
+    assert "a prediction" in shown
+    assert {"intact", "STN=0.1", "D1->SNr=0.95"} == set(pd.read_csv(out, comment="#")["variant"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["compare", "a.txt"], "output must end in .parquet or .csv"),
+        (["compare", "a.csv", "--trials", "50"], "an interval needs 100 trials or more, got 50"),
+        (["compare", "a.csv", "--accuracies", "1.2"], "accuracies must lie between 0 and 1"),
+        (["compare", "a.csv", "--channels", "40"], "takes at most 12 alternatives"),
+        (["compare", "a.csv", "--task", "same-different", "--channels", "3"], "2 alternatives"),
+        (["circuit", "lesion", "a.csv", "GPi"], "has no nucleus 'GPi'"),
+        (["circuit", "lesion", "a.csv", "SNr"], "SNr is the read-out"),
+    ],
+)
+def test_bad_use_gets_one_clear_sentence(tmp_path, monkeypatch, capsys, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    assert run(*arguments) == 2
+    lines = [x for x in capsys.readouterr().err.splitlines() if x.startswith("bgmodel:")]
+    assert len(lines) == 1
+    assert says in lines[0]
+    assert not list(tmp_path.iterdir())

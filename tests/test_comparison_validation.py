@@ -1,0 +1,91 @@
+"""What the project claims of its circuits, on scoring seeds: make validate."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel import Sprt, first_crossing, posterior_criterion, stream, threshold_from_gap
+from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.circuit_study import variants
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.sprt import Msprt
+from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from figures.figC4 import linear_stn
+
+pytestmark = pytest.mark.validate
+SCORING_SEED = 40_002
+
+
+def test_the_algebraic_circuit_is_the_sprt_on_gratings():
+    """N = 2: no decision of 1e5 tactile trials differs, in choice or in time."""
+    readings = source(held_out_taps(), SameDifferent(), period_mm=1.5, fold=0)
+    model = BasalGanglia(circuit("bogacz_gurney"), "algebra")
+    gap, different, trials = 4.0, 0, 0
+    for part in range(20):
+        evidence = readings.draw(5000, 30, rng=stream(SCORING_SEED, "mapping", part))
+        exact = first_crossing(Sprt().run(evidence), float(threshold_from_gap(gap)))
+        found = first_crossing(model.run(evidence), float(posterior_criterion(gap)))
+        # The circuit holds each reading for a step: it is read when it comes.
+        different += np.sum(exact.choice != found.choice)
+        trials += evidence.trials
+    print(f"{different} of {trials} decisions differ")
+    assert different == 0
+
+
+def test_the_rate_circuit_agrees_the_more_the_slower_the_readings():
+    """Its legs differ in delay, so OUT moves after each reading before it settles.
+
+    It rests at S = 1, not 3: without a common mode S grows with the evidence, and the loop with
+    delays oscillates from 5.5. The aim of 99.9 % is not reached: the figures are printed.
+    """
+    agree = []
+    for step_ms, read_out_ms in ((50.0, 0.0), (1000.0, 50.0), (1000.0, 200.0)):
+        evidence = gaussian_evidence(
+            500, 25, 0.5, rng=stream(SCORING_SEED, "slow"), hypotheses=4, step_ms=step_ms
+        )
+        table = circuit("bogacz_gurney", 4)
+        table = replace(table, reference_nats=1.0, readout_tau_ms=read_out_ms)
+        model = BasalGanglia(table, "rate", options={"sample_ms": step_ms / 50, "dt_ms": 1.0})
+        threshold = float(-np.log(0.9))
+        exact = first_crossing(Msprt().run(evidence), threshold).choice
+        found = [
+            first_crossing(model.trace(activity, part), threshold).choice
+            for part, activity in model.batches(evidence)
+        ]
+        agree.append(np.mean(np.concatenate(found) == exact))
+        print(f"every {step_ms:g} ms, read-out {read_out_ms:g} ms: {agree[-1]:.4f} agree")
+    assert agree[0] < agree[1] <= agree[2]
+    assert agree[2] > 0.98
+
+
+def test_what_computes_is_needed():
+    """Controls at N = 4, 1 000 trials: each must lose by its margin, with its interval.
+
+    GPe held at rest: decisions within 50 ms of the MSPRT's fall by .2. A linear STN: accuracy in
+    equal time falls by .015. A shuffled STN-SNr pathway: agreement falls by .4.
+    """
+    table = circuit("spiking_msprt", 4)
+    edited = {
+        "GPe": table.without("GPe", replaced=True),
+        "linear": linear_stn(table),
+        "shuffled": table.changed("STN->SNr", pattern="neighbour", weight=4.0),
+    }
+    evidence = gaussian_evidence(
+        1000, 40, 1 / np.sqrt(2), rng=stream(SCORING_SEED, "control"), hypotheses=4, step_ms=50.0
+    )
+    model = BasalGanglia(table, "ensemble", 0.5, SCORING_SEED, {"workers": 2})
+    found = variants(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
+    change = found[found["kind"] == "change"].set_index(["variant", "measure"])
+    for name, measure in (
+        ("GPe", "within_50_ms"),
+        ("linear", "accuracy_gap"),
+        ("linear", "within_50_ms"),
+        ("shuffled", "agreement"),
+    ):
+        print(
+            name, measure, change.loc[(name, measure), ["value", "low", "high"]].round(3).tolist()
+        )
+    assert change.loc[("GPe", "within_50_ms"), "high"] < -0.2
+    assert change.loc[("linear", "accuracy_gap"), "high"] < -0.015
+    assert change.loc[("shuffled", "agreement"), "high"] < -0.4
