@@ -43,7 +43,7 @@ class Settings:
     delta_step: float = 0.1
     calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
     circuit_trials: int = 600
-    varied_trials: int = 120
+    varied_trials: int = 100
     # Of the circuit's numbers, every how manieth is varied.
     varied_every: int = 1
 

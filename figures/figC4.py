@@ -75,8 +75,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
     edited = {
         "Poisson cortex": table.changed("ctx", cv=1.0),
         "10 % spread": table.with_spread(0.1),
-        "25 % connections": table.with_connections(0.25),
-        "both": table.with_spread(0.1).with_connections(0.25),
+        "and 25 % connections": table.with_spread(0.1).with_connections(0.25),
         "shared noise .05 nats": correlated(table, 0.05),
         "shared noise .1 nats": correlated(table, 0.1),
         "GPe at its rest": table.without("GPe", replaced=True),
@@ -116,13 +115,14 @@ def numbers(settings: Settings, *, output: Path) -> None:
 def draw(settings: Settings, *data: Path, output: Path) -> Figure:
     """Draw noise and correlation against cells, edits of wiring, and the numbers that matter."""
     cells, wired, varied = (read_table(path) for path in data)
-    figure = plt.figure(figsize=(7.2, 5.8))
-    grid = figure.add_gridspec(2, 4, width_ratios=[1.2, 0.7, 0.7, 0.9])
+    figure = plt.figure(figsize=(7.2, 5.0))
+    grid = figure.add_gridspec(2, 3, width_ratios=[1.1, 1, 1])
     _noise(figure.add_subplot(grid[0, 0]), cells)
     _correlation(figure.add_subplot(grid[1, 0]), cells)
-    sides = figure.add_subplot(grid[:, 1]), figure.add_subplot(grid[:, 2])
-    _edits(sides, wired)
-    _numbers(figure.add_subplot(grid[:, 3]), varied)
+    _edits(figure.add_subplot(grid[:, 1]), wired)
+    right = figure.add_subplot(grid[:, 2])
+    _numbers(right, varied)
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2)
     return figure
 
 
@@ -134,13 +134,11 @@ def _noise(ax, table: pd.DataFrame) -> None:
     def law(n, each, floor):
         return np.sqrt(each**2 / n + floor**2)
 
-    (each, floor), _ = curve_fit(law, n, sd, p0=(0.8, 0.01), sigma=sd)
+    (each, floor), _ = curve_fit(law, n, sd, p0=(0.3, 0.01), sigma=sd, bounds=(0, 1))
     x = np.geomspace(n.min(), n.max(), 50)
-    ax.loglog(
-        x, law(x, each, floor), color="k", lw=0.8, label=f"{each:.2f}/√n, floor {abs(floor):.3f}"
-    )
-    ax.set(xlabel="cells a channel n", ylabel="sd of OUT in 50 ms (nats)")
-    ax.legend()
+    ax.loglog(x, law(x, each, floor), color="k", lw=0.8, label=f"{each:.2f}/√n, floor {floor:.3f}")
+    ax.set(xlabel="cells a channel n", ylabel="sd of OUT (nats)")
+    ax.legend(loc="lower left")
     letter(ax, "a")
 
 
@@ -152,27 +150,20 @@ def _correlation(ax, table: pd.DataFrame) -> None:
         ax.errorbar(
             here["neurons"], here["value"], np.maximum(off, 0), ms=4, lw=0.8, label=name, **style
         )
-    ax.set(xscale="log", xlabel="cells a channel n", ylabel=f"r of decision times at {AT}")
+    ax.set(xscale="log", xlabel="cells a channel n", ylabel=f"r of times, at {AT}")
     ax.legend(loc="lower right")
     letter(ax, "b")
 
 
-def _edits(axes, table: pd.DataFrame) -> None:
-    values = table[table["kind"] == "value"]
-    shown = {
-        "within_50_ms": "decisions within 50 ms\nof the MSPRT's",
-        "extra_ms": "extra time (ms)",
-    }
-    for ax, (measure, label) in zip(axes, shown.items(), strict=True):
-        rows = values[values["measure"] == measure]
-        places = np.arange(len(rows))[::-1]
-        off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
-        ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
-        ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
-        ax.set_yticks(places, rows["variant"] if ax is axes[0] else [])
-        ax.set(xlabel=label)
-    axes[1].set_xlim(0, 500)
-    letter(axes[0], f"c  N = 4, accuracy {AT}")
+def _edits(ax, table: pd.DataFrame) -> None:
+    rows = table[(table["kind"] == "value") & (table["measure"] == "within_50_ms")]
+    places = np.arange(len(rows))[::-1]
+    off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
+    ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
+    ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
+    ax.set_yticks(places, rows["variant"])
+    ax.set(xlabel=f"within 50 ms of\nthe MSPRT's, at {AT}", xlim=(0, 1))
+    letter(ax, "c  N = 4")
 
 
 def _numbers(ax, table: pd.DataFrame) -> None:
@@ -193,9 +184,8 @@ def _numbers(ax, table: pd.DataFrame) -> None:
     )  # fmt: skip
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     ax.set_yticks(places, worst)
-    ax.set(xlabel=f"change at {AT}, N = 2")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.3, -0.12))
-    letter(ax, f"d  {len(worst)} strongest of {len(moved)}")
+    ax.set(xlabel=f"change, at {AT}")
+    letter(ax, f"d  N = 2: {len(worst)} of {len(moved)}")
 
 
 if __name__ == "__main__":
