@@ -1,9 +1,8 @@
 """The circuit against the MSPRT on scoring seeds: make score.
 
-Evidence of every kind, readings every 50 and every 500 ms, two cortices; beside each the ideal
-decoder of the circuit's own cortical spikes. These seeds tuned nothing. The table goes to
-``benchmarks/out/scoring.csv``; a condition that is there already, with the same numbers behind it,
-is not computed again.
+Evidence of every kind, readings every 50 and every 500 ms, two cortices; beside each a
+decoder of the circuit's own cortical spikes. These seeds tuned nothing. Tables go to
+``benchmarks/out``; with ``--keep`` a condition that is there already is not computed again.
 """
 
 from __future__ import annotations
@@ -21,8 +20,9 @@ import pandas as pd
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
 from bgmodel.circuit_study import OWN, against, page
+from bgmodel.commands.comparing import sample_ms
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.files import read_provenance, read_table, write_table
+from bgmodel.files import read_table, write_table
 from bgmodel.rivals import RIVALS
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
 
@@ -83,6 +83,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=2000)
     parser.add_argument("--only", default="", help="conditions whose name contains this")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--keep", action="store_true", help="compute only what is not there")
     given = parser.parse_args()
     OUT.mkdir(exist_ok=True)
     for name, table, evidence in conditions(given.trials):
@@ -90,7 +91,7 @@ def main() -> None:
             continue
         path = OUT / f"scoring {name.replace('/', ' ')}.csv"
         behind = {"trials": evidence.trials, "gain": GAIN, "circuit": str(table)}
-        if not (path.exists() and read_provenance(path)["parameters"] == behind):
+        if not (given.keep and path.exists()):
             rivals = [r for r in RIVALS if r != "race" or name.startswith("gaussian")]
             found = _score(table, evidence, rivals, given.workers)
             write_table(found, path, seed=SCORING_SEED, **behind)
@@ -101,7 +102,7 @@ def main() -> None:
 
 
 def _score(table: Circuit, evidence: Evidence, rivals: list[str], workers: int) -> pd.DataFrame:
-    options: dict[str, Any] = {"workers": workers, "sample_ms": max(1.0, evidence.step_ms / 50)}
+    options: dict[str, Any] = {"workers": workers, "sample_ms": sample_ms(evidence.step_ms)}
     model = BasalGanglia(table, "ensemble", GAIN, SCORING_SEED, options)
     return against(model, evidence, seed=SCORING_SEED, rivals=rivals)
 

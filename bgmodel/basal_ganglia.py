@@ -135,10 +135,11 @@ class BasalGanglia:
 
 
 def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) -> Trace:
-    """Return what an ideal observer makes of the spikes of the circuit's own input: -ln softmax.
+    """Return what a plain decoder makes of the spikes of the circuit's own input: -ln softmax.
 
-    No circuit behind these spikes can know more than they tell; the filter is the observer's only
-    freedom.
+    It counts spikes through one exponential filter and knows the rest of the computation exactly:
+    what a circuit behind these spikes loses against it is its own. It is no bound: another filter,
+    or knowledge of when readings come, may do better.
 
     Parameters
     ----------
@@ -147,7 +148,7 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     evidence : Evidence
         What it was given.
     tau_ms : float
-        Time constant with which the observer counts spikes, ms.
+        Time constant with which it counts, ms.
     """
     y = activity.decoded_nats(activity.circuit.input)
     keep = np.exp(-float(activity.time_ms[0]) / tau_ms)

@@ -20,13 +20,21 @@ from bgmodel.basal_ganglia import (
     decoded_input,
     run_engine,
 )
-from bgmodel.comparison import ACCURACIES, RESAMPLES, Sweep, compare, equivalent, sweep
+from bgmodel.comparison import (
+    ACCURACIES,
+    RESAMPLES,
+    Sweep,
+    check_trials,
+    compare,
+    equivalent,
+    sweep,
+)
 from bgmodel.evidence import Evidence
 from bgmodel.rivals import RIVALS
 from bgmodel.seeds import stream
 from bgmodel.sprt import Msprt
 
-CIRCUIT, DECODER = "circuit", "ideal decoder"
+CIRCUIT, DECODER = "circuit", "cortical decoder"
 OWN, FULL = "MSPRT at its gain", "MSPRT"
 DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
@@ -54,9 +62,9 @@ def sweeps(
     evidence: Evidence,
     thresholds: npt.ArrayLike,
     *,
-    decoder_tau_ms: float = DECODER_TAU_MS,
+    decoder_tau_ms: float | None = DECODER_TAU_MS,
 ) -> dict[str, Sweep]:
-    """Return the decisions of a circuit and, if it spikes, of an ideal decoder of its input.
+    """Return the decisions of a circuit and, if it spikes, of a decoder of its input.
 
     Parameters
     ----------
@@ -65,17 +73,18 @@ def sweeps(
     evidence : Evidence
         What it is given.
     thresholds : array (K,), nats
-        As from ``thresholds_about``. The ensemble engine drops a trial a little below the lowest.
-    decoder_tau_ms : float
-        How long the decoder counts.
+        As from ``thresholds_about``.
+    decoder_tau_ms : float, optional
+        How long the decoder counts. Without one the ensemble engine drops a trial a little below
+        the lowest threshold; a decoder may need all of it.
     """
-    if model.engine == "ensemble":
+    if model.engine == "ensemble" and decoder_tau_ms is None:
         level = float(np.min(thresholds)) - 0.01
         model = replace(model, options={"drop_below": level, **model.options})
     found: dict[str, Sweep] = {}
     for part, activity in model.batches(evidence):
         traces = {CIRCUIT: model.trace(activity, part)}
-        if model.engine in SPIKING:
+        if model.engine in SPIKING and decoder_tau_ms is not None:
             traces[DECODER] = decoded_input(activity, part, decoder_tau_ms)
         for name, trace in traces.items():
             new = sweep(trace, part, thresholds)
@@ -92,7 +101,7 @@ def against(
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
 ) -> pd.DataFrame:
-    """Compare a circuit, its ideal decoder and the rivals with the MSPRT, decision by decision.
+    """Compare a circuit, its decoder and the rivals with the MSPRT, decision by decision.
 
     Parameters
     ----------
@@ -113,6 +122,7 @@ def against(
         The columns of ``comparison.compare``, and model and reference. Rivals are abstract, with
         no latency to take off, and are held to the full MSPRT alone.
     """
+    check_trials(evidence.trials)
     model.warn_of(evidence)
     references = msprt_sweeps(evidence, model.gain)
     found = sweeps(model, evidence, thresholds_about(references[OWN]))
@@ -163,11 +173,12 @@ def variants(
         circuit's as it is; "fixed", at the circuit's own threshold (accuracy, mean_ms, premature
         and forced, without intervals).
     """
+    check_trials(evidence.trials)
     model.warn_of(evidence)
     test = msprt_sweeps(evidence, model.gain)[OWN]
     levels = thresholds_about(test)
     middle = test.threshold(accuracies[len(accuracies) // 2])
-    intact = sweeps(model, evidence, levels)[CIRCUIT]
+    intact = sweeps(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
     parts = []
     for name, circuit in {"intact": model.circuit, **edited}.items():
         same = name == "intact"
@@ -175,7 +186,7 @@ def variants(
         shift = out_shift(model.circuit, circuit, middle)
         # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
         both = np.union1d(levels, levels + shift)
-        found = intact if same else sweeps(changed, evidence, both)[CIRCUIT]
+        found = intact if same else sweeps(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
         for kind, minus in (("value", None), ("change", intact)):
             table = compare(
                 test,
@@ -384,8 +395,12 @@ def page(table: pd.DataFrame) -> str:
         line, same = part[part["accuracy"].isna()], equivalent(part)
         lines += ["", "  ".join(map(str, names)) + ": " + _cells(line)]
         for accuracy in same.index:
+            here = part[part["accuracy"] == accuracy]
+            if here["value"].isna().all():
+                lines.append(f"  accuracy {accuracy:.2f} is not reached")
+                continue
             verdict = "equivalent" if same[accuracy] else "not equivalent"
-            cells = _cells(part[part["accuracy"] == accuracy])
+            cells = _cells(here)
             lines.append(f"  at accuracy {accuracy:.2f}: {cells}  {verdict}")
     return "\n".join(lines).strip()
 

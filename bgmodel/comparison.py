@@ -168,7 +168,7 @@ def compare(
         A third: every measure is then the other's minus this one's, with the interval of that.
     latency_ms : float, optional
         What is not decision time and taken off before accuracies are compared in equal time: 0 for
-        an abstract integrator; fitted if left out.
+        an abstract integrator; the mean extra time over accuracies .85 to .98 if left out.
     accuracies : sequence of float
         Where the test's threshold is put.
     resamples : int
@@ -181,7 +181,9 @@ def compare(
         Measures: threshold; accuracy, test_accuracy (counted); agreement, error_agreement (on
         trials that the test gets wrong); pearson_r, spearman_r (of decision times); residual_sd_ms,
         within_50_ms (of their difference about its median); test_ms, extra_ms; accuracy_gap (in
-        equal time); forced. With accuracy NaN: offset_ms and slope of ``latency``.
+        equal time); forced. All are NaN where one of the two does not reach the accuracy within
+        MARGIN; what goes trial by trial has its interval for the thresholds as matched. With
+        accuracy NaN: offset_ms and slope of ``latency``.
 
     Raises
     ------
@@ -194,8 +196,7 @@ def compare(
                 f"the same trials must be compared, got {test.trials} and {one.trials}"
             )
     n = test.trials
-    if n < FEWEST_TRIALS:
-        raise ValueError(f"an interval needs {FEWEST_TRIALS} trials or more, got {n}")
+    check_trials(n)
     drawn = rng.multinomial(n, np.full(n, 1 / n), size=resamples).astype(np.float64)
     weights = np.concatenate([np.ones((1, n)), drawn])
     found = _measures(test, other, truth, accuracies, weights, latency_ms)
@@ -204,9 +205,15 @@ def compare(
         found = {key: found[key] - base[key] for key in found}
     rows = []
     for (accuracy, name), values in found.items():
-        ends = np.nanquantile(values[1:], [0.025, 0.975]) if _varies(values) else [np.nan] * 2
+        ends = np.nanquantile(values[1:], [0.025, 0.975]) if _known(values) else [np.nan] * 2
         rows.append((accuracy, name, float(values[0]), *map(float, ends)))
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
+
+
+def check_trials(trials: int) -> None:
+    """Raise ValueError if these are too few for an interval."""
+    if trials < FEWEST_TRIALS:
+        raise ValueError(f"an interval needs {FEWEST_TRIALS} trials or more, got {trials}")
 
 
 def equivalent(table: pd.DataFrame, margin: float = MARGIN) -> pd.Series:
@@ -234,13 +241,19 @@ def _measures(
     curves = curve(test, weights), curve(other, weights)
     offset, slope = latency(*curves)
     found = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
-    late = offset if latency_ms is None else np.full_like(offset, latency_ms)
+    late = np.full_like(offset, latency_ms)
+    if latency_ms is None:
+        late = _row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
     for accuracy in accuracies:
         i = int(np.abs(curves[0][0][0] - accuracy).argmin())
-        j = int(np.abs(curves[1][0][0] - test.posterior[i].mean()).argmin())
+        j = int(np.abs(curves[1][0][0] - curves[0][0][0, i]).argmin())
         values = _trial_by_trial(test, other, i, j, truth, weights)
+        values["extra_ms"] = (time_at([accuracy], curves[1]) - time_at([accuracy], curves[0]))[:, 0]
         values["accuracy_gap"] = _gap(*curves, accuracy, late)
         values["threshold"] = np.full(len(weights), other.thresholds[j])
+        missed = max(abs(c[0][0, k] - accuracy) for c, k in zip(curves, (i, j), strict=True))
+        if missed > MARGIN:
+            values = {name: np.full_like(value, np.nan) for name, value in values.items()}
         found |= {(accuracy, name): value for name, value in values.items()}
     return found
 
@@ -264,7 +277,6 @@ def _trial_by_trial(
         "residual_sd_ms": np.sqrt(_mean(late**2, weights) - _mean(late, weights) ** 2),
         "within_50_ms": _mean((np.abs(late) <= 50).astype(np.float64), weights),
         "test_ms": _mean(x, weights),
-        "extra_ms": _mean(y - x, weights),
         "forced": _mean(other.forced[j].astype(np.float64), weights),
     }
     if truth is not None:
@@ -281,12 +293,24 @@ def _gap(
 ) -> Array:
     """Return accuracy of the other minus the test's in equal time, the latency taken off, (B,)."""
     at_ms = time_at([accuracy], test)[:, 0] + late
-    reached = [np.interp(at, time, known) for at, known, time in zip(at_ms, *other, strict=True)]
+    reached = [
+        np.interp(at, time, known, np.nan, np.nan)
+        for at, known, time in zip(at_ms, *other, strict=True)
+    ]
     return np.array(reached) - accuracy
 
 
-def _varies(values: Array) -> bool:
-    return bool(np.isfinite(values[1:]).any())
+def _row_means(values: Array) -> Array:
+    """Return the mean of what is known in each row, NaN where nothing is."""
+    known = np.isfinite(values)
+    counts = known.sum(axis=1)
+    sums = np.where(known, values, 0).sum(axis=1)
+    return np.divide(sums, counts, out=np.full(len(values), np.nan), where=counts > 0)
+
+
+def _known(values: Array) -> bool:
+    """Whether a value and nearly all of its resamples are there."""
+    return bool(np.isfinite(values[0]) and np.isfinite(values[1:]).mean() > 0.95)
 
 
 def _mean(values: Array, weights: Array) -> Array:

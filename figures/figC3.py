@@ -91,7 +91,7 @@ def _trials(test: Sweep, other: Sweep) -> pd.DataFrame:
 
 
 def draw(settings: Settings, data: Path, trials: Path, *, output: Path) -> Figure:
-    """Draw decision times, measures with the ideal decoder's beside, and speed against accuracy."""
+    """Draw decision times, measures with the decoder's beside, and speed against accuracy."""
     table, single = read_table(data), read_table(trials)
     figure, axes = plt.subplots(3, 4, figsize=(7.2, 6.4), height_ratios=[1.15, 1, 1.15])
     for ax, (name, colour) in zip(axes[0], COLOURS.items(), strict=True):
@@ -113,7 +113,7 @@ def draw(settings: Settings, data: Path, trials: Path, *, output: Path) -> Figur
     for ax, name in zip(axes[2], COLOURS, strict=True):
         lines = _speed_accuracy(ax, curves[curves["condition"] == name])
     axes[2, 0].set_ylabel("expected accuracy")
-    title = "filled: circuit; open: ideal decoder; 95 % intervals"
+    title = "filled: circuit; open: cortical decoder; 95 % intervals"
     figure.legend(handles, labels, loc="outside lower left", ncols=4, title=title)
     figure.legend(*lines, loc="outside lower right", ncols=3)
     return figure

@@ -161,6 +161,8 @@ def _edits(ax, table: pd.DataFrame) -> None:
     off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
     ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
     ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
+    for place in places[rows["value"].isna().to_numpy()]:
+        ax.text(0.02, place, f"{AT} never reached", va="center")
     ax.set_yticks(places, rows["variant"])
     ax.set(xlabel=f"within 50 ms of\nthe MSPRT's, at {AT}", xlim=(0, 1))
     letter(ax, "c  N = 4")

@@ -103,7 +103,14 @@ def _shifts(ax, table: pd.DataFrame) -> None:
         seen.add(colour)
         off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
         ax.errorbar(
-            rows["exact_nats"], rows["value"], off, fmt="o", ms=3, lw=0.8, color=colour, label=label
+            rows["exact_nats"],
+            rows["value"],
+            np.maximum(off, 0),
+            fmt="o",
+            ms=3,
+            lw=0.8,
+            color=colour,
+            label=label,
         )
     ends = [table["exact_nats"].min() - 0.02, table["exact_nats"].max() + 0.02]
     ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0)
@@ -117,7 +124,7 @@ def _tuned(ax, table: pd.DataFrame, places: dict[str, int]) -> None:
     off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
     where = [places[name] for name in rows["variant"]]
     colours = [_colour(name) for name in rows["variant"]]
-    ax.errorbar(rows["value"], where, xerr=off, fmt="none", lw=0.8, ecolor=colours)
+    ax.errorbar(rows["value"], where, xerr=np.maximum(off, 0), fmt="none", lw=0.8, ecolor=colours)
     ax.scatter(rows["value"], where, c=colours, s=14)
     ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
     ax.set(xlabel="within 50 ms\nof the MSPRT's")

@@ -63,7 +63,7 @@ def test_what_computes_is_needed():
     """Controls at N = 4, 1 000 trials: each must lose by its margin, with its interval.
 
     GPe held at rest: decisions within 50 ms of the MSPRT's fall by .2. A linear STN: accuracy in
-    equal time falls by .015. A shuffled STN-SNr pathway: agreement falls by .4.
+    equal time falls by .015. A shuffled STN-SNr pathway: accuracy .95 is never reached.
     """
     table = circuit("spiking_msprt", 4)
     edited = {
@@ -81,11 +81,10 @@ def test_what_computes_is_needed():
         ("GPe", "within_50_ms"),
         ("linear", "accuracy_gap"),
         ("linear", "within_50_ms"),
-        ("shuffled", "agreement"),
     ):
         print(
             name, measure, change.loc[(name, measure), ["value", "low", "high"]].round(3).tolist()
         )
     assert change.loc[("GPe", "within_50_ms"), "high"] < -0.2
     assert change.loc[("linear", "accuracy_gap"), "high"] < -0.015
-    assert change.loc[("shuffled", "agreement"), "high"] < -0.4
+    assert np.isnan(change.loc[("shuffled", "agreement"), "value"])

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from bgmodel.basal_ganglia import BasalGanglia
 
 MANY = Stimuli(trials=1000, t_max=110)
-SAMPLES_A_STEP = 50
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Compare:
     """Let a circuit and the MSPRT decide on the same evidence, and compare decision by decision.
 
     Thresholds are matched to equal accuracy. Two references, the MSPRT at the circuit's gain and
-    the full one; beside the circuit an ideal decoder of its own cortical spikes, and the rivals.
+    the full one; beside the circuit a decoder of its own cortical spikes, and the rivals.
 
     Examples: bgmodel compare agreement.csv --channels 4;
     bgmodel compare tactile.csv --task same-different --period-mm 1.5;
@@ -120,6 +119,11 @@ class Lesion:
         print(f"{evidence.trials} trials -> {self.output}")
 
 
+def sample_ms(step_ms: float) -> float:
+    """Return how far samples of OUT lie apart: 1 ms, or a fiftieth of slow readings."""
+    return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
+
+
 def _model(asked_for: Compare | Lesion) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel import basal_ganglia
@@ -129,6 +133,8 @@ def _model(asked_for: Compare | Lesion) -> tuple[BasalGanglia, Evidence]:
     files.check_writable(asked_for.output.parent)
     stimuli.check()
     check_whole(workers=asked_for.workers)
+    if not asked_for.accuracies:
+        raise ValueError("accuracies must hold one number or more")
     for accuracy in asked_for.accuracies:
         if not 0 < accuracy < 1:
             raise ValueError(f"accuracies must lie between 0 and 1, got {accuracy}")
@@ -139,7 +145,7 @@ def _model(asked_for: Compare | Lesion) -> tuple[BasalGanglia, Evidence]:
         options = {"workers": asked_for.workers}
         print("the first run compiles: some ten seconds", file=sys.stderr)
     if asked_for.engine in ("ensemble", "rate"):
-        options["sample_ms"] = max(1.0, evidence.step_ms / SAMPLES_A_STEP)
+        options["sample_ms"] = sample_ms(evidence.step_ms)
     model = basal_ganglia.BasalGanglia(
         table, asked_for.engine, asked_for.gain, asked_for.seed, options
     )
