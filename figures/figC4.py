@@ -12,14 +12,12 @@ from scipy.optimize import curve_fit
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.circuit_edits import correlated, perturbed, steady_out
 from bgmodel.circuit_study import (
     CIRCUIT,
     DECODER,
     OWN,
-    correlated,
     msprt_sweeps,
-    perturbed,
-    steady_out,
     sweeps,
     thresholds_about,
     variants,

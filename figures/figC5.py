@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_study import steady_shifts, variants
+from bgmodel.circuit_edits import steady_shifts
+from bgmodel.circuit_study import variants
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
 from figures.common import GAIN, Settings, letter, run

@@ -8,6 +8,7 @@ import pytest
 
 from bgmodel import Msprt, stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit, decoded_input
+from bgmodel.circuit_edits import correlated, out_shift, perturbed, steady_out, steady_shifts
 from bgmodel.circuit_study import (
     CIRCUIT,
     DECODER,
@@ -15,13 +16,8 @@ from bgmodel.circuit_study import (
     OWN,
     against,
     behaviour,
-    correlated,
     msprt_sweeps,
-    out_shift,
     page,
-    perturbed,
-    steady_out,
-    steady_shifts,
     sweeps,
     thresholds_about,
     variants,

@@ -24,7 +24,8 @@ LEVELS = [
     {"bgmodel.sprt", "bgmodel.tables", "bgmodel.theory"},
     {"bgmodel"},
     {"bgmodel.learning", "bgmodel.basal_ganglia", "bgmodel.rivals", "bgmodel.comparison"},
-    {"bgmodel.plots", "bgmodel.study", "bgmodel.circuit_study"},
+    {"bgmodel.plots", "bgmodel.study", "bgmodel.circuit_edits"},
+    {"bgmodel.circuit_study"},
     {"bgmodel.commands", "bgmodel.commands.checks"},
     {"bgmodel.commands.stimuli"},
     {

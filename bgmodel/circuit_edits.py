@@ -1,0 +1,166 @@
+"""Edits of a circuit that a study goes through, and what they do under steady evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.stats import ttest_1samp
+
+from bgmodel.basal_ganglia import (
+    BasalGanglia,
+    Circuit,
+    Escape,
+    Population,
+    Projection,
+    run_engine,
+)
+
+OF_POPULATIONS = ("baseline_hz", "gain_hz_per_nat", "bias_nats", "tau_ms")
+OF_PROJECTIONS = ("weight", "delay_ms", "tau_ms")
+
+
+def perturbed(circuit: Circuit, fraction: float = 0.2) -> dict[str, Circuit]:
+    """Return the circuit with one number changed by +-fraction, for every number of its tables.
+
+    Delays are rounded to whole ticks of .1 ms. Numbers that are 0 stay out, and so do those that
+    only say what they are: transmitters, names, numbers of cells.
+    """
+    changed: dict[str, Circuit] = {}
+
+    def put(name: str, values: Mapping[str, float]) -> None:
+        for field, value in values.items():
+            for sign in (1, -1):
+                new = value * (1 + sign * fraction)
+                new = round(new, 1) if field == "delay_ms" else new
+                key = f"{name} {field} {sign * fraction:+.0%}"
+                changed[key] = circuit.changed(name, **{field: new})
+
+    for row in circuit.populations:
+        cell = {f.name: getattr(row.cell, f.name) for f in fields(row.cell)}
+        own = {name: getattr(row, name) for name in OF_POPULATIONS}
+        put(row.name, {k: v for k, v in (own | cell).items() if v and not isinstance(v, bool)})
+    for p in circuit.projections:
+        values = {name: getattr(p, name) for name in OF_PROJECTIONS}
+        put(p.name, {k: v for k, v in values.items() if v})
+    for sign in (1, -1):
+        tau_ms = circuit.readout_tau_ms * (1 + sign * fraction)
+        key = f"read-out tau_ms {sign * fraction:+.0%}"
+        changed[key] = replace(circuit, readout_tau_ms=tau_ms)
+    return changed
+
+
+def correlated(
+    circuit: Circuit, noise_nats: float, *, cells: int = 20, tau_ms: float = 20
+) -> Circuit:
+    """Return the circuit with noise that all cortical cells of a channel share.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        One with cells.
+    noise_nats : float
+        Standard deviation of the shared input, nats.
+    cells, tau_ms : int, float
+        It comes from this many Poisson cells of 20 Hz, filtered with this time constant (ms); their
+        mean input is taken off.
+    """
+    rate_hz = 20.0
+    # Shot noise through an exponential filter (Campbell): variance = rate / (2 tau cells).
+    sd_hz = np.sqrt(rate_hz / (2 * tau_ms / 1000 * cells))
+    gain = sd_hz / noise_nats
+    shared = Population("shared", Escape(), rate_hz, gain, neurons=cells, cite="assumed")
+    path = Projection("shared", circuit.input, 1, delay_ms=1, tau_ms=tau_ms, cite="assumed")
+    return circuit.with_rows(shared, path)
+
+
+def out_shift(circuit: Circuit, edited: Circuit, out_nats: float) -> float:
+    """Return what an edit adds to the winner's OUT at the fixed point, nats; 0 without one.
+
+    Parameters
+    ----------
+    circuit, edited : Circuit
+        Before and after.
+    out_nats : float
+        OUT before, at which it is asked.
+    """
+    n = circuit.channels
+    odds = np.log(n - 1) - np.log(np.expm1(out_nats))
+    drive = np.zeros((1, 1, n))
+    drive[0, 0, 0] = odds
+    drive -= drive.mean()
+    try:
+        before, after = (
+            run_engine(c, drive, engine="algebra", step_ms=1.0).output_nats[0, 0, 0]
+            for c in (circuit, edited)
+        )
+    except ValueError:
+        return 0.0
+    return float(after - before)
+
+
+def steady_out(
+    circuit: Circuit, log_odds: npt.ArrayLike, *, seed: int, trials: int, mean_ms: int = 1000
+) -> npt.NDArray[np.float64]:
+    """Return the favoured channel's OUT under constant evidence, (log odds, trials) nats.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        One of spiking cells.
+    log_odds : array
+        Of the favoured channel against each other one, in the circuit's nats.
+    seed, trials : int
+        Noise; trial t has the same in every circuit.
+    mean_ms : int
+        The time that is averaged, after 600 ms to settle in.
+    """
+    odds = np.asarray(log_odds, dtype=np.float64)
+    drive = np.zeros((len(odds) * trials, 1, circuit.channels))
+    drive[:, 0, 0] = np.repeat(odds, trials)
+    drive -= drive.mean(axis=2, keepdims=True)
+    model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})
+    found = model.at(drive, step_ms=600.0 + mean_ms).output_nats[:, 120:, 0].mean(axis=1)
+    return found.reshape(len(odds), trials)
+
+
+def steady_shifts(
+    circuit: Circuit,
+    edited: Mapping[str, Circuit],
+    log_odds: npt.ArrayLike,
+    *,
+    seed: int,
+    trials: int = 40,
+) -> pd.DataFrame:
+    """Measure what edits add to OUT in the spiking circuit, beside its fixed point.
+
+    Returns
+    -------
+    DataFrame
+        One row a variant and log odds: variant, log_odds, out_nats (as it is), exact_nats (the
+        shift of the algebraic fixed point), value, low, high (the measured shift and its 95 %
+        interval, trials paired by their noise).
+    """
+    odds = np.asarray(log_odds, dtype=np.float64)
+    before = steady_out(circuit, odds, seed=seed, trials=trials)
+    rows = []
+    for name, table in edited.items():
+        shift = steady_out(table, odds, seed=seed, trials=trials) - before
+        interval = ttest_1samp(shift, 0.0, axis=1).confidence_interval()
+        for k, odd in enumerate(odds):
+            out = float(np.log1p((circuit.channels - 1) * np.exp(-odd)))
+            rows.append(
+                {
+                    "variant": name,
+                    "log_odds": odd,
+                    "out_nats": before[k].mean(),
+                    "exact_nats": out_shift(circuit, table, out),
+                    "value": shift[k].mean(),
+                    "low": interval.low[k],
+                    "high": interval.high[k],
+                }
+            )
+    return pd.DataFrame(rows)
