@@ -119,6 +119,22 @@ class BasalGanglia:
         """Warn if the evidence leaves the range in which the circuit works."""
         warn_beyond_range(self.circuit, drive_of(evidence, self.gain))
 
+    def warn_of_noise(self, threshold_nats: float) -> None:
+        """Warn if noise alone crosses a threshold: measured at rest, 40 trials of half a second."""
+        if self.engine != "ensemble":
+            return
+        silence = np.zeros((40, 1, self.circuit.channels))
+        quiet = replace(self, options={"rates": False})
+        out = quiet.at(silence, step_ms=500.0).output_nats
+        share = float((out.min(axis=(1, 2)) <= threshold_nats).mean())
+        if share > 0.02:
+            warnings.warn(
+                f"without evidence noise takes OUT below the threshold of {threshold_nats:.2f} "
+                f"nats in {share:.0%} of trials within 500 ms: OUT rests at {out.mean():.2f} +- "
+                f"{out.std():.2f}",
+                stacklevel=2,
+            )
+
     def batches(self, evidence: Evidence) -> Iterator[tuple[Evidence, Activity]]:
         """Go through many trials, a part that fits into memory at a time.
 

@@ -1,5 +1,6 @@
 """Studies on circuits: a small comparison that must succeed, and controls that must fail."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -170,6 +171,17 @@ def test_shared_noise_has_the_size_that_was_asked():
     assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(
         0.2 * np.sqrt(2 * np.exp(-1)), rel=0.25
     )
+
+
+def test_a_threshold_that_noise_crosses_is_warned_of():
+    with pytest.warns(
+        UserWarning, match=r"threshold of 0\.62 nats in \d+% of trials within 500 ms"
+    ):
+        MODEL.warn_of_noise(0.62)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MODEL.warn_of_noise(0.3)
+        replace(MODEL, engine="algebra").warn_of_noise(0.62)
 
 
 def run(*arguments):

@@ -140,6 +140,7 @@ class Run:
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
         model = basal_ganglia.BasalGanglia(table, self.engine, self.gain, self.seed, options)
+        model.warn_of_noise(threshold)
         activity = model.activity(evidence)
         decision = first_crossing(model.trace(activity, evidence), threshold)
         result = tables.trial_table(
