@@ -22,7 +22,7 @@ class Figures:
     targets: Positional[tuple[str, ...]] = ()
     """Names of figures, such as fig4a, or files to make; all if left out."""
     fast: bool = False
-    """A coarse run, under 3 minutes, into figures/fast."""
+    """A coarse run with few trials, into figures/fast."""
     cores: int = 2
     """Jobs at a time; they change no byte."""
     recordings: Path | None = None
