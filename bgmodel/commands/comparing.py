@@ -24,16 +24,8 @@ MANY = Stimuli(trials=1000, t_max=110)
 
 
 @dataclass(frozen=True)
-class Compare:
-    """Let a circuit and the MSPRT decide on the same evidence, and compare decision by decision.
-
-    Thresholds are matched to equal accuracy. Two references, the MSPRT at the circuit's gain and
-    the full one; beside the circuit a decoder of its own cortical spikes, and the rivals.
-
-    Examples: bgmodel compare agreement.csv --channels 4;
-    bgmodel compare tactile.csv --task same-different --period-mm 1.5;
-    bgmodel compare clamped.csv --channels 4 --edits.without GPe --edits.replaced
-    """
+class Comparison:
+    """What commands that compare have in common."""
 
     output: Positional[Path]
     """Where the table of measures goes, .parquet or .csv."""
@@ -51,6 +43,19 @@ class Compare:
     """Threads of the ensemble engine; they change no byte."""
     seed: int = 0
 
+
+@dataclass(frozen=True)
+class Compare(Comparison):
+    """Let a circuit and the MSPRT decide on the same evidence, and compare decision by decision.
+
+    Thresholds are matched to equal accuracy. Two references, the MSPRT at the circuit's gain and
+    the full one; beside the circuit a decoder of its own cortical spikes, and the rivals.
+
+    Examples: bgmodel compare agreement.csv --channels 4;
+    bgmodel compare tactile.csv --task same-different --period-mm 1.5;
+    bgmodel compare clamped.csv --channels 4 --edits.without GPe --edits.replaced
+    """
+
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.circuit_study import against, page
@@ -66,7 +71,7 @@ class Compare:
 
 
 @dataclass(frozen=True)
-class Lesion:
+class Lesion(Comparison):
     """Compare edited circuits with the circuit as it is, on the same evidence and noise.
 
     Each edit is a circuit of its own: a nucleus to lesion, whole ("STN") or by a fraction
@@ -77,8 +82,6 @@ class Lesion:
     Example: bgmodel circuit lesion lesions.csv STN=0.2 GPe=0.2 "D1->SNr=0.9" --channels 4
     """
 
-    output: Positional[Path]
-    """Where the table of measures goes, .parquet or .csv."""
     lesions: Positional[tuple[str, ...]] = (
         "STN=0.2",
         "GPe=0.2",
@@ -87,19 +90,6 @@ class Lesion:
         "D1->SNr=0.9",
     )
     """Edits, each on its own."""
-    circuit: Name = "spiking_msprt"
-    """Name of the table."""
-    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
-    """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
-    edits: Edits = field(default_factory=Edits)
-    stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
-    gain: float = 0.5
-    """Nats in the circuit a nat of evidence, kappa."""
-    accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
-    """Expected accuracies of the intact circuit at which thresholds are put."""
-    workers: int = 2
-    """Threads of the ensemble engine; they change no byte."""
-    seed: int = 0
 
     def __call__(self) -> None:
         """Run the command."""
@@ -124,7 +114,7 @@ def sample_ms(step_ms: float) -> float:
     return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
 
 
-def _model(asked_for: Compare | Lesion) -> tuple[BasalGanglia, Evidence]:
+def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel import basal_ganglia
 
