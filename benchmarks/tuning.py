@@ -16,7 +16,7 @@ import numpy as np
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_study import page, variants
+from bgmodel.circuit_study import at_rest, page, variants
 from bgmodel.evidence import gaussian_evidence
 
 TUNING_SEEDS = (1001, 1002, 1003)
@@ -57,14 +57,6 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
     }
 
 
-def rest(table: Circuit) -> str:
-    """Return the rates before evidence, Hz, as text."""
-    silence = np.zeros((20, 10, table.channels))
-    found = BasalGanglia(table, "ensemble", seed=TUNING_SEEDS[0])
-    activity = found.at(silence, step_ms=50.0)
-    return ", ".join(f"{name} {rates.mean():.1f}" for name, rates in activity.rates_hz.items())
-
-
 def main() -> None:
     """Print the table of variants."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -75,7 +67,8 @@ def main() -> None:
     table = circuit("spiking_msprt", given.channels)
     tried = neighbours(table)
     for name, row in {"as it is": table, **tried}.items():
-        print(f"{name}: at rest {rest(row)} Hz")
+        at = at_rest(row, seed=TUNING_SEEDS[0])
+        print(f"{name}, at rest:\n{at.to_string(index=False, float_format='{:.2f}'.format)}")
     for seed in TUNING_SEEDS:
         evidence = gaussian_evidence(
             given.trials,

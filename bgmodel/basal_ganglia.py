@@ -96,6 +96,10 @@ class BasalGanglia:
         """
         return self.trace(self.activity(evidence), evidence)
 
+    def drive(self, evidence: Evidence) -> npt.NDArray[np.float64]:
+        """Return what the circuit is given, as ``drive_of``."""
+        return drive_of(evidence, self.gain, self.circuit.reach_nats)
+
     @staticmethod
     def trace(activity: Activity, evidence: Evidence) -> Trace:
         """Return the OUT of an activity as a trace on the evidence's clock."""
@@ -104,7 +108,7 @@ class BasalGanglia:
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
         """Return all that the circuit did; trial t has the noise of ``first_trial + t``."""
-        return self.at(drive_of(evidence, self.gain), evidence.step_ms, first_trial)
+        return self.at(self.drive(evidence), evidence.step_ms, first_trial)
 
     def at(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
         """Return what the circuit does under a drive (trials, steps, channels) in its own nats."""
@@ -117,7 +121,7 @@ class BasalGanglia:
 
     def warn_of(self, evidence: Evidence) -> None:
         """Warn if the evidence leaves the range in which the circuit works."""
-        warn_beyond_range(self.circuit, drive_of(evidence, self.gain))
+        warn_beyond_range(self.circuit, self.drive(evidence))
 
     def warn_of_noise(self, threshold_nats: float) -> None:
         """Warn if noise alone crosses a threshold: measured at rest, 40 trials of half a second."""
@@ -209,7 +213,9 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
         )
 
 
-def drive_of(evidence: Evidence, gain: float = 1.0) -> npt.NDArray[np.float64]:
+def drive_of(
+    evidence: Evidence, gain: float = 1.0, reach_nats: float = np.inf
+) -> npt.NDArray[np.float64]:
     """Return the drive of a circuit, (trials, steps + 1, hypotheses) nats.
 
     Parameters
@@ -218,11 +224,15 @@ def drive_of(evidence: Evidence, gain: float = 1.0) -> npt.NDArray[np.float64]:
         Readings; before the first there is the prior alone.
     gain : float
         kappa.
+    reach_nats : float
+        No drive falls further than this below the leader's.
 
     Notes
     -----
-    ``kappa (L_i - mean_j L_j)`` with L the log prior plus all readings so far: a common input
-    changes nothing (Bogacz & Gurney 2007), and without the mean no rate would have to be negative.
+    ``Y_i - mean_j Y_j``, ``Y_i = max(kappa L_i, max_j kappa L_j - reach)``, with L the log prior
+    plus all readings so far: a common input changes nothing (Bogacz & Gurney 2007), and without
+    the mean no rate would have to be negative.
     """
-    total = totals(evidence)
-    return gain * (total - total.mean(axis=2, keepdims=True))
+    total = gain * totals(evidence)
+    total = np.maximum(total, total.max(axis=2, keepdims=True) - reach_nats)
+    return total - total.mean(axis=2, keepdims=True)

@@ -34,6 +34,7 @@ CIRCUIT, DECODER = "circuit", "cortical decoder"
 OWN, FULL = "MSPRT at its gain", "MSPRT"
 DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
+LOWEST_NATS = 1e-3
 
 
 def msprt_sweeps(evidence: Evidence, gain: float) -> dict[str, Sweep]:
@@ -50,7 +51,8 @@ def thresholds_about(test: Sweep) -> npt.NDArray[np.float64]:
     A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
     """
     low, high = 0.7 * test.threshold(0.98), 1.3 * test.threshold(0.80)
-    return np.geomspace(high, low, THRESHOLDS)
+    # Where the evidence is strong enough, the test's reaches 0.
+    return np.geomspace(max(high, 2 * LOWEST_NATS), max(low, LOWEST_NATS), THRESHOLDS)
 
 
 def sweeps(
@@ -215,6 +217,32 @@ def _at_threshold_of(
             values["accuracy"] = (found.choice[k] == evidence.truth).mean()
         rows += [(accuracy, measure, float(value)) for measure, value in values.items()]
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value"])
+
+
+def at_rest(circuit: Circuit, *, seed: int, trials: int = 4, seconds: int = 5) -> pd.DataFrame:
+    """Run a circuit of spiking cells without evidence.
+
+    Returns
+    -------
+    DataFrame
+        One row a nucleus: nucleus, rate_hz, and interval_cv, the coefficient of variation of a
+        cell's inter-spike intervals, mean over cells with ten or more in a trial (NaN without).
+    """
+    names = tuple(row.name for row in circuit.populations if row.spiking)
+    model = BasalGanglia(circuit, "ensemble", seed=seed, options={"spikes": names})
+    # The first second is left out: the circuit settles.
+    found = model.at(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
+    rows = []
+    for name, spikes in (found.spikes or {}).items():
+        late = spikes.query("time_ms >= 1000")
+        size = trials * circuit.population(name).neurons * found.rates_hz[name].shape[2]
+        ordered = late.sort_values(["trial", "channel", "neuron", "time_ms"])
+        cells = ordered.groupby(["trial", "channel", "neuron"])["time_ms"]
+        intervals = cells.diff().groupby([ordered[k] for k in ("trial", "channel", "neuron")])
+        known = intervals.agg(["count", "mean", "std"]).query("count >= 10")
+        cv = float((known["std"] / known["mean"]).mean())
+        rows.append({"nucleus": name, "rate_hz": len(late) / (size * seconds), "interval_cv": cv})
+    return pd.DataFrame(rows)
 
 
 def behaviour(table: pd.DataFrame) -> str:

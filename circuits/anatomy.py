@@ -64,17 +64,18 @@ def appendix_b(
     weight, cite = cite + "; delay assumed", cite + "; tau and gain in Hz assumed"
     nuclei = [
         Population("ctx", signed, 0, 10, cite="y = g* Y, " + BG2007 + "; gain in Hz assumed"),
-        Population("D1", signed, 0, 10, GABA, tau_ms=10, receptor="D1", cite=cite),
+        # The direct leg lasts as long as the one through STN: only so OUT has no dip in passing.
+        Population("D1", signed, 0, 10, GABA, tau_ms=5, receptor="D1", cite=cite),
         Population("D2", signed, 0, 10, GABA, tau_ms=10, receptor="D2", cite=cite),
         Population("STN", unit, 0, 8, transfer="exp", tau_ms=5, cite=cite),
         Population("GPe", signed, 0, 15, GABA, pooled=simple, tau_ms=10, cite=cite),
         Population("SNr", unit, 0, 30, GABA, tau_ms=5, cite=cite),
     ]
     paths = [
-        Projection("ctx", "D1", 1, delay_ms=5, cite=weight),
+        Projection("ctx", "D1", 1, delay_ms=3, cite=weight),
         Projection("ctx", "D2", 1, delay_ms=5, cite=weight),
         Projection("ctx", "STN", 1, delay_ms=3, cite=weight),
-        Projection("D1", "SNr", -w_d1_snr, delay_ms=4, cite=weight),
+        Projection("D1", "SNr", -w_d1_snr, delay_ms=2, cite=weight),
         Projection("D2", "GPe", -w_d2_gpe, delay_ms=4, cite=weight),
         Projection("STN", "GPe", 1, "diffuse", 2, transfer="s_minus_log_s", cite=weight),
         Projection("STN", "SNr", 1, "diffuse", 2, cite=weight),
@@ -200,6 +201,8 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         readout_tau_ms=36,
         range_nats=(1.0, 12.0),
         readable_nats=(0.0, top - d1_from),
+        # Odds of e^5 are past every threshold; more would only outrun the slow common mode.
+        reach_nats=5.0,
         most_channels=12,
         about="spiking cells that compute the MSPRT; after circuit J of a feasibility study",
     )

@@ -77,7 +77,8 @@ def text(circuit: Circuit) -> str:
         f"{'exact' if circuit.exact else 'not exact'}\n"
         f"S = {circuit.reference_nats:g} nats at rest, works from {low:g} to {high:g}; OUT is read "
         f"from {circuit.readable_nats[0]:g} to {circuit.readable_nats[1]:g}; "
-        f"drive gain {circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms"
+        f"drives at most {circuit.reach_nats:g} nats apart, drive gain {circuit.drive_gain:g}, "
+        f"read-out filter {circuit.readout_tau_ms:g} ms"
     )
     tables = [_text(table) for table in (nuclei(circuit), pathways(circuit))]
     return "\n\n".join([head, *tables, constants(circuit)])

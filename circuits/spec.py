@@ -49,6 +49,9 @@ class Circuit:
         Lowest and highest ``S`` at which the circuit works.
     readable_nats : tuple of float
         Lowest and highest OUT that the read-out's rate stands for.
+    reach_nats : float
+        How far below the leader's drive another channel's may fall: a silent cell cannot fall
+        further. OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``.
     most_channels : int
         Most alternatives for which the circuit has a state of rest.
     wiring_seed : int
@@ -69,6 +72,7 @@ class Circuit:
     exact: bool = False
     range_nats: tuple[float, float] = (0.0, math.inf)
     readable_nats: tuple[float, float] = (0.0, math.inf)
+    reach_nats: float = math.inf
     most_channels: int = 1000
     wiring_seed: int = 0
     about: str = ""
@@ -86,11 +90,7 @@ class Circuit:
             raise ValueError(
                 f"{self.name} takes at most {self.most_channels} alternatives, got {self.channels}"
             )
-        if not 0 <= self.readout_tau_ms < math.inf:
-            raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
-        for name in ("reference_nats", "drive_gain"):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
+        self._check_numbers()
         for p in self.projections:
             self.population(p.target)
             sign = SIGNS[self.population(p.source).transmitter]
@@ -101,6 +101,15 @@ class Circuit:
                     f"{'>=' if sign > 0 else '<='} 0, got {p.weight}"
                 )
         self._reaches()
+
+    def _check_numbers(self) -> None:
+        if not self.reach_nats > 0:
+            raise ValueError(f"reach_nats must be > 0, got {self.reach_nats}")
+        if not 0 <= self.readout_tau_ms < math.inf:
+            raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
+        for name in ("reference_nats", "drive_gain"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
 
     def population(self, name: str) -> Population:
         """Return a row by name.

@@ -6,9 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit, decoded_input
+from bgmodel.basal_ganglia import BasalGanglia, circuit, decoded_input, drive_of
 from bgmodel.circuit_edits import correlated, out_shift, perturbed, steady_out, steady_shifts
 from bgmodel.circuit_study import (
     CIRCUIT,
@@ -16,6 +19,7 @@ from bgmodel.circuit_study import (
     FULL,
     OWN,
     against,
+    at_rest,
     behaviour,
     msprt_sweeps,
     page,
@@ -25,7 +29,7 @@ from bgmodel.circuit_study import (
 )
 from bgmodel.cli import main
 from bgmodel.comparison import compare
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 
 SEED, GAIN = 51, 0.5
 TABLE = circuit("spiking_msprt", 4)
@@ -239,3 +243,38 @@ def test_bad_use_gets_one_clear_sentence(tmp_path, monkeypatch, capsys, argument
     assert len(lines) == 1
     assert says in lines[0]
     assert not list(tmp_path.iterdir())
+
+
+def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
+    """MSN at most 5 Hz, STN 8-25, GPe 25-75, SNr 20-80 (the ranges of rat and macaque)."""
+    for channels in (2, 4):
+        found = at_rest(circuit("spiking_msprt", channels), seed=SEED).set_index("nucleus")
+        for name, low, high in (
+            ("D1", 0, 5),
+            ("D2", 0, 5),
+            ("STN", 8, 25),
+            ("GPe", 25, 75),
+            ("SNr", 20, 80),
+        ):
+            assert low <= found.loc[name, "rate_hz"] <= high, name
+        # What the table says of its own cells.
+        assert abs(found.loc["ctx", "interval_cv"] - 0.5) < 0.1
+        assert abs(found.loc["STN", "interval_cv"] - 0.3) < 0.1
+
+
+@given(
+    arrays(np.float64, (3, 4, 5), elements=st.floats(-60, 60)),
+    st.floats(2, 20),
+    st.floats(0.3, 1),
+)
+def test_a_reach_changes_out_by_no_more_than_it_says(readings, reach, gain):
+    """OUT is -ln P within ln(1 + (N - 1) exp(-reach)), however strong the evidence."""
+    evidence = Evidence(readings)
+    exact = Msprt(gain).run(evidence).out_nats
+    held = Msprt().output(drive_of(evidence, gain, reach))
+    winner = exact.argmin(axis=2)[..., None]
+    change = np.take_along_axis(held - exact, winner, axis=2)
+    assert np.all(change >= -1e-9)
+    assert np.all(change <= np.log1p(4 * np.exp(-reach)) + 1e-9)
+    drive = drive_of(evidence, gain, reach)
+    assert np.ptp(drive, axis=2).max() <= reach + 1e-9

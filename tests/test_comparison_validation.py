@@ -33,30 +33,34 @@ def test_the_algebraic_circuit_is_the_sprt_on_gratings():
     assert different == 0
 
 
-def test_the_rate_circuit_agrees_the_more_the_slower_the_readings():
-    """Its legs differ in delay, so OUT moves after each reading before it settles.
+def test_the_rate_circuit_agrees_where_it_settles():
+    """N = 4, 2 000 trials: read when a reading ends, 99.9 % of choices are the MSPRT's.
 
-    It rests at S = 1, not 3: without a common mode S grows with the evidence, and the loop with
-    delays oscillates from 5.5. The aim of 99.9 % is not reached: the figures are printed.
+    That holds while a reading lasts until the circuit has settled; how agreement falls as readings
+    get faster, and when OUT is read all the time, is printed. The circuit rests at S = 1: without a
+    common mode S grows with the evidence, and the loop with delays oscillates from 5.5.
     """
-    agree = []
-    for step_ms, read_out_ms in ((50.0, 0.0), (1000.0, 50.0), (1000.0, 200.0)):
+    table = replace(circuit("bogacz_gurney", 4), reference_nats=1.0)
+    threshold = float(-np.log(0.9))
+    agree = {}
+    for step_ms in (10.0, 20.0, 50.0, 100.0, 500.0):
         evidence = gaussian_evidence(
-            500, 25, 0.5, rng=stream(SCORING_SEED, "slow"), hypotheses=4, step_ms=step_ms
+            2000, 25, 0.5, rng=stream(SCORING_SEED, "slow"), hypotheses=4, step_ms=step_ms
         )
-        table = circuit("bogacz_gurney", 4)
-        table = replace(table, reference_nats=1.0, readout_tau_ms=read_out_ms)
-        model = BasalGanglia(table, "rate", options={"sample_ms": step_ms / 50, "dt_ms": 1.0})
-        threshold = float(-np.log(0.9))
         exact = first_crossing(Msprt().run(evidence), threshold).choice
-        found = [
-            first_crossing(model.trace(activity, part), threshold).choice
-            for part, activity in model.batches(evidence)
-        ]
-        agree.append(np.mean(np.concatenate(found) == exact))
-        print(f"every {step_ms:g} ms, read-out {read_out_ms:g} ms: {agree[-1]:.4f} agree")
-    assert agree[0] < agree[1] <= agree[2]
-    assert agree[2] > 0.98
+        for sample_ms in (step_ms, step_ms / 10):
+            model = BasalGanglia(table, "rate", options={"sample_ms": sample_ms, "dt_ms": 1.0})
+            found = [
+                first_crossing(model.trace(activity, part), threshold).choice
+                for part, activity in model.batches(evidence)
+            ]
+            agree[step_ms, sample_ms] = np.mean(np.concatenate(found) == exact)
+            print(
+                f"every {step_ms:g} ms, read every {sample_ms:g}: {agree[step_ms, sample_ms]:.4f}"
+            )
+    settled = [agree[step_ms, step_ms] for step_ms in (10.0, 20.0, 50.0, 100.0, 500.0)]
+    assert settled[0] < 0.99
+    assert min(settled[3:]) >= 0.999
 
 
 def test_what_computes_is_needed():

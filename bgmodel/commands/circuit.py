@@ -74,6 +74,8 @@ class Show:
     edits: Edits = field(default_factory=Edits)
     drawing: Path | None = None
     """Where a drawing goes, .pdf, .svg or .png."""
+    rest: bool = False
+    """Whether to run it without evidence too, and print rates and how irregular its cells fire."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -92,6 +94,12 @@ class Show:
             with files.replacing(self.drawing) as beside:
                 figure.savefig(beside, format=self.drawing.suffix[1:], bbox_inches="tight")
         print(text(table))
+        if self.rest:
+            from bgmodel.circuit_study import at_rest
+
+            print("\nwithout evidence, 4 trials of 5 s:")
+            found = at_rest(table, seed=0)
+            print(found.to_string(index=False, float_format="{:.2f}".format))
 
 
 @dataclass(frozen=True)
