@@ -23,8 +23,12 @@ LINEAR, RECTIFIED, EXP, S_MINUS_LOG_S = range(4)
 TRANSFERS = {"linear": LINEAR, "rectified": RECTIFIED, "exp": EXP, "s_minus_log_s": S_MINUS_LOG_S}
 # Whether a block's cells are alike, differ in their constants, or in their inputs as well.
 ALIKE, SPREAD, WIRED = range(3)
+WORD = noise.TICKS_A_WORD
+FACTOR = 4
+"""Row of the cells' constants that holds their factors."""
 WINDOW = 20
-"""Most ticks that a block is taken through at a time: no more than the least delay."""
+"""Most ticks that a block is taken through at a time: whole words, or one tick if the least delay
+is shorter than a word."""
 LEAST_SCALE = 2.0**-10
 """Filters of cells are written anew when what they are divided by falls below this."""
 MOST_ROWS = 255
@@ -57,11 +61,6 @@ def _tick_key(stream, tick):
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return z ^ (z >> np.uint64(31))
-
-
-@numba.njit(inline="always")
-def _halves(key):
-    return np.uint32(key >> np.uint64(32)), np.uint32(key & np.uint64(0xFFFFFFFF))
 
 
 @compiled
@@ -105,7 +104,6 @@ def _receive(block, b, first, window, dt_s, work):
     if block.kind == LIF:
         for t in range(window):
             push[t] = block.push * (block.mv + block.mv_per_nat * common[t]) - 4 * block.kick
-            kick[t] = block.kick
         return
     if block.apart == WIRED:
         return
@@ -124,32 +122,6 @@ def _receive(block, b, first, window, dt_s, work):
         elif block.kind == ESCAPE:
             work.limit[t] = np.uint32(min(-math.expm1(-mean) * 4294967296.0, 4294967295.0))
     work.state[b] = x
-
-
-@numba.njit(inline="always")
-def _one(p, work, block, t, k, stream):
-    """Advance the cells of a block by a tick; return how many fired."""
-    v, counts, x, first, cells = work.v, work.counts, work.x[0], block.start, block.filled
-    alike, shift = block.apart == ALIKE, np.int32(8 * (k & 3))
-    push, kick, threshold, hold = work.push[t], work.kick[t], block.threshold, block.hold
-    if block.kind == LIF:
-        if alike:
-            return lanes.lif_alike(
-                v, counts, first, cells, shift, block.keep, push, kick, threshold, hold
-            )
-        return lanes.lif_apart(
-            v, counts, first, cells, shift, x, p.cell_decay, p.cell_rest, p.cell_slope,
-            p.cell_kick, threshold, hold,
-        )  # fmt: skip
-    if block.kind == PHASE:
-        if alike:
-            return lanes.phase_alike(v, counts, first, cells, shift, push, kick)
-        each = np.float32(block.cv) * ROOT_HALF
-        return lanes.phase_apart(v, counts, first, cells, shift, x, each)
-    high, low = _halves(_tick_key(stream, k))
-    if alike:
-        return lanes.escape_alike(v, first, cells, high, low, work.limit[t], hold)
-    return lanes.escape_apart(v, first, cells, high, low, x, hold)
 
 
 @numba.njit(inline="always")
@@ -213,59 +185,63 @@ def _rates_apart(block, dt_s, x, state, factor):
 
 
 @numba.njit(inline="always")
-def _inputs_apart(p, work, block, t, k, x):
-    """Fill x with the input of each cell of a block, or its expected number of spikes a tick."""
-    common = np.float32(work.common[t])
+def _four(values, t):
+    """Return the values of four ticks, so that a loop holds them in registers."""
+    return values[t], values[t + 1], values[t + 2], values[t + 3]
+
+
+@numba.njit(inline="always")
+def _inputs_apart(p, work, block, t, k, ticks):
+    """Fill x with each cell's inputs of some ticks, or its expected numbers of spikes."""
     if block.apart == WIRED:
-        _wired(p, work, block, common, k, x)
-        if block.kind != LIF:
-            _rates_apart(block, p.clock[0].dt_s, x, work.own, p.cell_factor)
+        for i in range(ticks):
+            _wired(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
+            if block.kind != LIF:
+                _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants[FACTOR])
     elif block.kind == LIF:
-        lanes.fill(x, block.filled, common)
+        lanes.fill(work.x, block.filled, _four(work.common, t))
     else:
-        mean = np.float32(work.push[t])
-        lanes.fill_apart(x, block.start, block.filled, mean, p.cell_factor)
+        mean = _four(work.push, t)
+        lanes.fill_apart(work.x, block.start, block.filled, mean, p.constants[FACTOR])
 
 
 @numba.njit(inline="always")
-def _four(p, work, block, t, marks):
-    """Advance the cells of a block by four ticks; return how many fired in each, or mark them."""
+def _cells(p, work, block, t, k, stream, ticks, marks):
+    """Advance the cells of a block by some ticks; return how many fired in each, or mark them."""
     v, counts, x, first, cells = work.v, work.counts, work.x, block.start, block.filled
-    push, kick = work.push[t : t + 4], work.kick[t : t + 4]
-    threshold, hold = block.threshold, block.hold
+    threshold, hold, alike = block.threshold, block.hold, block.apart == ALIKE
     if block.kind == LIF:
-        if block.apart == ALIKE:
-            return lanes.lif_four(
-                v, counts, first, cells, block.keep, push, block.kick, threshold, hold, marks
+        if alike:
+            push = _four(work.push, t)
+            return lanes.lif_alike(
+                v, counts, first, cells, ticks, block.keep, push, block.kick, threshold, hold, marks
             )
-        return lanes.lif_apart_four(
-            v, counts, first, cells, x, p.cell_decay, p.cell_rest, p.cell_slope, p.cell_kick,
-            threshold, hold, marks,
-        )  # fmt: skip
-    if block.apart == ALIKE:
-        return lanes.phase_four(v, counts, first, cells, push, kick, marks)
-    each = np.float32(block.cv) * ROOT_HALF
-    return lanes.phase_apart_four(v, counts, first, cells, x, each, marks)
+        return lanes.lif_apart(
+            v, counts, first, cells, ticks, x, p.constants, threshold, hold, marks
+        )
+    if block.kind == PHASE:
+        if alike:
+            push, kick = _four(work.push, t), _four(work.kick, t)
+            return lanes.phase_alike(v, counts, first, cells, ticks, push, kick, marks)
+        each = np.float32(block.cv) * ROOT_HALF
+        return lanes.phase_apart(v, counts, first, cells, ticks, x, each, marks)
+    keys = (
+        _tick_key(stream, k), _tick_key(stream, k + 1), _tick_key(stream, k + 2),
+        _tick_key(stream, k + 3),
+    )  # fmt: skip
+    if alike:
+        limit = _four(work.limit, t)
+        return lanes.escape_alike(v, first, cells, ticks, keys, limit, hold, marks)
+    return lanes.escape_apart(v, first, cells, ticks, keys, x, hold, marks)
 
 
 @numba.njit(inline="always")
-def _list_four(p, work, block, b, k):
+def _list(p, work, block, b, k):
     """List the cells of a block that are marked; return how many in each of four ticks."""
-    for i in range(4):
+    for i in range(WORD):
         work.places[i] = ((k + i) & (p.clock[0].ring - 1)) * len(p.blocks) + b
     found, found_n = work.found, work.found_n
     return lanes.marked(work.marks, block.filled, found, _most(work), work.places, found_n)
-
-
-@numba.njit(inline="always")
-def _list_one(work, block, place, fired):
-    """List which cells of a block just fired."""
-    work.found_n[place] = 0
-    if fired:
-        first, phase = place * _most(work), block.kind == PHASE
-        work.found_n[place] = lanes.spikers(
-            work.v, block.start, block.filled, block.hold, phase, work.found, first
-        )
 
 
 @numba.njit(inline="always")
@@ -297,25 +273,27 @@ def _sample(clock, i, total, low_pass, rates, out):
 
 
 @numba.njit(inline="always")
-def _fire_four(p, work, block, b, t, k):
-    """Advance the cells of a block by the four ticks of a word of noise."""
-    if block.listed:
-        _four(p, work, block, t, work.marks)
-        fired = _list_four(p, work, block, b, k)
+def _fire(p, work, block, b, t, k, stream):
+    """Advance the cells of a block by the ticks of a word of noise, or by one."""
+    if not block.listed:
+        fired = _cells(p, work, block, t, k, stream, lanes.FOUR, None)
     else:
-        fired = _four(p, work, block, t, None)
-    for i in range(4):
+        if p.clock[0].window == 1:
+            _cells(p, work, block, t, k, stream, lanes.SINGLE, work.marks)
+        else:
+            _cells(p, work, block, t, k, stream, lanes.FOUR, work.marks)
+        fired = _list(p, work, block, b, k)
+    for i in range(WORD):
         work.ring[b, (k + i) & (p.clock[0].ring - 1)] = fired[i] * block.spike_hz
 
 
 @numba.njit(inline="always")
-def _fire_one(p, work, block, b, t, k, stream):
-    """Advance the cells of a block by a tick."""
-    now = k & (p.clock[0].ring - 1)
-    fired = _one(p, work, block, t, k, stream)
-    work.ring[b, now] = fired * block.spike_hz
-    if block.listed:
-        _list_one(work, block, now * len(p.blocks) + b, fired)
+def _noise(work, block, k, stream):
+    """Bring the noise of the ticks from k to where the loops over cells read it."""
+    if k % WORD:
+        lanes.next_byte(work.counts, block.start, block.filled)
+    else:
+        lanes.refresh(work.counts, block.start, block.filled, _tick_key(stream, k // WORD))
 
 
 @numba.njit(inline="always")
@@ -326,21 +304,14 @@ def _advance(p, work, b, first, window, drive, stream):
     _receive(block, b, first, window, clock.dt_s, work)
     if block.kind < LIF:
         return
-    t = 0
-    while t < window:
-        k, words = first + t, block.kind != ESCAPE
-        if words and k & 3 == 0:
-            high, low = _halves(_tick_key(stream, k >> 2))
-            lanes.refresh(work.counts, block.start, block.filled, high, low)
-        ticks = 4 if words and k & 3 == 0 and t + 4 <= window else 1
+    for t in range(0, window, WORD):
+        k = first + t
+        if block.kind != ESCAPE:
+            _noise(work, block, k, stream)
         if block.apart != ALIKE:
-            for i in range(ticks):
-                _inputs_apart(p, work, block, t + i, k + i, work.x[i])
-        if ticks == 4:
-            _fire_four(p, work, block, b, t, k)
-        else:
-            _fire_one(p, work, block, b, t, k, stream)
-        t += ticks
+            _inputs_apart(p, work, block, t, k, min(WORD, window - t))
+        # Ticks beyond the last of the run are computed, and read by nobody.
+        _fire(p, work, block, b, t, k, stream)
 
 
 @numba.njit(inline="always")
@@ -356,9 +327,9 @@ def _at_rest(p, work, streams):
     """Start everything at rest, each cell at a random place between reset and threshold."""
     for b in range(len(p.blocks)):
         block = p.blocks[b]
-        high, low = _halves(_tick_key(streams[b], noise.START_TICK))
+        key = _tick_key(streams[b], noise.START_TICK)
         lanes.begin(
-            work.v, block.start, block.cells, block.filled, high, low, block.begin, block.begin_span
+            work.v, block.start, block.cells, block.filled, key, block.begin, block.begin_span
         )
         work.state[b] = block.rest_x
         work.ring[b] = block.rest_hz
@@ -366,7 +337,7 @@ def _at_rest(p, work, streams):
             work.own[j] = block.rest_x
             if block.kind == LIF and block.apart != ALIKE:
                 # Into the units in which all cells have one threshold.
-                work.v[j] *= p.cell_factor[j] if work.v[j] >= 0 else lanes.ONE
+                work.v[j] *= p.constants[FACTOR][j] if work.v[j] >= 0 else lanes.ONE
     for c in range(len(p.readout)):
         work.low_pass[c] = p.blocks[p.readout[c]].rest_hz
     for q in range(len(p.units)):

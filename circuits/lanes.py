@@ -1,13 +1,16 @@
 """What makes the ensemble engine fast, in one place: loops over cells that the compiler vectorises.
 
 One trial at a time; neighbouring cells lie in neighbouring lanes of a register. A word of noise
-serves four ticks, and where their inputs are known the cells take all four at once, in registers;
-the loops over one tick are for the rest. Six things are needed for that, and each is used below:
+serves four ticks, and a cell takes all four while its state is in a register. Each loop returns how
+many cells fired in each tick, or, given marks, sets a bit for each tick in which a cell fired; to
+count as well would take longer. Seven things are needed for speed, and each is used below:
 
 * 32-bit integer arithmetic. Numba widens to 64 bits, for which older machines have no vector
   multiplication; the few functions at the top emit 32-bit instructions. Their NumPy twins are
   ``noise.words`` and ``noise.byte_counts``.
 * A number of cells that the compiler sees to be a multiple of 64: nothing is left over at the end.
+* A loop over ticks whose length the compiler sees, as that of a tuple: it writes the ticks out, one
+  after the other, and goes through cells side by side.
 * Arguments that are None where a loop has no use for them: each combination is compiled apart.
 * An unsigned index, so that no negative one has to be wrapped.
 * Choosing between two values instead of branching, and storing what was chosen every time: a
@@ -25,6 +28,7 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.cpython.unsafe.tuple import tuple_setitem
 from numba.extending import intrinsic
 
 from circuits import noise
@@ -38,7 +42,10 @@ WAIT = np.float32(2.0**20)
 WAITING = np.float32(-(2.0**19))
 ONE = np.float32(1.0)
 ZERO = np.float32(0.0)
-BYTE0, BYTE1, BYTE2, BYTE3 = (np.int32(8 * i) for i in range(4))
+FOUR, SINGLE = (0, 1, 2, 3), (0,)
+"""Ticks that a loop takes its cells through at once."""
+UNMARKED = np.int32(0)
+NOBODY = (np.int32(0),) * 4
 HALF_BITS = np.float32(4.0)
 
 _I32 = ir.IntType(32)
@@ -49,16 +56,14 @@ def _const(value: int) -> ir.Constant:
     return ir.Constant(_I32, value)
 
 
-def _narrow(builder, value):
-    return builder.trunc(value, _I32) if value.type.width > 32 else value
-
-
 @intrinsic
-def word32(typing, index, high, low):
-    """Return ``noise.words`` of one cell from the halves of the tick key."""
+def word32(typing, index, key):
+    """Return ``noise.words`` of one cell from the tick key."""
 
     def build(context, builder, signature, arguments):
-        x, high, low = (_narrow(builder, value) for value in arguments)
+        _, key = arguments
+        high = builder.trunc(builder.lshr(key, ir.Constant(key.type, 32)), _I32)
+        x, low = (builder.trunc(value, _I32) for value in arguments)
         x = builder.add(builder.mul(x, _const(noise.SPREAD)), high)
         x = builder.xor(x, builder.lshr(x, _const(16)))
         x = builder.add(builder.mul(x, _const(noise.FIRST)), low)
@@ -66,7 +71,7 @@ def word32(typing, index, high, low):
         x = builder.mul(x, _const(noise.SECOND))
         return builder.xor(x, builder.lshr(x, _const(15)))
 
-    return types.uint32(index, high, low), build
+    return types.uint32(index, types.uint64), build
 
 
 @intrinsic
@@ -80,15 +85,15 @@ def ones8(typing, byte):
 
 
 @intrinsic
-def ones_at(typing, counts, shift):
-    """Return the count of the byte at a shift, as float32."""
+def ones_at(typing, counts, byte):
+    """Return the count of a byte, as float32."""
 
     def build(context, builder, signature, arguments):
-        counts, shift = arguments
-        byte = builder.and_(builder.lshr(counts, _narrow(builder, shift)), _const(15))
-        return builder.sitofp(byte, _F32)
+        counts, byte = arguments
+        shift = builder.shl(builder.trunc(byte, _I32), _const(3))
+        return builder.sitofp(builder.and_(builder.lshr(counts, shift), _const(15)), _F32)
 
-    return types.float32(counts, shift), build
+    return types.float32(types.uint32, types.int64), build
 
 
 @intrinsic
@@ -113,16 +118,15 @@ def count(typing, total, fired):
 
 
 @intrinsic
-def bits(typing, first, second, third, fourth):
-    """Return four truths as the low bits of a byte."""
+def bit(typing, mark, place, truth):
+    """Return a mark with one more truth in it."""
 
     def build(context, builder, signature, arguments):
-        total = _const(0)
-        for i, truth in enumerate(arguments):
-            total = builder.or_(total, builder.select(truth, _const(1 << i), _const(0)))
-        return builder.trunc(total, ir.IntType(8))
+        mark, place, truth = arguments
+        here = builder.shl(_const(1), builder.trunc(place, _I32))
+        return builder.or_(mark, builder.select(truth, here, _const(0)))
 
-    return types.uint8(*[types.boolean] * 4), build
+    return types.int32(types.int32, types.int64, types.boolean), build
 
 
 @intrinsic
@@ -195,22 +199,37 @@ def exp32(x):
 
 
 @compiled
-def begin(v, start, cells, filled, high, low, least, span):
+def begin(v, start, cells, filled, key, least, span):
     """Put each cell at ``least + span * word / 2**32``; what only fills up waits for ever."""
     for i in range(filled):
-        place = least + span * (np.float32(word32(i, high, low)) * np.float32(2.0**-32))
+        place = least + span * (np.float32(word32(i, key)) * np.float32(2.0**-32))
         v[np.uint64(start + i)] = place if i < cells else -np.float32(np.inf)
 
 
 @compiled
-def refresh(counts, start, cells, high, low):
-    """Draw the words that serve the next four ticks, as ones a byte."""
+def refresh(counts, start, cells, key):
+    """Draw the words that serve the next four ticks, as ones a byte, the next tick's lowest."""
     for i in range(cells & WHOLE):
-        counts[np.uint64(start + i)] = word32(i, high, low)
+        counts[np.uint64(start + i)] = word32(i, key)
     ones = counts.view(np.uint8)
     for i in range(4 * (cells & WHOLE)):
         j = np.uint64(4 * start + i)
         ones[j] = ones8(ones[j])
+
+
+@compiled
+def next_byte(counts, start, cells):
+    """Bring the noise of the next tick down, where ticks are taken one by one."""
+    for i in range(cells & WHOLE):
+        counts[np.uint64(start + i)] >>= np.uint32(8)
+
+
+@compiled
+def _noted(fired, mark, t, spike, marks):
+    """Count a spike of tick t, or mark it if there are marks."""
+    if marks is None:
+        return tuple_setitem(fired, t, count(fired[t], spike)), mark
+    return fired, bit(mark, t, spike)
 
 
 @numba.njit(inline="always")
@@ -222,186 +241,129 @@ def _lif(old, moved, threshold, hold):
 
 
 @compiled
-def lif_alike(v, counts, start, cells, shift, decay, push, kick, threshold, hold):
-    """Advance integrate-and-fire cells that differ in noise alone; return how many fired.
+def lif_alike(v, counts, start, cells, ticks, decay, push, kick, threshold, hold, marks):
+    """Advance integrate-and-fire cells that differ in noise alone.
 
     v is measured from the reset: ``v decay + (push + kick * ones)``, waiting cells apart: the
     bracket does not wait for the tick before.
     """
-    fired = np.int32(0)
+    fired = NOBODY
     for i in range(cells & WHOLE):
-        j = np.uint64(start + i)
-        moved = v[j] * decay + (push + kick * ones_at(counts[j], shift))
-        v[j], spike = _lif(v[j], moved, threshold, hold)
-        fired = count(fired, spike)
+        j, mark = np.uint64(start + i), UNMARKED
+        x, word = v[j], counts[j]
+        for t in range(len(ticks)):
+            moved = x * decay + (push[t] + kick * ones_at(word, t))
+            x, spike = _lif(x, moved, threshold, hold)
+            fired, mark = _noted(fired, mark, t, spike, marks)
+        v[j] = x
+        if marks is not None:
+            marks[np.uint64(i)] = mark
     return fired
 
 
 @compiled
-def lif_four(v, counts, start, cells, decay, push, kick, threshold, hold, marks):
-    """Advance such cells by four ticks; return how many fired in each, or mark them.
+def lif_apart(v, counts, start, cells, ticks, x, constants, threshold, hold, marks):
+    """Advance integrate-and-fire cells with inputs x and constants each.
 
-    Marks are None, or take a bit for every tick in which a cell fired; counting is left out then.
+    v is in units in which all cells have one threshold.
     """
-    p0, p1, p2, p3 = push[0], push[1], push[2], push[3]
-    f0 = f1 = f2 = f3 = np.int32(0)
+    fired = NOBODY
+    decay, rest, slope, kick = constants[0], constants[1], constants[2], constants[3]
     for i in range(cells & WHOLE):
-        j = np.uint64(start + i)
-        x, word = v[j], counts[j]
-        x, s0 = _lif(x, x * decay + (p0 + kick * ones_at(word, BYTE0)), threshold, hold)
-        x, s1 = _lif(x, x * decay + (p1 + kick * ones_at(word, BYTE1)), threshold, hold)
-        x, s2 = _lif(x, x * decay + (p2 + kick * ones_at(word, BYTE2)), threshold, hold)
-        x, s3 = _lif(x, x * decay + (p3 + kick * ones_at(word, BYTE3)), threshold, hold)
-        v[j] = x
+        c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
+        y, word = v[j], counts[j]
+        for t in range(len(ticks)):
+            push = rest[j] + slope[j] * x[t, c] + kick[j] * ones_at(word, t)
+            y, spike = _lif(y, y * decay[j] + push, threshold, hold)
+            fired, mark = _noted(fired, mark, t, spike, marks)
+        v[j] = y
         if marks is not None:
-            marks[np.uint64(i)] = bits(s0, s1, s2, s3)
-        else:
-            f0, f1, f2, f3 = count(f0, s0), count(f1, s1), count(f2, s2), count(f3, s3)
-    return f0, f1, f2, f3
+            marks[c] = mark
+    return fired
 
 
 @numba.njit(inline="always")
-def _phase(old, push, noise_):
-    """Return the next phase of a cell, and whether it fires."""
-    new = (old - choose(old >= ONE, ONE, ZERO)) + (push + noise_)
+def _phase(old, push, kick):
+    """Return the next phase of a cell, and whether it fires: it shows that until the next tick."""
+    new = (old - choose(old >= ONE, ONE, ZERO)) + (push + kick)
     return new, new >= ONE
 
 
 @compiled
-def phase_four(v, counts, start, cells, push, kick, marks):
-    """Advance phases by four ticks; return how many fired in each, or mark them."""
-    p0, p1, p2, p3 = push[0], push[1], push[2], push[3]
-    k0, k1, k2, k3 = kick[0], kick[1], kick[2], kick[3]
-    f0 = f1 = f2 = f3 = np.int32(0)
+def phase_alike(v, counts, start, cells, ticks, push, kick, marks):
+    """Advance phases that differ in noise alone."""
+    fired = NOBODY
     for i in range(cells & WHOLE):
-        j = np.uint64(start + i)
+        j, mark = np.uint64(start + i), UNMARKED
         x, word = v[j], counts[j]
-        x, s0 = _phase(x, p0, k0 * ones_at(word, BYTE0))
-        x, s1 = _phase(x, p1, k1 * ones_at(word, BYTE1))
-        x, s2 = _phase(x, p2, k2 * ones_at(word, BYTE2))
-        x, s3 = _phase(x, p3, k3 * ones_at(word, BYTE3))
+        for t in range(len(ticks)):
+            x, spike = _phase(x, push[t], kick[t] * ones_at(word, t))
+            fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = x
         if marks is not None:
-            marks[np.uint64(i)] = bits(s0, s1, s2, s3)
-        else:
-            f0, f1, f2, f3 = count(f0, s0), count(f1, s1), count(f2, s2), count(f3, s3)
-    return f0, f1, f2, f3
+            marks[np.uint64(i)] = mark
+    return fired
+
+
+@compiled
+def phase_apart(v, counts, start, cells, ticks, mean, kick, marks):
+    """Advance phases with an expected advance ``mean`` each; kick is cv / sqrt 2."""
+    fired = NOBODY
+    for i in range(cells & WHOLE):
+        c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
+        x, word = v[j], counts[j]
+        for t in range(len(ticks)):
+            jitter = kick * np.sqrt(mean[t, c]) * (ones_at(word, t) - HALF_BITS)
+            x, spike = _phase(x, mean[t, c], jitter)
+            fired, mark = _noted(fired, mark, t, spike, marks)
+        v[j] = x
+        if marks is not None:
+            marks[c] = mark
+    return fired
 
 
 @numba.njit(inline="always")
-def _jitter(mean, kick, word, byte):
-    """Return the noise of a phase with an expected advance ``mean``."""
-    return kick * np.sqrt(mean) * (ones_at(word, byte) - HALF_BITS)
+def _escape(old, drawn, hold):
+    """Return the waiting ticks of an escape cell, and whether it fires."""
+    spike = drawn & (old >= ZERO)
+    return choose(spike, hold, min(old + ONE, ZERO)), spike
 
 
 @compiled
-def phase_apart_four(v, counts, start, cells, mean, kick, marks):
-    """Advance phases with an expected advance each by four ticks; return as ``phase_four``."""
-    m0, m1, m2, m3 = mean[0], mean[1], mean[2], mean[3]
-    f0 = f1 = f2 = f3 = np.int32(0)
+def escape_alike(v, start, cells, ticks, keys, limit, hold, marks):
+    """Advance escape cells that share a hazard; v counts waiting ticks up to 0."""
+    fired = NOBODY
     for i in range(cells & WHOLE):
-        c, j = np.uint64(i), np.uint64(start + i)
-        x, word = v[j], counts[j]
-        x, s0 = _phase(x, m0[c], _jitter(m0[c], kick, word, BYTE0))
-        x, s1 = _phase(x, m1[c], _jitter(m1[c], kick, word, BYTE1))
-        x, s2 = _phase(x, m2[c], _jitter(m2[c], kick, word, BYTE2))
-        x, s3 = _phase(x, m3[c], _jitter(m3[c], kick, word, BYTE3))
+        j, mark = np.uint64(start + i), UNMARKED
+        x = v[j]
+        for t in range(len(ticks)):
+            x, spike = _escape(x, below32(word32(i, keys[t]), limit[t]), hold)
+            fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = x
         if marks is not None:
-            marks[c] = bits(s0, s1, s2, s3)
-        else:
-            f0, f1, f2, f3 = count(f0, s0), count(f1, s1), count(f2, s2), count(f3, s3)
-    return f0, f1, f2, f3
-
-
-@compiled
-def lif_apart(v, counts, start, cells, shift, x, decay, rest, slope, kick, threshold, hold):
-    """Advance integrate-and-fire cells with an input x and constants each.
-
-    v is in units in which all cells have one threshold.
-    """
-    fired = np.int32(0)
-    for i in range(cells & WHOLE):
-        j = np.uint64(start + i)
-        push = rest[j] + slope[j] * x[np.uint64(i)] + kick[j] * ones_at(counts[j], shift)
-        moved = v[j] * decay[j] + push
-        v[j], spike = _lif(v[j], moved, threshold, hold)
-        fired = count(fired, spike)
+            marks[np.uint64(i)] = mark
     return fired
 
 
 @compiled
-def lif_apart_four(v, counts, start, cells, x, decay, rest, slope, kick, threshold, hold, marks):
-    """Advance such cells by four ticks; return how many fired in each, or mark them."""
-    x0, x1, x2, x3 = x[0], x[1], x[2], x[3]
-    f0 = f1 = f2 = f3 = np.int32(0)
-    for i in range(cells & WHOLE):
-        c, j = np.uint64(i), np.uint64(start + i)
-        y, word, d, r, s, n = v[j], counts[j], decay[j], rest[j], slope[j], kick[j]
-        y, s0 = _lif(y, y * d + (r + s * x0[c] + n * ones_at(word, BYTE0)), threshold, hold)
-        y, s1 = _lif(y, y * d + (r + s * x1[c] + n * ones_at(word, BYTE1)), threshold, hold)
-        y, s2 = _lif(y, y * d + (r + s * x2[c] + n * ones_at(word, BYTE2)), threshold, hold)
-        y, s3 = _lif(y, y * d + (r + s * x3[c] + n * ones_at(word, BYTE3)), threshold, hold)
-        v[j] = y
-        if marks is not None:
-            marks[c] = bits(s0, s1, s2, s3)
-        else:
-            f0, f1, f2, f3 = count(f0, s0), count(f1, s1), count(f2, s2), count(f3, s3)
-    return f0, f1, f2, f3
-
-
-@compiled
-def phase_alike(v, counts, start, cells, shift, push, kick):
-    """Advance phases; a phase that reached 1 shows its spike until the next tick takes 1 off."""
-    fired = np.int32(0)
-    for i in range(cells & WHOLE):
-        j = np.uint64(start + i)
-        v[j], spike = _phase(v[j], push, kick * ones_at(counts[j], shift))
-        fired = count(fired, spike)
-    return fired
-
-
-@compiled
-def phase_apart(v, counts, start, cells, shift, mean, kick):
-    """Advance phases with an expected advance ``mean`` each; kick is cv / sqrt 2."""
-    fired = np.int32(0)
-    for i in range(cells & WHOLE):
-        j = np.uint64(start + i)
-        here = mean[np.uint64(i)]
-        v[j], spike = _phase(v[j], here, _jitter(here, kick, counts[j], shift))
-        fired = count(fired, spike)
-    return fired
-
-
-@compiled
-def escape_alike(v, start, cells, high, low, limit, hold):
-    """Advance escape cells that share a hazard; v counts waiting ticks up to 0."""
-    fired = np.int32(0)
-    for i in range(cells & WHOLE):
-        j = np.uint64(start + i)
-        old = v[j]
-        spike = below32(word32(i, high, low), limit) & (old >= ZERO)
-        v[j] = choose(spike, hold, min(old + ONE, ZERO))
-        fired = count(fired, spike)
-    return fired
-
-
-@compiled
-def escape_apart(v, start, cells, high, low, mean, hold):
+def escape_apart(v, start, cells, ticks, keys, mean, hold, marks):
     """Advance escape cells with an expected number of spikes a tick, ``mean``, each."""
-    fired = np.int32(0)
+    fired = NOBODY
     for i in range(cells & WHOLE):
-        j = np.uint64(start + i)
-        old = v[j]
-        word = np.float32(word32(i, high, low)) * np.float32(2.0**-32)
-        # 1 - exp(-m) by its series: the difference would lose the small rates' bits.
-        m = min(mean[np.uint64(i)], ONE)
-        chance = m * (
-            ONE - m * (np.float32(1 / 2) - m * (np.float32(1 / 6) - m * np.float32(1 / 24)))
-        )
-        spike = (word < chance) & (old >= ZERO)
-        v[j] = choose(spike, hold, min(old + ONE, ZERO))
-        fired = count(fired, spike)
+        c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
+        x = v[j]
+        for t in range(len(ticks)):
+            word = np.float32(word32(i, keys[t])) * np.float32(2.0**-32)
+            # 1 - exp(-m) by its series: the difference would lose the small rates' bits.
+            m = min(mean[t, c], ONE)
+            chance = m * (
+                ONE - m * (np.float32(1 / 2) - m * (np.float32(1 / 6) - m * np.float32(1 / 24)))
+            )
+            x, spike = _escape(x, word < chance, hold)
+            fired, mark = _noted(fired, mark, t, spike, marks)
+        v[j] = x
+        if marks is not None:
+            marks[c] = mark
     return fired
 
 
@@ -411,40 +373,6 @@ def filtered(x, start, cells, decay, gain, wanted):
     for i in range(cells & WHOLE):
         j = np.uint64(start + i)
         x[j] = decay * x[j] + gain * wanted[np.uint64(i)]
-
-
-@compiled
-def count_equal(v, first, cells, mark):
-    """Return how many of some cells hold the mark."""
-    hits = np.int32(0)
-    for i in range(cells):
-        hits = count(hits, v[np.uint64(first + i)] == mark)
-    return hits
-
-
-@compiled
-def count_above(v, first, cells, mark):
-    """Return how many of some cells hold the mark or more."""
-    hits = np.int32(0)
-    for i in range(cells):
-        hits = count(hits, v[np.uint64(first + i)] >= mark)
-    return hits
-
-
-@compiled
-def spikers(v, start, cells, mark, above, found, place):
-    """Write down which cells just fired: v is the mark, or for a phase at least that."""
-    total = 0
-    # Whole registers are counted first: few of them hold a spike.
-    for first in range(start, start + cells, LANES):
-        hits = count_above(v, first, LANES, mark) if above else count_equal(v, first, LANES, mark)
-        if hits:
-            for j in range(first, first + LANES):
-                state = v[np.uint64(j)]
-                if state == mark or (above and state >= mark):
-                    found[place + total] = j - start
-                    total += 1
-    return total
 
 
 @compiled
@@ -507,14 +435,16 @@ def more_inputs(x, cells, u, first, weight):
 
 
 @compiled
-def fill(x, cells, value):
-    """Set the input of all cells."""
+def fill(x, cells, values):
+    """Set the inputs x of all cells in four ticks."""
     for i in range(cells & WHOLE):
-        x[np.uint64(i)] = value
+        for t in range(4):
+            x[t, np.uint64(i)] = values[t]
 
 
 @compiled
-def fill_apart(x, start, cells, value, factor):
-    """Set the input of all cells to a value times a factor each."""
+def fill_apart(x, start, cells, values, factor):
+    """Set the inputs x of all cells in four ticks to a value times a factor each."""
     for i in range(cells & WHOLE):
-        x[np.uint64(i)] = value * factor[np.uint64(start + i)]
+        for t in range(4):
+            x[t, np.uint64(i)] = values[t] * factor[np.uint64(start + i)]

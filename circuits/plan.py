@@ -56,8 +56,9 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
 
     weight = np.where(sparse[None, :], 0.0, wiring.weight)
     delays = scheme.unit_delay
-    window = min(int(delays.min(initial=kernel.WINDOW)), kernel.WINDOW)
-    ring = 1 << (int(delays.max(initial=1)) + window).bit_length()
+    known = min(int(delays.min(initial=kernel.WINDOW)), kernel.WINDOW)
+    window = known // kernel.WORD * kernel.WORD or 1
+    ring = 1 << (int(delays.max(initial=1)) + window + kernel.WORD).bit_length()
     strands, fibres, wires, needs = _strands(wiring, scheme, sparse, filled, targets)
     source_from, sources = _edges(wiring.deliver)
     input_from, inputs = _edges(weight)
@@ -96,7 +97,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             spike_hz=1000 / (np.maximum(cells, 1) * dt),
             filled=filled,
             apart=apart,
-            listed=kept | needs,
+            listed=kept | needs | (window == 1),
             kept=kept,
             baseline=wiring.baseline_hz,
             gain=wiring.gain_hz_per_nat,
@@ -135,7 +136,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
         fibres=fibres,
         wires=wires,
         readout=wiring.blocks_of(circuit.readout),
-        **_cells_apart(wiring, start, filled, apart, dt),
+        constants=_constants(wiring, start, filled, apart, dt),
     )
 
 
@@ -172,33 +173,28 @@ def _lif(cell: object, dt_ms: float) -> tuple[float, ...]:
     return cell.rest_mv - cell.reset_mv, cell.mv_per_nat, kick, threshold
 
 
-def _cells_apart(
+def _constants(
     wiring: Wiring, start: Any, filled: Any, apart: Any, dt_ms: float
-) -> dict[str, npt.NDArray[np.float32]]:
-    """Return the constants of each cell, float32, where cells differ."""
-    size = int(filled.sum()) if apart.any() else 0
-    names = ("cell_decay", "cell_rest", "cell_slope", "cell_kick", "cell_factor")
-    arrays = {name: np.zeros(size, np.float32) for name in names}
+) -> npt.NDArray[np.float32]:
+    """Return the constants of each cell where cells differ."""
+    constants = np.zeros((5, int(filled.sum()) if apart.any() else 0), np.float32)
     for b in np.flatnonzero(apart):
         row = wiring.row(b)
         here = slice(start[b], start[b] + row.neurons)
         tau, slope, top = cell_factors(wiring.circuit, row.name, int(wiring.channel[b]))
-        arrays["cell_factor"][here] = tau
+        constants[kernel.FACTOR, here] = tau
         if not isinstance(row.cell, Lif):
             continue
         cell = row.cell
         decay = np.exp(-dt_ms / (cell.tau_ms * tau))
         step = cell.step_mv(dt_ms, tau)
+        rest = (cell.rest_mv - cell.reset_mv) * (1 - decay) - 4 * step / np.sqrt(2)
         threshold = cell.sampled_threshold_mv(dt_ms, tau, top) - cell.reset_mv
         # In units of the population's own threshold all cells have that one.
         unit = (cell.sampled_threshold_mv(dt_ms) - cell.reset_mv) / threshold
-        arrays["cell_factor"][here] = unit
-        arrays["cell_decay"][here] = decay
-        rest = (cell.rest_mv - cell.reset_mv) * (1 - decay)
-        arrays["cell_rest"][here] = unit * (rest - 4 * step / np.sqrt(2))
-        arrays["cell_slope"][here] = unit * cell.mv_per_nat * slope * (1 - decay)
-        arrays["cell_kick"][here] = unit * step / np.sqrt(2)
-    return arrays
+        slope = unit * cell.mv_per_nat * slope * (1 - decay)
+        constants[:, here] = decay, unit * rest, slope, unit * step / np.sqrt(2), unit
+    return constants
 
 
 def _strands(
@@ -258,7 +254,7 @@ def _edges(matrix: Array) -> tuple[Any, Any]:
 def workspace(p: records.Plan) -> records.Work:
     """Return the memory that one trial at a time runs in."""
     blocks, units, clock = len(p.blocks), len(p.units), p.clock[0]
-    ring, window = int(clock["ring"]), int(clock["window"])
+    ring, window = int(clock["ring"]), max(int(clock["window"]), kernel.WORD)
     cells = int(p.blocks["filled"].sum())
     connected = int(p.blocks["filled"][p.strands["target"]].sum())
     widest = int(p.blocks["filled"].max())
@@ -266,7 +262,7 @@ def workspace(p: records.Plan) -> records.Work:
     return records.Work(
         v=np.zeros(cells, np.float32),
         counts=np.zeros(cells, np.uint32),
-        x=np.zeros((4, widest), np.float32),
+        x=np.zeros((kernel.WORD, widest), np.float32),
         own=np.zeros(cells, np.float32),
         ring=np.zeros((blocks, ring)),
         state=np.zeros(blocks),
@@ -281,7 +277,7 @@ def workspace(p: records.Plan) -> records.Work:
         scale=np.zeros(len(p.strands)),
         sums=np.zeros(widest, np.uint8),
         marks=np.zeros(widest, np.uint8),
-        places=np.zeros(4, np.int64),
+        places=np.zeros(kernel.WORD, np.int64),
         found=np.zeros(ring * blocks * most, np.int32),
         found_n=np.zeros(ring * blocks, np.int32),
         low_pass=np.zeros(len(p.readout)),

@@ -50,9 +50,10 @@ class Plan(NamedTuple):
         Connections: for every source cell one row of target cells, a bit each.
     readout : array (channels,)
         Blocks of the read-out.
-    cell_decay, cell_rest, cell_slope, cell_kick, cell_factor : arrays float32
-        Constants of each cell where cells differ; empty if none do. The rest makes up for the mean
-        of the noise. The factor is that of its rate, for a Lif that of its unit of potential.
+    constants : array (5, cells) float32
+        Constants of each cell where cells differ; empty if none do. For a Lif: decay, rest (which
+        makes up for the mean of the noise), slope, kick, unit of potential; for the others the last
+        is a factor on the rate.
     """
 
     clock: Any
@@ -64,11 +65,7 @@ class Plan(NamedTuple):
     fibres: Any
     wires: Any
     readout: Any
-    cell_decay: Any
-    cell_rest: Any
-    cell_slope: Any
-    cell_kick: Any
-    cell_factor: Any
+    constants: Any
 
 
 class Work(NamedTuple):
@@ -94,7 +91,7 @@ class Work(NamedTuple):
     sums, marks : arrays (most cells of a block,)
         Arrivals in a tick; a bit for each of four ticks in which a cell fired.
     places : array (4,)
-        Where the lists of those that fired lie.
+        Where the lists of those that fire in four ticks lie.
     found, found_n : arrays (ring * blocks * most,), (ring * blocks,)
         Which cells fired in the last ticks, and how many.
     low_pass : array (channels,)
