@@ -74,10 +74,14 @@ class Learner:
     """Step size at the start, on the prediction error as a share of the baseline; assumed (not
     printed)."""
     half_episodes: float = 1_000.0
-    """Trials after which the step size has halved, rate / (1 + k / half); assumed."""
+    """Trials after which the step size has halved, rate / (1 + k / half); assumed. With inf it
+    never falls: what a world that changes asks for."""
     baseline_rate: float = 0.01
     """Share of each reward in the running baseline; its inverse is the number of trials that only
     measure the baseline before learning starts; assumed."""
+    carried: float = 0.0
+    """How far the last trial's error, as a share of the baseline, carries what is played in the
+    next, in sd of exploration: dopamine that has not gone yet; assumed."""
     last: int = 500
     """The learned value is the mean of so many last trials; Burguete, Griffith & Lepora 2023."""
 
@@ -87,16 +91,19 @@ class Learner:
                 f"episodes must be at least last ({self.last}) >= 1, got {self.episodes}"
             )
         for name in ("rate", "half_episodes", "baseline_rate"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+            if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+        if not np.isfinite(self.rate + self.baseline_rate + self.carried):
+            raise ValueError("rate, baseline_rate and carried must be finite")
 
 
 @dataclass(frozen=True)
 class Learned:
     """What learning did: arrays (runs, episodes) of gap, mean gap, reward, prediction error.
 
-    ``delta`` (runs,) is the learned value.  The prediction error, reward minus its learned
-    baseline, is what dopamine is taken to report.
+    ``delta`` (runs,) is the learned value. The prediction error, reward minus its learned
+    baseline, is what phasic dopamine is taken to report. Where a level of dopamine is played
+    instead of a gap, its mean is the tonic level.
     """
 
     gap: FloatArray
@@ -104,6 +111,14 @@ class Learned:
     reward: FloatArray
     prediction_error: FloatArray
     delta: FloatArray
+
+
+class LearningStopped(ValueError):
+    """Learning that cannot go on; ``learned`` is what it had reached."""
+
+    def __init__(self, message: str, learned: Learned) -> None:
+        super().__init__(message)
+        self.learned = learned
 
 
 Environment = Callable[[int, FloatArray], FloatArray]
@@ -122,9 +137,10 @@ def learn(
     Parameters
     ----------
     environment : callable
-        ``environment(episode, gaps (runs,)) -> rewards (runs,)``; see ``trials_of``.
-    start_delta : float, nats
-        Mean gap at the start.
+        ``environment(episode, gaps (runs,)) -> rewards (runs,)``; see ``trials_of``, and
+        ``dopamine.Body`` for a circuit, which is played by levels of dopamine.
+    start_delta : float
+        Mean of what is played at the start.
     rngs : list of numpy.random.Generator
         One a run, for its exploration alone: a run's course does not depend on its neighbours.
     policy, learner :
@@ -132,27 +148,33 @@ def learn(
 
     Raises
     ------
-    ValueError
-        If a reward is not finite.
+    LearningStopped
+        If a reward is not finite, or what is learned runs away.
     """
     policy, learner = policy or GaussianPolicy(), learner or Learner()
     runs, episodes = len(rngs), learner.episodes
     noise = np.stack([rng.standard_normal((episodes, policy.noise)) for rng in rngs], axis=1)
     parameters = policy.start(runs, float(np.asarray(start_delta)))
     gap, mean_gap, rewards, errors = (np.empty((runs, episodes)) for _ in range(4))
-    baseline = np.zeros(runs)
+    baseline, share = np.zeros(runs), np.zeros(runs)
     for k in range(episodes):
         mean_gap[:, k] = policy.mean(parameters)
-        gap[:, k], gradient = policy.sample(parameters, noise[k], k)
+        # What is carried over is no exploration: it gets no credit.
+        carried = learner.carried * share[:, None]
+        gap[:, k], _ = policy.sample(parameters, noise[k] + carried, k)
+        _, gradient = policy.sample(parameters, noise[k], k)
         r = environment(k, gap[:, k])
-        if not np.isfinite(r).all():
-            raise ValueError(f"a reward must be finite, got {r[~np.isfinite(r)][0]} in episode {k}")
+        if not (np.isfinite(r).all() and np.isfinite(parameters).all()):
+            what = "a reward" if not np.isfinite(r).all() else "what is learned"
+            last = mean_gap[:, max(k - 1, 0)]
+            done = Learned(gap[:, :k], mean_gap[:, :k], rewards[:, :k], errors[:, :k], last)
+            raise LearningStopped(f"{what} is not finite in episode {k}", done)
         error = r - baseline if k else np.zeros(runs)
         scale = baseline  # of earlier trials alone, so that the gradient stays unbiased
         baseline = baseline + max(learner.baseline_rate, 1 / (k + 1)) * (r - baseline)
+        share = error / np.maximum(np.abs(scale), 1.0)  # a reading is the least a trial costs
         if k * learner.baseline_rate >= 1:
             rate = policy.pace * learner.rate / (1 + k / learner.half_episodes)
-            share = error / np.maximum(np.abs(scale), 1.0)  # a reading is the least a trial costs
             parameters = policy.bounded(parameters + rate * share[:, None] * gradient)
         rewards[:, k], errors[:, k] = r, error
     return Learned(gap, mean_gap, rewards, errors, mean_gap[:, -learner.last :].mean(axis=1))
@@ -178,7 +200,7 @@ def trials_of(
     traces: list[Trace] = []
 
     def rewards(episode: int, gaps: FloatArray) -> FloatArray:
-        if episode % block == 0:
+        if episode % block == 0 or not traces:
             parts = [draw(block) for draw in draws]
             traces[:] = [Sprt().run(part) for part in parts]
             out[:] = [np.stack([trace.out_nats for trace in traces], axis=1)]

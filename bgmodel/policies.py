@@ -1,4 +1,4 @@
-"""How a learner explores: distributions over the gap, with the gradients that REINFORCE needs."""
+"""How a learner explores: distributions over what it plays, with the gradients of REINFORCE."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ DELTA_RANGE = (0.0, 8.0)
 class Policy(Protocol):
     """A distribution over gaps with parameters, for several independent runs at once."""
 
-    pace: float
-    """How many times the learner's step size suits the parameters."""
+    @property
+    def pace(self) -> float:
+        """How many times the learner's step size suits the parameters."""
+        ...
 
     def start(self, runs: int, delta: float) -> FloatArray:
         """Return parameters (runs, p) whose mean gap is ``delta``."""
@@ -45,24 +47,31 @@ class Policy(Protocol):
 
 @dataclass(frozen=True)
 class GaussianPolicy:
-    """``delta ~ N(mu, sd)``, played within ``DELTA_RANGE`` (Williams 1992).
+    """``x ~ N(mu, sd)``, played within bounds (Williams 1992): a gap, or a level of dopamine.
 
     Exploration starts wide, where the slope of a flat reward shows best, and narrows.
     """
 
-    sd_nats: float = 2.0
-    """Exploration at the start, sd of the gap, nats; assumed (not printed)."""
-    last_sd_nats: float = 0.4
-    """Exploration in the end, nats; assumed."""
+    bounds: tuple[float, float] = DELTA_RANGE
+    """Lowest and highest value that is played."""
+    first_share: float = 0.25
+    """Exploration at the start, sd as a share of the bounds' distance; assumed (not printed)."""
+    last_share: float = 0.05
+    """Exploration in the end, likewise; assumed."""
     half_episodes: float = 2_000.0
     """Trials after which half of the way from the first to the last sd is gone; assumed."""
     noise = 1
-    pace = 1.0
+
+    @property
+    def pace(self) -> float:
+        """The learner's step suits a gap of 0..8 nats; a gradient goes with the inverse unit."""
+        return ((self.bounds[1] - self.bounds[0]) / (DELTA_RANGE[1] - DELTA_RANGE[0])) ** 2
 
     def sd(self, episode: int) -> float:
-        """Return the exploration in a trial, nats."""
-        wide = self.sd_nats - self.last_sd_nats
-        return self.last_sd_nats + wide / (1 + episode / self.half_episodes)
+        """Return the exploration in a trial, in the unit of what is played."""
+        wide = self.first_share - self.last_share
+        share = self.last_share + wide / (1 + episode / self.half_episodes)
+        return share * (self.bounds[1] - self.bounds[0])
 
     def start(self, runs: int, delta: float) -> FloatArray:
         """Return mu (runs, 1)."""
@@ -71,17 +80,17 @@ class GaussianPolicy:
     def sample(
         self, parameters: FloatArray, noise: FloatArray, episode: int
     ) -> tuple[FloatArray, FloatArray]:
-        """Return gaps (runs,) and d log p / d mu (runs, 1)."""
+        """Return what is played (runs,) and d log p / d mu (runs, 1)."""
         sd = self.sd(episode)
-        return np.clip(parameters[:, 0] + sd * noise[:, 0], *DELTA_RANGE), noise / sd
+        return np.clip(parameters[:, 0] + sd * noise[:, 0], *self.bounds), noise / sd
 
     def mean(self, parameters: FloatArray) -> FloatArray:
         """Return mu (runs,)."""
         return parameters[:, 0]
 
     def bounded(self, parameters: FloatArray) -> FloatArray:
-        """Hold mu within ``DELTA_RANGE``."""
-        return np.clip(parameters, *DELTA_RANGE)
+        """Hold mu within the bounds."""
+        return np.clip(parameters, *self.bounds)
 
 
 @dataclass(frozen=True)

@@ -124,6 +124,8 @@ def spiking_msprt(channels: int = 2) -> Circuit:
     top, s0 = 3.5, 2.2
     d1_from, d2_mid, share = 2.85, 3.2, 0.1
     slope = 1 - 1 / s0
+    # A nat of gain about 0 would move OUT by all of y, about a pivot by what is above it.
+    d1_pivot = 2.2
     # The common mode: its gain, the time in which it acts, and its tone.
     gain, acts_ms, tone = 10, 200, 0.7
     d1 = Lif(12, 3, 15, 5, 2, rest_mv=8.17, mv_per_nat=13.34)
@@ -156,10 +158,28 @@ def spiking_msprt(channels: int = 2) -> Circuit:
             cite="assumed: slow thalamic or interneuron feedback; time tuned",
         ),
         Population(
-            "D1", d1, 0, 80, GABA, bias_nats=-d1_from, receptor="D1", neurons=cells, cite=fitted
+            "D1",
+            d1,
+            0,
+            80,
+            GABA,
+            bias_nats=-d1_from,
+            receptor="D1",
+            pivot_nats=d1_pivot,
+            neurons=cells,
+            cite=fitted + "; pivot assumed",
         ),
         Population(
-            "D2", d2, 5, 3.5, GABA, bias_nats=-d2_mid, receptor="D2", neurons=cells, cite=fitted
+            "D2",
+            d2,
+            5,
+            3.5,
+            GABA,
+            bias_nats=-d2_mid,
+            receptor="D2",
+            pivot_nats=d2_mid,
+            neurons=cells,
+            cite=fitted + "; pivot assumed",
         ),
         Population(
             "STN",

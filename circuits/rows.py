@@ -58,6 +58,8 @@ class Population:
         Time constant of the input's filter (of an Integrator: its time), ms; a Lif has its own.
     receptor : str
         "D1" or "D2" where dopamine raises or lowers the cortical gain.
+    pivot_nats : float
+        The cortical input at which dopamine changes nothing: it steepens what is above.
     spread : float
         Standard deviation across cells of the cell's constants, as a fraction of each.
     intact, replaced : float, bool
@@ -77,6 +79,7 @@ class Population:
     bias_nats: float = 0.0
     tau_ms: float = 0.0
     receptor: str = ""
+    pivot_nats: float = 0.0
     spread: float = 0.0
     intact: float = 1.0
     replaced: bool = False
@@ -93,7 +96,7 @@ class Population:
         for name in ("tau_ms", "spread"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"{self.name}: {name} must be >= 0, got {getattr(self, name)}")
-        for name in ("baseline_hz", "bias_nats"):
+        for name in ("baseline_hz", "bias_nats", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
         if isinstance(self.cell, Integrator) and not self.tau_ms:

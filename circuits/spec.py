@@ -222,15 +222,18 @@ class Circuit:
         """Return the circuit at a dopamine level relative to this one; the range is 0..2.
 
         The cortical weight onto cells with D1 receptors is multiplied by ``level``, onto cells with
-        D2 receptors by ``2 - level``.
+        D2 receptors by ``2 - level``; an input at the cells' ``pivot_nats`` stays what it was.
         """
         if not 0 <= level <= 2:
             raise ValueError(f"dopamine level must lie in 0..2, got {level}")
         circuit = self
         for p in self.projections:
-            sign = RECEPTORS[self.population(p.target).receptor]
-            if sign and p.source == self.input:
-                circuit = circuit.scaled(p.source, p.target, 1 + sign * (level - 1))
+            row = self.population(p.target)
+            change = RECEPTORS[row.receptor] * (level - 1)
+            if change and p.source == self.input:
+                circuit = circuit.scaled(p.source, p.target, 1 + change)
+                bias = row.bias_nats - change * p.weight * row.pivot_nats
+                circuit = circuit.changed(row.name, bias_nats=bias)
         return circuit
 
     def with_channels(self, channels: int) -> Circuit:

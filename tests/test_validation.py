@@ -80,7 +80,7 @@ def test_learning_ends_within_two_per_cent_of_the_exact_optimum(period, start):
     slow = period == 2.5
     long = Learner(episodes=100_000)
     learner = Learner(episodes=200_000, half_episodes=3000) if slow else long
-    policy = GaussianPolicy(last_sd_nats=0.5, half_episodes=20_000) if slow else GaussianPolicy()
+    policy = GaussianPolicy(last_share=0.0625, half_episodes=20_000) if slow else GaussianPolicy()
     readings = fold_sources(held_out_taps(), period)[0]
     pair = increments(readings)
     optimum = optimal_delta(*pair, XI, t_max=T_MAX)

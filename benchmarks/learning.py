@@ -1,0 +1,130 @@
+"""Dopamine that learns, scored on fresh trials: make score-dopamine.
+
+The rate circuit on three gratings and on Gaussian evidence, the spiking one on two gratings, from
+both sides of the optimum. What is learned is held to that circuit's own exhaustive optimum and to
+the optimum of the abstract test, at equal non-decision time. These seeds tuned nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.comparison import Sweep, curve, latency, sweep
+from bgmodel.dopamine import Body, knob
+from bgmodel.dopamine_study import THRESHOLD_NATS, learn_level, levels_between, regret
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import write_table
+from bgmodel.learning import Learner
+from bgmodel.sprt import Msprt
+from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+
+OUT = Path(__file__).parent / "out"
+SCORING_SEED = 40_003
+GAIN, XI, T_MAX, STEP_MS = 0.5, 50.0, 30, 50.0
+STARTS = (0.86, 1.65, 1.9)
+LEVELS = levels_between(0.78, 2.0, 22)
+RUNS = {"rate": 20, "ensemble": 5}
+Draw = Callable[..., Evidence]
+
+
+def kinds() -> dict[str, Draw]:
+    """Return how to draw each kind of evidence."""
+    taps = held_out_taps()
+    made: dict[str, Draw] = {
+        f"{period:g} mm": source(taps, SameDifferent(), period_mm=period, fold=0).draw
+        for period in (1.5, 2.0, 2.5)
+    }
+    made["gaussian"] = partial(gaussian_evidence, separation=0.5 / np.sqrt(2))
+    return made
+
+
+def swept(model: BasalGanglia, draw: Draw, trials: int, name: str) -> tuple[Sweep, Evidence]:
+    """Return decisions at every level on trials of their own stream."""
+    rng = stream(SCORING_SEED, "learning", name)
+    evidence = draw(trials, T_MAX, rng=rng, step_ms=STEP_MS)
+    return knob(model, evidence, LEVELS, THRESHOLD_NATS), evidence
+
+
+def score(engine: str, kind: str, draw: Draw, met: int, fresh: int) -> pd.DataFrame:
+    """Learn on some trials, score on others; one row a start and run."""
+    options: dict[str, Any] = {"dt_ms": 0.5} if engine == "rate" else {"workers": 1}
+    model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, SCORING_SEED, options)
+    learned_on = Body.of(*swept(model, draw, met, f"{kind} learned"))
+    found, evidence = swept(model, draw, fresh, f"{kind} scored")
+    scored = Body.of(found, evidence)
+    own = scored.best(XI)[1]
+    # The algorithm on the same trials: every threshold, the circuit's non-decision time added.
+    test = sweep(Msprt(GAIN).run(evidence), evidence)
+    weights = np.ones((1, evidence.trials))
+    late = float(latency(curve(test, weights), curve(found, weights))[0][0]) / STEP_MS
+    steps = np.maximum(test.time_ms, 0) / STEP_MS
+    algorithm = float((-XI * (test.choice != evidence.truth) - steps).mean(axis=1).max()) - late
+    rows = []
+    for start in STARTS:
+        learned = learn_level(
+            learned_on,
+            xi=XI,
+            start_level=start,
+            runs=RUNS[engine],
+            seed=SCORING_SEED,
+            name=(engine, kind),
+            learner=Learner(),
+        )
+        reached = scored.expected(learned.delta, XI)
+        rows.append(
+            pd.DataFrame(
+                {
+                    "engine": engine,
+                    "kind": kind,
+                    "start_level": start,
+                    "run": np.arange(RUNS[engine]),
+                    "learned_level": learned.delta,
+                    "best_level": scored.best(XI)[0],
+                    "start_regret": float(regret(start, scored, XI)),
+                    "regret": regret(learned.delta, scored, XI),
+                    "behind_algorithm": (algorithm - reached) / abs(algorithm),
+                    "reward": reached,
+                    "best_reward": own,
+                    "algorithm_reward": algorithm,
+                    "latency_readings": late,
+                }
+            )
+        )
+    return pd.concat(rows, ignore_index=True)
+
+
+def main() -> None:
+    """Score every kind and engine."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rate-trials", type=int, default=100_000)
+    parser.add_argument("--spiking-trials", type=int, default=5000)
+    parser.add_argument("--only", default="", help="kinds whose name contains this")
+    parser.add_argument("--engines", nargs="+", default=["rate", "ensemble"])
+    given = parser.parse_args()
+    OUT.mkdir(exist_ok=True)
+    for engine in given.engines:
+        for kind, draw in kinds().items():
+            if given.only not in kind or (engine == "ensemble" and kind not in ("1.5 mm", "2 mm")):
+                continue
+            fresh = given.rate_trials if engine == "rate" else given.spiking_trials
+            found = score(engine, kind, draw, min(fresh, 3000), fresh)
+            path = OUT / f"learning {engine} {kind}.csv"
+            write_table(found, path, seed=SCORING_SEED, trials=fresh, xi=XI)
+            print(f"\n{engine}, {kind}, {fresh} fresh trials")
+            by = ["start_level", "start_regret", "best_level", "best_reward", "algorithm_reward"]
+            print(found.groupby(by)[["regret", "behind_algorithm"]].agg(["median", "max"]).round(3))
+            within = (found["regret"] < 0.03).groupby(found["start_level"]).sum()
+            print("within 3 %:", within.to_dict(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,150 @@
+"""Figure D1: reward finds the trade-off: the gap of the algorithm, dopamine in the circuit.
+
+One learner, two bodies. The algorithm's plays the gap of an SPRT; the circuit's plays a level of
+dopamine, and neither gap nor posterior nor a test is known to it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.dopamine_study import PLAYED, body, learn_level, levels_between, regret
+from bgmodel.files import read_table, write_table
+from bgmodel.learning import Learner, smoothed
+from bgmodel.tactile.task import SameDifferent, source
+from figures.common import COLOUR, GAIN, Settings, letter, run
+
+STEP_MS = 50.0
+STARTS = (0.86, 1.65)
+"""Tonic levels at the start: too careful, too hasty."""
+TRIALS = {"rate": 1.0, "ensemble": 0.6}
+"""Trials of a circuit, as a share of what the figures of circuits have."""
+LEVELS = levels_between(0.78, 2.0, 16)
+RUNS = 20
+KEPT = 120
+PERIODS = {"rate": (1.5, 2.0, 2.5), "ensemble": (1.5, 2.0)}
+
+
+def rate(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Learn dopamine in the rate circuit."""
+    _learn(settings, taps, "rate", output)
+
+
+def spikes(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Learn dopamine in the spiking circuit."""
+    _learn(settings, taps, "ensemble", output)
+
+
+def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
+    options = {"dt_ms": 0.5} if engine == "rate" else {}
+    model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, settings.seed, options)
+    parts = []
+    for period in PERIODS[engine]:
+        drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
+        met, fresh = (
+            body(
+                model,
+                drawn(
+                    round(TRIALS[engine] * settings.circuit_trials),
+                    settings.t_max,
+                    rng=stream(settings.seed, "figD1", name, period),
+                    step_ms=STEP_MS,
+                ),
+                LEVELS,
+            )
+            for name in ("learned", "scored")
+        )
+        for start in STARTS:
+            learned = learn_level(
+                met,
+                xi=settings.xi,
+                start_level=start,
+                runs=RUNS,
+                seed=settings.seed,
+                name=(engine, period),
+                learner=Learner(episodes=settings.episodes),
+            )
+            at = np.linspace(0, settings.episodes - 1, KEPT).round().astype(int)
+            curves = smoothed(learned.mean_gap, 500)[:, at]
+            known = {
+                "period_mm": period,
+                "start_level": start,
+                "best_level": fresh.best(settings.xi)[0],
+                "best_reward": fresh.best(settings.xi)[1],
+                "start_regret": float(regret(start, fresh, settings.xi)),
+            }
+            runs = pd.DataFrame(
+                {
+                    "run": np.arange(RUNS),
+                    "learned_level": learned.delta,
+                    "regret": regret(learned.delta, fresh, settings.xi),
+                }
+            ).assign(**known)
+            parts.append(
+                runs.loc[runs.index.repeat(KEPT)].assign(
+                    episode=np.tile(at, RUNS), level=curves.ravel()
+                )
+            )
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def draw(settings: Settings, gap: Path, rates: Path, spiking: Path, *, output: Path) -> Figure:
+    """Draw what is learned, trial by trial, and what it costs in the end."""
+    figure, axes = plt.subplots(1, 4, figsize=(7.2, 2.5), width_ratios=[1, 1, 1, 0.9])
+    _gap(axes[0], read_table(gap))
+    for ax, path, mark in ((axes[1], rates, "b  rate circuit"), (axes[2], spiking, "c  spikes")):
+        _levels(ax, read_table(path))
+        letter(ax, mark)
+    _regret(axes[3], read_table(gap), read_table(rates), read_table(spiking))
+    return figure
+
+
+def _gap(ax, table: pd.DataFrame) -> None:
+    for period, rows in table.groupby("period_mm"):
+        for _, one in rows.groupby(["fold", "repeat"]):
+            ax.plot(
+                one["episode"] / 1000, one["smoothed_delta"], lw=0.4, alpha=0.5, c=COLOUR[period]
+            )
+        ax.axhline(rows["optimal_delta"].mean(), ls=":", lw=0.8, color=COLOUR[period])
+        ax.plot([], [], color=COLOUR[period], label=f"{period:g} mm")
+    ax.set(xlabel="trials (1 000)", ylabel="gap of the SPRT (nats)")
+    ax.legend(loc="upper right")
+    letter(ax, "a  algorithm")
+
+
+def _levels(ax, table: pd.DataFrame) -> None:
+    for period, rows in table.groupby("period_mm"):
+        for _, one in rows.groupby(["start_level", "run"]):
+            ax.plot(one["episode"] / 1000, one["level"], lw=0.4, alpha=0.5, c=COLOUR[period])
+        ax.axhline(rows["best_level"].iloc[0], ls=":", lw=0.8, color=COLOUR[period])
+    ax.set(xlabel="trials (1 000)", ylabel="tonic dopamine", ylim=(PLAYED[0], PLAYED[1]))
+
+
+def _regret(ax, gap: pd.DataFrame, rates: pd.DataFrame, spiking: pd.DataFrame) -> None:
+    bodies = {"algorithm": gap, "rate": rates, "spikes": spiking}
+    for place, table in enumerate(bodies.values()):
+        by = ["period_mm", "start_level" if "start_level" in table else "start_delta"]
+        one = [*by, "run"] if "run" in table else [*by, "fold", "repeat"]
+        ends = table.drop_duplicates(one)
+        for period, rows in ends.groupby("period_mm"):
+            x = place + 0.22 * (float(period) - 2.0) / 0.5
+            spread = np.linspace(-0.06, 0.06, len(rows))
+            shown = 100 * rows["regret"].clip(lower=0.01 / 100)
+            ax.scatter(x + spread, shown, s=3, lw=0, color=COLOUR[period])
+            for start in rows["start_regret"].unique():
+                ax.scatter(x, 100 * max(start, 1e-4), marker="_", s=30, color=COLOUR[period])
+    ax.axhline(3, ls=":", lw=0.8, color="k")
+    ax.set(yscale="log", ylabel="cost beyond the optimum (%)")
+    ax.set_xticks(range(len(bodies)), list(bodies))
+    letter(ax, "d")
+
+
+if __name__ == "__main__":
+    run(rate=rate, spikes=spikes, draw=draw)

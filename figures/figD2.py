@@ -1,0 +1,138 @@
+"""Figure D2: dopamine as the knob of the threshold: level to posterior, and speed to accuracy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.comparison import sweep
+from bgmodel.dopamine import criterion, knob, working_range
+from bgmodel.dopamine_study import THRESHOLD_NATS, knob_table, levels_between
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.files import read_table, write_table
+from bgmodel.sprt import Msprt
+from figures.common import GAIN, Settings, letter, run
+
+STEPS = {2: 120, 4: 160}
+LEVELS = 14
+SHARE = {"rate": 1.0, "ensemble": 0.6}
+COLOURS = {2: "C0", 4: "C1"}
+
+
+def compute(settings: Settings, *, output: Path) -> None:
+    """Let both circuits decide at levels across their working range, N = 2 and 4."""
+    parts = []
+    for channels, steps in STEPS.items():
+        table = circuit("spiking_msprt", channels)
+        low, high = working_range(table, THRESHOLD_NATS)
+        levels = levels_between(1.01 * low, 0.98 * high, LEVELS)
+        for engine, share in SHARE.items():
+            evidence = gaussian_evidence(
+                round(share * settings.circuit_trials),
+                steps,
+                0.5 / np.sqrt(2),
+                rng=stream(settings.seed, "figD2", channels),
+                hypotheses=channels,
+                step_ms=50.0,
+            )
+            test = sweep(Msprt(GAIN).run(evidence), evidence)
+            options = {"dt_ms": 0.5} if engine == "rate" else {}
+            model = BasalGanglia(table, engine, GAIN, settings.seed, options)
+            found = knob_table(
+                knob(model, evidence, levels, THRESHOLD_NATS),
+                test,
+                circuit=table,
+                gain=GAIN,
+                rng=stream(settings.seed, "bootstrap"),
+            )
+            parts.append(found.assign(channels=channels, engine=engine))
+            if engine == "rate":
+                line = pd.DataFrame(
+                    {
+                        "measure": "msprt",
+                        "level": test.posterior.mean(axis=1),
+                        "value": test.time_ms.mean(axis=1),
+                    }
+                )
+                parts.append(line.assign(channels=channels, engine="MSPRT"))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
+    """Draw the map, the speed-accuracy curve, and what is lost against the MSPRT."""
+    table = read_table(data)
+    figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.5))
+    for channels, colour in COLOURS.items():
+        rows = table[table["channels"] == channels]
+        _map(axes[0], rows, channels, colour)
+        _tradeoff(axes[1], rows, colour)
+        _gap(axes[2], rows, channels, colour)
+    axes[0].axhspan(0.75, 0.99, color="0.95", zorder=0)
+    axes[0].set(xlabel="dopamine", ylabel="posterior of what is chosen", xscale="log")
+    axes[0].set_xticks([0.8, 1, 1.25, 1.6, 2], ["0.8", "1", "1.25", "1.6", "2"])
+    axes[0].minorticks_off()
+    axes[0].legend(loc="upper right")
+    axes[1].set(xlabel="mean time (s)", ylabel="expected accuracy", ylim=(0.5, 1.0))
+    axes[2].axhspan(-0.01, 0.01, color="0.93", zorder=0)
+    axes[2].axhline(0, lw=0.8, color="0.6")
+    axes[2].set(
+        xlabel="posterior of what is chosen", ylabel="accuracy beyond the\nMSPRT's, equal time"
+    )
+    for ax, mark in zip(axes, "abc", strict=True):
+        letter(ax, mark)
+    return figure
+
+
+def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
+    return rows[(rows["engine"] == engine) & (rows["measure"] == measure)].set_index("level")
+
+
+def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
+    table = circuit("spiking_msprt", channels)
+    low, high = working_range(table, THRESHOLD_NATS)
+    levels = levels_between(low * 1.001, high * 0.999, 40)
+    exact = [criterion(table, level, THRESHOLD_NATS, GAIN) for level in levels]
+    ax.plot(levels, exact, lw=0.8, color=colour, label=f"N = {channels}, fixed point")
+    for engine, mark, name in (("rate", "o", "rates"), ("ensemble", "s", "spikes")):
+        points = _points(rows, engine, "criterion")
+        off = [points["value"] - points["low"], points["high"] - points["value"]]
+        ax.errorbar(
+            points.index,
+            points["value"],
+            off,
+            fmt=mark,
+            ms=3,
+            lw=0.6,
+            color=colour,
+            mfc="w" if mark == "o" else colour,
+            label=name if channels == 2 else None,
+        )
+
+
+def _tradeoff(ax, rows: pd.DataFrame, colour: str) -> None:
+    line = rows[rows["measure"] == "msprt"]
+    ax.plot(line["value"] / 1000, line["level"], lw=0.8, color=colour)
+    for engine, mark in (("rate", "o"), ("ensemble", "s")):
+        time, known = (_points(rows, engine, name) for name in ("mean_ms", "criterion"))
+        face = "w" if mark == "o" else colour
+        ax.plot(time["value"] / 1000, known["value"], mark, ms=3, color=colour, mfc=face)
+
+
+def _gap(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
+    for engine, mark in (("rate", "o"), ("ensemble", "s")):
+        gap, known = (_points(rows, engine, name) for name in ("accuracy_gap", "criterion"))
+        off = [gap["value"] - gap["low"], gap["high"] - gap["value"]]
+        face = "w" if mark == "o" else colour
+        ax.errorbar(
+            known["value"], gap["value"], off, fmt=mark, ms=3, lw=0.6, color=colour, mfc=face
+        )
+
+
+if __name__ == "__main__":
+    run(compute=compute, draw=draw)

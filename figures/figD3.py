@@ -1,0 +1,158 @@
+"""Figure D3: a world that changes: the gap and dopamine follow; and the trial after an error.
+
+The step of learning stays where it is, for what is to be learned moves: the cost of an error, or
+the grating.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.dopamine import switching
+from bgmodel.dopamine_study import PLAYED, after_errors, body, learn_level, levels_between
+from bgmodel.files import read_table, write_table
+from bgmodel.learning import Environment, Learned, Learner, learn, smoothed, trials_of
+from bgmodel.policies import GaussianPolicy
+from bgmodel.study import increments
+from bgmodel.tactile.task import SameDifferent, Source, source
+from bgmodel.theory import optimal_delta
+from figures.common import GAIN, Settings, letter, run
+
+STEP_MS = 50.0
+RUNS = 20
+BLOCK_SHARE = 5
+"""Blocks in a course of learning."""
+WORLDS = {"xi": ((2.0, 50.0), (2.0, 400.0)), "grating": ((2.0, 50.0), (1.5, 50.0))}
+"""Grating (mm) and cost of an error (readings), in turn."""
+CARRIED = (0.0, 1.0)
+STEADY = Learner(rate=0.02, half_episodes=np.inf)
+EXPLORED = {"first_share": 0.08, "last_share": 0.08}
+
+
+def compute(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Let algorithm and rate circuit learn in worlds that switch, and see what errors leave."""
+    read = read_table(taps)
+    sources = {
+        p: source(read, SameDifferent(), period_mm=p, fold=0)
+        for p in {period for world in WORLDS.values() for period, _ in world}
+    }
+    model = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5})
+    levels = levels_between(*PLAYED, 16)
+    met = {
+        period: body(
+            model,
+            readings.draw(
+                settings.circuit_trials,
+                settings.t_max,
+                rng=stream(settings.seed, "figD3", period),
+                step_ms=STEP_MS,
+            ),
+            levels,
+        )
+        for period, readings in sources.items()
+    }
+    every = settings.episodes // BLOCK_SHARE
+    learner = Learner(**{**STEADY.__dict__, "episodes": settings.episodes})
+    parts = []
+    for name, world in WORLDS.items():
+        rngs = [stream(settings.seed, "figD3", name, i, "explored") for i in range(RUNS)]
+        abstract = learn(
+            switching([_sprt(sources[p], xi, settings, name) for p, xi in world], every),
+            4.0,
+            rngs=rngs,
+            policy=GaussianPolicy(**EXPLORED),
+            learner=learner,
+        )
+        best = [
+            optimal_delta(*increments(sources[p]), xi, t_max=settings.t_max, bounds=(0, 8)).delta
+            for p, xi in world
+        ]
+        parts.append(_course(abstract, best, every).assign(world=name, model="algorithm"))
+        draws = [stream(settings.seed, "figD3", name, i, "trials") for i in range(RUNS)]
+        dopamine = learn(
+            switching([met[p].environment(xi, draws) for p, xi in world], every),
+            1.2,
+            rngs=rngs,
+            policy=GaussianPolicy(bounds=PLAYED, **EXPLORED),
+            learner=learner,
+        )
+        best = [met[p].best(xi)[0] for p, xi in world]
+        parts.append(_course(dopamine, best, every).assign(world=name, model="circuit"))
+    for carried in CARRIED:
+        learned = learn_level(
+            met[1.5],
+            xi=settings.xi,
+            start_level=1.3,
+            runs=RUNS,
+            seed=settings.seed,
+            name=("after errors", carried),
+            policy=GaussianPolicy(bounds=PLAYED, **EXPLORED),
+            learner=Learner(**{**learner.__dict__, "carried": carried}),
+        )
+        parts.append(after_errors(learned, settings.xi).assign(world="errors", carried=carried))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def _sprt(readings: Source, xi: float, settings: Settings, name: str) -> Environment:
+    rngs = [stream(settings.seed, "figD3", name, i, xi, "sprt") for i in range(RUNS)]
+    draws = [lambda trials, rng=rng: readings.draw(trials, settings.t_max, rng=rng) for rng in rngs]
+    return trials_of(draws, xi)
+
+
+def _course(learned: Learned, best: list[float], every: int) -> pd.DataFrame:
+    runs, episodes = learned.gap.shape
+    at = np.linspace(0, episodes - 1, 300).round().astype(int)
+    curves = smoothed(learned.mean_gap, 50)[:, at]
+    return pd.DataFrame(
+        {
+            "run": np.repeat(np.arange(runs), len(at)),
+            "episode": np.tile(at, runs),
+            "value": curves.ravel(),
+            "best": np.tile([best[(k // every) % len(best)] for k in at], runs),
+        }
+    )
+
+
+def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
+    """Draw what is played in worlds that switch, and the trial after an error."""
+    table = read_table(data)
+    figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.6), width_ratios=[1, 1, 0.7])
+    titles = {"xi": "cost of an error 50, 400, ...", "grating": "2.0, 1.5, 2.0 mm, ..."}
+    names = {"algorithm": "gap (nats)", "circuit": "tonic dopamine"}
+    for row, (model, label) in zip(axes, names.items(), strict=True):
+        for ax, (world, title) in zip(row, titles.items(), strict=False):
+            rows = table[(table["world"] == world) & (table["model"] == model)]
+            for _, one in rows.groupby("run"):
+                ax.plot(one["episode"] / 1000, one["value"], lw=0.4, alpha=0.4, color="C0")
+            first = rows[rows["run"] == 0]
+            ax.plot(first["episode"] / 1000, first["best"], lw=1, color="k", ls=":")
+            ax.set(ylabel=f"{model}: {label}" if world == "xi" else "")
+            if model == "algorithm":
+                ax.set_title(title)
+            else:
+                ax.set(xlabel="trials (1 000)")
+    errors = table[table["world"] == "errors"]
+    ax = axes[0, 2]
+    for place, (_, rows) in enumerate(errors.groupby("carried")):
+        spread = np.linspace(-0.15, 0.15, len(rows))
+        ax.scatter(place + spread, rows["slower"], s=6, lw=0, color=f"C{place}")
+    ax.axhline(0, lw=0.8, color="0.6")
+    ax.set(ylabel="slower after an error (readings)")
+    ax.set_xticks(range(len(CARRIED)), ["forgotten", "carried over"])
+    ax.set_title("last error")
+    axes[1, 2].axis("off")
+    letter(axes[0, 0], "a")
+    letter(axes[0, 1], "b")
+    letter(ax, "c")
+    return figure
+
+
+if __name__ == "__main__":
+    run(compute=compute, draw=draw)

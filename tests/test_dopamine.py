@@ -1,0 +1,265 @@
+"""Dopamine: the knob against its closed forms, and learning by it, with controls that must fail."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from bgmodel import Msprt, first_crossing, stream
+from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.comparison import sweep
+from bgmodel.dopamine import Body, criterion, decided_out, knob, switching, working_range
+from bgmodel.dopamine_study import (
+    PLAYED,
+    THRESHOLD_NATS,
+    after_errors,
+    body,
+    knob_table,
+    learn_level,
+    levels_between,
+    regret,
+)
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.learning import Learned, Learner, LearningStopped, learn
+from bgmodel.policies import GaussianPolicy
+from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+
+XI, SEED, GAIN = 50.0, 61, 0.5
+LEVELS = levels_between(0.8, 2.0, 9)
+MODEL = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5})
+
+
+@pytest.mark.parametrize("channels", [2, 5])
+@pytest.mark.parametrize("level", [0.7, 1.0, 1.3])
+def test_a_level_shifts_out_by_the_gain_times_the_drive(channels, level):
+    """In the exact circuit OUT = S - k y, as long as that is a rate: not below 0."""
+    table = circuit("bogacz_gurney", channels)
+    odds = 1.5
+    y = table.reference_nats - np.log(channels) + odds * (1 - 1 / channels)
+    s = y + np.log1p((channels - 1) * np.exp(-odds))
+    assert decided_out(table, level, odds) == pytest.approx(max(s - level * y, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_normal_dopamine_decides_at_the_posterior_of_the_threshold(channels):
+    """At level 1 OUT = -ln softmax(kappa L): its inverse, all other alternatives equal."""
+    table = circuit("bogacz_gurney", channels)
+    p = np.exp(-0.3)
+    odds = np.log(p * (channels - 1) / (1 - p)) / GAIN
+    expected = 1 / (1 + (channels - 1) * np.exp(-odds))
+    assert criterion(table, 1.0, 0.3, GAIN) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_the_fixed_point_spans_posteriors_from_75_to_99(channels):
+    table = circuit("spiking_msprt", channels)
+    low, high = working_range(table, THRESHOLD_NATS)
+    found = [
+        criterion(table, level, THRESHOLD_NATS, GAIN)
+        for level in levels_between(1.01 * low, 0.99 * high, 12)
+    ]
+    assert np.all(np.diff(found) < 0)
+    assert found[-1] < 0.75
+    assert found[0] > 0.99
+    # The edges are where they are said to be.
+    assert decided_out(table, low, table.reach_nats) == pytest.approx(THRESHOLD_NATS, abs=1e-3)
+    if high < 2:
+        assert decided_out(table, high, 0.0) == pytest.approx(THRESHOLD_NATS, abs=1e-3)
+
+
+def test_a_threshold_that_no_level_serves_is_refused():
+    with pytest.raises(ValueError, match=r"no level of dopamine in 0\.\.2 takes spiking_msprt"):
+        working_range(circuit("spiking_msprt"), 3.0)
+
+
+@pytest.fixture(scope="module")
+def evidence():
+    return gaussian_evidence(150, 60, 1 / np.sqrt(2), rng=stream(SEED, "knob"), step_ms=50.0)
+
+
+@pytest.fixture(scope="module")
+def swept(evidence):
+    return knob(MODEL, evidence, LEVELS[:7], THRESHOLD_NATS)
+
+
+def test_the_knob_is_the_circuit_at_each_level(swept, evidence):
+    assert np.all(np.diff(swept.thresholds) < 0)
+    level = float(swept.thresholds[2])
+    changed = BasalGanglia(MODEL.circuit.dopamine(level), "rate", GAIN, options=MODEL.options)
+    alone = first_crossing(changed.run(evidence), THRESHOLD_NATS)
+    assert np.array_equal(alone.choice, swept.choice[2])
+    assert np.array_equal(alone.time_ms, swept.time_ms[2])
+
+
+def test_more_dopamine_is_faster_and_less_accurate(swept, evidence):
+    """150 trials: monotone, near the fixed point, and near the MSPRT in equal time."""
+    test = sweep(Msprt(GAIN).run(evidence), evidence)
+    table = knob_table(swept, test, circuit=MODEL.circuit, gain=GAIN, rng=stream(SEED, "boot"))
+    wide = table.pivot(index="level", columns="measure", values="value")
+    assert np.all(np.diff(wide["mean_ms"]) < 0)
+    assert np.all(np.diff(wide["criterion"]) < 0.01)
+    both = wide.dropna()
+    # Readings of d' = 1 carry the posterior past the bound, never below it but by latency.
+    assert np.all(both["criterion"] > both["fixed_point"] - 0.03)
+    ends = table[table["measure"] == "accuracy_gap"].dropna()
+    assert np.all(ends["low"] < 0.03)
+    assert np.all(ends["high"] > -0.03)
+
+
+def synthetic(trials=4000, best=1.2):
+    """Return a body whose mean reward is -10 (level - best)^2 - 5, noise beside it."""
+    levels = np.linspace(*PLAYED, 26)
+    noise = stream(SEED, "noise").normal(0, 1, (1, trials))
+    steps = 10 * (levels[:, None] - best) ** 2 + 5 + noise
+    return Body(levels, np.ones((26, trials), bool), steps)
+
+
+def test_a_body_returns_the_mean_reward_between_its_levels():
+    made = synthetic()
+    runs = 20_000
+    rngs = [stream(SEED, "mean")] * runs
+    world = made.environment(XI, rngs)
+    for level in (0.76, 1.2, 1.713):
+        found = world(0, np.full(runs, level))
+        assert abs(found.mean() - made.expected(level, XI)) < 5 * found.std() / np.sqrt(runs)
+    assert made.best(XI)[0] == pytest.approx(1.2, abs=0.03)
+    wrong = Body(made.levels, ~made.correct, made.steps)
+    assert wrong.rewards(XI) == pytest.approx(made.rewards(XI) - XI)
+
+
+@pytest.mark.parametrize("mean", [0.95, 1.6])
+def test_the_gradient_of_the_level_agrees_with_the_finite_difference(mean):
+    made = synthetic()
+    policy = GaussianPolicy(bounds=PLAYED, first_share=0.06)
+    runs = 40_000
+    sd = policy.sd(0)
+    rng = stream(SEED, "gradient", mean)
+    played, gradient = policy.sample(policy.start(runs, mean), rng.standard_normal((runs, 1)), 0)
+    r = made.environment(XI, [rng] * runs)(0, played)
+    estimate = (r - r.mean()) * gradient[:, 0]
+    x = np.linspace(mean - 6 * sd, mean + 6 * sd, 4001)
+
+    def smoothed(mu):
+        weights = norm.pdf(x, mu, sd)
+        return (made.expected(np.clip(x, *PLAYED), XI) * weights).sum() / weights.sum()
+
+    h = 1e-3
+    exact = (smoothed(mean + h) - smoothed(mean - h)) / (2 * h)
+    assert abs(exact) > 2
+    assert abs(estimate.mean() - exact) < 4 * estimate.std() / np.sqrt(runs)
+
+
+SHORT = Learner(episodes=6000)
+
+
+@pytest.mark.parametrize("start", [0.8, 1.9])
+def test_reward_finds_the_best_level_and_its_opposite_the_worst(start):
+    made = synthetic()
+    options = {"xi": XI, "start_level": start, "runs": 8, "seed": SEED, "name": start}
+    learned = learn_level(made, learner=SHORT, **options)
+    assert regret(start, made, XI) > 0.09
+    assert regret(learned.delta, made, XI).max() < 0.03
+    # Dopamine with the wrong sign: a rise for what was worse than expected.
+    rngs = [stream(SEED, "flipped", run) for run in range(8)]
+    world = made.environment(XI, rngs)
+    flipped = learn(
+        lambda k, played: -world(k, played) - 20,
+        start,
+        rngs=rngs,
+        policy=GaussianPolicy(bounds=PLAYED),
+        learner=SHORT,
+    )
+    assert regret(flipped.delta, made, XI).min() > 0.09
+
+
+def test_credit_to_a_foreign_perturbation_teaches_nothing():
+    """Each run is paid for what its neighbour played."""
+    made, runs, start = synthetic(), 40, 1.8
+    rngs = [stream(SEED, "shuffled", run) for run in range(runs)]
+    world = made.environment(XI, rngs)
+    learned = learn(
+        lambda k, played: world(k, np.roll(played, 1)),
+        start,
+        rngs=[stream(SEED, "explored", run) for run in range(runs)],
+        policy=GaussianPolicy(bounds=PLAYED),
+        learner=Learner(episodes=2000, rate=0.01),
+    )
+    moved = learned.delta - start
+    assert abs(moved.mean()) < 4 * moved.std() / np.sqrt(runs) + 0.02
+    assert np.median(regret(learned.delta, made, XI)) > 0.3
+
+
+@pytest.fixture(scope="module")
+def tactile():
+    readings = source(held_out_taps(), SameDifferent(), period_mm=1.5, fold=0)
+    drawn = readings.draw(300, 30, rng=stream(SEED, "tactile"), step_ms=50.0)
+    return body(MODEL, drawn, LEVELS)
+
+
+@pytest.mark.parametrize("start", [0.86, 1.9])
+def test_dopamine_learns_the_level_of_a_circuit_that_touches(tactile, start):
+    learned = learn_level(
+        tactile,
+        xi=XI,
+        start_level=start,
+        runs=6,
+        seed=SEED,
+        name="tactile",
+        learner=Learner(episodes=8000),
+    )
+    assert regret(start, tactile, XI) > 0.2
+    assert regret(learned.delta, tactile, XI).max() < 0.06
+    # Tonic and phasic are two quantities: one has settled, the other has not.
+    late = slice(-1000, None)
+    assert learned.mean_gap[:, late].std(axis=1).max() < 0.1
+    assert learned.prediction_error[:, late].std(axis=1).min() > 1
+
+
+def test_what_the_last_error_carries_over_slows_the_next_trial(tactile):
+    """An error makes dopamine dip; a dip that lasts takes the next trial's level down."""
+    found = {}
+    for carried in (0.0, 0.5):
+        learned = learn_level(
+            tactile,
+            xi=XI,
+            start_level=1.5,
+            runs=8,
+            seed=SEED,
+            name=carried,
+            learner=Learner(episodes=8000, rate=0.001, half_episodes=np.inf, carried=carried),
+        )
+        found[carried] = after_errors(learned, XI)["slower"]
+    error = found[0.0].std() / np.sqrt(8)
+    assert abs(found[0.0].mean()) < 4 * error + 0.05
+    assert found[0.5].min() > found[0.0].max()
+
+
+def test_after_errors_takes_slow_drifts_off():
+    rng = stream(SEED, "drift")
+    steps = np.linspace(5, 25, 4000) + rng.normal(0, 1, (2, 4000))
+    wrong = rng.random((2, 4000)) < 0.2
+    steps[:, 1:] += 2.0 * wrong[:, :-1]
+    learned = Learned(*[steps] * 2, -steps - XI * wrong, steps, steps[:, 0])
+    assert after_errors(learned, XI)["slower"].to_numpy() == pytest.approx(2.0, abs=0.25)
+
+
+def test_a_world_switches_and_each_has_its_trials():
+    world = switching([lambda k, x: x, lambda k, x: -x], every=3)
+    assert [world(k, np.array([1.0]))[0] for k in range(8)] == [1, 1, 1, -1, -1, -1, 1, 1]
+
+
+def test_learning_that_cannot_go_on_keeps_what_it_had_reached():
+    with pytest.raises(LearningStopped, match="a reward is not finite in episode 40") as stopped:
+        learn(
+            lambda k, x: np.where(k == 40, np.nan, -x),
+            2.0,
+            rngs=[stream(SEED, "stopped", run) for run in range(3)],
+        )
+    kept = stopped.value.learned
+    assert kept.gap.shape == (3, 40)
+    assert np.isfinite(kept.gap).all()
+    assert kept.delta == pytest.approx(kept.mean_gap[:, -1])
+
+
+def test_reward_needs_the_truth(swept, evidence):
+    with pytest.raises(ValueError, match="reward needs the truth"):
+        Body.of(swept, Evidence(evidence.log_likelihood))
