@@ -56,7 +56,9 @@ def swept(model: BasalGanglia, draw: Draw, trials: int, name: str) -> tuple[Swee
 
 def score(engine: str, kind: str, draw: Draw, met: int, fresh: int) -> pd.DataFrame:
     """Learn on some trials, score on others; one row a start and run."""
-    options: dict[str, Any] = {"dt_ms": 0.5} if engine == "rate" else {"workers": 1}
+    options: dict[str, Any] = (
+        {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {"workers": 1}
+    )
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, SCORING_SEED, options)
     learned_on = Body.of(*swept(model, draw, met, f"{kind} learned"))
     found, evidence = swept(model, draw, fresh, f"{kind} scored")

@@ -43,7 +43,7 @@ def spikes(settings: Settings, taps: Path, *, output: Path) -> None:
 
 
 def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
-    options = {"dt_ms": 0.5} if engine == "rate" else {}
+    options = {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {}
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, settings.seed, options)
     parts = []
     for period in PERIODS[engine]:

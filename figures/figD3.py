@@ -43,7 +43,9 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         p: source(read, SameDifferent(), period_mm=p, fold=0)
         for p in {period for world in WORLDS.values() for period, _ in world}
     }
-    model = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5})
+    model = BasalGanglia(
+        circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5, "sample_ms": 2.0}
+    )
     levels = levels_between(*PLAYED, 16)
     met = {
         period: body(
