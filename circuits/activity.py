@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from scipy.signal import welch
 
 from circuits.spec import Circuit
 from circuits.wiring import Array, Wiring
@@ -74,6 +75,39 @@ class Activity:
         row = self.circuit.population(name)
         rates = np.asarray(self.rates_hz[name], dtype=np.float64)
         return (rates - row.baseline_hz) / row.gain_hz_per_nat
+
+    def spectrum(
+        self, name: str, *, from_ms: float = 0.0, segment_ms: float = 1000.0
+    ) -> tuple[Array, Array]:
+        """Return the power spectrum of a population's rate (Welch 1967).
+
+        Parameters
+        ----------
+        name : str
+            The population; its channels are averaged first.
+        from_ms : float
+            Samples before are left out.
+        segment_ms : float
+            Length of a segment, ms: its inverse is the resolution.
+
+        Returns
+        -------
+        frequency_hz : array (F,)
+        power : array (F,)
+            One-sided density, Hz^2 / Hz, mean over trials and segments. Independent Poisson cells
+            have twice their rate over their number.
+        """
+        late = self.time_ms > from_ms
+        rates = np.asarray(self.rates_hz[name], dtype=np.float64)[:, late].mean(axis=2)
+        apart_ms = float(self.time_ms[1] - self.time_ms[0])
+        length = round(segment_ms / apart_ms)
+        if length > rates.shape[1]:
+            raise ValueError(
+                f"segment_ms must fit into what is left after from_ms, "
+                f"{rates.shape[1] * apart_ms:g} ms, got {segment_ms:g}"
+            )
+        frequency, power = welch(rates, fs=1000 / apart_ms, nperseg=length, axis=1)
+        return frequency, power.mean(axis=0)
 
     def rate_table(self) -> pd.DataFrame:
         """Return mean rates as a table: one row a population, channel and time."""

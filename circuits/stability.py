@@ -58,13 +58,24 @@ def growth(circuit: Circuit, drive: npt.ArrayLike | None = None) -> complex:
     ValueError
         If there is no fixed point.
     """
+    found = roots(circuit, drive)
+    return complex(found[0]) if len(found) else complex(-math.inf)
+
+
+def roots(circuit: Circuit, drive: npt.ArrayLike | None = None) -> npt.NDArray[np.complex128]:
+    """Return the roots of the circuit linearised at its fixed point, 1/s, the rightmost first.
+
+    Parameters and errors are those of ``growth``; the roots that lie far to the left, where delays
+    are collocated too coarsely, mean nothing.
+    """
     wiring = wired(circuit)
     held = np.zeros(circuit.channels) if drive is None else np.asarray(drive, dtype=np.float64)
     if held.shape != (circuit.channels,):
         raise ValueError(f"drive must be ({circuit.channels},), got shape {held.shape}")
     x = solve(wiring, held[None])[0]
-    roots = [_rightmost(wiring, x, blocks) for blocks, loop in parts(wiring) if loop]
-    return max(roots, key=lambda root: root.real, default=complex(-math.inf))
+    loops = [_roots(wiring, x, blocks) for blocks, loop in parts(wiring) if loop]
+    found = np.concatenate([np.zeros(0, np.complex128), *loops])
+    return found[np.argsort(-found.real, kind="stable")]
 
 
 def is_stable(circuit: Circuit, drive: npt.ArrayLike | None = None) -> bool:
@@ -101,8 +112,8 @@ def stability_limit_nats(circuit: Circuit) -> float:
     return onset(circuit).total_nats
 
 
-def _rightmost(wiring: Wiring, x: Array, blocks: Index) -> complex:
-    """Return the rightmost root, 1/s, of one loop at the state x of the whole circuit."""
+def _roots(wiring: Wiring, x: Array, blocks: Index) -> npt.NDArray[np.complex128]:
+    """Return the roots, 1/s, of one loop at the state x of the whole circuit."""
     flow, lag = _linear(wiring, x, blocks)
     slow = lag > 0
     if not slow.any():
@@ -110,8 +121,7 @@ def _rightmost(wiring: Wiring, x: Array, blocks: Index) -> complex:
         raise ValueError(f"the loop of {names} has neither delay nor time constant: no dynamics")
     at_once = np.linalg.solve(flow[~slow][:, ~slow], flow[~slow][:, slow])
     matrix = flow[slow][:, slow] - flow[slow][:, ~slow] @ at_once
-    roots = np.linalg.eigvals(matrix / lag[slow][:, None])
-    return 1000 * complex(roots[np.argmax(roots.real)])
+    return 1000 * np.linalg.eigvals(matrix / lag[slow][:, None]).astype(np.complex128)
 
 
 def _linear(wiring: Wiring, x: Array, blocks: Index) -> tuple[Array, Array]:

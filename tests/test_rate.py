@@ -130,11 +130,11 @@ def test_delays_are_kept_to_the_tick():
         activity = rate.run(circuit, drive, step_ms=30, sample_ms=0.1)
         return activity.time_ms[np.abs(activity.output_nats[0, :, 0] - np.log(2)) > 1e-9][0]
 
-    circuit = anatomy.bogacz_gurney().changed("ctx->D1", delay_ms=20)
+    circuit = anatomy.bogacz_gurney().changed("ctx->D1", delay_ms=7)
     # ctx-STN 3 ms, STN-SNr 2 ms; a sample's time is the end of its tick.
     assert moves_ms(circuit) == pytest.approx(5.1)
     assert moves_ms(circuit.changed("ctx->STN", delay_ms=6)) == pytest.approx(8.1)
-    # Through D1, 5 + 4 ms, once that is the shortest.
+    # Through D1, 7 + 2 ms, once that is the shortest.
     assert moves_ms(circuit.changed("ctx->STN", delay_ms=20)) == pytest.approx(9.1)
 
 
