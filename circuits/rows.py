@@ -128,6 +128,8 @@ class Projection:
         Conduction delay and synaptic time constant, ms.
     probability : float
         Fraction of the source's cells that reach a target cell: a fixed in-degree.
+    factors : tuple of float
+        What the weight is multiplied by in each target channel; none means 1 in all.
     transfer : str
         What the target's dendrite makes of the summed, filtered activity, by name.
     cite : str
@@ -141,6 +143,7 @@ class Projection:
     delay_ms: float = 0.0
     tau_ms: float = 0.0
     probability: float = 1.0
+    factors: tuple[float, ...] = ()
     transfer: str = "linear"
     cite: str = ""
 
@@ -156,6 +159,13 @@ class Projection:
             raise ValueError(f"{self.name}: probability must lie in 0..1, got {self.probability}")
         if self.probability < 1 and self.transfer != "linear":
             raise ValueError(f"{self.name}: connections of probability < 1 must be linear")
+        if not all(0 <= factor < math.inf for factor in self.factors):
+            raise ValueError(f"{self.name}: factors must be >= 0, got {self.factors}")
+        if self.factors and self.transfer != "linear":
+            raise ValueError(
+                f"{self.name}: only a linear pathway can be scaled in one channel, this one is "
+                f"{self.transfer!r}"
+            )
 
     @property
     def name(self) -> str:

@@ -60,12 +60,13 @@ def pathways(circuit: Circuit) -> pd.DataFrame:
             "delay_ms": p.delay_ms,
             "tau_ms": p.tau_ms,
             "probability": p.probability,
+            "by_channel": " ".join(f"{factor:g}" for factor in p.factors),
             "f": p.transfer,
             "source": p.cite,
         }
         for p in circuit.projections
     ]
-    return _dropping(pd.DataFrame(rows), probability=1.0, f="linear")
+    return _dropping(pd.DataFrame(rows), probability=1.0, by_channel="", f="linear")
 
 
 def text(circuit: Circuit) -> str:

@@ -100,6 +100,11 @@ class Circuit:
                     f"{p.name}: {p.source} releases {what}, so the weight must be "
                     f"{'>=' if sign > 0 else '<='} 0, got {p.weight}"
                 )
+            if p.factors and len(p.factors) != self.channels_of(p.target):
+                raise ValueError(
+                    f"{p.name}: factors need one number for each of {self.channels_of(p.target)} "
+                    f"channels, got {len(p.factors)}"
+                )
         self._reaches()
 
     def _check_numbers(self) -> None:
@@ -143,8 +148,13 @@ class Circuit:
         return chosen
 
     def pattern(self, p: Projection) -> npt.NDArray[np.float64]:
-        """Return which channels reach which, (target channels, source channels)."""
-        return PATTERNS[p.pattern](self.channels_of(p.target), self.channels_of(p.source))
+        """Return which channels reach which, (target channels, source channels), factors included.
+
+        Factors go in here and nowhere else: the pathway is linear, so they are factors on its
+        weight.
+        """
+        pattern = PATTERNS[p.pattern](self.channels_of(p.target), self.channels_of(p.source))
+        return pattern * np.array(p.factors)[:, None] if p.factors else pattern
 
     # ---- edits: each returns a new circuit
 
@@ -211,12 +221,39 @@ class Circuit:
             return self
         return self.changed(name, intact=row.intact * (1 - fraction), replaced=replaced)
 
-    def scaled(self, source: str, target: str, factor: float) -> Circuit:
-        """Return the circuit with the weight of one pathway multiplied by a factor >= 0."""
+    def scaled(
+        self, source: str, target: str, factor: float, channel: int | None = None
+    ) -> Circuit:
+        """Return the circuit with the weight of one pathway multiplied by a factor.
+
+        Parameters
+        ----------
+        source, target : str
+            The two ends of the pathway.
+        factor : float
+            At least 0.
+        channel : int, optional
+            The target's channel in which it is scaled; all if left out.
+
+        Raises
+        ------
+        ValueError
+            For an unknown pathway or channel, a factor below 0, or, in one channel, a pathway that
+            is not linear.
+        """
         row = self.projection(source, target)
         if not factor >= 0:
             raise ValueError(f"factor must be >= 0, got {factor}")
-        return self.changed(row.name, weight=row.weight * factor) if factor != 1 else self
+        if channel is None:
+            return self.changed(row.name, weight=row.weight * factor) if factor != 1 else self
+        count = self.channels_of(target)
+        if channel not in range(count):
+            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel}")
+        if factor == 1:
+            return self
+        factors = list(row.factors or (1.0,) * count)
+        factors[channel] *= factor
+        return self.changed(row.name, factors=tuple(factors))
 
     def dopamine(self, level: float) -> Circuit:
         """Return the circuit at a dopamine level relative to this one; the range is 0..2.
@@ -288,7 +325,10 @@ class Circuit:
             reached |= {
                 p.target
                 for p in self.projections
-                if p.source in reached and p.weight and self.population(p.source).intact
+                if p.source in reached
+                and p.weight
+                and any(p.factors or (1,))
+                and self.population(p.source).intact
             }
         if self.readout not in reached:
             raise ValueError(f"no pathway is left from {self.input} to {self.readout}")

@@ -56,11 +56,25 @@ def test_an_unknown_engine_lists_those_that_there_are():
         run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine="nest", step_ms=10)
 
 
+TABLE = anatomy.spiking_msprt(3).with_neurons(20)
+ONE = TABLE.scaled("ctx", "D1", 0.8, 1).scaled("STN", "SNr", 1.2, 0).scaled("D2", "GPe", 0, 2)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_edit_of_one_channel_acts_on_every_engine(engine):
+    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
+    circuit = anatomy.bogacz_gurney(3).scaled("D1", "SNr", 0.9, channel=1)
+    out = all_of(circuit, drive, engine).output_nats[:, -1]
+    y = CENTRED + circuit.reference_nats - np.log(3)
+    exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
+    npt.assert_allclose(out, exact, atol=1e-6, rtol=0)
+
+
+@pytest.mark.parametrize("circuit", [TABLE, ONE], ids=["as it is", "one channel"])
 @pytest.mark.parametrize("engine", SPIKING)
-def test_same_input_same_noise_same_spikes(engine):
+def test_same_input_same_noise_same_spikes(engine, circuit):
     from reference import run as run_reference
 
-    circuit = anatomy.spiking_msprt(3).with_neurons(20)
     drive = np.repeat(CENTRED[:, None, :], 1, axis=1)
     given = {"settle_ms": 30, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
     fast = all_of(circuit, drive, engine, **given)

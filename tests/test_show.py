@@ -33,6 +33,8 @@ def test_edits_show():
     page = show.text(anatomy.spiking_msprt().without("GPe", 0.5, replaced=True).with_spread(0.1))
     assert "0.5, replaced" in page
     assert "spread" in page
+    assert "1 0.9" in show.text(anatomy.spiking_msprt().scaled("ctx", "D1", 0.9, channel=1))
+    assert "by_channel" not in show.text(anatomy.spiking_msprt())
     assert "intact" not in show.text(anatomy.spiking_msprt())
 
 

@@ -17,6 +17,7 @@ EDITS = {
     "lesion": lambda c: c.without("STN", 0.3),
     "replaced lesion": lambda c: c.without("GPe", replaced=True),
     "weight": lambda c: c.scaled("STN", "GPe", 0.5),
+    "one channel": lambda c: c.scaled("D1", "SNr", 0.5, channel=1),
     "dopamine": lambda c: c.dopamine(0.8),
     "delay": lambda c: c.changed("STN->GPe", delay_ms=7),
     "time constant": lambda c: c.changed("STN", tau_ms=7),
@@ -43,6 +44,7 @@ def test_an_edit_returns_a_new_circuit_and_leaves_the_old(circuit, edit):
 def test_edits_that_change_nothing_return_the_circuit(circuit):
     assert circuit.without("STN", 0) is circuit
     assert circuit.scaled("STN", "GPe", 1) is circuit
+    assert circuit.scaled("STN", "GPe", 1, channel=0) is circuit
     assert circuit.dopamine(1) is circuit
 
 
@@ -55,6 +57,46 @@ def test_fields_of_a_cell_are_edited_like_those_of_its_row():
     assert {row.neurons for row in small.populations if row.spiking} == {7}
     assert {row.spread for row in small.populations} == {0.1, 0.0}
     assert {p.probability for p in small.projections} == {0.25, 1.0}
+
+
+def test_one_channel_is_scaled_and_no_other(circuit):
+    """At the fixed point: each channel in turn is the whole, and factors multiply."""
+    drive = np.array([[[0.4, 0.1, -0.5]]])
+    three = circuit.with_channels(3)
+    each = three
+    for channel in range(3):
+        each = each.scaled("D1", "SNr", 0.5, channel).scaled("D1", "SNr", 1.8, channel)
+    assert each.projection("D1", "SNr").factors == (0.9, 0.9, 0.9)
+    out = {
+        name: algebra.run(c, drive).output_nats[0, 0]
+        for name, c in {
+            "as it is": three,
+            "one": three.scaled("D1", "SNr", 0.9, channel=1),
+            "each": each,
+            "all": three.scaled("D1", "SNr", 0.9),
+        }.items()
+    }
+    np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(out["one"][[0, 2]], out["as it is"][[0, 2]], rtol=0, atol=1e-12)
+    assert out["one"][1] == pytest.approx(out["all"][1], abs=1e-12)
+    assert not three.scaled("D1", "SNr", 0.9, channel=1).exact
+
+
+def test_what_one_channel_cannot_have():
+    circuit = anatomy.spiking_msprt(2)
+    with pytest.raises(ValueError, match=r"ctx->D1: channel must lie in 0\.\.1, got 2"):
+        circuit.scaled("ctx", "D1", 0.5, channel=2)
+    with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
+        circuit.scaled("ctx", "D1", -1, channel=0)
+    with pytest.raises(ValueError, match="one number for each of 4 channels, got 2$"):
+        circuit.scaled("ctx", "D1", 0.5, channel=0).with_channels(4)
+    with pytest.raises(ValueError, match="STN->GPe: only a linear pathway can be scaled in one"):
+        anatomy.bogacz_gurney().scaled("STN", "GPe", 0.5, channel=0)
+    with pytest.raises(ValueError, match=r"factors must be >= 0, got \(-1, 1\)"):
+        circuit.changed("ctx->D1", factors=(-1, 1))
+    silent = anatomy.bogacz_gurney().scaled("D1", "SNr", 0, 0).scaled("D1", "SNr", 0, 1)
+    with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
+        silent.without("STN")
 
 
 def test_lesions_multiply_and_can_be_undone(circuit):

@@ -80,8 +80,9 @@ def both(circuit, drive=DRIVE, target="numpy", **options):
         WHOLE.without("D2", 0.5, replaced=True).without("GPe"),
         small(),
         replace(small(), wiring_seed=3).scaled("ctx", "SNr", 0),
+        small().scaled("ctx", "STN", 0.5, 0).scaled("SNr", "SNr", 2, 1),
     ],
-    ids=["whole", "spread", "sparse", "lesioned", "small", "other wires"],
+    ids=["whole", "spread", "sparse", "lesioned", "small", "other wires", "one channel"],
 )
 def test_spikes_are_those_of_the_reference(circuit):
     assert_same(*both(circuit))
