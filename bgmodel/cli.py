@@ -13,6 +13,7 @@ import tyro
 from bgmodel.commands.circuit import Run, Show
 from bgmodel.commands.comparing import Compare, Lesion
 from bgmodel.commands.decisions import Decide, Learn
+from bgmodel.commands.experiments import Run as Experiment
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.taps import Decode, Simulate, Train
 
@@ -32,6 +33,7 @@ COMMANDS: dict[str, Any] = {
         CIRCUIT,
     ),
     "compare": Compare,
+    "experiment": Experiment,
     "figures": Figures,
 }
 

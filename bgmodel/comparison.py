@@ -197,17 +197,27 @@ def compare(
             )
     n = test.trials
     check_trials(n)
-    drawn = rng.multinomial(n, np.full(n, 1 / n), size=resamples).astype(np.float64)
-    weights = np.concatenate([np.ones((1, n)), drawn])
+    weights = resampled(n, resamples, rng)
     found = _measures(test, other, truth, accuracies, weights, latency_ms)
     if minus is not None:
         base = _measures(test, minus, truth, accuracies, weights, latency_ms)
         found = {key: found[key] - base[key] for key in found}
     rows = []
     for (accuracy, name), values in found.items():
-        ends = np.nanquantile(values[1:], [0.025, 0.975]) if _known(values) else [np.nan] * 2
-        rows.append((accuracy, name, float(values[0]), *map(float, ends)))
+        rows.append((accuracy, name, *interval(values)))
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
+
+
+def resampled(trials: int, resamples: int, rng: np.random.Generator) -> Array:
+    """Return weights (1 + resamples, trials): each trial once, then how often each is drawn."""
+    drawn = rng.multinomial(trials, np.full(trials, 1 / trials), size=resamples)
+    return np.concatenate([np.ones((1, trials)), drawn])
+
+
+def interval(values: Array) -> tuple[float, float, float]:
+    """Return the value, the first entry, and the 95 % interval of its resamples, the others."""
+    ends = np.nanquantile(values[1:], [0.025, 0.975]) if _known(values) else (np.nan, np.nan)
+    return float(values[0]), float(ends[0]), float(ends[1])
 
 
 def check_trials(trials: int) -> None:

@@ -97,6 +97,7 @@ def gaussian_evidence(
     rng: np.random.Generator,
     hypotheses: int = 2,
     step_ms: float = 1.0,
+    conflict: float = 0.0,
 ) -> Evidence:
     """Draw the classic Gaussian problem: the true channel has mean ``separation``, the others 0.
 
@@ -115,12 +116,17 @@ def gaussian_evidence(
         The source of every random number.
     step_ms : float
         Time between readings, ms.
+    conflict : float
+        Mean of one rival, the channel after the true one, as a fraction of the true one's. The
+        likelihoods do not know of it: they stay those of the problem without a rival, so what
+        they say is then too sure. What all channels share changes nothing and is left out.
     """
     if not separation > 0:
         raise ValueError(f"separation must be > 0, got {separation}")
     truth = np.arange(trials) % hypotheses
     samples = rng.standard_normal((trials, steps, hypotheses))
     samples[np.arange(trials), :, truth] += separation
+    samples[np.arange(trials), :, (truth + 1) % hypotheses] += conflict * separation
     return Evidence(separation * samples, truth, step_ms=step_ms)
 
 

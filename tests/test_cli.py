@@ -11,7 +11,7 @@ import pytest
 import tyro
 
 from bgmodel.cli import CIRCUIT, COMMANDS, choices, main
-from bgmodel.commands.circuit import Edits
+from bgmodel.edits import Edits
 from bgmodel.files import read_provenance, read_table
 
 

@@ -88,7 +88,7 @@ def test_what_one_channel_cannot_have():
         circuit.scaled("ctx", "D1", 0.5, channel=2)
     with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
         circuit.scaled("ctx", "D1", -1, channel=0)
-    with pytest.raises(ValueError, match="one number for each of 4 channels, got 2$"):
+    with pytest.raises(ValueError, match=r"one number for each of 4 channels, got 2$"):
         circuit.scaled("ctx", "D1", 0.5, channel=0).with_channels(4)
     with pytest.raises(ValueError, match="STN->GPe: only a linear pathway can be scaled in one"):
         anatomy.bogacz_gurney().scaled("STN", "GPe", 0.5, channel=0)

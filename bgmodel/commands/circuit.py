@@ -15,48 +15,11 @@ from tyro.conf import Positional
 
 from bgmodel import files, tables
 from bgmodel.commands.checks import asked, check_ending, check_whole
-from bgmodel.commands.stimuli import Stimuli
 from bgmodel.decision import first_crossing
+from bgmodel.edits import Edits
+from bgmodel.stimuli import Stimuli
 
 Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
-
-
-@dataclass(frozen=True)
-class Edits:
-    """What differs from the table: the hypothesis."""
-
-    without: tuple[str, ...] = ()
-    """Nuclei to lesion, whole ("STN") or by a fraction ("STN=0.5")."""
-    replaced: bool = False
-    """Whether the lost output is given back as a constant."""
-    scale: tuple[str, ...] = ()
-    """Pathways to scale, as "STN->GPe=0.5"."""
-    dopamine: float = 1.0
-    """Dopamine level, 0..2; 1 is normal."""
-    neurons: int | None = None
-    """Cells a channel of every spiking nucleus."""
-    connections: float | None = None
-    """Connection probability between spiking nuclei, fixed in-degree."""
-    spread: float | None = None
-    """Spread of cell constants, as a fraction."""
-
-    def of(self, table: Any) -> Any:
-        """Return the edited circuit."""
-        for edit in self.without:
-            name, fraction = _value(edit, 1.0)
-            table = table.without(name, fraction, replaced=self.replaced)
-        for edit in self.scale:
-            name, factor = _value(edit, None)
-            source, arrow, target = name.partition("->")
-            if not arrow:
-                raise ValueError(f'scale needs a pathway like "STN->GPe=0.5", got {edit!r}')
-            table = table.scaled(source, target, factor)
-        table = table.dopamine(self.dopamine)
-        if self.neurons is not None:
-            table = table.with_neurons(self.neurons)
-        if self.connections is not None:
-            table = table.with_connections(self.connections)
-        return table if self.spread is None else table.with_spread(self.spread)
 
 
 @dataclass(frozen=True)
@@ -181,14 +144,3 @@ class Run:
                 if path is self.nwb and importlib.util.find_spec("pynwb") is None:
                     raise ImportError('NWB needs pynwb: pip install "bgmodel[nwb]"')
                 files.check_writable(path.parent)
-
-
-def _value(edit: str, default: float | None) -> tuple[str, float]:
-    """Split "name=number"."""
-    name, equals, number = edit.partition("=")
-    if not equals and default is not None:
-        return name, default
-    try:
-        return name, float(number)
-    except ValueError:
-        raise ValueError(f"an edit is a name, =, and a number; got {edit!r}") from None

@@ -12,10 +12,11 @@ from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.commands.checks import asked, check_ending, check_whole
-from bgmodel.commands.circuit import Edits, Name
-from bgmodel.commands.stimuli import Stimuli
+from bgmodel.commands.circuit import Name
+from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.rivals import RIVALS
+from bgmodel.stimuli import Stimuli
 
 if TYPE_CHECKING:
     from bgmodel.basal_ganglia import BasalGanglia

@@ -1,4 +1,4 @@
-"""What a circuit is to decide: options that several commands share."""
+"""What a circuit is to decide: options that commands and experiments share."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 
 from bgmodel import files, tables
-from bgmodel.commands.checks import check_whole
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.seeds import stream
 
@@ -27,6 +26,8 @@ class Stimuli:
     d_prime: float = 0.5
     """Separation of the Gaussian evidence a reading: of two hypotheses, in standard deviations of
     their difference."""
+    conflict: float = 0.0
+    """How far one rival rises towards the truth in Gaussian evidence: 0 as the others, 1 level."""
     period_mm: float = 2.0
     """Period of the tactile grating, mm."""
     fold: int = 0
@@ -40,9 +41,15 @@ class Stimuli:
 
     def check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
-        check_whole(trials=self.trials, t_max=self.t_max)
+        for name in ("trials", "t_max"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
         if not self.d_prime > 0:
             raise ValueError(f"d_prime must be > 0, got {self.d_prime}")
+        if not 0 <= self.conflict < 1:
+            raise ValueError(f"conflict must lie in 0..1, below 1, got {self.conflict}")
+        if self.conflict and (self.task != "gaussian" or self.evidence is not None):
+            raise ValueError(f"conflict is for Gaussian evidence, got {self.conflict}")
         if self.task == "same-different" and self.channels != 2:
             raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
 
@@ -59,6 +66,7 @@ class Stimuli:
                 rng=rng,
                 hypotheses=self.channels,
                 step_ms=self.step_ms,
+                conflict=self.conflict,
             )
             return drawn, [str(i) for i in range(self.channels)]
         from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source

@@ -1,0 +1,144 @@
+"""What decisions at one threshold look like: the measures that experiments report.
+
+Every measure is an expression in weights of trials, so that one call gives the value and its
+bootstrap resamples, as in ``bgmodel.comparison``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.comparison import Sweep
+
+Array = npt.NDArray[np.float64]
+Truths = npt.NDArray[np.bool_]
+
+DIFFUSION_S = 0.1
+"""Noise of the diffusion, the convention in which EZ's numbers are stated."""
+
+MEASURES = {
+    "accuracy": "correct of those decided",
+    "mean_ms": "mean time of a decision from the onset of evidence, ms",
+    "median_ms": "median time of a decision, ms",
+    "premature": "share that decides before the first reading",
+    "anticipatory": "share that decides in a foreperiod without evidence",
+    "missed": "share that does not decide in time",
+    "criterion": "mean posterior of what is chosen, at the decision",
+    "drift": "drift by EZ-diffusion, 1/s (s = .1); two alternatives",
+    "bound": "distance of its bounds (s = .1)",
+    "non_decision_ms": "its time outside the decision, ms",
+}
+"""Every measure, with its unit."""
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """Decisions of one circuit at one threshold.
+
+    Parameters
+    ----------
+    decided : Sweep
+        At that threshold alone (K = 1); forced means missed.
+    anticipatory : bool array (trials,)
+        Whether a foreperiod without evidence, a run of its own, ended in a response.
+    truth : int array (trials,)
+        The true hypotheses.
+    hypotheses : int
+        Their number.
+    """
+
+    decided: Sweep
+    anticipatory: Truths
+    truth: npt.NDArray[np.integer]
+    hypotheses: int
+
+    def measures(self, weights: Array) -> dict[str, Array]:
+        """Return every one of ``MEASURES``, (B,) each, for weights (B, trials).
+
+        NaN where no trial that counts has a weight. The criterion takes the likelihoods at their
+        word; times, accuracy and criterion are those of trials that decided in time.
+        """
+        missed, time_ms = self.decided.forced[0], self.decided.time_ms[0]
+        correct = self.decided.choice[0] == self.truth
+        everyone = np.ones_like(missed)
+        found = {
+            "accuracy": mean(correct, ~missed, weights),
+            "mean_ms": mean(time_ms, ~missed, weights),
+            "median_ms": median(time_ms, ~missed, weights),
+            "premature": mean(self.decided.premature[0], everyone, weights),
+            "anticipatory": mean(self.anticipatory, everyone, weights),
+            "missed": mean(missed, everyone, weights),
+            "criterion": mean(self.decided.posterior[0], ~missed, weights),
+        }
+        names = ("drift", "bound", "non_decision_ms")
+        if self.hypotheses != 2:
+            # A diffusion has two bounds.
+            return found | {name: np.full(len(weights), np.nan) for name in names}
+        right = ~missed & correct
+        mean_s = mean(time_ms, right, weights) / 1e3
+        variance = mean((time_ms / 1e3) ** 2, right, weights) - mean_s**2
+        parts = ez_diffusion(found["accuracy"], mean_s, variance, weights @ ~missed)
+        return found | dict(zip(names, (*parts[:2], 1e3 * parts[2]), strict=True))
+
+
+def mean(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
+    """Return the mean of values (trials,) among some trials, (B,); NaN where there are none."""
+    total = weights @ among
+    sums = weights @ np.where(among, values, 0)
+    return np.divide(sums, total, out=np.full(len(weights), np.nan), where=total > 0)
+
+
+def median(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
+    """Return the median of values (trials,) among some trials, (B,); NaN where there are none."""
+    chosen = np.asarray(values)[among]
+    if not len(chosen):
+        return np.full(len(weights), np.nan)
+    order = np.argsort(chosen, kind="stable")
+    chosen, up_to = chosen[order], np.cumsum(weights[:, among][:, order], axis=1)
+    half = up_to[:, -1:] / 2
+    last = len(chosen) - 1
+    # The middle one, or the mean of the two about the middle.
+    low = np.minimum((up_to < half).sum(axis=1), last)
+    high = np.minimum((up_to <= half).sum(axis=1), last)
+    return np.where(half[:, 0] > 0, (chosen[low] + chosen[high]) / 2, np.nan)
+
+
+def ez_diffusion(
+    accuracy: npt.ArrayLike, mean_s: npt.ArrayLike, variance: npt.ArrayLike, trials: npt.ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Return drift, bound and non-decision time (s) of the diffusion with these moments.
+
+    Parameters
+    ----------
+    accuracy : array
+        Proportion correct, P.
+    mean_s, variance : arrays, s and s^2
+        Of the times of correct responses.
+    trials : array
+        Number of trials, for the correction of a P of 1, 0 or 1/2.
+
+    Notes
+    -----
+    Wagenmakers, van der Maas & Grasman 2007, equations 5 and 7 to 9, with l = logit P and s = .1:
+    ``v = sign(P - 1/2) s (l (P^2 l - P l + P - 1/2) / VRT)^(1/4)``, ``a = s^2 l / v``,
+    ``Ter = MRT - (a / 2 v) (1 - e^y) / (1 + e^y)``, ``y = -v a / s^2``. The start lies half-way
+    between the bounds and nothing but the noise varies. A P of 1, 0 or 1/2 is moved by half a
+    trial, as they advise for 1.
+    """
+    p, mean_s, variance, half = np.broadcast_arrays(
+        *(np.asarray(x, dtype=np.float64) for x in (accuracy, mean_s, variance, trials))
+    )
+    half = 0.5 / np.maximum(half, 1)
+    p = np.clip(p, half, 1 - half)
+    p = np.where(np.abs(p - 0.5) < half / 2, 0.5 + half, p)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        odds = np.log(p / (1 - p))
+        power = odds * (p**2 * odds - p * odds + p - 0.5) / variance
+        drift = np.sign(p - 0.5) * DIFFUSION_S * np.where(variance > 0, power, np.nan) ** 0.25
+        bound = DIFFUSION_S**2 * odds / drift
+        y = -drift * bound / DIFFUSION_S**2
+        time_s = bound / (2 * drift) * (1 - np.exp(y)) / (1 + np.exp(y))
+    return drift, bound, mean_s - time_s

@@ -1,0 +1,67 @@
+"""The command that runs an experiment and holds it to its prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from bgmodel import files
+from bgmodel.commands.checks import check_ending, check_whole
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run an experiment, control and manipulation, and hold it to what was published.
+
+    Without a file it lists the experiments that come with the package. The prediction stands in
+    the file, written before the run; each part is said to agree, to disagree or to be left open by
+    the 95 % interval of the change.
+
+    Examples: bgmodel experiment; bgmodel experiment stn_lesion;
+    bgmodel experiment mine.toml outcome.csv --trials 200
+    """
+
+    file: Positional[str] = ""
+    """A TOML file, or the name of an experiment that is shipped."""
+    output: Positional[Path | None] = None
+    """Where the table of measures goes, .parquet or .csv."""
+    trials: int | None = None
+    """Trials, if not those of the file."""
+    seed: int | None = None
+    """Seed, if not that of the file."""
+    workers: int = 2
+    """Threads of the ensemble engine; they change no byte."""
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel import experiment as experiments
+        from bgmodel.outcomes import outcomes, page
+
+        if not self.file:
+            for name, one in experiments.shipped().items():
+                print(f"{name:<24}{one.name} ({one.source})")
+            return
+        self._check()
+        experiment = experiments.read_experiment(self.file)
+        if self.trials is not None:
+            experiment = replace(experiment, task=replace(experiment.task, trials=self.trials))
+        if self.seed is not None:
+            experiment = replace(experiment, seed=self.seed)
+        table = experiments.run_experiment(experiment, workers=self.workers)
+        if self.output is not None:
+            said = outcomes(experiment, table).assign(condition="change")
+            kept = ["condition", "measure", "direction", "at_least", "outcome"]
+            whole = table.merge(said[kept], how="left", on=["condition", "measure"])
+            files.write_table(whole, self.output, seed=experiment.seed, experiment=experiment)
+        print(page(experiment, table))
+        where = f" -> {self.output}" if self.output is not None else ""
+        print(f"{experiment.evidence().trials} trials{where}")
+
+    def _check(self) -> None:
+        """Refuse what makes no sense, before long work starts."""
+        check_whole(workers=self.workers)
+        if self.output is not None:
+            check_ending(self.output, ".parquet", ".csv")
+            files.check_writable(self.output.parent)

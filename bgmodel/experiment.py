@@ -1,0 +1,226 @@
+"""Experiments: a control and a manipulation on the same evidence, held to a prediction.
+
+An experiment is a short TOML file. It says what was published, what stands for it in the circuit,
+and, before anything is run, which measure goes which way by how much at least.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from importlib.resources import files as resources
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import toml_files
+from bgmodel.basal_ganglia import BasalGanglia, check_threshold, circuit
+from bgmodel.behaviour import MEASURES, Behaviour
+from bgmodel.comparison import RESAMPLES, check_trials, interval, resampled, sweep
+from bgmodel.edits import Edits
+from bgmodel.evidence import Evidence
+from bgmodel.seeds import stream
+from bgmodel.stimuli import Stimuli
+
+SHIPPED = resources("bgmodel.data") / "experiments"
+AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"
+CONDITIONS = ("control", "manipulation", "change")
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a manipulation does to one measure."""
+
+    measure: str
+    """A name in ``behaviour.MEASURES``."""
+    direction: Literal["up", "down", "none"]
+    """Where it goes; "none" says that it stays within ``at_least``."""
+    at_least: float
+    """The smallest change that counts, in the measure's unit."""
+
+    def __post_init__(self) -> None:
+        if self.measure not in MEASURES:
+            raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {self.measure!r}")
+        if not 0 <= self.at_least < np.inf:
+            raise ValueError(f"at_least must be >= 0, got {self.at_least}")
+        if self.direction == "none" and not self.at_least:
+            raise ValueError('at_least must be > 0 where the direction is "none", got 0')
+
+    def outcome(self, low: float, high: float) -> str:
+        """Return what the 95 % interval of the change says: agrees, disagrees, not decidable."""
+        if not (np.isfinite(low) and np.isfinite(high)):
+            return OPEN
+        if self.direction == "none":
+            inside = -self.at_least < low and high < self.at_least
+            outside = low > self.at_least or high < -self.at_least
+            return AGREES if inside else DISAGREES if outside else OPEN
+        if self.direction == "down":
+            low, high = -high, -low
+        return AGREES if low > self.at_least else DISAGREES if high < self.at_least else OPEN
+
+
+@dataclass(frozen=True)
+class Condition(Edits):
+    """What a condition edits; nothing unless it is said."""
+
+    posterior: float | None = None
+    """Posterior at which it decides, if it is another one: an instruction."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A control, a manipulation and what it should do."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
+
+    name: str
+    """What was done, in a few words."""
+    published: str
+    """What was found."""
+    source: str
+    """Who found it, and whether the paper or its abstract was read."""
+    note: str
+    """Why the manipulation stands for what was done, and where the sizes come from."""
+    manipulation: Condition
+    predictions: tuple[Prediction, ...]
+    task: Stimuli
+    control: Condition = Condition()
+    circuit: str = "spiking_msprt"
+    """Name of the table."""
+    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
+    gain: float = 0.5
+    """Nats in the circuit a nat of evidence, kappa."""
+    posterior: float = 0.82
+    """Posterior, in the circuit's nats, at which the control decides, and the manipulation unless
+    it says otherwise."""
+    foreperiod_ms: float = 500.0
+    """Foreperiod without evidence in which responses are anticipatory, ms."""
+    truth: int | None = None
+    """The hypothesis that is true in every trial that counts; each in turn if left out."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for posterior in (self.posterior, self.control.posterior, self.manipulation.posterior):
+            if posterior is not None and not 0 < posterior < 1:
+                raise ValueError(f"posterior must lie between 0 and 1, got {posterior}")
+        if not self.predictions:
+            raise ValueError("predictions must hold one or more, got none")
+        if not self.foreperiod_ms > 0:
+            raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
+        if self.truth is not None and self.truth not in range(self.task.channels):
+            raise ValueError(f"truth must lie in 0..{self.task.channels - 1}, got {self.truth}")
+        self.task.check()
+
+    def evidence(self) -> Evidence:
+        """Return the evidence that both conditions are given."""
+        drawn, _ = self.task.draw(self.seed, "experiment")
+        if drawn.truth is None:
+            raise ValueError("an experiment counts errors: its evidence needs the truth")
+        return drawn if self.truth is None else drawn[drawn.truth == self.truth]
+
+    def threshold_nats(self, condition: Condition) -> float:
+        """Return the OUT at which a condition decides."""
+        return float(-np.log(condition.posterior or self.posterior))
+
+    def model(self, condition: Condition, channels: int, workers: int = 1) -> BasalGanglia:
+        """Return a condition's circuit, with the noise that both have."""
+        table = condition.of(circuit(self.circuit, channels))
+        options: dict[str, Any] = {}
+        if self.engine == "ensemble":
+            options = {"workers": workers, "rates": False}
+        return BasalGanglia(table, self.engine, self.gain, self.seed, options)
+
+
+def shipped() -> dict[str, Experiment]:
+    """Return the experiments that come with the package, by the names of their files."""
+    return {name: read_experiment(name) for name in _names()}
+
+
+def read_experiment(file: str | Path) -> Experiment:
+    """Read an experiment: the path of a TOML file, or the name of one that is shipped.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the key, what was given and what is allowed.
+    """
+    path = Path(file)
+    if path.suffix == ".toml":
+        return toml_files.read(path, Experiment)
+    inside = SHIPPED / f"{file}.toml"
+    if not inside.is_file():
+        names = ", ".join(_names())
+        raise ValueError(f"an experiment is a .toml file or one of {names}; got {str(file)!r}")
+    return toml_files.read(Path(str(inside)), Experiment)
+
+
+def _names() -> list[str]:
+    return sorted(Path(entry.name).stem for entry in SHIPPED.iterdir())
+
+
+def run_experiment(experiment: Experiment, *, workers: int = 1) -> pd.DataFrame:
+    """Run control and manipulation on the same evidence with the same noise.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What to run.
+    workers : int
+        Threads of the ensemble engine; they change no byte.
+
+    Returns
+    -------
+    DataFrame
+        One row a condition ("control", "manipulation", and "change", the second minus the first)
+        and measure of ``MEASURES``: condition, measure, value, low, high, the last two the 95 %
+        interval, a bootstrap over trials that keeps the two conditions of a trial together.
+
+    Raises
+    ------
+    ValueError
+        If an edit does not fit the circuit, the control would decide without evidence, or there
+        are too few trials.
+    """
+    evidence = experiment.evidence()
+    check_trials(evidence.trials)
+    conditions = (experiment.control, experiment.manipulation)
+    models = [experiment.model(c, evidence.hypotheses, workers) for c in conditions]
+    levels = [experiment.threshold_nats(c) for c in conditions]
+    check_threshold(models[0].circuit, levels[0])
+    models[0].warn_of(evidence)
+    weights = resampled(evidence.trials, RESAMPLES, stream(experiment.seed, "bootstrap"))
+    found = [
+        behaviour_of(model, evidence, level, experiment.foreperiod_ms).measures(weights)
+        for model, level in zip(models, levels, strict=True)
+    ]
+    found.append({name: found[1][name] - found[0][name] for name in MEASURES})
+    rows = [
+        (condition, measure, *interval(values[measure]))
+        for condition, values in zip(CONDITIONS, found, strict=True)
+        for measure in MEASURES
+    ]
+    return pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
+
+
+def behaviour_of(
+    model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
+) -> Behaviour:
+    """Let a circuit decide at one threshold, and wait through a foreperiod without evidence."""
+    if model.engine == "ensemble":
+        # A trial that is well past its threshold has decided.
+        model = replace(model, options={"drop_below": threshold_nats - 0.01, **model.options})
+    decided, responded = [], []
+    silence = np.zeros((evidence.trials, 1, evidence.hypotheses))
+    # Trials of their own: their noise is no other trial's.
+    done = evidence.trials
+    for part, activity in model.batches(evidence):
+        decided.append(sweep(model.trace(activity, part), part, [threshold_nats]))
+        waited = model.at(silence[: part.trials], foreperiod_ms, done).output_nats
+        responded.append(np.asarray((waited <= threshold_nats).any(axis=(1, 2))))
+        done += part.trials
+    whole = decided[0]
+    for more in decided[1:]:
+        whole += more
+    truth = np.asarray(evidence.truth)
+    return Behaviour(whole, np.concatenate(responded), truth, evidence.hypotheses)

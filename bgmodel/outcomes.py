@@ -1,0 +1,74 @@
+"""What an experiment's run says of its predictions, as a table and as a page."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from bgmodel.experiment import AGREES, CONDITIONS, DISAGREES, OPEN, Experiment
+
+VERDICTS = {AGREES: "agrees", DISAGREES: "disagrees", OPEN: "does not decide it"}
+"""What a page says of the model."""
+
+
+def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
+    """Hold what was found to what was predicted.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With its predictions.
+    table : DataFrame
+        As from ``run_experiment``.
+
+    Returns
+    -------
+    DataFrame
+        One row a prediction: measure, direction, at_least, value, low, high (of the change), and
+        outcome: "agrees" if the whole interval lies beyond at_least in the direction (within
+        +-at_least for "none"), "disagrees" if none of it does, else "not decidable".
+    """
+    change = table[table["condition"] == "change"].set_index("measure")
+    rows = []
+    for p in experiment.predictions:
+        value, low, high = change.loc[p.measure, ["value", "low", "high"]].tolist()
+        said = p.outcome(low, high)
+        rows.append((p.measure, p.direction, p.at_least, value, low, high, said))
+    names = ["measure", "direction", "at_least", "value", "low", "high", "outcome"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def page(experiment: Experiment, table: pd.DataFrame) -> str:
+    """Return an experiment and its outcome as text, 95 % intervals in brackets.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What was run.
+    table : DataFrame
+        As from ``run_experiment``.
+    """
+    lines = [
+        f"{experiment.name} ({experiment.source})",
+        f"published: {experiment.published}",
+        experiment.note,
+        "",
+        f"{'':<16}" + "".join(f"{name:<26}" for name in CONDITIONS),
+    ]
+    for measure in table["measure"].unique():
+        rows = table[table["measure"] == measure]
+        if rows["value"].notna().any():
+            cells = rows[["value", "low", "high"]].to_numpy()
+            lines.append(f"{measure:<16}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
+    lines += ["", "predicted before the run:"]
+    for measure, direction, at_least, *found, outcome in outcomes(experiment, table).to_numpy():
+        by = "to within" if direction == "none" else "by"
+        lines.append(
+            f"{measure} {direction}, {by} {at_least:g}: the model {VERDICTS[outcome]} "
+            f"({_cell(measure, *found)})"
+        )
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _cell(measure: str, value: float, low: float, high: float) -> str:
+    form = ".0f" if measure.endswith("_ms") else ".3f"
+    return f"{value:{form}} [{low:{form}}, {high:{form}}]"

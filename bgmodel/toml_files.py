@@ -1,0 +1,76 @@
+"""TOML files read into dataclasses: every key known, every value of its type."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_type_hints
+
+T = TypeVar("T")
+UNKNOWN = "unexpected_keyword_argument"
+
+STRICT = {"extra": "forbid", "strict": True}
+"""The ``__pydantic_config__`` of a dataclass that is read from a file, for all below it too."""
+
+
+def read(path: str | Path, kind: type[T]) -> T:
+    """Read a TOML file as a dataclass.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    kind : dataclass
+        With ``STRICT`` as its ``__pydantic_config__``.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the key, what was given and what is allowed.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{str(path)!r} can't be read: {error}") from None
+    try:
+        given = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path.name} is no TOML: {error}") from None
+    return decoded(given, kind, path.name)
+
+
+def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
+    """Return a dataclass from what a file held; ``name`` is what errors call the file."""
+    # Where a file is read: importing it takes a tenth of a second.
+    from pydantic import TypeAdapter, ValidationError
+
+    def refused(value: object) -> None:
+        raise ValueError(f"{name}: no key takes a date or a time, got {value}")
+
+    try:
+        # As JSON a list may be a tuple and still nothing else is taken for what it is not.
+        return TypeAdapter(kind).validate_json(json.dumps(given, default=refused))
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+    # A misspelt key is also a missing one: the first says more.
+    wrong = min(found, key=lambda e: (e["type"] != UNKNOWN, e["type"] != "missing"))
+    key = ".".join(str(part) for part in wrong["loc"]) or "the whole"
+    if wrong["type"] == UNKNOWN:
+        allowed = ", ".join(_keys(kind, wrong["loc"][:-1]))
+        raise ValueError(f"{name}: there is no key {key!r}; there are {allowed}")
+    if wrong["type"] == "missing":
+        raise ValueError(f"{name}: the key {key!r} is missing")
+    says = wrong["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    if wrong["type"] == "value_error":
+        raise ValueError(f"{name}: {'' if key == 'the whole' else key + ': '}{says}")
+    raise ValueError(f"{name}: {key} {says}, got {wrong['input']!r}")
+
+
+def _keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:
+    """Return the keys of the dataclass at a place below another."""
+    for part in place:
+        kind = get_type_hints(kind)[part] if isinstance(part, str) else get_args(kind)[0]
+    return [field.name for field in fields(kind)]
