@@ -28,9 +28,10 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
         +-at_least for "none"), "disagrees" if none of it does, else "not decidable".
     """
     change = table[table["condition"] == "change"].set_index("measure")
+    change = change[["value", "low", "high"]]
     rows = []
     for p in experiment.predictions:
-        value, low, high = change.loc[p.measure, ["value", "low", "high"]].tolist()
+        value, low, high = map(float, change.loc[p.measure].to_numpy())
         said = p.outcome(low, high)
         rows.append((p.measure, p.direction, p.at_least, value, low, high, said))
     names = ["measure", "direction", "at_least", "value", "low", "high", "outcome"]
