@@ -1,0 +1,361 @@
+"""Experiments: files read strictly, measures with oracles, outcomes that the edit alone makes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel import stream
+from bgmodel.behaviour import DIFFUSION_S, MEASURES, ez_diffusion, mean, median
+from bgmodel.cli import main
+from bgmodel.edits import Edits
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.experiment import (
+    AGREES,
+    DISAGREES,
+    OPEN,
+    Condition,
+    Prediction,
+    read_experiment,
+    run_experiment,
+    shipped,
+)
+from bgmodel.files import read_provenance
+from bgmodel.outcomes import outcomes, page
+from bgmodel.stimuli import Stimuli
+from circuits import anatomy
+
+GOOD = """
+name = "a lesion"
+published = "faster, more errors"
+source = "nobody"
+note = "a test"
+engine = "algebra"
+seed = 3
+[task]
+trials = 120
+t_max = 40
+[manipulation]
+without = ["STN=0.2"]
+[[predictions]]
+measure = "mean_ms"
+direction = "down"
+at_least = 20
+"""
+
+
+@pytest.fixture
+def small(tmp_path):
+    path = tmp_path / "in" / "small.toml"
+    path.parent.mkdir()
+    path.write_text(GOOD)
+    return path
+
+
+def run(*arguments):
+    return main([str(a) for a in arguments])
+
+
+def changes(table):
+    return table[table["condition"] == "change"].set_index("measure")
+
+
+# ---- files
+
+
+def test_a_file_says_what_is_run(small):
+    experiment = read_experiment(small)
+    assert experiment.manipulation == Condition(without=("STN=0.2",))
+    assert experiment.control == Condition()
+    assert experiment.predictions == (Prediction("mean_ms", "down", 20.0),)
+    assert (experiment.task.trials, experiment.posterior) == (120, 0.82)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("trials = 120", "trails = 3", "there is no key 'task.trails'; there are evidence, task, "),
+        ("at_least", "at_last", "no key 'predictions.0.at_last'; there are measure, direction, "),
+        ("[task]", "gian = 1\n[task]", "there is no key 'gian'; there are name, published, "),
+        ("trials = 120", 'trials = "3"', "task.trials should be a valid integer, got '3'"),
+        ("trials = 120", "trials = true", "task.trials should be a valid integer, got True"),
+        ("trials = 120", "trials = 0", "task: trials must be at least 1, got 0"),
+        ("trials = 120", "conflict = 2", "conflict must lie in 0..1, below 1, got 2"),
+        ('"down"', '"off"', "direction should be 'up', 'down' or 'none', got 'off'"),
+        ('"mean_ms"', '"mean"', "measure must be one of accuracy, mean_ms, .*got 'mean'"),
+        ("= 20", "= -1", "at_least must be >= 0, got -1"),
+        ("= 20", "= nan", "at_least must be >= 0, got nan"),
+        ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 where the direction is "no'),
+        ('name = "a lesion"', "", "the key 'name' is missing"),
+        ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
+        ('["STN=0.2"]', '"STN"', "manipulation.without should be a valid array, got 'STN'"),
+        ("[task]", "posterior = 1.5\n[task]", "posterior must lie between 0 and 1, got 1.5"),
+        ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be > 0, got 0"),
+        ("[task]", "truth = 2\n[task]", "truth must lie in 0..1, got 2"),
+        ("[task]", "[task", "small.toml is no TOML: "),
+        ('["STN=0.2"]', '["GPi=0.2"]', "has no nucleus 'GPi': ctx, common"),
+        ('without = ["STN=0.2"]', 'scale = ["ctx->D1[2]=1"]', "channel must lie in 0..1, got 2"),
+        ("trials = 120", "trials = 90", "an interval needs 100 trials or more, got 90"),
+        ("[manipulation]", "[control]\nwithout = ['STN=0.9']\n[manipulation]", "decide without"),
+    ],
+)
+def test_a_bad_file_gets_one_clear_sentence(small, tmp_path, capsys, old, new, says):
+    small.write_text(GOOD.replace(old, new))
+    assert run("experiment", small, tmp_path / "out.csv") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("bgmodel: ")
+    assert error.count("\n") == 1
+    assert pd.Series([error]).str.contains(says).all(), error
+    assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+def test_a_file_that_is_not_there(tmp_path, capsys):
+    assert run("experiment", tmp_path / "no.toml") == 2
+    assert "can't be read" in capsys.readouterr().err
+    assert run("experiment", "stn") == 2
+    assert "a .toml file or one of accuracy_dopamine, " in capsys.readouterr().err
+    assert run("experiment", "stn_conflict", tmp_path / "out.txt") == 2
+    assert "output must end in .parquet or .csv" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("written", ["ctx->D1[=2", "ctx->D1[x]=2", "ctx->D1[-1]=2", "ctx->D1[0=2"])
+def test_a_channel_is_a_number_in_brackets(written):
+    with pytest.raises(ValueError, match="a channel is a number in brackets"):
+        Edits(scale=(written,)).of(anatomy.spiking_msprt())
+
+
+def test_one_channel_is_edited_as_written():
+    circuit = anatomy.spiking_msprt(4)
+    edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).of(circuit)
+    assert edited == circuit.scaled("ctx", "D1", 1.1, channel=2).scaled("STN", "GPe", 0.5)
+
+
+# ---- measures
+
+
+@given(st.integers(0, 2**31), st.integers(1, 12))
+def test_weights_stand_for_repeated_trials(seed, trials):
+    """Mean and median of weighted trials are NumPy's of trials written out."""
+    rng = np.random.default_rng(seed)
+    values = rng.integers(0, 6, trials).astype(float)
+    among = rng.random(trials) < 0.8
+    weights = np.concatenate([np.ones((1, trials)), rng.integers(0, 3, (3, trials))])
+    for row, m, mid in zip(
+        weights, mean(values, among, weights), median(values, among, weights), strict=True
+    ):
+        written = np.repeat(values, (row * among).astype(int))
+        if len(written):
+            assert (m, mid) == (pytest.approx(written.mean()), np.median(written))
+        else:
+            assert np.isnan([m, mid]).all()
+
+
+def test_ez_is_that_of_its_paper():
+    """Wagenmakers, van der Maas & Grasman 2007: P .802, VRT .112, MRT .723."""
+    found = ez_diffusion(0.802, 0.723, 0.112, 1000)
+    np.testing.assert_allclose(found, (0.0999, 0.1400, 0.3000), atol=5e-5)
+
+
+@given(st.floats(-0.4, 0.4), st.floats(0.05, 0.3), st.floats(0, 0.6))
+def test_ez_inverts_the_exact_moments(drift, bound, other_s):
+    """Accuracy, mean and variance of a diffusion in closed form give its parameters back."""
+    if abs(drift) < 0.01:
+        return
+    y = -drift * bound / DIFFUSION_S**2
+    accuracy = 1 / (1 + np.exp(y))
+    mean_s = bound / (2 * drift) * (1 - np.exp(y)) / (1 + np.exp(y)) + other_s
+    shape = 2 * y * np.exp(y) - np.exp(2 * y) + 1
+    variance = bound * DIFFUSION_S**2 / (2 * drift**3) * shape / (np.exp(y) + 1) ** 2
+    found = ez_diffusion(accuracy, mean_s, variance, 1e12)
+    np.testing.assert_allclose(found, (drift, bound, other_s), rtol=1e-3, atol=1e-4)
+
+
+def test_ez_recovers_a_simulated_diffusion():
+    """A walk in steps of .5 ms; its bounds, crossed between steps, lie .5826 steps further out."""
+    drift, bound, other_s, dt = 0.15, 0.12, 0.3, 5e-4
+    rng = stream(8, "ez")
+    sd = DIFFUSION_S * np.sqrt(dt)
+    edge = bound / 2 - 0.5826 * sd
+    at, alive = np.zeros(5000), np.ones(5000, dtype=bool)
+    time_s, right = np.zeros(5000), np.zeros(5000, dtype=bool)
+    for step in range(1, 20_000):
+        at[alive] += drift * dt + sd * rng.standard_normal(alive.sum())
+        out = alive & (np.abs(at) >= edge)
+        time_s[out], right[out] = step * dt, at[out] > 0
+        alive &= ~out
+    assert not alive.any()
+    times = time_s[right] + other_s
+    found = ez_diffusion(right.mean(), times.mean(), times.var(), 5000)
+    np.testing.assert_allclose(found, (drift, bound, other_s), rtol=0.05)
+
+
+def test_ez_at_the_edges_is_moved_by_half_a_trial():
+    for accuracy, moved in ((1, 1 - 1 / 200), (0, 1 / 200), (0.5, 0.5 + 1 / 200)):
+        found = ez_diffusion(accuracy, 0.7, 0.1, 100)
+        np.testing.assert_allclose(found, ez_diffusion(moved, 0.7, 0.1, 100))
+        assert np.isfinite(found).all()
+    assert np.isnan(ez_diffusion(0.9, 0.7, 0.0, 100)).all()
+
+
+def test_a_rival_rises_and_nothing_else():
+    """Means of the readings: the true channel's, its fraction in the next one, 0 in the others."""
+    given = {"rng": stream(1, "r"), "hypotheses": 4}
+    drawn = gaussian_evidence(4000, 5, 0.8, conflict=0.5, **given)
+    turned = [
+        np.roll(x.mean(axis=0), -k) for x, k in zip(drawn.log_likelihood, drawn.truth, strict=True)
+    ]
+    np.testing.assert_allclose(np.mean(turned, axis=0) / 0.8, [0.8, 0.4, 0, 0], atol=0.03)
+    plain = gaussian_evidence(10, 5, 0.8, rng=stream(1, "r"))
+    same = gaussian_evidence(10, 5, 0.8, rng=stream(1, "r"), conflict=0.0)
+    np.testing.assert_array_equal(plain.log_likelihood, same.log_likelihood)
+    with pytest.raises(ValueError, match="conflict is for Gaussian evidence"):
+        Stimuli(task="orientation", conflict=0.5).check()
+
+
+# ---- outcomes
+
+
+@pytest.mark.parametrize(
+    ("direction", "at_least", "interval", "outcome"),
+    [
+        ("up", 1, (1.1, 2), AGREES),
+        ("up", 1, (0.9, 2), OPEN),
+        ("up", 1, (-3, 0.9), DISAGREES),
+        ("up", 1, (0.2, 0.9), DISAGREES),
+        ("up", 0, (0, 0), OPEN),
+        ("up", 1, (0, 0), DISAGREES),
+        ("down", 1, (-2, -1.1), AGREES),
+        ("down", 1, (-2, -0.9), OPEN),
+        ("down", 1, (-0.9, 3), DISAGREES),
+        ("down", 1, (0, 0), DISAGREES),
+        ("none", 1, (-0.9, 0.9), AGREES),
+        ("none", 1, (0, 0), AGREES),
+        ("none", 1, (-0.9, 1.1), OPEN),
+        ("none", 1, (1.1, 2), DISAGREES),
+        ("none", 1, (-2, -1.1), DISAGREES),
+        ("up", 1, (np.nan, np.nan), OPEN),
+    ],
+)
+def test_the_interval_decides(direction, at_least, interval, outcome):
+    assert Prediction("accuracy", direction, at_least).outcome(*interval) == outcome
+
+
+def test_the_threshold_alone_moves_what_it_must():
+    """At the fixed point: times, criterion and bound follow the threshold, the drift does not."""
+    experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
+    experiment = replace(experiment, task=replace(experiment.task, trials=200))
+    table = run_experiment(experiment)
+    said = outcomes(experiment, table).set_index("measure")["outcome"]
+    assert dict(said) == {"bound": AGREES, "criterion": AGREES, "drift": said["drift"]}
+    assert said["drift"] != DISAGREES
+    assert changes(table).loc["mean_ms", "low"] > 0
+    shown = page(experiment, table)
+    assert "bound up, by 0.005: the model agrees" in shown
+    assert all(name in shown for name in MEASURES)
+
+
+def test_intervals_are_those_of_pairs(small):
+    """Conditions are paired: the change is surer than the two apart."""
+    table = run_experiment(read_experiment(small)).set_index(["condition", "measure"])
+    width = (table["high"] - table["low"]).xs("mean_ms", level="measure")
+    assert width["change"] < 0.9 * np.hypot(width["control"], width["manipulation"])
+    inside = (table["low"] <= table["value"]) & (table["value"] <= table["high"])
+    assert inside[table["value"].notna()].all()
+    value = table["value"].unstack("measure")
+    assert np.allclose(
+        value.loc["change"], value.loc["manipulation"] - value.loc["control"], equal_nan=True
+    )
+
+
+def test_more_alternatives_have_no_diffusion(small):
+    experiment = read_experiment(small)
+    table = run_experiment(replace(experiment, task=replace(experiment.task, channels=4)))
+    empty = table[table["value"].isna()]
+    assert set(empty["measure"]) == {"drift", "bound", "non_decision_ms"}
+    assert "drift" not in page(experiment, table)
+
+
+def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
+    experiment = read_experiment("stn_lesion_whole")
+    small = replace(experiment, task=replace(experiment.task, trials=100, t_max=3))
+    table = run_experiment(small).set_index(["condition", "measure"])["value"]
+    assert table["manipulation", "anticipatory"] == 1
+    assert table["manipulation", "premature"] == 1
+    assert table["control", "anticipatory"] < 0.05
+
+
+# ---- what is shipped
+
+SHIPPED = shipped()
+
+
+def quick(experiment):
+    """Return an experiment cut short, with few cells."""
+    control, manipulation = (
+        replace(c, neurons=40) for c in (experiment.control, experiment.manipulation)
+    )
+    trials = 100 if experiment.truth is None else 200
+    task = replace(experiment.task, trials=trials, t_max=8)
+    return replace(
+        experiment, control=control, manipulation=manipulation, task=task, foreperiod_ms=10.0
+    )
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_edit_alone_makes_the_outcome(name):
+    """Without it every measure is the control's to the last bit; with it some measure is not."""
+    experiment = quick(SHIPPED[name])
+    without = replace(experiment, manipulation=experiment.control)
+    none = run_experiment(without)
+    assert (changes(none)[["value", "low", "high"]].fillna(0) == 0).all(axis=None)
+    said = outcomes(without, none)
+    known = none[none["condition"] == "control"].set_index("measure").loc[said["measure"], "low"]
+    for known_, row in zip(known, said.itertuples(), strict=True):
+        if np.isnan(known_):
+            assert row.outcome == OPEN
+        else:
+            assert row.outcome == (AGREES if row.direction == "none" else DISAGREES)
+    assert (changes(run_experiment(experiment))["value"].fillna(0) != 0).any()
+
+
+def test_what_is_shipped_names_its_source():
+    assert len(SHIPPED) >= 10
+    for name, one in SHIPPED.items():
+        assert one.source.endswith(("abstract only", "a model's prediction", "no experiment")), name
+        assert "our choice" in " ".join(one.note.split())
+        assert one.task.trials >= 1000
+
+
+def test_experiment_command(small, tmp_path, capsys):
+    assert run("experiment") == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in SHIPPED)
+    out, again = tmp_path / "a.csv", tmp_path / "b.csv"
+    assert run("experiment", small, out, "--trials", 100, "--seed", 5) == 0
+    assert "mean_ms down, by 20: the model agrees" in capsys.readouterr().out
+    table = pd.read_csv(out)
+    said = table.set_index(["condition", "measure"])["outcome"].dropna()
+    assert dict(said) == {("change", "mean_ms"): AGREES}
+    kept = read_provenance(out)
+    assert kept["seed"] == 5
+    assert kept["parameters"]["experiment"]["task"]["trials"] == 100
+    assert kept["parameters"]["experiment"]["manipulation"]["without"] == ["STN=0.2"]
+    assert run("experiment", small, again, "--trials", 100, "--seed", 6) == 0
+    assert out.read_bytes() != again.read_bytes()
+
+
+def test_the_same_bytes_for_any_number_of_workers_and_any_batch(small, tmp_path, monkeypatch):
+    spiking = GOOD.replace("algebra", "ensemble").replace("t_max = 40", "t_max = 6")
+    edits = "neurons = 40\n"
+    spiking = spiking.replace("[manipulation]\n", f"[control]\n{edits}[manipulation]\n{edits}")
+    small.write_text(spiking)
+    files = [tmp_path / f"{name}.csv" for name in "abc"]
+    assert run("experiment", small, files[0], "--workers", 1) == 0
+    assert run("experiment", small, files[1], "--workers", 3) == 0
+    monkeypatch.setattr("bgmodel.basal_ganglia.BATCH", 37)
+    assert run("experiment", small, files[2], "--workers", 2) == 0
+    assert len({path.read_bytes() for path in files}) == 1
+    assert len({path.with_suffix(".json").read_bytes() for path in files}) == 1
