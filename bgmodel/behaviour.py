@@ -126,8 +126,8 @@ def ez_diffusion(
     ``v = sign(P - 1/2) s (l (P^2 l - P l + P - 1/2) / VRT)^(1/4)``, ``a = s^2 l / v``,
     ``Ter = MRT - (a / 2 v) (1 - e^y) / (1 + e^y)``, ``y = -v a / s^2``. The start lies half-way
     between the bounds and nothing but the noise varies. Late decisions belong to it: where many
-    trials are cut off undecided, the variance is too small and the drift too large. A P of 1, 0 or 1/2 is moved by half a
-    trial, as they advise for 1.
+    trials are cut off undecided, the variance is too small and the drift too large. A P of 1, 0 or
+    1/2 is moved by half a trial, as they advise for 1.
     """
     p, mean_s, variance, half = np.broadcast_arrays(
         *(np.asarray(x, dtype=np.float64) for x in (accuracy, mean_s, variance, trials))

@@ -82,7 +82,7 @@ def test_a_file_says_what_is_run(small):
         ("[task]", "gian = 1\n[task]", "there is no key 'gian'; there are name, published, "),
         ("trials = 120", 'trials = "3"', "task.trials should be a valid integer, got '3'"),
         ("trials = 120", "trials = true", "task.trials should be a valid integer, got True"),
-        ("trials = 120", "trials = 0", "task: trials must be at least 1, got 0"),
+        ("trials = 120", "trials = 0", "small.toml: trials must be at least 1, got 0"),
         ("trials = 120", "conflict = 2", "conflict must lie in 0..1, below 1, got 2"),
         ('"down"', '"off"', "direction should be 'up', 'down' or 'none', got 'off'"),
         ('"mean_ms"', '"mean"', "measure must be one of accuracy, mean_ms, .*got 'mean'"),
@@ -293,12 +293,12 @@ SHIPPED = shipped()
 
 
 def quick(experiment):
-    """Return an experiment cut short, with few cells."""
+    """Return an experiment cut short: few cells, evidence that is soon enough."""
     control, manipulation = (
         replace(c, neurons=40) for c in (experiment.control, experiment.manipulation)
     )
     trials = 100 if experiment.truth is None else 200
-    task = replace(experiment.task, trials=trials, t_max=8)
+    task = replace(experiment.task, trials=trials, t_max=8, d_prime=1.5)
     return replace(
         experiment, control=control, manipulation=manipulation, task=task, foreperiod_ms=10.0
     )

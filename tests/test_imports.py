@@ -18,7 +18,6 @@ LEVELS = [
         "bgmodel.crossing",
         "bgmodel.evidence",
         "bgmodel.data",
-        "bgmodel.edits",
         "bgmodel.toml_files",
     },
     {"bgmodel.empirical"},
@@ -31,6 +30,7 @@ LEVELS = [
         "bgmodel.study",
         "bgmodel.circuit_edits",
         "bgmodel.behaviour",
+        "bgmodel.edits",
         "bgmodel.stimuli",
     },
     {"bgmodel.circuit_study", "bgmodel.experiment"},
@@ -98,6 +98,10 @@ def test_circuits_know_nothing_of_bgmodel(name, path):
 
 def test_every_package_is_shipped():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    data = settings["tool"]["setuptools"]["package-data"]["bgmodel.data"]
+    shipped = {path for pattern in data for path in (ROOT / "bgmodel" / "data").glob(pattern)}
+    held = (ROOT / "bgmodel" / "data").rglob("*.*")
+    assert shipped == {path for path in held if path.suffix not in (".py", ".pyc")}
     found = {
         n for p in ("bgmodel", "circuits") for n, path in modules(p) if "__init__" in path.name
     }
