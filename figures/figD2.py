@@ -21,7 +21,7 @@ from figures.common import GAIN, Settings, letter, run
 
 STEPS = {2: 120, 4: 160}
 LEVELS = 14
-SHARE = {"rate": 1.0, "ensemble": 0.6}
+SHARE = {"rate": 0.5, "ensemble": 0.5}
 COLOURS = {2: "C0", 4: "C1"}
 
 
@@ -42,7 +42,7 @@ def compute(settings: Settings, *, output: Path) -> None:
                 step_ms=50.0,
             )
             test = sweep(Msprt(GAIN).run(evidence), evidence)
-            options = {"dt_ms": 0.5} if engine == "rate" else {}
+            options = {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {}
             model = BasalGanglia(table, engine, GAIN, settings.seed, options)
             found = knob_table(
                 knob(model, evidence, levels, THRESHOLD_NATS),

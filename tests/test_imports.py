@@ -32,8 +32,9 @@ LEVELS = [
         "bgmodel.behaviour",
         "bgmodel.edits",
         "bgmodel.stimuli",
+        "bgmodel.dopamine",
     },
-    {"bgmodel.circuit_study", "bgmodel.experiment"},
+    {"bgmodel.circuit_study", "bgmodel.experiment", "bgmodel.dopamine_study"},
     {"bgmodel.outcomes"},
     {"bgmodel.commands", "bgmodel.commands.checks"},
     {
