@@ -24,7 +24,7 @@ from figures.common import COLOUR, GAIN, Settings, letter, run
 STEP_MS = 50.0
 STARTS = (0.86, 1.65)
 """Tonic levels at the start: too careful, too hasty."""
-TRIALS = {"rate": 1.0, "ensemble": 0.6}
+TRIALS = {"rate": 3.0, "ensemble": 1.5}
 """Trials of a circuit, as a share of what the figures of circuits have."""
 LEVELS = levels_between(0.78, 2.0, 16)
 RUNS = 20
@@ -98,17 +98,20 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
 def draw(settings: Settings, gap: Path, rates: Path, spiking: Path, *, output: Path) -> Figure:
     """Draw what is learned, trial by trial, and what it costs in the end."""
     figure, axes = plt.subplots(1, 4, figsize=(7.2, 2.5), width_ratios=[1, 1, 1, 0.9])
-    _gap(axes[0], read_table(gap))
+    algorithm = read_table(gap)
+    # The circuits were given the readings of one fold.
+    algorithm = algorithm[algorithm["fold"] == 0]
+    _gap(axes[0], algorithm)
     for ax, path, mark in ((axes[1], rates, "b  rate circuit"), (axes[2], spiking, "c  spikes")):
         _levels(ax, read_table(path))
         letter(ax, mark)
-    _regret(axes[3], read_table(gap), read_table(rates), read_table(spiking))
+    _regret(axes[3], algorithm, read_table(rates), read_table(spiking))
     return figure
 
 
 def _gap(ax, table: pd.DataFrame) -> None:
     for period, rows in table.groupby("period_mm"):
-        for _, one in rows.groupby(["fold", "repeat"]):
+        for _, one in rows.groupby(["start_delta", "repeat"]):
             ax.plot(
                 one["episode"] / 1000, one["smoothed_delta"], lw=0.4, alpha=0.5, c=COLOUR[period]
             )

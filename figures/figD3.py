@@ -31,7 +31,7 @@ BLOCK_SHARE = 5
 """Blocks in a course of learning."""
 WORLDS = {"xi": ((2.0, 50.0), (2.0, 400.0)), "grating": ((2.0, 50.0), (1.5, 50.0))}
 """Grating (mm) and cost of an error (readings), in turn."""
-CARRIED = (0.0, 1.0)
+CARRIED = (0.0, 0.2)
 STEADY = Learner(rate=0.02, half_episodes=np.inf)
 EXPLORED = {"first_share": 0.08, "last_share": 0.08}
 
@@ -125,8 +125,8 @@ def _course(learned: Learned, best: list[float], every: int) -> pd.DataFrame:
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw what is played in worlds that switch, and the trial after an error."""
     table = read_table(data)
-    figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.6), width_ratios=[1, 1, 0.7])
-    titles = {"xi": "cost of an error 50, 400, ...", "grating": "2.0, 1.5, 2.0 mm, ..."}
+    figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.8), width_ratios=[1, 1, 0.6])
+    titles = {"xi": "a  errors cost 50 or 400", "grating": "b  2.0 mm or 1.5 mm"}
     names = {"algorithm": "gap (nats)", "circuit": "tonic dopamine"}
     for row, (model, label) in zip(axes, names.items(), strict=True):
         for ax, (world, title) in zip(row, titles.items(), strict=False):
@@ -135,9 +135,9 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
                 ax.plot(one["episode"] / 1000, one["value"], lw=0.4, alpha=0.4, color="C0")
             first = rows[rows["run"] == 0]
             ax.plot(first["episode"] / 1000, first["best"], lw=1, color="k", ls=":")
-            ax.set(ylabel=f"{model}: {label}" if world == "xi" else "")
+            ax.set(ylabel=f"{model}:\n{label}" if world == "xi" else "")
             if model == "algorithm":
-                ax.set_title(title)
+                letter(ax, title)
             else:
                 ax.set(xlabel="trials (1 000)")
     errors = table[table["world"] == "errors"]
@@ -146,13 +146,10 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         spread = np.linspace(-0.15, 0.15, len(rows))
         ax.scatter(place + spread, rows["slower"], s=6, lw=0, color=f"C{place}")
     ax.axhline(0, lw=0.8, color="0.6")
-    ax.set(ylabel="slower after an error (readings)")
-    ax.set_xticks(range(len(CARRIED)), ["forgotten", "carried over"])
-    ax.set_title("last error")
+    ax.set(ylabel="slower after an\nerror (readings)")
+    ax.set_xticks(range(len(CARRIED)), ["forgotten", "carried"])
     axes[1, 2].axis("off")
-    letter(axes[0, 0], "a")
-    letter(axes[0, 1], "b")
-    letter(ax, "c")
+    letter(ax, "c  the last error")
     return figure
 
 

@@ -84,9 +84,9 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
             first = one.iloc[0]
             text = f"{name}: {first['root_hz']:.0f} Hz, {first['growth_per_s']:+.0f} /s"
             ax.plot(one["frequency_hz"], one["power"], lw=1, color=f"C{k}", label=text)
-        ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)", title=nucleus)
+        ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)")
         ax.set_xticks([3, 10, 30, 100], ["3", "10", "30", "100"])
-        letter(ax, mark)
+        letter(ax, f"{mark}  {nucleus}")
     axes[0].set(ylabel="power (Hz$^2$/Hz)")
     axes[1].legend(
         loc="upper left", bbox_to_anchor=(1.0, 1.0), title="edit: turning root of the rates"
