@@ -13,12 +13,13 @@ import tyro
 from bgmodel.commands.circuit import Run, Show
 from bgmodel.commands.comparing import Compare, Lesion
 from bgmodel.commands.decisions import Decide, Learn
+from bgmodel.commands.dopamine import Learn as Dopamine
 from bgmodel.commands.experiments import Run as Experiment
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.taps import Decode, Simulate, Train
 
 ABOUT = "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw."
-CIRCUIT = {"show": Show, "run": Run, "lesion": Lesion}
+CIRCUIT = {"show": Show, "run": Run, "lesion": Lesion, "learn": Dopamine}
 # A name and its command, or a name and a group: what it is about, and a table like this one with
 # two commands or more.
 COMMANDS: dict[str, Any] = {
@@ -28,7 +29,7 @@ COMMANDS: dict[str, Any] = {
     "decide": Decide,
     "learn": Learn,
     "circuit": (
-        "A basal ganglia circuit: show its table, let it decide, lesion it. "
+        "A basal ganglia circuit: show its table, let it decide, lesion it, let dopamine learn. "
         "Example: bgmodel circuit show",
         CIRCUIT,
     ),

@@ -173,6 +173,8 @@ class Body:
 
     def rewards(self, xi: float) -> Array:
         """Return ``r = xi W - T`` of each level and trial, (K, trials)."""
+        if not (np.isfinite(xi) and xi > 0):
+            raise ValueError(f"xi must be > 0 readings, got {xi}")
         return -xi * ~self.correct - self.steps
 
     def expected(self, level: npt.ArrayLike, xi: float) -> Array:

@@ -139,6 +139,28 @@ def learn_level(
     )
 
 
+def learned_table(learned: Learned) -> pd.DataFrame:
+    """Return a course of learning as a table.
+
+    Returns
+    -------
+    DataFrame
+        One row a trial of a run: run, episode, tonic (the mean level), level (what was played),
+        reward, phasic (the reward prediction error).
+    """
+    runs, episodes = learned.gap.shape
+    return pd.DataFrame(
+        {
+            "run": np.repeat(np.arange(runs), episodes),
+            "episode": np.tile(np.arange(episodes), runs),
+            "tonic": learned.mean_gap.ravel(),
+            "level": learned.gap.ravel(),
+            "reward": learned.reward.ravel(),
+            "phasic": learned.prediction_error.ravel(),
+        }
+    )
+
+
 def regret(level: npt.ArrayLike, fresh: Body, xi: float) -> Array:
     """Return how much more a level costs than the best one, as a share of the least cost.
 

@@ -6,6 +6,7 @@ from scipy.stats import norm
 
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.cli import main
 from bgmodel.comparison import sweep
 from bgmodel.dopamine import Body, criterion, decided_out, knob, switching, working_range
 from bgmodel.dopamine_study import (
@@ -19,6 +20,7 @@ from bgmodel.dopamine_study import (
     regret,
 )
 from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import read_table
 from bgmodel.learning import Learned, Learner, LearningStopped, learn
 from bgmodel.policies import GaussianPolicy
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
@@ -263,3 +265,15 @@ def test_learning_that_cannot_go_on_keeps_what_it_had_reached():
 def test_reward_needs_the_truth(swept, evidence):
     with pytest.raises(ValueError, match="reward needs the truth"):
         Body.of(swept, Evidence(evidence.log_likelihood))
+
+
+def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
+    path = tmp_path / "dopamine.csv"
+    small = ["--trials", "40", "--t-max", "10", "--levels", "4", "--runs", "2"]
+    assert main(["circuit", "learn", str(path), *small, "--learner.episodes", "600"]) == 0
+    assert "learned level" in capsys.readouterr().out
+    table = read_table(path)
+    assert list(table) == ["run", "episode", "tonic", "level", "reward", "phasic"]
+    assert len(table) == 1200
+    assert main(["circuit", "learn", str(path), "--start-level", "3"]) == 2
+    assert "start_level must lie in 0.75..2, got 3" in capsys.readouterr().err

@@ -44,7 +44,7 @@ LEVELS = [
         "bgmodel.commands.circuit",
         "bgmodel.commands.figures",
     },
-    {"bgmodel.commands.comparing"},
+    {"bgmodel.commands.comparing", "bgmodel.commands.dopamine"},
     {"bgmodel.cli"},
 ]
 TACTILE_MAY = {"bgmodel.evidence", "bgmodel.files", "bgmodel.seeds", "bgmodel.data"}

@@ -1,0 +1,116 @@
+"""The command that lets dopamine learn its level in a circuit."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from bgmodel import files
+from bgmodel.commands.checks import asked, check_ending, check_whole
+from bgmodel.commands.circuit import Name
+from bgmodel.edits import Edits
+from bgmodel.learning import Learner
+from bgmodel.stimuli import Stimuli
+
+TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=500, t_max=30)
+
+
+@dataclass(frozen=True)
+class Learn:
+    """Let dopamine learn its level from reward: the circuit's threshold stays, its gains move.
+
+    The circuit first decides every trial at every level; then each run draws from those decisions,
+    plays levels and is paid for what came of them. Tonic dopamine is what is learned, phasic
+    dopamine the reward prediction error.
+
+    Example: bgmodel circuit learn dopamine.parquet --start-level 1.9 --runs 5
+    """
+
+    output: Positional[Path]
+    """Where the table of trials goes, .parquet or .csv."""
+    circuit: Name = "spiking_msprt"
+    """Name of the table."""
+    engine: Literal["rate", "ensemble", "brian2"] = "rate"
+    """Rates, compiled spikes, or spikes in Brian2."""
+    edits: Edits = field(default_factory=Edits)
+    stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
+    gain: float = 0.5
+    """Nats in the circuit a nat of evidence, kappa."""
+    posterior: float = 0.74
+    """Posterior, in the circuit's nats, at which it decides at a level of 1."""
+    xi: float = 50.0
+    """Cost of an error, readings."""
+    start_level: float = 1.9
+    """Tonic level at the start; .75 to 2 are played."""
+    levels: int = 16
+    """Levels at which the circuit decides."""
+    runs: int = 10
+    """Independent repeats."""
+    learner: Learner = field(default_factory=Learner)
+    seed: int = 0
+
+    def __call__(self) -> None:
+        """Run the command."""
+        import numpy as np
+
+        from bgmodel.basal_ganglia import BasalGanglia, circuit
+        from bgmodel.dopamine_study import (
+            PLAYED,
+            body,
+            learn_level,
+            learned_table,
+            levels_between,
+            regret,
+        )
+        from bgmodel.learning import LearningStopped
+
+        self._check(PLAYED)
+        evidence, _ = self.stimuli.draw(self.seed, "learn")
+        table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
+        options: dict[str, Any] = {"dt_ms": 0.5, "sample_ms": 2.0} if self.engine == "rate" else {}
+        model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
+        model.warn_of(evidence)
+        print(f"{evidence.trials} trials at {self.levels} levels", file=sys.stderr)
+        levels = levels_between(*PLAYED, self.levels)
+        met = body(model, evidence, levels, float(-np.log(self.posterior)))
+        behind: dict[str, Any] = {"seed": self.seed, "command": asked(self)}
+        try:
+            learned = learn_level(
+                met,
+                xi=self.xi,
+                start_level=self.start_level,
+                runs=self.runs,
+                seed=self.seed,
+                name="learn",
+                learner=self.learner,
+            )
+        except LearningStopped as stop:
+            files.write_table(learned_table(stop.learned), self.output, **behind)
+            raise ValueError(f"{stop}; what was learned until then -> {self.output}") from None
+        cost = regret(learned.delta, met, self.xi)
+        best = met.best(self.xi)
+        summary = {"level": learned.delta.tolist(), "regret": cost.tolist(), "best": best}
+        files.write_table(learned_table(learned), self.output, summary=summary, **behind)
+        print(
+            f"learned level {learned.delta.mean():.2f} (sd {learned.delta.std():.2f} over "
+            f"{self.runs} runs), best of {self.levels} on these trials {best[0]:.2f}, regret "
+            f"{100 * cost.mean():.1f} % (at the start "
+            f"{100 * float(regret(self.start_level, met, self.xi)):.0f} %) -> {self.output}"
+        )
+
+    def _check(self, played: tuple[float, float]) -> None:
+        """Refuse what makes no sense, before long work starts."""
+        check_ending(self.output, ".parquet", ".csv")
+        files.check_writable(self.output.parent)
+        self.stimuli.check()
+        check_whole(runs=self.runs, levels=self.levels)
+        low, high = played
+        if not low <= self.start_level <= high:
+            raise ValueError(f"start_level must lie in {low:g}..{high:g}, got {self.start_level}")
+        if not 0 < self.posterior < 1:
+            raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
