@@ -18,15 +18,15 @@ from scipy.optimize import brentq
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, run_engine
 from bgmodel.comparison import Sweep, sweep
 from bgmodel.evidence import Evidence
-from bgmodel.learning import Environment
+from bgmodel.learning import Environment, check_xi
 
 Array = npt.NDArray[np.float64]
-LEVELS = (0.0, 2.0)
+ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
 
 
-def decided_out(circuit: Circuit, level: float, log_odds: float) -> float:
-    """Return the winner's OUT at the fixed point, nats.
+def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
+    """Return the leader's OUT at the fixed point, nats, in the shape of ``log_odds``.
 
     Parameters
     ----------
@@ -34,43 +34,57 @@ def decided_out(circuit: Circuit, level: float, log_odds: float) -> float:
         The table.
     level : float
         Dopamine.
-    log_odds : float
-        Of the winner against each other alternative, in the circuit's nats.
+    log_odds : array (M,) or float
+        Of the leader against each other alternative, in the circuit's nats.
     """
-    drive = np.zeros((1, 1, circuit.channels))
-    drive[0, 0, 0] = log_odds
-    drive -= drive.mean()
+    odds = np.asarray(log_odds, dtype=np.float64)
+    drive = np.zeros((odds.size, 1, circuit.channels))
+    drive[:, 0, 0] = odds.ravel()
+    drive -= drive.mean(axis=2, keepdims=True)
     found = run_engine(circuit.dopamine(level), drive, engine="algebra", step_ms=1.0)
-    return float(found.output_nats[0, 0, 0])
+    return np.asarray(found.output_nats[:, 0, 0].reshape(odds.shape))
+
+
+def _odds(circuit: Circuit) -> Array:
+    """Return log odds from none to the most that the circuit takes: its reach, or its range."""
+    n = circuit.channels
+    most = (circuit.range_nats[1] - circuit.reference_nats + np.log(n)) * n / (n - 1)
+    return np.linspace(0.0, min(circuit.reach_nats, most), 201)
 
 
 def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float]:
-    """Return the lowest and highest level at which the circuit decides, and by evidence.
+    """Return the lowest and highest level at which the fixed point decides, and by evidence.
 
-    Below, the OUT of the strongest evidence stays above the threshold: no decision. Above, OUT at
-    rest is past it: decisions without evidence. Both are those of the fixed point; noise takes a
-    little off.
+    Below, the leader's OUT stays above the threshold whatever the evidence: no decision. Above,
+    OUT at rest is past it: decisions without evidence. Noise of spikes crosses at rest from lower
+    levels on, and now and then where the fixed point never does.
 
     Raises
     ------
     ValueError
-        If dopamine at no level in 0..2 does.
+        If the circuit does not read the threshold, or no level in 0..2 serves.
     """
-    strongest = circuit.reach_nats if np.isfinite(circuit.reach_nats) else 20.0
+    low_nats, high_nats = circuit.readable_nats
+    if not low_nats < threshold_nats < high_nats:
+        raise ValueError(
+            f"{circuit.name} reads OUT between {low_nats:g} and {high_nats:g} nats, the threshold "
+            f"is {threshold_nats:g}"
+        )
+    odds = _odds(circuit)
 
-    def turns(log_odds: float) -> float:
+    def turns(log_odds: Array) -> float:
         def past(level: float) -> float:
-            return decided_out(circuit, level, log_odds) - threshold_nats
+            return float(decided_out(circuit, level, log_odds).min()) - threshold_nats
 
-        low, high = LEVELS
+        low, high = ALLOWED
         if past(low) <= 0:
             return low
         return high if past(high) > 0 else float(brentq(past, low, high, xtol=1e-4))
 
-    low, high = turns(strongest), turns(0.0)
+    low, high = turns(odds), turns(odds[:1])
     if not low < high:
         raise ValueError(
-            f"no level of dopamine in {LEVELS[0]:g}..{LEVELS[1]:g} takes {circuit.name} to a "
+            f"no level of dopamine in {ALLOWED[0]:g}..{ALLOWED[1]:g} takes {circuit.name} to a "
             f"threshold of {threshold_nats:.2f} nats by evidence alone"
         )
     return low, high
@@ -89,14 +103,28 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
         OUT at which the circuit decides.
     gain : float
         Nats in the circuit a nat of evidence.
+
+    Raises
+    ------
+    ValueError
+        If the level lies outside the working range.
     """
-    strongest = circuit.reach_nats if np.isfinite(circuit.reach_nats) else 20.0
-
-    def past(log_odds: float) -> float:
-        return decided_out(circuit, level, log_odds) - threshold_nats
-
-    odds = float(brentq(past, 0.0, strongest, xtol=1e-6))
-    return float(1 / (1 + (circuit.channels - 1) * np.exp(-odds / gain)))
+    odds = _odds(circuit)
+    past = decided_out(circuit, level, odds) - threshold_nats
+    if not past[0] > 0 >= past.min():
+        low, high = working_range(circuit, threshold_nats)
+        raise ValueError(
+            f"at a threshold of {threshold_nats:g} nats {circuit.name} decides by evidence at "
+            f"levels {low:.2f} to {high:.2f}, got {level:g}"
+        )
+    first = int(np.argmax(past <= 0))
+    found = brentq(
+        lambda o: float(decided_out(circuit, level, o)) - threshold_nats,
+        odds[first - 1],
+        odds[first],
+        xtol=1e-7,
+    )
+    return float(1 / (1 + (circuit.channels - 1) * np.exp(-found / gain)))
 
 
 def knob(
@@ -121,6 +149,11 @@ def knob(
         Whose ``thresholds`` are the levels, highest first.
     """
     falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]
+    low, high = ALLOWED
+    if falling.ndim != 1 or not len(falling) or not np.all(np.diff(falling) < 0):
+        raise ValueError(f"levels must be one or more numbers, each once, got {levels!r}")
+    if not (falling[-1] >= low and falling[0] <= high):
+        raise ValueError(f"levels must lie in {low:g}..{high:g}, got {levels!r}")
     rows = [_at_level(model, evidence, float(level), threshold_nats) for level in falling]
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     return Sweep(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))
@@ -162,19 +195,30 @@ class Body:
     correct: npt.NDArray[np.bool_]
     steps: Array
 
+    def __post_init__(self) -> None:
+        shape = (len(self.levels), self.correct.shape[-1])
+        if self.correct.shape != shape or self.steps.shape != shape:
+            raise ValueError(
+                f"correct and steps must be (levels, trials) = {shape}, got {self.correct.shape} "
+                f"and {self.steps.shape}"
+            )
+        if not np.all(np.diff(self.levels) > 0):
+            raise ValueError(f"levels must rise, got {self.levels}")
+
     @classmethod
     def of(cls, found: Sweep, evidence: Evidence) -> Body:
         """Build from decisions and the truth."""
         if evidence.truth is None:
             raise ValueError("reward needs the truth of each trial")
+        if evidence.trials != found.trials:
+            raise ValueError(f"decisions of {found.trials} trials, evidence of {evidence.trials}")
         steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
         correct = found.choice == evidence.truth
         return cls(found.thresholds[::-1], correct[::-1], steps[::-1])
 
     def rewards(self, xi: float) -> Array:
         """Return ``r = xi W - T`` of each level and trial, (K, trials)."""
-        if not (np.isfinite(xi) and xi > 0):
-            raise ValueError(f"xi must be > 0 readings, got {xi}")
+        check_xi(xi)
         return -xi * ~self.correct - self.steps
 
     def expected(self, level: npt.ArrayLike, xi: float) -> Array:
@@ -208,6 +252,8 @@ class Body:
 
 def switching(worlds: Sequence[Environment], every: int) -> Environment:
     """Return a world that changes: ``every`` trials of each in turn, again and again."""
+    if not worlds or every < 1:
+        raise ValueError(f"worlds must hold one or more, every >= 1, got {len(worlds)}, {every}")
 
     def rewards(episode: int, played: Array) -> Array:
         return worlds[(episode // every) % len(worlds)](episode, played)

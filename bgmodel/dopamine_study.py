@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.basal_ganglia import BasalGanglia, Circuit
-from bgmodel.comparison import SPAN, Sweep, curve, time_at
+from bgmodel.comparison import Sweep, curve, interval, resampled
 from bgmodel.dopamine import Body, criterion, knob, working_range
 from bgmodel.evidence import Evidence
 from bgmodel.learning import Learned, Learner, learn
@@ -16,7 +16,8 @@ from bgmodel.seeds import stream
 
 Array = npt.NDArray[np.float64]
 THRESHOLD_NATS = 0.3
-"""OUT at which the circuit decides, whatever the dopamine: levels span posteriors .75 to .99."""
+"""OUT at which the circuit decides, whatever the dopamine: for two to four alternatives levels span
+posteriors .75 to .99."""
 PLAYED = (0.75, 2.0)
 """Levels that a learner plays: beyond the working range on both sides, for two alternatives."""
 
@@ -32,6 +33,7 @@ def knob_table(
     *,
     circuit: Circuit,
     gain: float,
+    latency_ms: float,
     threshold_nats: float = THRESHOLD_NATS,
     rng: np.random.Generator,
     resamples: int = 500,
@@ -44,6 +46,8 @@ def knob_table(
         As from ``dopamine.knob``, and the MSPRT's on the same evidence.
     circuit, gain, threshold_nats :
         What was swept.
+    latency_ms : float
+        What is no decision time: known from elsewhere, not fitted to what is judged by it.
     rng : numpy.random.Generator
         For the bootstrap over trials.
 
@@ -52,14 +56,12 @@ def knob_table(
     DataFrame
         One row a level and measure: level, measure, value, low, high. Measures: criterion (mean
         posterior of what is chosen), fixed_point (the posterior at which the fixed point decides,
-        NaN outside its range), mean_ms, forced, premature, and accuracy_gap: expected accuracy
-        minus the MSPRT's at the same mean time, the circuit's mean extra time taken off.
+        NaN outside its range), mean_ms, forced, premature, accuracy_gap (expected accuracy minus
+        the MSPRT's at the same mean time less the latency) and extra_ms (mean time minus the
+        MSPRT's at the same expected accuracy, the latency not taken off).
     """
-    n = swept.trials
-    drawn = rng.multinomial(n, np.full(n, 1 / n), size=resamples) / n
-    weights = np.concatenate([np.full((1, n), 1 / n), drawn])
-    late = time_at(SPAN, curve(swept, weights)) - time_at(SPAN, curve(test, weights))
-    late = np.nanmean(late, axis=1, keepdims=True)
+    weights = resampled(swept.trials, resamples, rng)
+    weights = weights / weights.sum(axis=1, keepdims=True)
     values = {
         "criterion": weights @ swept.posterior.T,
         "mean_ms": weights @ swept.time_ms.T,
@@ -67,21 +69,22 @@ def knob_table(
         "premature": weights @ swept.premature.T,
     }
     known, time = curve(test, weights)
-    at = values["mean_ms"] - late
-    same = [np.interp(*row, np.nan, np.nan) for row in zip(at, time, known, strict=True)]
-    values["accuracy_gap"] = values["criterion"] - np.array(same)
+    same = _between(values["mean_ms"] - latency_ms, time, known)
+    values["accuracy_gap"] = values["criterion"] - same
+    values["extra_ms"] = values["mean_ms"] - _between(values["criterion"], known, time)
     low, high = working_range(circuit, threshold_nats)
     rows = []
     for k, level in enumerate(swept.thresholds):
         inside = low < level < high
         exact = criterion(circuit, float(level), threshold_nats, gain) if inside else np.nan
         rows.append((level, "fixed_point", exact, np.nan, np.nan))
-        for name, found in values.items():
-            ends = [np.nan, np.nan]
-            if np.isfinite(found[:, k]).mean() > 0.95:
-                ends = np.nanquantile(found[1:, k], [0.025, 0.975])
-            rows.append((level, name, found[0, k], *ends))
+        rows += [(level, name, *interval(found[:, k])) for name, found in values.items()]
     return pd.DataFrame(rows, columns=["level", "measure", "value", "low", "high"])
+
+
+def _between(at: Array, x: Array, y: Array) -> Array:
+    """Return y where x is ``at``, row by row; NaN beyond the curve."""
+    return np.array([np.interp(*row, np.nan, np.nan) for row in zip(at, x, y, strict=True)])
 
 
 def body(
@@ -128,13 +131,20 @@ def learn_level(
         Whose ``gap`` is the level of each trial, ``mean_gap`` the tonic level, and
         ``prediction_error`` phasic dopamine.
     """
+    policy = policy or GaussianPolicy(bounds=PLAYED)
+    low, high = policy.bounds
+    if not low <= start_level <= high:
+        raise ValueError(f"start_level must lie in {low:g}..{high:g}, got {start_level}")
+    if runs < 1:
+        raise ValueError(f"runs must be >= 1, got {runs}")
+    # Starts are paired: the same trials and perturbations from any of them.
     trials = [stream(seed, "dopamine", name, run, "trials") for run in range(runs)]
     explored = [stream(seed, "dopamine", name, run, "explored") for run in range(runs)]
     return learn(
         met.environment(xi, trials),
         start_level,
         rngs=explored,
-        policy=policy or GaussianPolicy(bounds=PLAYED),
+        policy=policy,
         learner=learner,
     )
 
@@ -180,21 +190,36 @@ def regret(level: npt.ArrayLike, fresh: Body, xi: float) -> Array:
 def after_errors(learned: Learned, xi: float) -> pd.DataFrame:
     """Return how much slower each run is after an error than after a correct choice, readings.
 
-    The second half of the trials; every trial is held to the mean of the run's trials about it, so
-    that slow drifts and the errors of slow trials do not count.
+    The second half of the trials; each is held to the mean of the 50 about it, itself and the one
+    before left out, so that slow drifts do not count.
+
+    Parameters
+    ----------
+    learned : Learned
+        With rewards ``xi W - T``.
+    xi : float
+        Cost of an error in readings; more than any trial takes, or errors could not be told.
 
     Returns
     -------
     DataFrame
         Columns run, slower (readings) and errors (share).
+
+    Raises
+    ------
+    ValueError
+        If there may be trials that take xi readings or more.
     """
     cost = -learned.reward[:, learned.reward.shape[1] // 2 :]
     wrong = cost >= xi
+    if cost[~wrong].max(initial=0) > 0.9 * xi or cost.max(initial=0) > 1.9 * xi:
+        raise ValueError(f"xi must be longer than any trial, got {xi} for trials that reach it")
     steps = cost - xi * wrong
     rows = []
     for run, (error, time) in enumerate(zip(wrong, steps, strict=True)):
-        local = pd.Series(time).rolling(51, center=True, min_periods=1).mean().to_numpy()
-        beyond = (time - local)[1:]
+        about = pd.Series(time).rolling(51, center=True, min_periods=3)
+        others = about.sum().to_numpy()[1:] - time[1:] - time[:-1]
+        beyond = time[1:] - others / (about.count().to_numpy()[1:] - 2)
         if error[:-1].any():
             slower = beyond[error[:-1]].mean() - beyond[~error[:-1]].mean()
             rows.append({"run": run, "slower": slower, "errors": error.mean()})

@@ -106,7 +106,7 @@ class Experiment:
                 raise ValueError(f"posterior must lie between 0 and 1, got {posterior}")
         if not self.predictions:
             raise ValueError("predictions must hold one or more, got none")
-        if not self.foreperiod_ms > 0:
+        if not 0 < self.foreperiod_ms < np.inf:
             raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
         if self.truth is not None and self.truth not in range(self.task.channels):
             raise ValueError(f"truth must lie in 0..{self.task.channels - 1}, got {self.truth}")

@@ -22,7 +22,7 @@ def reward(decision: Decision, truth: npt.NDArray[np.integer], xi: float) -> Flo
     W is -1 for an error (an omission is one) and 0 otherwise; T is the number of readings, which
     for an omission is that of the whole trial.
     """
-    _check_xi(xi)
+    check_xi(xi)
     wrong = decision.choice != truth
     steps = np.where(np.isnan(decision.steps), decision.deadline_ms / decision.step_ms, 0)
     return -xi * wrong - np.fmax(decision.steps, steps)
@@ -30,7 +30,7 @@ def reward(decision: Decision, truth: npt.NDArray[np.integer], xi: float) -> Flo
 
 def mean_reward(counts: Tally, xi: float) -> FloatArray:
     """Return the mean reward a trial for each threshold of a tally, (K,)."""
-    _check_xi(xi)
+    check_xi(xi)
     return -xi * (1 - counts.accuracy) - counts.mean_steps
 
 
@@ -194,13 +194,16 @@ def trials_of(
     block : int
         How many trials are drawn at a time.
     """
-    _check_xi(xi)
+    check_xi(xi)
+    drawn = -1
     out: list[npt.NDArray] = []
     truth: list[npt.NDArray] = []
     traces: list[Trace] = []
 
     def rewards(episode: int, gaps: FloatArray) -> FloatArray:
-        if episode % block == 0 or not traces:
+        nonlocal drawn
+        if episode // block != drawn:
+            drawn = episode // block
             parts = [draw(block) for draw in draws]
             traces[:] = [Sprt().run(part) for part in parts]
             out[:] = [np.stack([trace.out_nats for trace in traces], axis=1)]
@@ -223,6 +226,7 @@ def smoothed(curve: FloatArray, window: int) -> FloatArray:
     return (total[..., end] - total[..., begin]) / (end - begin)
 
 
-def _check_xi(xi: float) -> None:
+def check_xi(xi: float) -> None:
+    """Raise ValueError if this cannot be the cost of an error."""
     if not (np.isfinite(xi) and xi > 0):
         raise ValueError(f"xi must be > 0 readings, got {xi}")

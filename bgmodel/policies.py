@@ -62,6 +62,13 @@ class GaussianPolicy:
     """Trials after which half of the way from the first to the last sd is gone; assumed."""
     noise = 1
 
+    def __post_init__(self) -> None:
+        if not -np.inf < self.bounds[0] < self.bounds[1] < np.inf:
+            raise ValueError(f"bounds must rise, got {self.bounds}")
+        for name in ("first_share", "last_share", "half_episodes"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+
     @property
     def pace(self) -> float:
         """The learner's step suits a gap of 0..8 nats; a gradient goes with the inverse unit."""

@@ -51,7 +51,7 @@ class Circuit:
         Lowest and highest OUT that the read-out's rate stands for.
     reach_nats : float
         How far below the leader's drive another channel's may fall: a silent cell cannot fall
-        further. OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``.
+        further. The leader's OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``.
     most_channels : int
         Most alternatives for which the circuit has a state of rest.
     wiring_seed : int
@@ -268,6 +268,11 @@ class Circuit:
             row = self.population(p.target)
             change = RECEPTORS[row.receptor] * (level - 1)
             if change and p.source == self.input:
+                if p.factors and row.pivot_nats:
+                    raise ValueError(
+                        f"{p.name} differs from channel to channel: dopamine about a pivot would "
+                        "need a bias for each"
+                    )
                 circuit = circuit.scaled(p.source, p.target, 1 + change)
                 bias = row.bias_nats - change * p.weight * row.pivot_nats
                 circuit = circuit.changed(row.name, bias_nats=bias)

@@ -6,6 +6,7 @@ dopamine, and neither gap nor posterior nor a test is known to it.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -26,7 +27,7 @@ STARTS = (0.86, 1.65)
 """Tonic levels at the start: too careful, too hasty."""
 TRIALS = {"rate": 3.0, "ensemble": 1.5}
 """Trials of a circuit, as a share of what the figures of circuits have."""
-LEVELS = levels_between(0.78, 2.0, 16)
+LEVELS = levels_between(*PLAYED, 16)
 RUNS = 20
 KEPT = 120
 PERIODS = {"rate": (1.5, 2.0, 2.5), "ensemble": (1.5, 2.0)}
@@ -50,7 +51,8 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
         drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
         met, fresh = (
             body(
-                model,
+                # What is scored has noise of its own too.
+                replace(model, seed=settings.seed + (name == "scored")),
                 drawn(
                     round(TRIALS[engine] * settings.circuit_trials),
                     settings.t_max,

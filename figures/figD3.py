@@ -64,11 +64,10 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     learner = Learner(**{**STEADY.__dict__, "episodes": settings.episodes})
     parts = []
     for name, world in WORLDS.items():
-        rngs = [stream(settings.seed, "figD3", name, i, "explored") for i in range(RUNS)]
         abstract = learn(
             switching([_sprt(sources[p], xi, settings, name) for p, xi in world], every),
             4.0,
-            rngs=rngs,
+            rngs=_explored(settings, name, "algorithm"),
             policy=GaussianPolicy(**EXPLORED),
             learner=learner,
         )
@@ -81,7 +80,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         dopamine = learn(
             switching([met[p].environment(xi, draws) for p, xi in world], every),
             1.2,
-            rngs=rngs,
+            rngs=_explored(settings, name, "circuit"),
             policy=GaussianPolicy(bounds=PLAYED, **EXPLORED),
             learner=learner,
         )
@@ -100,6 +99,10 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         )
         parts.append(after_errors(learned, settings.xi).assign(world="errors", carried=carried))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def _explored(settings: Settings, *name: str) -> list[np.random.Generator]:
+    return [stream(settings.seed, "figD3", *name, i, "explored") for i in range(RUNS)]
 
 
 def _sprt(readings: Source, xi: float, settings: Settings, name: str) -> Environment:

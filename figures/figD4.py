@@ -1,6 +1,8 @@
-"""Figure D4: every experiment that ships: what was published, what the circuit does, who is right.
+"""Figure D4: every experiment that ships: who found what, and what the circuit does.
 
-The predictions stand in the experiments' files, each written before its first run.
+The predictions stand in the experiments' files and were written before the first run of any.
+Afterwards two things were set anew once, no prediction: the length of trials where drift and bound
+are fitted, and the levels of dopamine when its gain got a pivot.
 """
 
 from __future__ import annotations
@@ -15,9 +17,12 @@ from matplotlib.figure import Figure
 from bgmodel.experiment import AGREES, DISAGREES, run_experiment, shipped
 from bgmodel.files import read_table, write_table
 from bgmodel.outcomes import outcomes
-from figures.common import Settings, run
+from figures.common import FULL, Settings, run
 
 COLOUR = {AGREES: "C2", DISAGREES: "C1"}
+HEAD = ("manipulation", "source", "predicted", "found", "the circuit")
+COLUMNS = (0.0, 0.37, 0.55, 0.72, 0.9)
+SIZE = 5.5
 ARROWS = {"up": "up", "down": "down", "none": "no change"}
 
 
@@ -25,44 +30,42 @@ def compute(settings: Settings, *, output: Path) -> None:
     """Run every experiment and hold it to its predictions."""
     parts = []
     for file, experiment in shipped().items():
-        one = replace(experiment, task=replace(experiment.task, trials=settings.circuit_trials))
+        share = settings.circuit_trials / FULL.circuit_trials
+        # Where one truth alone counts, half of the trials are left.
+        trials = max(round(share * experiment.task.trials), 240)
+        one = replace(experiment, task=replace(experiment.task, trials=trials))
         found = outcomes(one, run_experiment(one))
-        parts.append(found.assign(file=file, name=one.name, source=one.source))
-    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+        about = {"file": file, "name": one.name, "source": one.source, "seed": one.seed}
+        parts.append(found.assign(trials=trials, **about))
+    write_table(pd.concat(parts), output, settings=settings)
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw the table: a row a prediction, the change in units of the smallest that counts."""
+    """Draw the table: a row a prediction, the found change with its interval, the verdict."""
     table = read_table(data)
-    names = ["manipulation", "published or derived by", "predicted", "found, 95 %", "the model"]
-    cells, colours, last = [], [], ""
-    for row in table.itertuples(index=False):
-        source = str(row.source).replace(", abstract only", " *")
-        new = row.file != last
-        cells.append(
-            [
-                row.name if new else "",
-                source if new else "",
-                f"{row.measure} {ARROWS[row.direction]} ({row.at_least:g})",
-                _found(row),
-                row.outcome,
-            ]
-        )
-        colours.append(COLOUR.get(row.outcome, "0.5"))
-        last = row.file
-    figure, ax = plt.subplots(figsize=(7.2, 0.2 * len(cells) + 0.5))
+    rows = len(table) + 2
+    figure, ax = plt.subplots(figsize=(7.2, 0.155 * rows))
+    ax.set(xlim=(0, 1), ylim=(rows, 0))
     ax.axis("off")
-    drawn = ax.table(
-        cells, colLabels=names, cellLoc="left", colLoc="left", loc="center", edges="horizontal"
-    )
-    drawn.auto_set_font_size(False)
-    drawn.set_fontsize(6)
-    drawn.auto_set_column_width(range(len(names)))
-    for k, colour in enumerate(colours):
-        drawn[k + 1, len(names) - 1].get_text().set_color(colour)
-    for cell in drawn.get_celld().values():
-        cell.set_linewidth(0.3)
-    ax.set_title("* abstract only; in brackets the smallest change that counts", fontsize=6)
+    for x, text in zip(COLUMNS, HEAD, strict=True):
+        ax.text(x, 0.5, text, fontsize=SIZE, fontweight="bold", va="center")
+    for k, row in enumerate(table.itertuples(index=False)):
+        new = k == 0 or row.file != table["file"].iloc[k - 1]
+        if new:
+            ax.axhline(k + 1, lw=0.4, color="0.7")
+        source = str(row.source).replace(", abstract only", " *").split(" from ")[0]
+        cells = (
+            row.name if new else "",
+            source.split(",")[0] if new else "",
+            f"{row.measure} {ARROWS[row.direction]} ({row.at_least:g})",
+            _found(row),
+            row.outcome,
+        )
+        for x, text in zip(COLUMNS, cells, strict=True):
+            colour = COLOUR.get(row.outcome, "0.5") if text is row.outcome else "k"
+            ax.text(x, k + 1.5, text, fontsize=SIZE, color=colour, va="center")
+    note = "* abstract only. In brackets the smallest change that counts; intervals are of 95 %."
+    ax.text(0, rows - 0.4, note, fontsize=SIZE, va="center")
     return figure
 
 

@@ -7,7 +7,7 @@ from scipy.stats import norm
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
 from bgmodel.cli import main
-from bgmodel.comparison import sweep
+from bgmodel.comparison import Sweep, sweep
 from bgmodel.dopamine import Body, criterion, decided_out, knob, switching, working_range
 from bgmodel.dopamine_study import (
     PLAYED,
@@ -63,14 +63,55 @@ def test_the_fixed_point_spans_posteriors_from_75_to_99(channels):
     assert found[-1] < 0.75
     assert found[0] > 0.99
     # The edges are where they are said to be.
-    assert decided_out(table, low, table.reach_nats) == pytest.approx(THRESHOLD_NATS, abs=1e-3)
+    lowest = decided_out(table, low, np.linspace(0, table.reach_nats, 500)).min()
+    assert lowest == pytest.approx(THRESHOLD_NATS, abs=1e-3)
     if high < 2:
         assert decided_out(table, high, 0.0) == pytest.approx(THRESHOLD_NATS, abs=1e-3)
 
 
-def test_a_threshold_that_no_level_serves_is_refused():
-    with pytest.raises(ValueError, match=r"no level of dopamine in 0\.\.2 takes spiking_msprt"):
-        working_range(circuit("spiking_msprt"), 3.0)
+def test_out_may_fall_and_rise_again_with_the_evidence():
+    """In the exact circuit (1 - k) y grows with the odds: the lowest OUT lies between."""
+    table = circuit("bogacz_gurney")
+    low, _ = working_range(table, 0.3)
+    out = decided_out(table, 0.96, np.linspace(0, 5, 50))
+    assert out.min() < 0.3 < out[-1] + 0.2
+    assert low < 0.96
+    assert 0.5 < criterion(table, 0.96, 0.3, 1.0) < 1
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: working_range(MODEL.circuit, 3.0), "reads OUT between 0 and 0.65 nats"),
+        (lambda: working_range(MODEL.circuit, 0.0), "the threshold is 0"),
+        (lambda: criterion(MODEL.circuit, 1.9, 0.3, 0.5), r"levels 0\.8. to 1\.7., got 1\.9"),
+        (lambda: knob(MODEL, None, [], 0.3), "levels must be one or more numbers"),
+        (lambda: knob(MODEL, None, [1.0, 1.0], 0.3), "each once"),
+        (lambda: knob(MODEL, None, [1.0, -0.5], 0.3), r"levels must lie in 0\.\.2"),
+        (lambda: synthetic(10).rewards(0.0), "xi must be > 0 readings"),
+        (lambda: switching([], 3), "worlds must hold one or more"),
+        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds must rise"),
+        (lambda: GaussianPolicy(first_share=-1.0), "first_share must be > 0"),
+        (lambda: short(start_level=3.0), r"start_level must lie in 0\.75\.\.2, got 3"),
+        (lambda: short(start_level=np.nan), "got nan"),
+        (lambda: short(runs=0), "runs must be >= 1"),
+        (lambda: Body(np.array([1.0, 0.9]), *[np.ones((2, 3))] * 2), "levels must rise"),
+        (lambda: Body(np.array([1.0, 1.1]), *[np.ones((1, 3))] * 2), "must be .levels, trials."),
+        (
+            lambda: MODEL.circuit.scaled("ctx", "D1", 1.2, channel=0).dopamine(1.1),
+            "ctx->D1 differs from channel to channel",
+        ),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+def short(start_level=1.0, runs=2):
+    learner = Learner(episodes=600)
+    options = {"xi": XI, "seed": SEED, "name": "short", "learner": learner}
+    return learn_level(synthetic(10), start_level=start_level, runs=runs, **options)
 
 
 @pytest.fixture(scope="module")
@@ -95,16 +136,33 @@ def test_the_knob_is_the_circuit_at_each_level(swept, evidence):
 def test_more_dopamine_is_faster_and_less_accurate(swept, evidence):
     """150 trials: monotone, near the fixed point, and near the MSPRT in equal time."""
     test = sweep(Msprt(GAIN).run(evidence), evidence)
-    table = knob_table(swept, test, circuit=MODEL.circuit, gain=GAIN, rng=stream(SEED, "boot"))
+    options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
+    table = knob_table(swept, test, latency_ms=56.0, **options)
     wide = table.pivot(index="level", columns="measure", values="value")
     assert np.all(np.diff(wide["mean_ms"]) < 0)
     assert np.all(np.diff(wide["criterion"]) < 0.01)
     both = wide.dropna()
     # Readings of d' = 1 carry the posterior past the bound, never below it but by latency.
     assert np.all(both["criterion"] > both["fixed_point"] - 0.03)
-    ends = table[table["measure"] == "accuracy_gap"].dropna()
-    assert np.all(ends["low"] < 0.03)
-    assert np.all(ends["high"] > -0.03)
+    assert wide["accuracy_gap"].abs().max() < 0.03
+
+
+def test_the_gap_in_equal_time_sees_a_slower_decider(evidence):
+    """The MSPRT itself has none; with times half as long again, or 100 ms late, it loses."""
+    test = sweep(Msprt(GAIN).run(evidence), evidence)
+    keep = np.searchsorted(test.posterior.mean(axis=1), [0.7, 0.75, 0.8, 0.85, 0.9])
+    names = ("choice", "forced", "premature", "posterior")
+    fields = {n: getattr(test, n)[keep] for n in names}
+    gaps = {}
+    for factor, late in ((1.0, 0.0), (1.5, 0.0), (1.0, 100.0)):
+        slow = Sweep(np.linspace(1.6, 0.9, 5), time_ms=factor * test.time_ms[keep] + late, **fields)
+        options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
+        table = knob_table(slow, test, latency_ms=0.0, **options)
+        rows = table[table["measure"] == "accuracy_gap"]
+        gaps[factor, late] = rows["value"].to_numpy()
+    assert np.abs(gaps[1.0, 0.0]).max() < 0.005
+    assert gaps[1.5, 0.0].max() < -0.01
+    assert gaps[1.0, 100.0].max() < -0.005
 
 
 def synthetic(trials=4000, best=1.2):
@@ -235,13 +293,18 @@ def test_what_the_last_error_carries_over_slows_the_next_trial(tactile):
     assert found[0.5].min() > found[0.0].max()
 
 
-def test_after_errors_takes_slow_drifts_off():
+def test_after_errors_takes_slow_drifts_off_and_nothing_else():
     rng = stream(SEED, "drift")
     steps = np.linspace(5, 25, 4000) + rng.normal(0, 1, (2, 4000))
     wrong = rng.random((2, 4000)) < 0.2
-    steps[:, 1:] += 2.0 * wrong[:, :-1]
-    learned = Learned(*[steps] * 2, -steps - XI * wrong, steps, steps[:, 0])
-    assert after_errors(learned, XI)["slower"].to_numpy() == pytest.approx(2.0, abs=0.25)
+    steps += 5.0 * wrong  # errors are slow themselves: no reason for the next to be
+    for slower in (0.0, 2.0):
+        steps[:, 1:] += slower * wrong[:, :-1]
+        learned = Learned(*[steps] * 2, -steps - XI * wrong, steps, steps[:, 0])
+        found = after_errors(learned, XI)["slower"].to_numpy()
+        assert found == pytest.approx(slower, abs=0.25)
+    with pytest.raises(ValueError, match="xi must be longer than any trial"):
+        after_errors(learned, 20.0)
 
 
 def test_a_world_switches_and_each_has_its_trials():

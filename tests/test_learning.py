@@ -161,3 +161,12 @@ def test_smoothed_is_a_running_mean():
 def test_bad_input_gets_one_clear_sentence(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+def test_worlds_that_switch_draw_trials_of_their_own():
+    """Blocks that do not begin where a switch does: no trial comes twice."""
+    world = trials_of([draw(stream(9, "switch"))], XI, block=50)
+    gaps = np.array([2.0])
+    first = [world(k, gaps)[0] for k in range(10, 40)]
+    again = [world(k, gaps)[0] for k in range(110, 140)]
+    assert first != again
