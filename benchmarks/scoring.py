@@ -19,7 +19,7 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_study import OWN, against, page
+from bgmodel.circuit_study import OWN, against, page, usual_gain
 from bgmodel.commands.comparing import sample_ms
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
@@ -28,9 +28,6 @@ from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_t
 
 OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_001
-GAIN = {2: 0.5, 4: 0.5, 8: 0.6}
-"""Nats in the circuit a nat of evidence, by alternatives: with eight, OUT at an accuracy of .9 lies
-above what the circuit reads unless the gain is higher."""
 Draw = Callable[..., Evidence]
 
 
@@ -92,7 +89,7 @@ def main() -> None:
         if given.only not in name:
             continue
         path = OUT / f"scoring {name.replace('/', ' ')}.csv"
-        gain = GAIN[table.channels]
+        gain = usual_gain(table.channels)
         behind = {"trials": evidence.trials, "gain": gain, "circuit": str(table)}
         if not (given.keep and path.exists()):
             rivals = [r for r in RIVALS if r != "race" or name.startswith("gaussian")]

@@ -127,7 +127,7 @@ def _gpe(ax: Any, below: Any, table: pd.DataFrame) -> None:
     nats = {k: (hz - GPE.baseline_hz) / GPE.gain_hz_per_nat for k, hz in curves.items()}
     line = table["input_nats"]
     ax.plot(sigma, line, color="C0", lw=1, ls="--", label="line of the table")
-    ax.plot(sigma, law, color="0.6", lw=1, label=f"Σ − ln Σ, 0 at s₀ = {S0:.0f}")
+    ax.plot(sigma, law, color="0.6", lw=1, label=f"Σ − ln Σ, 0 at s₀ = {S0:.1f}")
     ax.plot(sigma, nats["exact"], color="C1", lw=1, label="GPe cells, theory")
     ax.plot(sigma, nats["cells"], "o", ms=2, mfc="none", color="C1", label="GPe cells, counted")
     judged = sigma.between(*JUDGED_NATS)

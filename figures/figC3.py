@@ -20,13 +20,14 @@ from bgmodel.circuit_study import (
     msprt_sweeps,
     sweeps,
     thresholds_about,
+    usual_gain,
 )
 from bgmodel.comparison import Sweep, compare, curve, sweep
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.rivals import MaxVsAverage, Race
 from bgmodel.tactile.task import SameDifferent, source
-from figures.common import GAIN, Settings, letter, run
+from figures.common import Settings, letter, run
 
 AT = 0.95
 ACCURACIES = (0.90, 0.95, 0.97)
@@ -51,8 +52,9 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     measures, trials = [], []
     for name, evidence in conditions(settings, read_table(taps)):
         table = circuit("spiking_msprt", evidence.hypotheses)
-        model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
-        swept = msprt_sweeps(evidence, GAIN)
+        gain = usual_gain(evidence.hypotheses)
+        model = BasalGanglia(table, "ensemble", gain, settings.seed)
+        swept = msprt_sweeps(evidence, gain)
         swept |= sweeps(model, evidence, thresholds_about(swept[OWN]))
         for label, rival in (("race", Race()), ("max vs average", MaxVsAverage())):
             if name in ("N = 4", "N = 8"):
