@@ -38,6 +38,7 @@ BATCH = 250
 """Trials that ``BasalGanglia.batches`` runs at a time."""
 
 __all__ = [
+    "BATCH",
     "CIRCUITS",
     "ENGINES",
     "SPIKING",

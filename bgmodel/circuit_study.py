@@ -87,7 +87,7 @@ def sweeps(
     """
     if model.engine == "ensemble" and decoder_tau_ms is None:
         level = float(np.min(thresholds)) - 0.01
-        model = replace(model, options={"drop_below": level, **model.options})
+        model = replace(model, options={"drop_below": level, "rates": False, **model.options})
     found: dict[str, Sweep] = {}
     for part, activity in model.batches(evidence):
         traces = {CIRCUIT: model.trace(activity, part)}

@@ -16,7 +16,8 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, run_engine
-from bgmodel.comparison import Sweep, sweep
+from bgmodel.circuit_study import CIRCUIT, sweeps
+from bgmodel.comparison import Sweep
 from bgmodel.evidence import Evidence
 from bgmodel.learning import Environment, check_xi
 
@@ -154,27 +155,17 @@ def knob(
         raise ValueError(f"levels must be one or more numbers, each once, got {levels!r}")
     if not (falling[-1] >= low and falling[0] <= high):
         raise ValueError(f"levels must lie in {low:g}..{high:g}, got {levels!r}")
-    rows = [_at_level(model, evidence, float(level), threshold_nats) for level in falling]
+    rows = [
+        sweeps(
+            replace(model, circuit=model.circuit.dopamine(float(level))),
+            evidence,
+            [threshold_nats],
+            decoder_tau_ms=None,
+        )[CIRCUIT]
+        for level in falling
+    ]
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     return Sweep(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))
-
-
-def _at_level(
-    model: BasalGanglia, evidence: Evidence, level: float, threshold_nats: float
-) -> Sweep:
-    table = model.circuit.dopamine(level)
-    options = dict(model.options)
-    if model.engine == "ensemble":
-        options = {"drop_below": threshold_nats - 0.01, "rates": False, **options}
-    changed = replace(model, circuit=table, options=options)
-    parts = [
-        sweep(changed.trace(activity, part), part, [threshold_nats])
-        for part, activity in changed.batches(evidence)
-    ]
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    return total
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ and, before anything is run, which measure goes which way by how much at least.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import toml_files
-from bgmodel.basal_ganglia import BasalGanglia, check_threshold, circuit
+from bgmodel.basal_ganglia import BATCH, BasalGanglia, check_threshold, circuit
 from bgmodel.behaviour import MEASURES, Behaviour
-from bgmodel.comparison import RESAMPLES, check_trials, interval, resampled, sweep
+from bgmodel.circuit_study import CIRCUIT, sweeps
+from bgmodel.comparison import RESAMPLES, check_trials, interval, resampled
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.seeds import stream
@@ -207,20 +208,12 @@ def behaviour_of(
     model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
 ) -> Behaviour:
     """Let a circuit decide at one threshold, and wait through a foreperiod without evidence."""
-    if model.engine == "ensemble":
-        # A trial that is well past its threshold has decided.
-        model = replace(model, options={"drop_below": threshold_nats - 0.01, **model.options})
-    decided, responded = [], []
-    silence = np.zeros((evidence.trials, 1, evidence.hypotheses))
-    # Trials of their own: their noise is no other trial's.
-    done = evidence.trials
-    for part, activity in model.batches(evidence):
-        decided.append(sweep(model.trace(activity, part), part, [threshold_nats]))
-        waited = model.at(silence[: part.trials], foreperiod_ms, done).output_nats
+    whole = sweeps(model, evidence, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
+    responded = []
+    for first in range(0, evidence.trials, BATCH):
+        silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
+        # Trials of their own: their noise is no other trial's.
+        waited = model.at(silence, foreperiod_ms, evidence.trials + first).output_nats
         responded.append(np.asarray((waited <= threshold_nats).any(axis=(1, 2))))
-        done += part.trials
-    whole = decided[0]
-    for more in decided[1:]:
-        whole += more
     truth = np.asarray(evidence.truth)
     return Behaviour(whole, np.concatenate(responded), truth, evidence.hypotheses)

@@ -32,9 +32,10 @@ LEVELS = [
         "bgmodel.behaviour",
         "bgmodel.edits",
         "bgmodel.stimuli",
-        "bgmodel.dopamine",
     },
-    {"bgmodel.circuit_study", "bgmodel.experiment", "bgmodel.dopamine_study"},
+    {"bgmodel.circuit_study"},
+    {"bgmodel.experiment", "bgmodel.dopamine"},
+    {"bgmodel.dopamine_study"},
     {"bgmodel.outcomes"},
     {"bgmodel.commands", "bgmodel.commands.checks"},
     {
