@@ -134,8 +134,9 @@ def _noise(ax, table: pd.DataFrame) -> None:
 
     (each, floor), _ = curve_fit(law, n, sd, p0=(0.3, 0.01), sigma=sd, bounds=(0, 1))
     x = np.geomspace(n.min(), n.max(), 50)
-    ax.loglog(x, law(x, each, floor), color="k", lw=0.8, label=f"{each:.2f}/√n, floor {floor:.3f}")
+    ax.loglog(x, law(x, each, floor), color="k", lw=0.8, label=f"{each:.2f}/√n + {floor:.2f}")
     ax.set(xlabel="cells a channel n", ylabel="sd of OUT (nats)")
+    ax.set(ylim=(sd.min() / 4, sd.max() * 1.5))
     ax.legend(loc="lower left")
     letter(ax, "a")
 
@@ -149,6 +150,7 @@ def _correlation(ax, table: pd.DataFrame) -> None:
             here["neurons"], here["value"], np.maximum(off, 0), ms=4, lw=0.8, label=name, **style
         )
     ax.set(xscale="log", xlabel="cells a channel n", ylabel=f"r of times, at {AT}")
+    ax.set(ylim=(0.3, 1.02))
     ax.legend(loc="lower right")
     letter(ax, "b")
 
@@ -160,9 +162,11 @@ def _edits(ax, table: pd.DataFrame) -> None:
     ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
     ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
     for place in places[rows["value"].isna().to_numpy()]:
-        ax.text(0.02, place, f"{AT} never reached", va="center")
+        ax.text(0.02, place, "not reached", va="center")
     ax.set_yticks(places, rows["variant"])
-    ax.set(xlabel=f"within 50 ms of\nthe MSPRT's, at {AT}", xlim=(0, 1))
+    ax.set(
+        xlabel=f"within 50 ms of\nthe MSPRT's, at {AT}", xlim=(0, 1), ylim=(-0.6, len(rows) - 0.4)
+    )
     letter(ax, "c  N = 4")
 
 
@@ -184,8 +188,8 @@ def _numbers(ax, table: pd.DataFrame) -> None:
     )  # fmt: skip
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     ax.set_yticks(places, worst)
-    ax.set(xlabel=f"change, at {AT}")
-    letter(ax, f"d  N = 2: {len(worst)} of {len(moved)}")
+    ax.set(xlabel=f"change, at {AT}\n(N = 2, {len(worst)} of {len(moved)})")
+    letter(ax, "d")
 
 
 if __name__ == "__main__":

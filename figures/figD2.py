@@ -84,7 +84,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     axes[0].set(xlabel="dopamine", ylabel="posterior of what is chosen", xscale="log")
     axes[0].set_xticks([0.8, 1, 1.25, 1.6, 2], ["0.8", "1", "1.25", "1.6", "2"])
     axes[0].minorticks_off()
-    axes[0].legend(loc="upper right")
+    axes[0].legend(loc="lower left")
     axes[1].set(xlabel="mean time (s)", ylabel="expected accuracy", ylim=(0.5, 1.0))
     axes[2].axhspan(-0.01, 0.01, color="0.93", zorder=0)
     axes[2].axhline(0, lw=0.8, color="0.6")
