@@ -28,6 +28,7 @@ benchmark: $(VENV)/bench.installed
 
 score: $(VENV)/figures.installed
 	$(BIN)/python -m benchmarks.scoring --workers $(CORES)
+	$(BIN)/python -m benchmarks.learning
 
 # The table of decoded taps that ships with the package, made again from nothing.
 shipped-taps: figures

@@ -1,4 +1,4 @@
-"""Dopamine that learns, scored on fresh trials: make score-dopamine.
+"""Dopamine that learns, scored on fresh trials: make score.
 
 The rate circuit on three gratings and on Gaussian evidence, the spiking one on two gratings, from
 both sides of the optimum. What is learned is held to that circuit's own exhaustive optimum and to
