@@ -70,8 +70,8 @@ def compute(settings: Settings, *, output: Path) -> None:
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw the map, the speed-accuracy curve, and accuracy beside the MSPRT's in equal time.
 
-    Levels at which the circuit responds before the first reading in more than 2 % of trials are
-    open in grey: there noise decides.
+    Lines in the map are the fixed point. Levels at which more than 2 % of responses come before
+    the first reading are crossed out: there noise decides.
     """
     table = read_table(data)
     figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.5))
@@ -106,7 +106,7 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
     low, high = working_range(table, THRESHOLD_NATS)
     levels = levels_between(low * 1.001, high * 0.999, 40)
     exact = [criterion(table, level, THRESHOLD_NATS, GAIN) for level in levels]
-    ax.plot(levels, exact, lw=0.8, color=colour, label=f"N = {channels}, fixed point")
+    ax.plot(levels, exact, lw=0.8, color=colour, label=f"N = {channels}")
     for engine, mark, name in (("rate", "o", "rates"), ("ensemble", "s", "spikes")):
         points = _points(rows, engine, "criterion")
         off = [points["value"] - points["low"], points["high"] - points["value"]]
@@ -121,6 +121,8 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
             mfc="w" if mark == "o" else colour,
             label=name if channels == 2 else None,
         )
+        early = _points(rows, engine, "premature")["value"] > 0.02
+        ax.plot(points.index[early], points["value"][early], "x", ms=6, color="k", mew=0.8)
 
 
 def _tradeoff(ax, rows: pd.DataFrame, colour: str) -> None:
