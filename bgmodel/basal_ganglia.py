@@ -18,7 +18,7 @@ try:
     from circuits.activity import warn_beyond_range
     from circuits.anatomy import CIRCUITS, circuit
     from circuits.cells import Escape
-    from circuits.engines import ENGINES, SPIKING
+    from circuits.engines import DROPPING, ENGINES, SPIKING
     from circuits.engines import run as run_engine
     from circuits.nwb import write_nwb
     from circuits.show import draw, text
@@ -35,11 +35,14 @@ if TYPE_CHECKING:
     from circuits.activity import Activity
 
 BATCH = 250
-"""Trials that ``BasalGanglia.batches`` runs at a time."""
+"""Trials that ``BasalGanglia.batches`` runs at a time if their rates are kept."""
+BATCH_NUMBERS = 4_000_000
+"""Else as many as have this many numbers of OUT: engines are faster on many."""
 
 __all__ = [
     "BATCH",
     "CIRCUITS",
+    "DROPPING",
     "ENGINES",
     "SPIKING",
     "BasalGanglia",
@@ -146,8 +149,12 @@ class BasalGanglia:
         Yields each part of the evidence with its activity; what a trial does is the same in any
         part.
         """
-        for first in range(0, evidence.trials, BATCH):
-            part = evidence[first : first + BATCH]
+        batch = BATCH
+        if not self.options.get("rates", True):
+            samples = evidence.steps * evidence.step_ms / self.options.get("sample_ms", 1.0)
+            batch = max(BATCH, int(BATCH_NUMBERS / (samples * evidence.hypotheses)))
+        for first in range(0, evidence.trials, batch):
+            part = evidence[first : first + batch]
             with warnings.catch_warnings():
                 # A part at a time it would be said many times: ``warn_of`` says it once.
                 warnings.filterwarnings("ignore", message="S runs from")

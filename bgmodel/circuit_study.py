@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.basal_ganglia import (
+    DROPPING,
     SPIKING,
     BasalGanglia,
     Circuit,
@@ -82,10 +83,10 @@ def sweeps(
     thresholds : array (K,), nats
         As from ``thresholds_about``.
     decoder_tau_ms : float, optional
-        How long the decoder counts. Without one the ensemble engine drops a trial a little below
-        the lowest threshold; a decoder may need all of it.
+        How long the decoder counts. Without one a trial is dropped a little below the lowest
+        threshold, where the engine can; a decoder may need all of it.
     """
-    if model.engine == "ensemble" and decoder_tau_ms is None:
+    if model.engine in DROPPING and decoder_tau_ms is None:
         level = float(np.min(thresholds)) - 0.01
         model = replace(model, options={"drop_below": level, "rates": False, **model.options})
     found: dict[str, Sweep] = {}

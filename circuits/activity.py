@@ -50,16 +50,23 @@ class Activity:
     def from_blocks(
         cls,
         wiring: Wiring,
-        rates: Array,
+        rates: Array | None,
         time_ms: Array,
         *,
         engine: str,
         output_hz: Array | None = None,
         **other: Any,
     ) -> Activity:
-        """Build from rates (trials, ticks, blocks); the read-out is decoded from ``output_hz``."""
+        """Build from rates (trials, ticks, blocks); the read-out is decoded from ``output_hz``.
+
+        Without rates none are kept, and ``output_hz`` is needed.
+        """
         circuit = wiring.circuit
-        by_name = {row.name: rates[..., wiring.blocks_of(row.name)] for row in circuit.populations}
+        by_name = {
+            row.name: rates[..., wiring.blocks_of(row.name)]
+            for row in circuit.populations
+            if rates is not None
+        }
         readout = by_name[circuit.readout] if output_hz is None else output_hz
         return cls(
             circuit=circuit,

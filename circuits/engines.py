@@ -17,6 +17,8 @@ ENGINES = {
 }
 """Names of the engines, and what each is."""
 SPIKING = ("ensemble", "brian2")
+DROPPING = ("rate", "ensemble")
+"""Engines that can drop a trial once it is decided, and can leave rates out."""
 
 
 def run(

@@ -31,6 +31,8 @@ def run(
     dt_ms: float = 0.1,
     sample_ms: float = 1.0,
     settle_ms: float = 300.0,
+    rates: bool = True,
+    drop_below: float | None = None,
 ) -> Activity:
     """Integrate the circuit's rates.
 
@@ -43,6 +45,10 @@ def run(
     step_ms, dt_ms, sample_ms, settle_ms : float
         Time from reading to reading, of a tick, from sample to sample, and at rest before the first
         reading; see ``Clock``.
+    rates : bool
+        Whether to keep the rates.
+    drop_below : float, optional
+        OUT, nats, below which a trial is over: what follows is NaN.
 
     Returns
     -------
@@ -60,18 +66,29 @@ def run(
     scheme = Scheme(wired(circuit), dt_ms)
     warn_beyond_range(circuit, drive)
     inputs = np.moveaxis(scheme.wiring.drive(drive), 0, -1)
-    loop = _Loop(scheme, len(drive))
-    rates = np.empty((clock.samples, *loop.x.shape))
-    output = np.empty((clock.samples, *loop.output.shape))
-    if clock.settle_ticks:
-        loop.advance(clock.settle_ticks, np.zeros_like(loop.x))
+    trials, level = len(drive), -np.inf if drop_below is None else float(drop_below)
+    kept = np.full((clock.samples, scheme.wiring.blocks if rates else 0, trials), np.nan)
+    output = np.full((clock.samples, circuit.channels, trials), np.nan)
+    loop = _Loop(scheme)
+    # Before the evidence all trials are alike.
+    loop.advance(clock.settle_ticks, np.zeros_like(loop.x))
+    loop.select(np.zeros(trials, dtype=np.intp))
+    left = np.arange(trials)
     for sample in range(clock.samples):
         step = sample * clock.sample_ticks // clock.step_ticks
-        rates[sample] = loop.advance(clock.sample_ticks, inputs[step])
-        output[sample] = loop.output
+        mean = loop.advance(clock.sample_ticks, inputs[step])
+        if rates:
+            kept[sample][:, left] = mean
+        output[sample][:, left] = loop.output
+        on = scheme.wiring.activity(loop.output, circuit.readout).min(axis=0) >= level
+        if not on.all():
+            loop.select(on)
+            left, inputs = left[on], inputs[..., on]
+        if not left.size:
+            break
     return Activity.from_blocks(
         scheme.wiring,
-        rates.transpose(2, 0, 1),
+        kept.transpose(2, 0, 1) if rates else None,
         clock.time_ms,
         engine="rate",
         output_hz=output.transpose(2, 0, 1),
@@ -86,9 +103,9 @@ class _Loop:
     other, so that a trial's bytes do not depend on the trials beside it.
     """
 
-    def __init__(self, scheme: Scheme, trials: int) -> None:
+    def __init__(self, scheme: Scheme) -> None:
         wiring = scheme.wiring
-        units, x, rates = (np.tile(start[:, None], trials) for start in scheme.start)
+        units, x, rates = (start[:, None] for start in scheme.start)
         self.wiring, self.units, self.x, self.tick = wiring, units, x, 0
         self.deliver, self.weight = csr_array(wiring.deliver), csr_array(wiring.weight)
         self.unit_decay, self.block_decay = scheme.unit_decay[:, None], scheme.block_decay[:, None]
@@ -104,6 +121,11 @@ class _Loop:
         length = int(self.delay.max()) + self.most
         self.sent = np.repeat((self.deliver @ rates)[:, None], length, axis=1)
 
+    def select(self, trials: Index) -> None:
+        """Go on with some of the trials, or with one many times."""
+        self.units, self.x = self.units[:, trials], self.x[:, trials]
+        self.sent, self.output = self.sent[..., trials], self.output[:, trials]
+
     def advance(self, ticks: int, drive: Array) -> Array:
         """Go on for some ticks under a drive (blocks, trials); return the mean rates over them."""
         total = np.zeros_like(self.x)
@@ -113,7 +135,7 @@ class _Loop:
                 total += rates[:, k]
                 seen = rates[self.readout, k]
                 self.output = self.readout_decay * self.output + (1 - self.readout_decay) * seen
-        return total / ticks
+        return total / max(ticks, 1)
 
     def _together(self, count: int, drive: Array) -> Array:
         """Go on for no more ticks than the shortest delay; return rates (blocks, ticks, trials)."""

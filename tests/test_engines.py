@@ -6,10 +6,11 @@ import pytest
 from scipy.special import log_softmax
 
 from circuits import anatomy
-from circuits.engines import ENGINES, SPIKING, run
+from circuits.engines import DROPPING, ENGINES, SPIKING, run
 
 SEED = 11
 FAST = {"algebra": {}, "rate": {}, "ensemble": {}, "brian2": {"target": "numpy"}}
+TABLE = anatomy.spiking_msprt(3).with_neurons(20)
 CENTRED = np.array([[1.1, -0.3, -0.8], [0.0, 0.0, 0.0], [-0.5, 1.5, -1.0]])
 
 
@@ -45,6 +46,39 @@ def test_a_lesion_of_stn_shifts_the_criterion_on_every_engine(engine):
     npt.assert_allclose(out, np.maximum(exact, 0), atol=1e-6, rtol=0)
 
 
+def growing(trials, steps):
+    """Evidence that grows for a channel in turn, faster in every trial."""
+    drive = np.zeros((trials, steps, 3))
+    drive[np.arange(trials), :, np.arange(trials) % 3] = np.linspace(0, 4, steps)
+    drive *= np.linspace(0.2, 1, trials)[:, None, None]
+    return drive - drive.mean(axis=2, keepdims=True)
+
+
+@pytest.mark.parametrize("engine", DROPPING)
+def test_a_dropped_trial_is_the_whole_one_cut_short(engine):
+    drive = growing(6, 5)
+    whole = all_of(TABLE, drive, engine)
+    cut = all_of(TABLE, drive, engine, drop_below=0.3)
+    ends = []
+    for full, short in zip(whole.output_nats, cut.output_nats, strict=True):
+        over = np.flatnonzero(full.min(axis=1) < 0.3)
+        ends.append(over[0] + 1 if len(over) else len(full))
+        npt.assert_array_equal(short[: ends[-1]], full[: ends[-1]])
+        assert np.isnan(short[ends[-1] :]).all()
+    assert len(set(ends)) > 2
+    assert len(whole.time_ms) in ends
+    for name, rates in cut.rates_hz.items():
+        npt.assert_array_equal(rates[0], whole.rates_hz[name][0])
+
+
+@pytest.mark.parametrize("engine", DROPPING)
+def test_rates_can_be_left_out(engine):
+    drive = growing(2, 2)
+    without = all_of(TABLE, drive, engine, rates=False)
+    assert without.rates_hz == {}
+    npt.assert_array_equal(without.output_nats, all_of(TABLE, drive, engine).output_nats)
+
+
 @pytest.mark.parametrize("engine", SPIKING)
 def test_spiking_engines_need_a_seed(engine):
     with pytest.raises(ValueError, match=f"the {engine} engine needs a seed"):
@@ -56,7 +90,6 @@ def test_an_unknown_engine_lists_those_that_there_are():
         run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine="nest", step_ms=10)
 
 
-TABLE = anatomy.spiking_msprt(3).with_neurons(20)
 ONE = TABLE.scaled("ctx", "D1", 0.8, 1).scaled("STN", "SNr", 1.2, 0).scaled("D2", "GPe", 0, 2)
 
 

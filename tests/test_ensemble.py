@@ -134,28 +134,6 @@ def test_more_spikes_than_room_are_all_there(monkeypatch):
         assert spike_set(little[name]) == spike_set(plenty[name])
 
 
-def test_a_dropped_trial_is_the_whole_one_cut_short():
-    drive = ramp(6, 8, top=4.0)
-    whole = ensemble.run(BASE, drive, step_ms=40, seed=5).output_nats
-    cut = ensemble.run(BASE, drive, step_ms=40, seed=5, drop_below=0.2)
-    for full, short in zip(whole, cut.output_nats, strict=True):
-        over = np.flatnonzero(full.min(axis=1) < 0.2)
-        end = over[0] + 1 if len(over) else len(full)
-        npt.assert_array_equal(short[:end], full[:end])
-        assert np.isnan(short[end:]).all()
-    assert np.isnan(cut.output_nats).any()
-    assert np.isfinite(whole).all()
-
-
-def test_rates_can_be_left_out():
-    drive = ramp(2, 2)
-    without = ensemble.run(BASE, drive, step_ms=40, seed=5, rates=False)
-    assert without.rates_hz == {}
-    npt.assert_array_equal(
-        without.output_nats, ensemble.run(BASE, drive, step_ms=40, seed=5).output_nats
-    )
-
-
 @pytest.mark.parametrize(
     ("call", "says"),
     [
