@@ -38,12 +38,15 @@ BATCH = 250
 """Trials that ``BasalGanglia.batches`` runs at a time if their rates are kept."""
 BATCH_NUMBERS = 4_000_000
 """Else as many as have this many numbers of OUT: engines are faster on many."""
+NOISE_SHARE = 0.02
+"""Share of trials at rest that may cross a threshold within half a second, by noise."""
 
 __all__ = [
     "BATCH",
     "CIRCUITS",
     "DROPPING",
     "ENGINES",
+    "NOISE_SHARE",
     "SPIKING",
     "BasalGanglia",
     "Circuit",
@@ -52,6 +55,7 @@ __all__ = [
     "Projection",
     "check_threshold",
     "circuit",
+    "crossed",
     "decoded_input",
     "draw",
     "drive_of",
@@ -127,15 +131,19 @@ class BasalGanglia:
         """Warn if the evidence leaves the range in which the circuit works."""
         warn_beyond_range(self.circuit, self.drive(evidence))
 
+    def at_rest(self) -> npt.NDArray[np.float64]:
+        """Return OUT of the spiking circuit without evidence: 40 trials of half a second."""
+        silence = np.zeros((40, 1, self.circuit.channels))
+        quiet = replace(self, engine="ensemble", options={"rates": False})
+        return np.asarray(quiet.at(silence, step_ms=500.0).output_nats)
+
     def warn_of_noise(self, threshold_nats: float) -> None:
-        """Warn if noise alone crosses a threshold: measured at rest, 40 trials of half a second."""
+        """Warn if noise alone crosses a threshold."""
         if self.engine != "ensemble":
             return
-        silence = np.zeros((40, 1, self.circuit.channels))
-        quiet = replace(self, options={"rates": False})
-        out = quiet.at(silence, step_ms=500.0).output_nats
-        share = float((out.min(axis=(1, 2)) <= threshold_nats).mean())
-        if share > 0.02:
+        out = self.at_rest()
+        share = crossed(out, threshold_nats)
+        if share > NOISE_SHARE:
             warnings.warn(
                 f"without evidence noise takes OUT below the threshold of {threshold_nats:.2f} "
                 f"nats in {share:.0%} of trials within 500 ms: OUT rests at {out.mean():.2f} +- "
@@ -160,6 +168,11 @@ class BasalGanglia:
                 warnings.filterwarnings("ignore", message="S runs from")
                 activity = self.activity(part, first)
             yield part, activity
+
+
+def crossed(out_nats: npt.NDArray[np.float64], threshold_nats: float) -> float:
+    """Return the share of trials whose OUT (trials, ticks, channels) ever meets a threshold."""
+    return float((out_nats.min(axis=(1, 2)) <= threshold_nats).mean())
 
 
 def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) -> Trace:

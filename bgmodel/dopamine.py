@@ -15,7 +15,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, run_engine
+from bgmodel.basal_ganglia import (
+    NOISE_SHARE,
+    SPIKING,
+    BasalGanglia,
+    Circuit,
+    crossed,
+    run_engine,
+)
 from bgmodel.circuit_study import CIRCUIT, sweeps
 from bgmodel.comparison import Sweep
 from bgmodel.evidence import Evidence
@@ -24,6 +31,8 @@ from bgmodel.learning import Environment, check_xi
 Array = npt.NDArray[np.float64]
 ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
+MARGIN = 0.02
+"""Share of a level by which a learner keeps away from where the fixed point stops deciding."""
 
 
 def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
@@ -88,6 +97,40 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
             f"no level of dopamine in {ALLOWED[0]:g}..{ALLOWED[1]:g} takes {circuit.name} to a "
             f"threshold of {threshold_nats:.2f} nats by evidence alone"
         )
+    return low, high
+
+
+def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
+    """Return the lowest and highest level that a learner should play.
+
+    The working range less ``MARGIN`` on both sides; with spikes it also ends where noise decides:
+    where OUT at rest meets the threshold in more than ``NOISE_SHARE`` of the trials.
+
+    Raises
+    ------
+    ValueError
+        As ``working_range``, or if noise decides at every level.
+    """
+    low, high = working_range(model.circuit, threshold_nats)
+    low, high = low * (1 + MARGIN), high * (1 - MARGIN)
+    if model.engine not in SPIKING:
+        return low, high
+
+    def noisy(level: float) -> bool:
+        rest = replace(model, circuit=model.circuit.dopamine(level)).at_rest()
+        return crossed(rest, threshold_nats) > NOISE_SHARE
+
+    if noisy(low):
+        raise ValueError(
+            f"noise alone takes {model.circuit.name} to a threshold of {threshold_nats:.2f} nats "
+            "at every level of dopamine at which evidence does"
+        )
+    if noisy(high):
+        quiet = low
+        while high - quiet > 0.01:
+            middle = (quiet + high) / 2
+            quiet, high = (quiet, middle) if noisy(middle) else (middle, high)
+        high = quiet
     return low, high
 
 

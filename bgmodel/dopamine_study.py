@@ -8,7 +8,7 @@ import pandas as pd
 
 from bgmodel.basal_ganglia import BasalGanglia, Circuit
 from bgmodel.comparison import Sweep, curve, interval, resampled
-from bgmodel.dopamine import Body, criterion, knob, working_range
+from bgmodel.dopamine import Body, criterion, knob, usable_range, working_range
 from bgmodel.evidence import Evidence
 from bgmodel.learning import Learned, Learner, learn
 from bgmodel.policies import GaussianPolicy
@@ -18,13 +18,18 @@ Array = npt.NDArray[np.float64]
 THRESHOLD_NATS = 0.3
 """OUT at which the circuit decides, whatever the dopamine: for two to four alternatives levels span
 posteriors .75 to .99."""
-PLAYED = (0.75, 2.0)
-"""Levels that a learner plays: beyond the working range on both sides, for two alternatives."""
+LAST_SHARE = 0.08
+"""Exploration in the end, sd as a share of the levels' distance; assumed."""
 
 
 def levels_between(low: float, high: float, count: int) -> Array:
     """Return levels, evenly spaced in their logarithm: OUT moves less the higher they are."""
     return np.geomspace(low, high, count)
+
+
+def played(model: BasalGanglia, count: int, threshold_nats: float = THRESHOLD_NATS) -> Array:
+    """Return the levels at which a learner meets a circuit: all that it can use."""
+    return levels_between(*usable_range(model, threshold_nats), count)
 
 
 def knob_table(
@@ -123,7 +128,7 @@ def learn_level(
     seed, name :
         Of the streams.
     policy, learner :
-        ``GaussianPolicy`` within ``PLAYED``, and the learner of the abstract test.
+        A ``GaussianPolicy`` on the body's levels, and the learner of the abstract test.
 
     Returns
     -------
@@ -131,10 +136,10 @@ def learn_level(
         Whose ``gap`` is the level of each trial, ``mean_gap`` the tonic level, and
         ``prediction_error`` phasic dopamine.
     """
-    policy = policy or GaussianPolicy(bounds=PLAYED)
-    low, high = policy.bounds
+    low, high = float(met.levels[0]), float(met.levels[-1])
+    policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
     if not low <= start_level <= high:
-        raise ValueError(f"start_level must lie in {low:g}..{high:g}, got {start_level}")
+        raise ValueError(f"start_level must lie in {low:.3g}..{high:.3g}, got {start_level}")
     if runs < 1:
         raise ValueError(f"runs must be >= 1, got {runs}")
     # Starts are paired: the same trials and perturbations from any of them.

@@ -16,18 +16,18 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.dopamine_study import PLAYED, body, learn_level, levels_between, regret
+from bgmodel.dopamine_study import body, learn_level, played, regret
 from bgmodel.files import read_table, write_table
 from bgmodel.learning import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
 from figures.common import COLOUR, GAIN, Settings, letter, run
 
 STEP_MS = 50.0
-STARTS = (0.86, 1.65)
-"""Tonic levels at the start: too careful, too hasty."""
+STARTS = (1, -2)
+"""Where tonic dopamine starts, of the levels played: too careful, too hasty."""
 TRIALS = {"rate": 3.0, "ensemble": 1.5}
 """Trials of a circuit, as a share of what the figures of circuits have."""
-LEVELS = levels_between(*PLAYED, 16)
+LEVELS = 22
 RUNS = 20
 KEPT = 120
 PERIODS = {"rate": (1.5, 2.0, 2.5), "ensemble": (1.5, 2.0)}
@@ -46,6 +46,7 @@ def spikes(settings: Settings, taps: Path, *, output: Path) -> None:
 def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
     options = {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {}
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, settings.seed, options)
+    levels = played(model, LEVELS)
     parts = []
     for period in PERIODS[engine]:
         drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
@@ -59,11 +60,11 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
                     rng=stream(settings.seed, "figD1", name, period),
                     step_ms=STEP_MS,
                 ),
-                LEVELS,
+                levels,
             )
             for name in ("learned", "scored")
         )
-        for start in STARTS:
+        for start in levels[list(STARTS)].tolist():
             learned = learn_level(
                 met,
                 xi=settings.xi,
@@ -129,7 +130,7 @@ def _levels(ax, table: pd.DataFrame) -> None:
         for _, one in rows.groupby(["start_level", "run"]):
             ax.plot(one["episode"] / 1000, one["level"], lw=0.4, alpha=0.5, c=COLOUR[period])
         ax.axhline(rows["best_level"].iloc[0], ls=":", lw=0.8, color=COLOUR[period])
-    ax.set(xlabel="trials (1 000)", ylabel="tonic dopamine", ylim=(PLAYED[0], PLAYED[1]))
+    ax.set(xlabel="trials (1 000)", ylabel="tonic dopamine")
 
 
 def _regret(ax, gap: pd.DataFrame, rates: pd.DataFrame, spiking: pd.DataFrame) -> None:

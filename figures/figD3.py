@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
 from bgmodel.dopamine import switching
-from bgmodel.dopamine_study import PLAYED, after_errors, body, learn_level, levels_between
+from bgmodel.dopamine_study import after_errors, body, learn_level, played
 from bgmodel.files import read_table, write_table
 from bgmodel.learning import Environment, Learned, Learner, learn, smoothed, trials_of
 from bgmodel.policies import GaussianPolicy
@@ -46,7 +46,8 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     model = BasalGanglia(
         circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5, "sample_ms": 2.0}
     )
-    levels = levels_between(*PLAYED, 16)
+    levels = played(model, 22)
+    explored = GaussianPolicy(bounds=(levels[0], levels[-1]), **EXPLORED)
     met = {
         period: body(
             model,
@@ -81,7 +82,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             switching([met[p].environment(xi, draws) for p, xi in world], every),
             1.2,
             rngs=_explored(settings, name, "circuit"),
-            policy=GaussianPolicy(bounds=PLAYED, **EXPLORED),
+            policy=explored,
             learner=learner,
         )
         best = [met[p].best(xi)[0] for p, xi in world]
@@ -94,7 +95,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             runs=RUNS,
             seed=settings.seed,
             name=("after errors", carried),
-            policy=GaussianPolicy(bounds=PLAYED, **EXPLORED),
+            policy=explored,
             learner=Learner(**{**learner.__dict__, "carried": carried}),
         )
         parts.append(after_errors(learned, settings.xi).assign(world="errors", carried=carried))

@@ -28,7 +28,7 @@ class Learn:
     plays levels and is paid for what came of them. Tonic dopamine is what is learned, phasic
     dopamine the reward prediction error.
 
-    Example: bgmodel circuit learn dopamine.parquet --start-level 1.9 --runs 5
+    Example: bgmodel circuit learn dopamine.parquet --start-level 1.6 --runs 5
     """
 
     output: Positional[Path]
@@ -45,8 +45,8 @@ class Learn:
     """Posterior, in the circuit's nats, at which it decides at a level of 1."""
     xi: float = 50.0
     """Cost of an error, readings."""
-    start_level: float = 1.9
-    """Tonic level at the start; .75 to 2 are played."""
+    start_level: float | None = None
+    """Tonic level at the start; the highest that the circuit can use unless given."""
     levels: int = 16
     """Levels at which the circuit decides."""
     runs: int = 10
@@ -60,30 +60,40 @@ class Learn:
 
         from bgmodel.basal_ganglia import BasalGanglia, circuit
         from bgmodel.dopamine_study import (
-            PLAYED,
             body,
             learn_level,
             learned_table,
-            levels_between,
+            played,
             regret,
         )
         from bgmodel.learning import LearningStopped
 
-        self._check(PLAYED)
+        self._check()
         evidence, _ = self.stimuli.draw(self.seed, "learn")
         table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
         options: dict[str, Any] = {"dt_ms": 0.5, "sample_ms": 2.0} if self.engine == "rate" else {}
         model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
         model.warn_of(evidence)
-        print(f"{evidence.trials} trials at {self.levels} levels", file=sys.stderr)
-        levels = levels_between(*PLAYED, self.levels)
-        met = body(model, evidence, levels, float(-np.log(self.posterior)))
+        threshold_nats = float(-np.log(self.posterior))
+        levels = played(model, self.levels, threshold_nats)
+        start = levels[-1] if self.start_level is None else self.start_level
+        if not levels[0] <= start <= levels[-1]:
+            raise ValueError(
+                f"start_level must lie where {table.name} decides by evidence, "
+                f"{levels[0]:.2f}..{levels[-1]:.2f}, got {start:g}"
+            )
+        print(
+            f"{evidence.trials} trials at {self.levels} levels, {levels[0]:.2f} to "
+            f"{levels[-1]:.2f}",
+            file=sys.stderr,
+        )
+        met = body(model, evidence, levels, threshold_nats)
         behind: dict[str, Any] = {"seed": self.seed, "command": asked(self)}
         try:
             learned = learn_level(
                 met,
                 xi=self.xi,
-                start_level=self.start_level,
+                start_level=start,
                 runs=self.runs,
                 seed=self.seed,
                 name="learn",
@@ -100,17 +110,14 @@ class Learn:
             f"learned level {learned.delta.mean():.2f} (sd {learned.delta.std():.2f} over "
             f"{self.runs} runs), best of {self.levels} on these trials {best[0]:.2f}, regret "
             f"{100 * cost.mean():.1f} % (at the start "
-            f"{100 * float(regret(self.start_level, met, self.xi)):.0f} %) -> {self.output}"
+            f"{100 * float(regret(start, met, self.xi)):.0f} %) -> {self.output}"
         )
 
-    def _check(self, played: tuple[float, float]) -> None:
+    def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         check_ending(self.output, ".parquet", ".csv")
         files.check_writable(self.output.parent)
         self.stimuli.check()
         check_whole(runs=self.runs, levels=self.levels)
-        low, high = played
-        if not low <= self.start_level <= high:
-            raise ValueError(f"start_level must lie in {low:g}..{high:g}, got {self.start_level}")
         if not 0 < self.posterior < 1:
             raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
