@@ -35,10 +35,10 @@ LATENCY_MS = 56.0
 """Non-decision time: the offset that ``make score`` finds for two alternatives."""
 STARTS = (1, -2)
 """Where learning starts, of the levels played: too careful, too hasty."""
-LEVELS = 31
-MET = {"rate": 10_000, "ensemble": 3000}
+LEVELS = {"rate": 31, "ensemble": 16}
+MET = {"rate": 10_000, "ensemble": 2000}
 """Trials learned on, drawn again and again; others are scored on."""
-NEAR = 0.1
+NEAR = 0.06
 """Levels this much worse than the best, as a share, are not searched on fresh trials; a run that
 ends there counts as their edge, which is worse than 3 %."""
 RUNS = {"rate": 20, "ensemble": 5}
@@ -77,7 +77,7 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
         {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {"workers": 1}
     )
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, SCORING_SEED, options)
-    levels = played(model, LEVELS)
+    levels = played(model, LEVELS[engine])
     learned_on = Body.of(*swept(model, levels, draw, min(MET[engine], fresh), f"{kind} learned"))
     # Fresh trials, and fresh noise. What is far from the best need not be searched again.
     again = replace(model, seed=SCORING_SEED + 1)

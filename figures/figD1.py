@@ -25,9 +25,9 @@ from figures.common import COLOUR, GAIN, Settings, letter, run
 STEP_MS = 50.0
 STARTS = (1, -2)
 """Where tonic dopamine starts, of the levels played: too careful, too hasty."""
-TRIALS = {"rate": 3.0, "ensemble": 1.5}
+TRIALS = {"rate": 3.0, "ensemble": 1.0}
 """Trials of a circuit, as a share of what the figures of circuits have."""
-LEVELS = 22
+LEVELS = 16
 RUNS = 20
 KEPT = 120
 PERIODS = {"rate": (1.5, 2.0, 2.5), "ensemble": (1.5, 2.0)}
