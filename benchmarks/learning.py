@@ -1,8 +1,9 @@
 """Dopamine that learns, scored on fresh trials: make score.
 
 The rate circuit on three gratings and on Gaussian evidence, the spiking one on two gratings, from
-both sides of the optimum. What is learned is held to that circuit's own exhaustive optimum and to
-the optimum of the abstract test, at equal non-decision time. These seeds tuned nothing.
+both ends of the usable levels. What is learned is held to the best of these levels, found by
+exhaustive search, and to the optimum of the abstract test with the circuit's usual non-decision
+time. This seed tuned nothing.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
 from bgmodel.comparison import Sweep, sweep
 from bgmodel.dopamine import Body, knob
-from bgmodel.dopamine_study import THRESHOLD_NATS, learn_level, played, regret
+from bgmodel.dopamine_study import THRESHOLD_NATS, learn_level, playable_levels, regret
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import write_table
 from bgmodel.learning import Learner
@@ -29,18 +30,20 @@ from bgmodel.sprt import Msprt
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 
 OUT = Path(__file__).parent / "out"
-SCORING_SEED = 40_003
+SCORING_SEED = 40_005
 GAIN, XI, T_MAX, STEP_MS = 0.5, 50.0, 30, 50.0
 LATENCY_MS = 56.0
-"""Non-decision time: the offset that ``make score`` finds for two alternatives."""
+"""Non-decision time: the offset that ``make score`` finds for two alternatives. Beside the highest
+level OUT rests near the threshold and the circuit is faster than that: where it comes out ahead of
+the test, its latency is shorter, not its decisions better."""
 STARTS = (1, -2)
-"""Where learning starts, of the levels played: too careful, too hasty."""
+"""Where learning starts: the lowest but one and the highest but one of the levels."""
 LEVELS = {"rate": 31, "ensemble": 16}
 MET = {"rate": 10_000, "ensemble": 2000}
 """Trials learned on, drawn again and again; others are scored on."""
 NEAR = 0.06
-"""Levels this much worse than the best, as a share, are not searched on fresh trials; a run that
-ends there counts as their edge, which is worse than 3 %."""
+"""Levels this much worse than the best, as a share, are not searched on fresh trials; the regret
+of a run that ends there is NaN and counts as more than 3 %."""
 RUNS = {"rate": 20, "ensemble": 5}
 Draw = Callable[..., Evidence]
 
@@ -77,13 +80,15 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
         {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {"workers": 1}
     )
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, SCORING_SEED, options)
-    levels = played(model, LEVELS[engine])
+    levels = playable_levels(model, LEVELS[engine])
     learned_on = Body.of(*swept(model, levels, draw, min(MET[engine], fresh), f"{kind} learned"))
     # Fresh trials, and fresh noise. What is far from the best need not be searched again.
     again = replace(model, seed=SCORING_SEED + 1)
     found, evidence = swept(again, near(learned_on), draw, fresh, f"{kind} scored")
     scored = Body.of(found, evidence)
-    own = scored.best(XI)[1]
+    best, own = scored.best(XI)
+    if best in scored.levels[[0, -1]] and best not in levels[[0, -1]]:
+        raise RuntimeError(f"the best level, {best:.3f}, lies at the edge of what was searched")
     # The algorithm on the same trials: every threshold, the circuit's non-decision time added.
     test = sweep(Msprt(GAIN).run(evidence), evidence)
     steps = (np.maximum(test.time_ms, 0) + LATENCY_MS) / STEP_MS
@@ -97,10 +102,12 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
             start_level=start,
             runs=RUNS[engine],
             seed=SCORING_SEED,
-            name=(engine, kind),
+            name=(engine, kind, start),
             learner=Learner(),
         )
-        reached = scored.expected(learned.delta, XI)
+        ends = learned.delta
+        searched = (ends >= scored.levels[0]) & (ends <= scored.levels[-1])
+        reached = np.where(searched, scored.expected(ends, XI), np.nan)
         rows.append(
             pd.DataFrame(
                 {
@@ -108,10 +115,10 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
                     "kind": kind,
                     "start_level": start,
                     "run": np.arange(RUNS[engine]),
-                    "learned_level": learned.delta,
-                    "best_level": scored.best(XI)[0],
+                    "learned_level": ends,
+                    "best_level": best,
                     "start_regret": float(regret(start, learned_on, XI)),
-                    "regret": regret(learned.delta, scored, XI),
+                    "regret": (own - reached) / abs(own),
                     "behind_algorithm": (algorithm - reached) / abs(algorithm),
                     "reward": reached,
                     "best_reward": own,
@@ -142,7 +149,8 @@ def main() -> None:
             path = OUT / f"learning {engine} {kind}.csv"
             write_table(found, path, seed=SCORING_SEED, trials=fresh, xi=XI)
             print(f"\n{engine}, {kind}, {fresh} fresh trials")
-            by = ["start_level", "start_regret", "best_level", "best_reward", "algorithm_reward"]
+            by = ["start_level", "start_regret", "best_level", "highest_level"]
+            by += ["best_reward", "algorithm_reward"]
             ends = found.groupby(by)[["regret", "behind_algorithm"]].agg(["median", "max"])
             print(ends.round(3).reset_index().to_string(index=False))
             within = (found["regret"] < 0.03).groupby(found["start_level"]).sum()

@@ -22,12 +22,15 @@ from bgmodel.files import write_table
 OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_004
 AT = 0.95
-KEPT = ("expected_accuracy", "mean_ms")
+KEPT = ("expected_accuracy", "mean_ms", "forced")
 TUNED = ("agreement", "pearson_r", "within_50_ms", "extra_ms", "accuracy_gap")
 
 
 def table_of(found: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a change: what it does at the kept threshold, then tuned anew with intervals.
+    """Return by how much each edit moves each measure, one row an edit.
+
+    At the threshold that was kept, and at one tuned anew, the latter with intervals; NaN where the
+    accuracy is not reached.
 
     Parameters
     ----------
@@ -40,7 +43,7 @@ def table_of(found: pd.DataFrame) -> pd.DataFrame:
     columns = {f"{name} kept": fixed[name] - fixed.loc["intact", name] for name in KEPT}
     for name in TUNED:
         for part in ("value", "low", "high"):
-            columns[f"{name} {part}"] = change.loc[name, part]
+            columns[f"{name} change, {part}"] = change.loc[name, part]
     return pd.DataFrame(columns).loc[names].drop("intact")
 
 
@@ -49,7 +52,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--every", type=int, default=1, help="of the numbers, every how manieth")
+    parser.add_argument("--every", type=int, default=1, help="take every k-th change")
     given = parser.parse_args()
     OUT.mkdir(exist_ok=True)
     evidence = gaussian_evidence(
@@ -63,13 +66,17 @@ def main() -> None:
     scored = table_of(found)
     behind = {"trials": given.trials, "accuracy": AT, "gain": gain, "circuit": str(table)}
     write_table(scored.reset_index(), OUT / "sensitivity.csv", seed=SCORING_SEED, **behind)
-    for name in (KEPT[0] + " kept", "pearson_r value", "extra_ms value", "accuracy_gap value"):
-        most = scored[name].abs().sort_values(ascending=False).index[:8]
-        print(f"\n{name}: sd over {len(scored)} changes {scored[name].std():.3f}, most:")
+    for name in (KEPT[0] + " kept", *(f"{tuned} change, value" for tuned in TUNED)):
+        size = scored[name].abs()
+        print(f"\n{name}: median size {size.median():.3f} of {size.count()} edits, most:")
         shown = [c for c in scored if c.split()[0] == name.split()[0]]
+        most = size.sort_values(ascending=False).index[:8]
         print(scored.loc[most, shown].round(3).to_string())
-    lost = scored["pearson_r high"] < 0
-    print(f"\nr of times falls beyond its interval in {lost.sum()} of {len(scored)}")
+    lost = int((scored["pearson_r change, high"] < 0).sum())
+    known = scored["pearson_r change, high"].count()
+    print(
+        f"\nr of times falls beyond its interval in {lost} of {known} (by chance {known / 40:.0f})"
+    )
 
 
 if __name__ == "__main__":

@@ -35,9 +35,10 @@ if TYPE_CHECKING:
     from circuits.activity import Activity
 
 BATCH = 250
-"""Trials that ``BasalGanglia.batches`` runs at a time if their rates are kept."""
-BATCH_NUMBERS = 4_000_000
-"""Else as many as have this many numbers of OUT: engines are faster on many."""
+"""Trials that ``BasalGanglia.batches`` runs at a time."""
+WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
+"""Without rates: so many, if OUT has no more numbers than this. The rate engine is faster on many.
+"""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
@@ -55,11 +56,11 @@ __all__ = [
     "Projection",
     "check_threshold",
     "circuit",
-    "crossed",
     "decoded_input",
     "draw",
     "drive_of",
     "run_engine",
+    "share_crossed",
     "text",
     "warn_beyond_range",
     "write_nwb",
@@ -131,18 +132,19 @@ class BasalGanglia:
         """Warn if the evidence leaves the range in which the circuit works."""
         warn_beyond_range(self.circuit, self.drive(evidence))
 
-    def at_rest(self) -> npt.NDArray[np.float64]:
-        """Return OUT of the spiking circuit without evidence: 40 trials of half a second."""
-        silence = np.zeros((40, 1, self.circuit.channels))
-        quiet = replace(self, engine="ensemble", options={"rates": False})
+    def out_at_rest(self, trials: int = 40) -> npt.NDArray[np.float64]:
+        """Return OUT (trials, ticks, channels) of 500 ms without evidence, compiled engine."""
+        silence = np.zeros((trials, 1, self.circuit.channels))
+        kept = {k: v for k, v in self.options.items() if k in ("dt_ms", "settle_ms", "workers")}
+        quiet = replace(self, engine="ensemble", options={**kept, "rates": False})
         return np.asarray(quiet.at(silence, step_ms=500.0).output_nats)
 
     def warn_of_noise(self, threshold_nats: float) -> None:
         """Warn if noise alone crosses a threshold."""
         if self.engine != "ensemble":
             return
-        out = self.at_rest()
-        share = crossed(out, threshold_nats)
+        out = self.out_at_rest()
+        share = share_crossed(out, threshold_nats)
         if share > NOISE_SHARE:
             warnings.warn(
                 f"without evidence noise takes OUT below the threshold of {threshold_nats:.2f} "
@@ -160,7 +162,8 @@ class BasalGanglia:
         batch = BATCH
         if not self.options.get("rates", True):
             samples = evidence.steps * evidence.step_ms / self.options.get("sample_ms", 1.0)
-            batch = max(BATCH, int(BATCH_NUMBERS / (samples * evidence.hypotheses)))
+            most = int(WIDE_NUMBERS / (samples * evidence.hypotheses))
+            batch = max(BATCH, min(WIDE_BATCH, most))
         for first in range(0, evidence.trials, batch):
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
@@ -170,7 +173,7 @@ class BasalGanglia:
             yield part, activity
 
 
-def crossed(out_nats: npt.NDArray[np.float64], threshold_nats: float) -> float:
+def share_crossed(out_nats: npt.NDArray[np.float64], threshold_nats: float) -> float:
     """Return the share of trials whose OUT (trials, ticks, channels) ever meets a threshold."""
     return float((out_nats.min(axis=(1, 2)) <= threshold_nats).mean())
 

@@ -86,13 +86,14 @@ def sweeps(
         How long the decoder counts. Without one a trial is dropped a little below the lowest
         threshold, where the engine can; a decoder may need all of it.
     """
-    if model.engine in DROPPING and decoder_tau_ms is None:
+    decodes = model.engine in SPIKING and decoder_tau_ms is not None
+    if model.engine in DROPPING and not decodes:
         level = float(np.min(thresholds)) - 0.01
-        model = replace(model, options={"drop_below": level, "rates": False, **model.options})
+        model = replace(model, options={**model.options, "drop_below": level, "rates": False})
     found: dict[str, Sweep] = {}
     for part, activity in model.batches(evidence):
         traces = {CIRCUIT: model.trace(activity, part)}
-        if model.engine in SPIKING and decoder_tau_ms is not None:
+        if decodes and decoder_tau_ms is not None:
             traces[DECODER] = decoded_input(activity, part, decoder_tau_ms)
         for name, trace in traces.items():
             new = sweep(trace, part, thresholds)

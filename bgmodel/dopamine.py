@@ -20,8 +20,8 @@ from bgmodel.basal_ganglia import (
     SPIKING,
     BasalGanglia,
     Circuit,
-    crossed,
     run_engine,
+    share_crossed,
 )
 from bgmodel.circuit_study import CIRCUIT, sweeps
 from bgmodel.comparison import Sweep
@@ -103,34 +103,34 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
 def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level that a learner should play.
 
-    The working range less ``MARGIN`` on both sides; with spikes it also ends where noise decides:
-    where OUT at rest meets the threshold in more than ``NOISE_SHARE`` of the trials.
+    Where the fixed point decides by evidence, ``MARGIN`` away from where it stops to. With spikes
+    it also ends where noise decides: where OUT at rest meets the threshold in more than
+    ``NOISE_SHARE`` of 200 trials of half a second, in the compiled engine.
 
     Raises
     ------
     ValueError
-        As ``working_range``, or if noise decides at every level.
+        As ``working_range``, or if that leaves no level.
     """
     low, high = working_range(model.circuit, threshold_nats)
-    low, high = low * (1 + MARGIN), high * (1 - MARGIN)
-    if model.engine not in SPIKING:
-        return low, high
+    low = low * (1 + MARGIN)
+    high = high * (1 - MARGIN) if high < ALLOWED[1] else high
 
     def noisy(level: float) -> bool:
-        rest = replace(model, circuit=model.circuit.dopamine(level)).at_rest()
-        return crossed(rest, threshold_nats) > NOISE_SHARE
+        edited = replace(model, circuit=model.circuit.dopamine(level))
+        return share_crossed(edited.out_at_rest(200), threshold_nats) > NOISE_SHARE
 
-    if noisy(low):
-        raise ValueError(
-            f"noise alone takes {model.circuit.name} to a threshold of {threshold_nats:.2f} nats "
-            "at every level of dopamine at which evidence does"
-        )
-    if noisy(high):
+    if model.engine in SPIKING and noisy(high):
         quiet = low
         while high - quiet > 0.01:
             middle = (quiet + high) / 2
             quiet, high = (quiet, middle) if noisy(middle) else (middle, high)
         high = quiet
+    if not 0 < low < high:
+        raise ValueError(
+            f"no level of dopamine takes {model.circuit.name} to a threshold of "
+            f"{threshold_nats:.2f} nats by evidence and not by noise"
+        )
     return low, high
 
 

@@ -19,7 +19,8 @@ THRESHOLD_NATS = 0.3
 """OUT at which the circuit decides, whatever the dopamine: for two to four alternatives levels span
 posteriors .75 to .99."""
 LAST_SHARE = 0.08
-"""Exploration in the end, sd as a share of the levels' distance; assumed."""
+"""Exploration in the end, sd as a share of the levels' distance; tuned on seed 1002. With less, an
+optimum beside the edge is found too late; with more, one in a bend is missed."""
 
 
 def levels_between(low: float, high: float, count: int) -> Array:
@@ -27,8 +28,10 @@ def levels_between(low: float, high: float, count: int) -> Array:
     return np.geomspace(low, high, count)
 
 
-def played(model: BasalGanglia, count: int, threshold_nats: float = THRESHOLD_NATS) -> Array:
-    """Return the levels at which a learner meets a circuit: all that it can use."""
+def playable_levels(
+    model: BasalGanglia, count: int, threshold_nats: float = THRESHOLD_NATS
+) -> Array:
+    """Return levels (count,) at which a learner meets a circuit, over its ``usable_range``."""
     return levels_between(*usable_range(model, threshold_nats), count)
 
 
@@ -128,18 +131,26 @@ def learn_level(
     seed, name :
         Of the streams.
     policy, learner :
-        A ``GaussianPolicy`` on the body's levels, and the learner of the abstract test.
+        A ``GaussianPolicy`` on the body's levels, its last exploration ``LAST_SHARE``, and the
+        learner of the abstract test.
 
     Returns
     -------
     Learned
         Whose ``gap`` is the level of each trial, ``mean_gap`` the tonic level, and
         ``prediction_error`` phasic dopamine.
+
+    Raises
+    ------
+    ValueError
+        If the start or what is played lies beyond the body's levels, or there is no run.
     """
     low, high = float(met.levels[0]), float(met.levels[-1])
     policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
+    if not low <= policy.bounds[0] < policy.bounds[1] <= high:
+        raise ValueError(f"what is played must lie in {low:.3f}..{high:.3f}, got {policy.bounds}")
     if not low <= start_level <= high:
-        raise ValueError(f"start_level must lie in {low:.3g}..{high:.3g}, got {start_level}")
+        raise ValueError(f"start_level must lie in {low:.3f}..{high:.3f}, got {start_level}")
     if runs < 1:
         raise ValueError(f"runs must be >= 1, got {runs}")
     # Starts are paired: the same trials and perturbations from any of them.

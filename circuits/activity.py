@@ -27,7 +27,8 @@ class Activity:
     time_ms : array (ticks,)
         Times of the samples, ms from the onset of evidence.
     rates_hz : dict of arrays (trials, ticks, channels)
-        Rate of each population, Hz; spikes are counted from one sample to the next.
+        Rate of each population, Hz; spikes are counted from one sample to the next. NaN after a
+        trial was dropped; empty if the engine was told to leave rates out.
     output_nats : array (trials, ticks, channels)
         OUT: the read-out's rate, low-passed and decoded. NaN after a trial was dropped.
     engine : str

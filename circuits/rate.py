@@ -71,7 +71,8 @@ def run(
     output = np.full((clock.samples, circuit.channels, trials), np.nan)
     loop = _Loop(scheme)
     # Before the evidence all trials are alike.
-    loop.advance(clock.settle_ticks, np.zeros_like(loop.x))
+    if clock.settle_ticks:
+        loop.advance(clock.settle_ticks, np.zeros_like(loop.x))
     loop.select(np.zeros(trials, dtype=np.intp))
     left = np.arange(trials)
     for sample in range(clock.samples):
@@ -80,10 +81,10 @@ def run(
         if rates:
             kept[sample][:, left] = mean
         output[sample][:, left] = loop.output
-        on = scheme.wiring.activity(loop.output, circuit.readout).min(axis=0) >= level
-        if not on.all():
-            loop.select(on)
-            left, inputs = left[on], inputs[..., on]
+        over = scheme.wiring.activity(loop.output, circuit.readout).min(axis=0) < level
+        if over.any():
+            loop.select(~over)
+            left, inputs = left[~over], inputs[..., ~over]
         if not left.size:
             break
     return Activity.from_blocks(
@@ -124,7 +125,10 @@ class _Loop:
     def select(self, trials: Index) -> None:
         """Go on with some of the trials, or with one many times."""
         self.units, self.x = self.units[:, trials], self.x[:, trials]
-        self.sent, self.output = self.sent[..., trials], self.output[:, trials]
+        self.sent, self.output = (
+            np.ascontiguousarray(self.sent[..., trials]),
+            self.output[:, trials],
+        )
 
     def advance(self, ticks: int, drive: Array) -> Array:
         """Go on for some ticks under a drive (blocks, trials); return the mean rates over them."""
@@ -135,7 +139,7 @@ class _Loop:
                 total += rates[:, k]
                 seen = rates[self.readout, k]
                 self.output = self.readout_decay * self.output + (1 - self.readout_decay) * seen
-        return total / max(ticks, 1)
+        return total / ticks
 
     def _together(self, count: int, drive: Array) -> Array:
         """Go on for no more ticks than the shortest delay; return rates (blocks, ticks, trials)."""

@@ -63,7 +63,7 @@ class Learn:
             body,
             learn_level,
             learned_table,
-            played,
+            playable_levels,
             regret,
         )
         from bgmodel.learning import LearningStopped
@@ -75,16 +75,16 @@ class Learn:
         model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
         model.warn_of(evidence)
         threshold_nats = float(-np.log(self.posterior))
-        levels = played(model, self.levels, threshold_nats)
+        levels = playable_levels(model, self.levels, threshold_nats)
         start = levels[-1] if self.start_level is None else self.start_level
         if not levels[0] <= start <= levels[-1]:
             raise ValueError(
                 f"start_level must lie where {table.name} decides by evidence, "
-                f"{levels[0]:.2f}..{levels[-1]:.2f}, got {start:g}"
+                f"{levels[0]:.3f}..{levels[-1]:.3f}, got {start:g}"
             )
         print(
-            f"{evidence.trials} trials at {self.levels} levels, {levels[0]:.2f} to "
-            f"{levels[-1]:.2f}",
+            f"{evidence.trials} trials at {self.levels} levels, {levels[0]:.3f} to "
+            f"{levels[-1]:.3f}",
             file=sys.stderr,
         )
         met = body(model, evidence, levels, threshold_nats)
@@ -119,5 +119,7 @@ class Learn:
         files.check_writable(self.output.parent)
         self.stimuli.check()
         check_whole(runs=self.runs, levels=self.levels)
+        if self.levels < 2:
+            raise ValueError(f"levels must be >= 2, got {self.levels}")
         if not 0 < self.posterior < 1:
             raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
