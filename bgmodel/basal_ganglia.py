@@ -17,7 +17,7 @@ from bgmodel.sprt import Msprt, totals
 try:
     from circuits.activity import warn_beyond_range
     from circuits.anatomy import CIRCUITS, circuit
-    from circuits.cells import Escape
+    from circuits.cells import Escape, Rate
     from circuits.engines import DROPPING, ENGINES, SPIKING
     from circuits.engines import run as run_engine
     from circuits.nwb import write_nwb
@@ -54,6 +54,7 @@ __all__ = [
     "Escape",
     "Population",
     "Projection",
+    "Rate",
     "check_threshold",
     "circuit",
     "decoded_input",

@@ -77,29 +77,29 @@ def correlated(
     return circuit.with_rows(shared, path)
 
 
-def out_shift(circuit: Circuit, edited: Circuit, out_nats: float) -> float:
+def out_shift(circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike) -> npt.NDArray:
     """Return what an edit adds to the winner's OUT at the fixed point, nats; 0 without one.
 
     Parameters
     ----------
     circuit, edited : Circuit
         Before and after.
-    out_nats : float
-        OUT before, at which it is asked.
+    out_nats : array (...)
+        OUT before, at which it is asked; the result has its shape.
     """
     n = circuit.channels
-    odds = np.log(n - 1) - np.log(np.expm1(out_nats))
-    drive = np.zeros((1, 1, n))
-    drive[0, 0, 0] = odds
-    drive -= drive.mean()
+    out = np.asarray(out_nats, dtype=np.float64)
+    drive = np.zeros((out.size, 1, n))
+    drive[:, 0, 0] = (np.log(n - 1) - np.log(np.expm1(out))).ravel()
+    drive -= drive.mean(axis=2, keepdims=True)
     try:
         before, after = (
-            run_engine(c, drive, engine="algebra", step_ms=1.0).output_nats[0, 0, 0]
+            run_engine(c, drive, engine="algebra", step_ms=1.0).output_nats[:, 0, 0]
             for c in (circuit, edited)
         )
     except ValueError:
-        return 0.0
-    return float(after - before)
+        return np.zeros_like(out)
+    return (after - before).reshape(out.shape)
 
 
 def steady_out(
@@ -157,7 +157,7 @@ def steady_shifts(
                     "variant": name,
                     "log_odds": odd,
                     "out_nats": before[k].mean(),
-                    "exact_nats": out_shift(circuit, table, out),
+                    "exact_nats": float(out_shift(circuit, table, out)),
                     "value": shift[k].mean(),
                     "low": interval.low[k],
                     "high": interval.high[k],

@@ -83,13 +83,17 @@ def sweeps(
     thresholds : array (K,), nats
         As from ``thresholds_about``.
     decoder_tau_ms : float, optional
-        How long the decoder counts. Without one a trial is dropped a little below the lowest
-        threshold, where the engine can; a decoder may need all of it.
+        How long the decoder counts; None for no decoder.
+
+    Notes
+    -----
+    Where the engine can, a trial is dropped once its OUT is a little below the lowest threshold. A
+    decoder ends with it: it is ahead of the circuit, by all that the circuit's filters take.
     """
     decodes = model.engine in SPIKING and decoder_tau_ms is not None
-    if model.engine in DROPPING and not decodes:
+    if model.engine in DROPPING:
         level = float(np.min(thresholds)) - 0.01
-        model = replace(model, options={**model.options, "drop_below": level, "rates": False})
+        model = replace(model, options={**model.options, "drop_below": level, "rates": decodes})
     found: dict[str, Sweep] = {}
     for part, activity in model.batches(evidence):
         traces = {CIRCUIT: model.trace(activity, part)}
@@ -192,9 +196,9 @@ def variants(
     for name, circuit in {"intact": model.circuit, **edited}.items():
         same = name == "intact"
         changed = replace(model, circuit=circuit)
-        shift = out_shift(model.circuit, circuit, middle)
+        shift = float(out_shift(model.circuit, circuit, middle))
         # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
-        both = np.union1d(levels, levels + shift)
+        both = np.union1d(levels, levels + out_shift(model.circuit, circuit, levels))
         found = intact if same else sweeps(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
         for kind, minus in (("value", None), ("change", intact)):
             table = compare(

@@ -24,8 +24,8 @@ TRANSFERS = {"linear": LINEAR, "rectified": RECTIFIED, "exp": EXP, "s_minus_log_
 # Whether a block's cells are alike, differ in their constants, or in their inputs as well.
 ALIKE, SPREAD, WIRED = range(3)
 WORD = noise.TICKS_A_WORD
-FACTOR = 4
-"""Row of the cells' constants that holds their factors."""
+KICK, FACTOR = 3, 4
+"""Rows of the cells' constants that hold what a bit of noise does, and their factors."""
 WINDOW = 20
 """Most ticks that a block is taken through at a time: whole words, or one tick if the least delay
 is shorter than a word."""
@@ -103,7 +103,8 @@ def _receive(block, b, first, window, dt_s, work):
     common, push, kick, mask = work.common, work.push, work.kick, work.ring.shape[1] - 1
     if block.kind == LIF:
         for t in range(window):
-            push[t] = block.push * (block.mv + block.mv_per_nat * common[t]) - 4 * block.kick
+            mv = block.push * (block.mv + block.mv_per_nat * common[t]) - 4 * block.kick
+            push[t] = mv if block.apart == ALIKE else common[t]
         return
     if block.apart == WIRED:
         return
@@ -114,7 +115,7 @@ def _receive(block, b, first, window, dt_s, work):
         mean = rate * dt_s
         work.ring[b, (first + t) & mask] = rate
         if block.apart == SPREAD:
-            push[t] = mean
+            push[t], kick[t] = mean, math.sqrt(mean)
         elif block.kind == PHASE:
             each = block.cv * math.sqrt(0.5 * mean)
             kick[t] = each
@@ -192,47 +193,60 @@ def _four(values, t):
 
 @numba.njit(inline="always")
 def _inputs_apart(p, work, block, t, k, ticks):
-    """Fill x with each cell's inputs of some ticks, or its expected numbers of spikes."""
-    if block.apart == WIRED:
-        for i in range(ticks):
-            _wired(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
-            if block.kind != LIF:
-                _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants[FACTOR])
-    elif block.kind == LIF:
-        lanes.fill(work.x, block.filled, _four(work.common, t))
-    else:
-        mean = _four(work.push, t)
-        lanes.fill_apart(work.x, block.start, block.filled, mean, p.constants[FACTOR])
+    """Fill x with each cell's own inputs in some ticks, or its expected numbers of spikes."""
+    for i in range(ticks):
+        _wired(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
+        if block.kind != LIF:
+            _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants[FACTOR])
 
 
 @numba.njit(inline="always")
 def _cells(p, work, block, t, k, stream, ticks, marks):
     """Advance the cells of a block by some ticks; return how many fired in each, or mark them."""
-    v, counts, x, first, cells = work.v, work.counts, work.x, block.start, block.filled
-    threshold, hold, alike = block.threshold, block.hold, block.apart == ALIKE
-    if block.kind == LIF:
-        if alike:
-            push = _four(work.push, t)
-            return lanes.lif_alike(
-                v, counts, first, cells, ticks, block.keep, push, block.kick, threshold, hold, marks
-            )
-        return lanes.lif_apart(
-            v, counts, first, cells, ticks, x, p.constants, threshold, hold, marks
-        )
-    if block.kind == PHASE:
-        if alike:
-            push, kick = _four(work.push, t), _four(work.kick, t)
-            return lanes.phase_alike(v, counts, first, cells, ticks, push, kick, marks)
-        each = np.float32(block.cv) * ROOT_HALF
-        return lanes.phase_apart(v, counts, first, cells, ticks, x, each, marks)
-    keys = (
+    if block.apart == ALIKE:
+        return _alike(work, block, t, k, stream, ticks, marks)
+    if block.apart == SPREAD:
+        return _apart(p, work, block, t, k, stream, ticks, None, marks)
+    return _apart(p, work, block, t, k, stream, ticks, work.x, marks)
+
+
+@numba.njit(inline="always")
+def _keys(stream, k):
+    return (
         _tick_key(stream, k), _tick_key(stream, k + 1), _tick_key(stream, k + 2),
         _tick_key(stream, k + 3),
     )  # fmt: skip
-    if alike:
-        limit = _four(work.limit, t)
-        return lanes.escape_alike(v, first, cells, ticks, keys, limit, hold, marks)
-    return lanes.escape_apart(v, first, cells, ticks, keys, x, hold, marks)
+
+
+@numba.njit(inline="always")
+def _alike(work, block, t, k, stream, ticks, marks):
+    """Advance cells that differ in noise alone."""
+    v, counts, first, cells = work.v, work.counts, block.start, block.filled
+    if block.kind == LIF:
+        push, threshold, hold = _four(work.push, t), block.threshold, block.hold
+        return lanes.lif_alike(
+            v, counts, first, cells, ticks, block.keep, push, block.kick, threshold, hold, marks
+        )
+    if block.kind == PHASE:
+        push, kick = _four(work.push, t), _four(work.kick, t)
+        return lanes.phase_alike(v, counts, first, cells, ticks, push, kick, marks)
+    keys, limit = _keys(stream, k), _four(work.limit, t)
+    return lanes.escape_alike(v, first, cells, ticks, keys, limit, block.hold, marks)
+
+
+@numba.njit(inline="always")
+def _apart(p, work, block, t, k, stream, ticks, x, marks):
+    """Advance cells that differ in their constants and, with x, in their inputs."""
+    v, counts, first, cells, own = work.v, work.counts, block.start, block.filled, p.constants
+    mean = _four(work.push, t)
+    if block.kind == LIF:
+        threshold, hold = block.threshold, block.hold
+        return lanes.lif_apart(v, counts, first, cells, ticks, mean, x, own, threshold, hold, marks)
+    if block.kind == PHASE:
+        root, each = _four(work.kick, t), np.float32(block.cv) * ROOT_HALF
+        return lanes.phase_apart(v, counts, first, cells, ticks, mean, root, x, own, each, marks)
+    keys = _keys(stream, k)
+    return lanes.escape_apart(v, first, cells, ticks, keys, mean, x, own, block.hold, marks)
 
 
 @numba.njit(inline="always")
@@ -308,7 +322,7 @@ def _advance(p, work, b, first, window, drive, stream):
         k = first + t
         if block.kind != ESCAPE:
             _noise(work, block, k, stream)
-        if block.apart != ALIKE:
+        if block.apart == WIRED:
             _inputs_apart(p, work, block, t, k, min(WORD, window - t))
         # Ticks beyond the last of the run are computed, and read by nobody.
         _fire(p, work, block, b, t, k, stream)

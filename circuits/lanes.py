@@ -262,8 +262,8 @@ def lif_alike(v, counts, start, cells, ticks, decay, push, kick, threshold, hold
 
 
 @compiled
-def lif_apart(v, counts, start, cells, ticks, x, constants, threshold, hold, marks):
-    """Advance integrate-and-fire cells with inputs x and constants each.
+def lif_apart(v, counts, start, cells, ticks, common, x, constants, threshold, hold, marks):
+    """Advance integrate-and-fire cells with constants each; with inputs x, or all with the common.
 
     v is in units in which all cells have one threshold.
     """
@@ -273,7 +273,8 @@ def lif_apart(v, counts, start, cells, ticks, x, constants, threshold, hold, mar
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
         y, word = v[j], counts[j]
         for t in range(len(ticks)):
-            push = rest[j] + slope[j] * x[t, c] + kick[j] * ones_at(word, t)
+            heard = common[t] if x is None else x[t, c]
+            push = rest[j] + slope[j] * heard + kick[j] * ones_at(word, t)
             y, spike = _lif(y, y * decay[j] + push, threshold, hold)
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = y
@@ -306,17 +307,23 @@ def phase_alike(v, counts, start, cells, ticks, push, kick, marks):
 
 
 @compiled
-def phase_apart(v, counts, start, cells, ticks, mean, kick, marks):
-    """Advance phases with an expected advance ``mean`` each; kick is cv / sqrt 2."""
+def phase_apart(v, counts, start, cells, ticks, mean, root, x, constants, each, marks):
+    """Advance phases with an expected advance each: x, or the mean times the cell's factor.
+
+    The jitter of an advance m is ``each sqrt(m)``; root is that of the mean, and a cell's kick
+    ``each`` times the root of its factor.
+    """
     fired = NOBODY
+    kick, factor = constants[3], constants[4]
     for i in range(cells & WHOLE):
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
-        x, word = v[j], counts[j]
+        y, word = v[j], counts[j]
         for t in range(len(ticks)):
-            jitter = kick * np.sqrt(mean[t, c]) * (ones_at(word, t) - HALF_BITS)
-            x, spike = _phase(x, mean[t, c], jitter)
+            m = mean[t] * factor[j] if x is None else x[t, c]
+            width = root[t] * kick[j] if x is None else each * np.sqrt(m)
+            y, spike = _phase(y, m, width * (ones_at(word, t) - HALF_BITS))
             fired, mark = _noted(fired, mark, t, spike, marks)
-        v[j] = x
+        v[j] = y
         if marks is not None:
             marks[c] = mark
     return fired
@@ -346,22 +353,22 @@ def escape_alike(v, start, cells, ticks, keys, limit, hold, marks):
 
 
 @compiled
-def escape_apart(v, start, cells, ticks, keys, mean, hold, marks):
-    """Advance escape cells with an expected number of spikes a tick, ``mean``, each."""
-    fired = NOBODY
+def escape_apart(v, start, cells, ticks, keys, mean, x, constants, hold, marks):
+    """Advance escape cells with an expected number of spikes each, as ``phase_apart``."""
+    fired, factor = NOBODY, constants[4]
     for i in range(cells & WHOLE):
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
-        x = v[j]
+        y = v[j]
         for t in range(len(ticks)):
             word = np.float32(word32(i, keys[t])) * np.float32(2.0**-32)
             # 1 - exp(-m) by its series: the difference would lose the small rates' bits.
-            m = min(mean[t, c], ONE)
+            m = min(mean[t] * factor[j] if x is None else x[t, c], ONE)
             chance = m * (
                 ONE - m * (np.float32(1 / 2) - m * (np.float32(1 / 6) - m * np.float32(1 / 24)))
             )
-            x, spike = _escape(x, word < chance, hold)
+            y, spike = _escape(y, word < chance, hold)
             fired, mark = _noted(fired, mark, t, spike, marks)
-        v[j] = x
+        v[j] = y
         if marks is not None:
             marks[c] = mark
     return fired
@@ -432,19 +439,3 @@ def more_inputs(x, cells, u, first, weight):
     """Add a filter to the input x of each cell."""
     for i in range(cells & WHOLE):
         x[np.uint64(i)] += weight * u[np.uint64(first + i)]
-
-
-@compiled
-def fill(x, cells, values):
-    """Set the inputs x of all cells in four ticks."""
-    for i in range(cells & WHOLE):
-        for t in range(4):
-            x[t, np.uint64(i)] = values[t]
-
-
-@compiled
-def fill_apart(x, start, cells, values, factor):
-    """Set the inputs x of all cells in four ticks to a value times a factor each."""
-    for i in range(cells & WHOLE):
-        for t in range(4):
-            x[t, np.uint64(i)] = values[t] * factor[np.uint64(start + i)]

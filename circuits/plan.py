@@ -183,9 +183,11 @@ def _constants(
         here = slice(start[b], start[b] + row.neurons)
         tau, slope, top = cell_factors(wiring.circuit, row.name, int(wiring.channel[b]))
         constants[kernel.FACTOR, here] = tau
-        if not isinstance(row.cell, Lif):
-            continue
         cell = row.cell
+        if isinstance(cell, Phase):
+            constants[kernel.KICK, here] = cell.cv * np.sqrt(tau / 2)
+        if not isinstance(cell, Lif):
+            continue
         decay = np.exp(-dt_ms / (cell.tau_ms * tau))
         step = cell.step_mv(dt_ms, tau)
         rest = (cell.rest_mv - cell.reset_mv) * (1 - decay) - 4 * step / np.sqrt(2)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import curve_fit
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.basal_ganglia import BasalGanglia, Circuit, Rate, circuit
 from bgmodel.circuit_edits import correlated, perturbed, steady_out
 from bgmodel.circuit_study import (
     CIRCUIT,
@@ -31,6 +31,7 @@ NEURONS = (30, 100, 300, 1000, 3000)
 AT = 0.95
 SHOWN = 14
 SPAN_MS = 50.0
+SPARE_NATS = 0.6
 
 
 def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: float) -> Evidence:
@@ -88,16 +89,20 @@ def wiring(settings: Settings, *, output: Path) -> None:
 def linear_stn(table: Circuit) -> Circuit:
     """Return the circuit whose STN is linear: its exponential's tangent at rest.
 
-    At rest a channel's activity is Sigma / N = a; there ``e^u`` is about ``a (u + 1 - ln a)``.
+    At rest a channel's activity is Sigma / N = a; there ``e^u`` is about ``a (u + 1 - ln a)``. It
+    has no noise and no floor, which only favours it: a line that stops at 0 is still convex. OUT
+    is then the average less the winner, which falls further than -ln P: SNr gets more tonic drive,
+    or it would fall silent before the decision.
     """
     silence = np.zeros((1, 1, table.channels))
     activity = BasalGanglia(table).at(silence, step_ms=1.0)
     rest = float(activity.decoded_nats("STN").mean())
     bias = table.population("STN").bias_nats + 1 - float(np.log(rest))
-    table = table.changed("STN", transfer="rectified", bias_nats=bias)
+    line = Rate(signed=True)
+    table = table.changed("STN", cell=line, neurons=1, transfer="linear", bias_nats=bias)
     for target in ("common", "GPe", "SNr"):
         table = table.scaled("STN", target, rest)
-    return table
+    return table.changed("SNr", bias_nats=table.population("SNr").bias_nats + SPARE_NATS)
 
 
 def numbers(settings: Settings, *, output: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from bgmodel import Msprt, stream
+from bgmodel import Msprt, circuit_study, stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit, decoded_input, drive_of
 from bgmodel.circuit_edits import correlated, out_shift, perturbed, steady_out, steady_shifts
 from bgmodel.circuit_study import (
@@ -97,13 +97,19 @@ def test_what_computes_is_needed():
     assert "intact" in behaviour(found)
 
 
-def test_a_dropped_trial_has_decided_before():
-    """Without a decoder trials are dropped below the lowest threshold: no decision changes."""
+@pytest.mark.parametrize("tau_ms", [None, 20.0])
+def test_a_dropped_trial_has_decided_before(monkeypatch, tau_ms):
+    """Trials are dropped below the lowest threshold: no decision changes, nor the decoder's."""
     given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[OWN])
-    whole = sweeps(MODEL, EVIDENCE[:30], given)[CIRCUIT]
-    dropped = sweeps(MODEL, EVIDENCE[:30], given, decoder_tau_ms=None)[CIRCUIT]
-    assert np.array_equal(whole.choice, dropped.choice)
-    assert np.array_equal(whole.time_ms, dropped.time_ms)
+    dropped = sweeps(MODEL, EVIDENCE[:60], given, decoder_tau_ms=tau_ms)
+    monkeypatch.setattr(circuit_study, "DROPPING", ())
+    whole = sweeps(MODEL, EVIDENCE[:60], given, decoder_tau_ms=tau_ms)
+    assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
+    for name, one in whole.items():
+        # The decoder may not have met the lowest ones when the circuit, behind it, has.
+        met = slice(None) if name == CIRCUIT else one.thresholds >= one.threshold(0.97)
+        assert np.array_equal(one.choice[met], dropped[name].choice[met])
+        assert np.array_equal(one.time_ms[met], dropped[name].time_ms[met])
 
 
 def test_trials_do_not_depend_on_their_batch(monkeypatch):
