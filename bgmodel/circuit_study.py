@@ -196,9 +196,9 @@ def variants(
     for name, circuit in {"intact": model.circuit, **edited}.items():
         same = name == "intact"
         changed = replace(model, circuit=circuit)
-        shift = float(out_shift(model.circuit, circuit, middle))
+        shifts = out_shift(model.circuit, circuit, np.append(levels, middle))
         # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
-        both = np.union1d(levels, levels + out_shift(model.circuit, circuit, levels))
+        both = np.union1d(levels, levels + shifts[:-1])
         found = intact if same else sweeps(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
         for kind, minus in (("value", None), ("change", intact)):
             table = compare(
@@ -211,7 +211,7 @@ def variants(
                 resamples=resamples,
             )
             parts.append(table.assign(variant=name, kind=kind))
-        fixed = _at_threshold_of(intact, found, evidence, accuracies).assign(shift_nats=shift)
+        fixed = _at_threshold_of(intact, found, evidence, accuracies).assign(shift_nats=shifts[-1])
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
 

@@ -69,7 +69,7 @@ def _spread_of_out(table: Circuit, seed: int) -> float:
 
 def wiring(settings: Settings, *, output: Path) -> None:
     """Compare circuits whose cells differ, are sparsely connected or share noise, N = 4."""
-    evidence = gaussian(settings, "wiring", settings.varied_trials, 4, 0.5)
+    evidence = gaussian(settings, "wiring", settings.varied_trials, 4, 1.0)
     table = circuit("spiking_msprt", 4)
     edited = {
         "Poisson cortex": table.changed("ctx", cv=1.0),
