@@ -78,7 +78,9 @@ def correlated(
 
 
 def out_shift(circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike) -> npt.NDArray:
-    """Return what an edit adds to the winner's OUT at the fixed point, nats; 0 without one.
+    """Return what an edit adds to the winner's OUT at the fixed point, nats.
+
+    Where any OUT that is asked for has no fixed point all are 0.
 
     Parameters
     ----------

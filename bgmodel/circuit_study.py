@@ -87,21 +87,31 @@ def sweeps(
 
     Notes
     -----
-    Where the engine can, a trial is dropped once its OUT is a little below the lowest threshold. A
-    decoder ends with it: it is ahead of the circuit, by all that the circuit's filters take.
+    Where the engine can, a trial is dropped once its OUT is a little below the lowest threshold. If
+    the decoder, which mostly is ahead of the circuit, is not as far by then, the trial is run to
+    its end.
     """
     decodes = model.engine in SPIKING and decoder_tau_ms is not None
+    whole, lowest = model, float(np.min(thresholds))
     if model.engine in DROPPING:
-        level = float(np.min(thresholds)) - 0.01
-        model = replace(model, options={**model.options, "drop_below": level, "rates": decodes})
+        options = {**model.options, "drop_below": lowest - 0.01, "rates": decodes}
+        model = replace(model, options=options)
     found: dict[str, Sweep] = {}
+    first = 0
     for part, activity in model.batches(evidence):
         traces = {CIRCUIT: model.trace(activity, part)}
         if decodes and decoder_tau_ms is not None:
-            traces[DECODER] = decoded_input(activity, part, decoder_tau_ms)
+            decoded = decoded_input(activity, part, decoder_tau_ms)
+            dropped = np.isnan(activity.output_nats[:, -1, 0])
+            for t in np.flatnonzero(dropped & (decoded.out_nats.min(axis=(1, 2)) > lowest)):
+                one = part[t : t + 1]
+                again = decoded_input(whole.activity(one, first + t), one, decoder_tau_ms)
+                decoded.out_nats[t] = again.out_nats[0]
+            traces[DECODER] = decoded
         for name, trace in traces.items():
             new = sweep(trace, part, thresholds)
             found[name] = found[name] + new if name in found else new
+        first += part.trials
     return found
 
 
@@ -199,6 +209,7 @@ def variants(
         shifts = out_shift(model.circuit, circuit, np.append(levels, middle))
         # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
         both = np.union1d(levels, levels + shifts[:-1])
+        both = both[both > _silent(circuit)]
         found = intact if same else sweeps(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
         for kind, minus in (("value", None), ("change", intact)):
             table = compare(
@@ -214,6 +225,12 @@ def variants(
         fixed = _at_threshold_of(intact, found, evidence, accuracies).assign(shift_nats=shifts[-1])
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
+
+
+def _silent(circuit: Circuit) -> float:
+    """Return the OUT of a read-out that does not fire, nats: no threshold below is ever met."""
+    readout = circuit.population(circuit.readout)
+    return -readout.baseline_hz / readout.gain_hz_per_nat
 
 
 def _at_threshold_of(

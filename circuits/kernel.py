@@ -24,8 +24,6 @@ TRANSFERS = {"linear": LINEAR, "rectified": RECTIFIED, "exp": EXP, "s_minus_log_
 # Whether a block's cells are alike, differ in their constants, or in their inputs as well.
 ALIKE, SPREAD, WIRED = range(3)
 WORD = noise.TICKS_A_WORD
-KICK, FACTOR = 3, 4
-"""Rows of the cells' constants that hold what a bit of noise does, and their factors."""
 WINDOW = 20
 """Most ticks that a block is taken through at a time: whole words, or one tick if the least delay
 is shorter than a word."""
@@ -102,9 +100,12 @@ def _receive(block, b, first, window, dt_s, work):
     """Turn a block's input into its rates, or into what its cells need."""
     common, push, kick, mask = work.common, work.push, work.kick, work.ring.shape[1] - 1
     if block.kind == LIF:
+        if block.apart != ALIKE:
+            for t in range(window):
+                push[t] = common[t]
+            return
         for t in range(window):
-            mv = block.push * (block.mv + block.mv_per_nat * common[t]) - 4 * block.kick
-            push[t] = mv if block.apart == ALIKE else common[t]
+            push[t] = block.push * (block.mv + block.mv_per_nat * common[t]) - 4 * block.kick
         return
     if block.apart == WIRED:
         return
@@ -197,7 +198,7 @@ def _inputs_apart(p, work, block, t, k, ticks):
     for i in range(ticks):
         _wired(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
         if block.kind != LIF:
-            _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants[FACTOR])
+            _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants[lanes.FACTOR])
 
 
 @numba.njit(inline="always")
@@ -238,15 +239,15 @@ def _alike(work, block, t, k, stream, ticks, marks):
 def _apart(p, work, block, t, k, stream, ticks, x, marks):
     """Advance cells that differ in their constants and, with x, in their inputs."""
     v, counts, first, cells, own = work.v, work.counts, block.start, block.filled, p.constants
-    mean = _four(work.push, t)
+    common = _four(work.push, t)
     if block.kind == LIF:
-        threshold, hold = block.threshold, block.hold
-        return lanes.lif_apart(v, counts, first, cells, ticks, mean, x, own, threshold, hold, marks)
+        top, hold = block.threshold, block.hold
+        return lanes.lif_apart(v, counts, first, cells, ticks, common, x, own, top, hold, marks)
     if block.kind == PHASE:
         root, each = _four(work.kick, t), np.float32(block.cv) * ROOT_HALF
-        return lanes.phase_apart(v, counts, first, cells, ticks, mean, root, x, own, each, marks)
+        return lanes.phase_apart(v, counts, first, cells, ticks, common, root, x, own, each, marks)
     keys = _keys(stream, k)
-    return lanes.escape_apart(v, first, cells, ticks, keys, mean, x, own, block.hold, marks)
+    return lanes.escape_apart(v, first, cells, ticks, keys, common, x, own, block.hold, marks)
 
 
 @numba.njit(inline="always")
@@ -351,7 +352,7 @@ def _at_rest(p, work, streams):
             work.own[j] = block.rest_x
             if block.kind == LIF and block.apart != ALIKE:
                 # Into the units in which all cells have one threshold.
-                work.v[j] *= p.constants[FACTOR][j] if work.v[j] >= 0 else lanes.ONE
+                work.v[j] *= p.constants[lanes.FACTOR][j] if work.v[j] >= 0 else lanes.ONE
     for c in range(len(p.readout)):
         work.low_pass[c] = p.blocks[p.readout[c]].rest_hz
     for q in range(len(p.units)):

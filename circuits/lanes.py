@@ -42,6 +42,8 @@ WAIT = np.float32(2.0**20)
 WAITING = np.float32(-(2.0**19))
 ONE = np.float32(1.0)
 ZERO = np.float32(0.0)
+KICK, FACTOR = 3, 4
+"""Rows of the cells' constants: what a bit of noise does, and what a rate is multiplied by."""
 FOUR, SINGLE = (0, 1, 2, 3), (0,)
 """Ticks that a loop takes its cells through at once."""
 UNMARKED = np.int32(0)
@@ -268,7 +270,7 @@ def lif_apart(v, counts, start, cells, ticks, common, x, constants, threshold, h
     v is in units in which all cells have one threshold.
     """
     fired = NOBODY
-    decay, rest, slope, kick = constants[0], constants[1], constants[2], constants[3]
+    decay, rest, slope, kick = constants[0], constants[1], constants[2], constants[KICK]
     for i in range(cells & WHOLE):
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
         y, word = v[j], counts[j]
@@ -314,7 +316,7 @@ def phase_apart(v, counts, start, cells, ticks, mean, root, x, constants, each, 
     ``each`` times the root of its factor.
     """
     fired = NOBODY
-    kick, factor = constants[3], constants[4]
+    kick, factor = constants[KICK], constants[FACTOR]
     for i in range(cells & WHOLE):
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
         y, word = v[j], counts[j]
@@ -355,7 +357,7 @@ def escape_alike(v, start, cells, ticks, keys, limit, hold, marks):
 @compiled
 def escape_apart(v, start, cells, ticks, keys, mean, x, constants, hold, marks):
     """Advance escape cells with an expected number of spikes each, as ``phase_apart``."""
-    fired, factor = NOBODY, constants[4]
+    fired, factor = NOBODY, constants[FACTOR]
     for i in range(cells & WHOLE):
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
         y = v[j]

@@ -182,10 +182,10 @@ def _constants(
         row = wiring.row(b)
         here = slice(start[b], start[b] + row.neurons)
         tau, slope, top = cell_factors(wiring.circuit, row.name, int(wiring.channel[b]))
-        constants[kernel.FACTOR, here] = tau
+        constants[lanes.FACTOR, here] = tau
         cell = row.cell
         if isinstance(cell, Phase):
-            constants[kernel.KICK, here] = cell.cv * np.sqrt(tau / 2)
+            constants[lanes.KICK, here] = cell.cv * np.sqrt(tau / 2)
         if not isinstance(cell, Lif):
             continue
         decay = np.exp(-dt_ms / (cell.tau_ms * tau))

@@ -53,7 +53,7 @@ class Plan(NamedTuple):
     constants : array (5, cells) float32
         Constants of each cell where cells differ; empty if none do. For a Lif: decay, rest (which
         makes up for the mean of the noise), slope, kick, unit of potential; for the others the last
-        is a factor on the rate.
+        is a factor on the rate, and the kick is that of a Phase, cv times the root of half of it.
     """
 
     clock: Any
@@ -83,7 +83,8 @@ class Work(NamedTuple):
         Filtered inputs, nats; sums of rates over a sample.
     common, push, kick, limit : arrays (window,)
         Input of all cells of one block, nats; what it does to a cell's state, and the noise of a
-        bit; or the word below which a cell fires.
+        bit; or the word below which a cell fires. Where cells have constants of their own push is
+        that input (of a Lif) or the mean advance, and kick its root.
     unit, passed : arrays (units,), (units, window)
         Filtered activity before and after the transfer.
     strand, scale : arrays (strand cells,), (strands,)

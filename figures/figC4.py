@@ -90,16 +90,16 @@ def linear_stn(table: Circuit) -> Circuit:
     """Return the circuit whose STN is linear: its exponential's tangent at rest.
 
     At rest a channel's activity is Sigma / N = a; there ``e^u`` is about ``a (u + 1 - ln a)``. It
-    has no noise and no floor, which only favours it: a line that stops at 0 is still convex. OUT
-    is then the average less the winner, which falls further than -ln P: SNr gets more tonic drive,
-    or it would fall silent before the decision.
+    has no floor, for a line that stops at 0 is still convex, and no noise, which favours it. OUT is
+    then the average less the winner, as far as cortex is not silent. It falls further than -ln P:
+    SNr gets more tonic drive, or it would fall silent before a decision at .95.
     """
     silence = np.zeros((1, 1, table.channels))
     activity = BasalGanglia(table).at(silence, step_ms=1.0)
     rest = float(activity.decoded_nats("STN").mean())
     bias = table.population("STN").bias_nats + 1 - float(np.log(rest))
     line = Rate(signed=True)
-    table = table.changed("STN", cell=line, neurons=1, transfer="linear", bias_nats=bias)
+    table = table.changed("STN", cell=line, transfer="linear", bias_nats=bias)
     for target in ("common", "GPe", "SNr"):
         table = table.scaled("STN", target, rest)
     return table.changed("SNr", bias_nats=table.population("SNr").bias_nats + SPARE_NATS)

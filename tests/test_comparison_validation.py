@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel import Sprt, first_crossing, posterior_criterion, stream, threshold_from_gap
 from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.circuit_study import FULL, msprt_sweeps, variants
+from bgmodel.circuit_study import variants
 from bgmodel.comparison import compare, sweep
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.rivals import MaxVsAverage
@@ -86,7 +86,7 @@ def test_what_computes_is_needed():
     found = variants(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
     change = found[found["kind"] == "change"].set_index(["variant", "measure"])
     rival = compare(
-        msprt_sweeps(evidence, 1.0)[FULL],
+        sweep(Msprt(0.5).run(evidence), evidence),
         sweep(MaxVsAverage().run(evidence), evidence),
         rng=stream(SCORING_SEED, "bootstrap"),
         accuracies=(0.95,),

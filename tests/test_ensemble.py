@@ -62,9 +62,10 @@ def test_cells_that_are_alike_spike_as_in_the_plain_scheme(circuit):
         BASE.with_connections(0.25),
         BASE.with_connections(0.25).scaled("ctx", "D1", 0.9, 0).scaled("STN", "GPe", 0, 1),
         BASE.with_spread(0.1).with_connections(0.25),
+        ESCAPE.with_spread(0.1),
         ESCAPE.with_spread(0.1).with_connections(0.25),
     ],
-    ids=["spread", "wide spread", "sparse", "one channel", "both", "escape"],
+    ids=["spread", "wide spread", "sparse", "one channel", "both", "escape", "escape, both"],
 )
 def test_cells_that_differ_spike_as_in_the_plain_scheme_up_to_single_precision(circuit):
     fast, plain = both(circuit, ramp(2, 3))
