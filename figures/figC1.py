@@ -139,7 +139,7 @@ def _gpe(ax: Any, below: Any, table: pd.DataFrame) -> None:
         f"Σ = 2..4: cells off by {worst['cells']:.2f},\nline by {worst['line']:.2f} nats",
         transform=ax.transAxes, ha="right", fontsize=7,
     )  # fmt: skip
-    ax.set(ylabel="GPe activity (nats)", ylim=(-1.9, 2.1))
+    ax.set(ylabel="GPe activity (nats)", ylim=(-1.9, 3.2))
     ax.legend(loc="upper left")
     below.axhline(0, color="0.6", lw=1)
     below.plot(sigma, line - law, color="C0", lw=1, ls="--")
