@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.signal import lfilter
 
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
@@ -198,11 +199,11 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     y = activity.decoded_nats(activity.circuit.input)
     keep = np.exp(-float(activity.time_ms[0]) / tau_ms)
     # What all channels share changes nothing: at the start none is ahead.
-    seen, state = np.empty_like(y), np.zeros(y.shape[2])
-    for k in range(y.shape[1]):
-        # After a trial was dropped nothing new comes.
-        state = np.where(np.isnan(y[:, k]), state, keep * state + (1 - keep) * y[:, k])
-        seen[:, k] = state
+    seen = lfilter([1 - keep], [1, -keep], y, axis=1)
+    # After a trial was dropped nothing new comes.
+    ended = np.isnan(y[:, :, 0])
+    last = np.maximum((~ended).sum(axis=1) - 1, 0)
+    seen = np.where(ended[:, :, None], seen[np.arange(len(y)), last][:, None], seen)
     return BasalGanglia.trace(replace(activity, output_nats=Msprt().output(seen)), evidence)
 
 

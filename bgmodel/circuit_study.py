@@ -36,6 +36,9 @@ OWN, FULL = "MSPRT at its gain", "MSPRT"
 DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
 LOWEST_NATS = 1e-3
+HIGHEST = 0.98
+BELOW_NATS = 0.04
+"""How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
 
 
 def usual_gain(alternatives: int) -> float:
@@ -55,12 +58,12 @@ def msprt_sweeps(evidence: Evidence, gain: float) -> dict[str, Sweep]:
     }
 
 
-def thresholds_about(test: Sweep) -> npt.NDArray[np.float64]:
-    """Return thresholds for a circuit, nats, from below the test's at .98 to above that at .80.
+def thresholds_about(test: Sweep, highest: float = HIGHEST) -> npt.NDArray[np.float64]:
+    """Return thresholds for a circuit, nats, around the test's at accuracies from .80 to highest.
 
     A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
     """
-    low, high = 0.7 * test.threshold(0.98), 1.3 * test.threshold(0.80)
+    low, high = 0.7 * test.threshold(highest), 1.3 * test.threshold(0.80)
     # Where the evidence is strong enough, the test's reaches 0.
     return np.geomspace(max(high, 2 * LOWEST_NATS), max(low, LOWEST_NATS), THRESHOLDS)
 
@@ -88,13 +91,13 @@ def sweeps(
     Notes
     -----
     Where the engine can, a trial is dropped once its OUT is a little below the lowest threshold. If
-    the decoder, which mostly is ahead of the circuit, is not as far by then, the trial is run to
-    its end.
+    the decoder has not crossed all thresholds by then, the trial is run again, to its end.
     """
     decodes = model.engine in SPIKING and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
     if model.engine in DROPPING:
-        options = {**model.options, "drop_below": lowest - 0.01, "rates": decodes}
+        level = lowest - (BELOW_NATS if decodes else 0.01)
+        options = {**model.options, "drop_below": level, "rates": decodes}
         model = replace(model, options=options)
     found: dict[str, Sweep] = {}
     first = 0
@@ -176,6 +179,7 @@ def variants(
     seed: int,
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
+    highest: float = HIGHEST,
 ) -> pd.DataFrame:
     """Compare edited circuits with the MSPRT, and with the circuit as it is, on the same evidence.
 
@@ -187,6 +191,8 @@ def variants(
         What is changed; noise and evidence are the same.
     evidence : Evidence
         What all are given.
+    highest : float
+        Accuracy up to which thresholds are tried: a lower one takes less time.
 
     Returns
     -------
@@ -199,7 +205,7 @@ def variants(
     check_trials(evidence.trials)
     model.warn_of(evidence)
     test = msprt_sweeps(evidence, model.gain)[OWN]
-    levels = thresholds_about(test)
+    levels = thresholds_about(test, highest)
     middle = test.threshold(accuracies[len(accuracies) // 2])
     intact = sweeps(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
     parts = []
