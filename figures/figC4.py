@@ -113,8 +113,7 @@ def numbers(settings: Settings, *, output: Path) -> None:
     edited = dict(list(perturbed(table).items())[:: settings.varied_every])
     # Each starts at its own rest: a third of the usual time to settle will do.
     model = BasalGanglia(table, "ensemble", GAIN, settings.seed, {"settle_ms": 100.0})
-    given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
-    found = variants(model, edited, evidence, seed=settings.seed, **given)
+    found = variants(model, edited, evidence, seed=settings.seed, accuracies=(AT,), resamples=200)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
