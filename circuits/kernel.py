@@ -170,9 +170,11 @@ def _wired(p, work, block, common, k, x):
 
 
 @compiled
-def _rates_apart(block, dt_s, x, state, factor):
+def _rates_apart(block, dt_s, x, state, constants):
     """Turn each cell's input into its expected number of spikes a tick, in place in x."""
-    first, code = block.start, block.law
+    if constants is None:
+        return
+    first, code, factor = block.start, block.law, constants[lanes.FACTOR]
     lanes.filtered(state, first, block.filled, np.float32(block.decay), np.float32(block.push), x)
     gain, baseline = np.float32(block.gain * dt_s), np.float32(block.baseline * dt_s)
     if code == EXP:
@@ -198,7 +200,7 @@ def _inputs_apart(p, work, block, t, k, ticks):
     for i in range(ticks):
         _wired(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
         if block.kind != LIF:
-            _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants[lanes.FACTOR])
+            _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants)
 
 
 @numba.njit(inline="always")
@@ -290,13 +292,8 @@ def _sample(clock, i, total, low_pass, rates, out):
 @numba.njit(inline="always")
 def _fire(p, work, block, b, t, k, stream):
     """Advance the cells of a block by the ticks of a word of noise, or by one."""
-    if not block.listed:
-        fired = _cells(p, work, block, t, k, stream, lanes.FOUR, None)
-    else:
-        if p.clock[0].window == 1:
-            _cells(p, work, block, t, k, stream, lanes.SINGLE, work.marks)
-        else:
-            _cells(p, work, block, t, k, stream, lanes.FOUR, work.marks)
+    fired = _cells(p, work, block, t, k, stream, p.ticks, work.marks)
+    if p.clock[0].listing:
         fired = _list(p, work, block, b, k)
     for i in range(WORD):
         work.ring[b, (k + i) & (p.clock[0].ring - 1)] = fired[i] * block.spike_hz
@@ -350,9 +347,8 @@ def _at_rest(p, work, streams):
         work.ring[b] = block.rest_hz
         for j in range(block.start, block.start + block.filled):
             work.own[j] = block.rest_x
-            if block.kind == LIF and block.apart != ALIKE:
-                # Into the units in which all cells have one threshold.
-                work.v[j] *= p.constants[lanes.FACTOR][j] if work.v[j] >= 0 else lanes.ONE
+        if block.kind == LIF and block.apart != ALIKE:
+            lanes.in_own_units(work.v, block.start, block.filled, p.constants)
     for c in range(len(p.readout)):
         work.low_pass[c] = p.blocks[p.readout[c]].rest_hz
     for q in range(len(p.units)):

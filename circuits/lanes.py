@@ -209,6 +209,15 @@ def begin(v, start, cells, filled, key, least, span):
 
 
 @compiled
+def in_own_units(v, start, cells, constants):
+    """Take potentials into the units in which all cells have one threshold."""
+    if constants is None:
+        return
+    for j in range(start, start + cells):
+        v[j] *= constants[FACTOR][j] if v[j] >= 0 else ONE
+
+
+@compiled
 def refresh(counts, start, cells, key):
     """Draw the words that serve the next four ticks, as ones a byte, the next tick's lowest."""
     for i in range(cells & WHOLE):
@@ -269,6 +278,8 @@ def lif_apart(v, counts, start, cells, ticks, common, x, constants, threshold, h
 
     v is in units in which all cells have one threshold.
     """
+    if constants is None:
+        return NOBODY
     fired = NOBODY
     decay, rest, slope, kick = constants[0], constants[1], constants[2], constants[KICK]
     for i in range(cells & WHOLE):
@@ -315,6 +326,8 @@ def phase_apart(v, counts, start, cells, ticks, mean, root, x, constants, each, 
     The jitter of an advance m is ``each sqrt(m)``; root is that of the mean, and a cell's kick
     ``each`` times the root of its factor.
     """
+    if constants is None:
+        return NOBODY
     fired = NOBODY
     kick, factor = constants[KICK], constants[FACTOR]
     for i in range(cells & WHOLE):
@@ -357,6 +370,8 @@ def escape_alike(v, start, cells, ticks, keys, limit, hold, marks):
 @compiled
 def escape_apart(v, start, cells, ticks, keys, mean, x, constants, hold, marks):
     """Advance escape cells with an expected number of spikes each, as ``phase_apart``."""
+    if constants is None:
+        return NOBODY
     fired, factor = NOBODY, constants[FACTOR]
     for i in range(cells & WHOLE):
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
@@ -387,6 +402,8 @@ def filtered(x, start, cells, decay, gain, wanted):
 @compiled
 def marked(marks, cells, found, most, places, found_n):
     """List the cells with each of four marks, at four places; return how many there are."""
+    if marks is None:
+        return NOBODY
     words = marks.view(np.uint64)
     for t in range(4):
         found_n[places[t]] = 0

@@ -77,6 +77,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             sample=clock.sample_ticks,
             ring=ring,
             window=window,
+            listing=bool((kept | needs).any() or window == 1),
             dt_s=dt / 1000,
             readout_decay=scheme.readout_decay,
             readout_baseline=readout.baseline_hz,
@@ -97,7 +98,6 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             spike_hz=1000 / (np.maximum(cells, 1) * dt),
             filled=filled,
             apart=apart,
-            listed=kept | needs | (window == 1),
             kept=kept,
             baseline=wiring.baseline_hz,
             gain=wiring.gain_hz_per_nat,
@@ -136,6 +136,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
         fibres=fibres,
         wires=wires,
         readout=wiring.blocks_of(circuit.readout),
+        ticks=lanes.SINGLE if window == 1 else lanes.FOUR,
         constants=_constants(wiring, start, filled, apart, dt),
     )
 
@@ -175,9 +176,11 @@ def _lif(cell: object, dt_ms: float) -> tuple[float, ...]:
 
 def _constants(
     wiring: Wiring, start: Any, filled: Any, apart: Any, dt_ms: float
-) -> npt.NDArray[np.float32]:
-    """Return the constants of each cell where cells differ."""
-    constants = np.zeros((5, int(filled.sum()) if apart.any() else 0), np.float32)
+) -> npt.NDArray[np.float32] | None:
+    """Return the constants of each cell where cells differ; None if none do."""
+    if not apart.any():
+        return None
+    constants = np.zeros((5, int(filled.sum())), np.float32)
     for b in np.flatnonzero(apart):
         row = wiring.row(b)
         here = slice(start[b], start[b] + row.neurons)
@@ -260,7 +263,7 @@ def workspace(p: records.Plan) -> records.Work:
     cells = int(p.blocks["filled"].sum())
     connected = int(p.blocks["filled"][p.strands["target"]].sum())
     widest = int(p.blocks["filled"].max())
-    most = int(p.blocks["filled"][p.blocks["listed"] > 0].max(initial=1))
+    most = widest if clock["listing"] else 1
     return records.Work(
         v=np.zeros(cells, np.float32),
         counts=np.zeros(cells, np.uint32),
@@ -278,7 +281,7 @@ def workspace(p: records.Plan) -> records.Work:
         strand=np.zeros(connected, np.float32),
         scale=np.zeros(len(p.strands)),
         sums=np.zeros(widest, np.uint8),
-        marks=np.zeros(widest, np.uint8),
+        marks=np.zeros(widest, np.uint8) if clock["listing"] else None,
         places=np.zeros(kernel.WORD, np.int64),
         found=np.zeros(ring * blocks * most, np.int32),
         found_n=np.zeros(ring * blocks, np.int32),

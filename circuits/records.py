@@ -15,11 +15,11 @@ def _record(**fields: str) -> np.dtype:
 
 # Records keep a row of the table together; the compiler reads their fields without a detour.
 CLOCK = _record(
-    i8="ticks settle step sample ring window",
+    i8="ticks settle step sample ring window listing",
     f8="dt_s readout_decay readout_baseline readout_gain",
 )
 BLOCK = _record(
-    i8="kind law drive input inputs strand strands start cells filled apart listed kept",
+    i8="kind law drive input inputs strand strands start cells filled apart kept",
     f8="spike_hz baseline gain floor decay push bias drive_gain rest_x rest_hz cv mv mv_per_nat",
     f4="keep kick threshold hold begin begin_span",
 )
@@ -50,10 +50,13 @@ class Plan(NamedTuple):
         Connections: for every source cell one row of target cells, a bit each.
     readout : array (channels,)
         Blocks of the read-out.
-    constants : array (5, cells) float32
-        Constants of each cell where cells differ; empty if none do. For a Lif: decay, rest (which
-        makes up for the mean of the noise), slope, kick, unit of potential; for the others the last
-        is a factor on the rate, and the kick is that of a Phase, cv times the root of half of it.
+    ticks : tuple
+        As long as the number of ticks that cells are taken through at once.
+    constants : array (5, cells) float32, or None
+        Constants of each cell where cells differ: what nothing needs is not compiled. For a Lif:
+        decay, rest (which makes up for the mean of the noise), slope, kick, unit of potential; for
+        the others the last is a factor on the rate, and the kick is that of a Phase, cv times the
+        root of half of it.
     """
 
     clock: Any
@@ -65,6 +68,7 @@ class Plan(NamedTuple):
     fibres: Any
     wires: Any
     readout: Any
+    ticks: Any
     constants: Any
 
 
@@ -90,7 +94,8 @@ class Work(NamedTuple):
     strand, scale : arrays (strand cells,), (strands,)
         Filtered activity cell by cell, divided by a scale that a strand's cells share.
     sums, marks : arrays (most cells of a block,)
-        Arrivals in a tick; a bit for each of four ticks in which a cell fired.
+        Arrivals in a tick; a bit for each of four ticks in which a cell fired, or None where no
+        spikes are listed.
     places : array (4,)
         Where the lists of those that fire in four ticks lie.
     found, found_n : arrays (ring * blocks * most,), (ring * blocks,)
