@@ -29,6 +29,7 @@ benchmark: $(VENV)/bench.installed
 score: $(VENV)/figures.installed
 	$(BIN)/python -m benchmarks.scoring --workers $(CORES)
 	$(BIN)/python -m benchmarks.learning
+	$(BIN)/python -m benchmarks.knob
 	$(BIN)/python -m benchmarks.sensitivity --workers $(CORES)
 
 # The table of decoded taps that ships with the package, made again from nothing.

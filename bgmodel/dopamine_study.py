@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -37,7 +39,7 @@ def playable_levels(
 
 def knob_table(
     swept: Sweep,
-    test: Sweep,
+    tests: Mapping[str, Sweep],
     *,
     circuit: Circuit,
     gain: float,
@@ -46,12 +48,14 @@ def knob_table(
     rng: np.random.Generator,
     resamples: int = 500,
 ) -> pd.DataFrame:
-    """Return what each level of dopamine does, beside the fixed point and the MSPRT.
+    """Return what each level of dopamine does, beside the fixed point and tests.
 
     Parameters
     ----------
-    swept, test : Sweep
-        As from ``dopamine.knob``, and the MSPRT's on the same evidence.
+    swept : Sweep
+        As from ``dopamine.knob``.
+    tests : mapping of Sweep
+        By name, as from ``circuit_study.msprt_sweeps``, on the same evidence.
     circuit, gain, threshold_nats :
         What was swept.
     latency_ms : float
@@ -62,32 +66,34 @@ def knob_table(
     Returns
     -------
     DataFrame
-        One row a level and measure: level, measure, value, low, high. Measures: criterion (mean
-        posterior of what is chosen), fixed_point (the posterior at which the fixed point decides,
-        NaN outside its range), mean_ms, forced, premature, accuracy_gap (expected accuracy minus
-        the MSPRT's at the same mean time less the latency) and extra_ms (mean time minus the
-        MSPRT's at the same expected accuracy, the latency not taken off).
+        One row a level and measure: level, measure, value, low, high, reference. Measures:
+        criterion (mean posterior of what is chosen), fixed_point (the posterior at which the fixed
+        point decides, NaN outside its range), mean_ms, forced, premature; and beside each test
+        accuracy_gap (expected accuracy minus the test's at the same mean time less the latency) and
+        extra_ms (mean time minus the test's at the same expected accuracy, the latency not taken
+        off).
     """
     weights = resampled(swept.trials, resamples, rng)
     weights = weights / weights.sum(axis=1, keepdims=True)
     values = {
-        "criterion": weights @ swept.posterior.T,
-        "mean_ms": weights @ swept.time_ms.T,
-        "forced": weights @ swept.forced.T,
-        "premature": weights @ swept.premature.T,
+        ("criterion", ""): weights @ swept.posterior.T,
+        ("mean_ms", ""): weights @ swept.time_ms.T,
+        ("forced", ""): weights @ swept.forced.T,
+        ("premature", ""): weights @ swept.premature.T,
     }
-    known, time = curve(test, weights)
-    same = _between(values["mean_ms"] - latency_ms, time, known)
-    values["accuracy_gap"] = values["criterion"] - same
-    values["extra_ms"] = values["mean_ms"] - _between(values["criterion"], known, time)
+    reached, took = values["criterion", ""], values["mean_ms", ""]
+    for name, test in tests.items():
+        known, time = curve(test, weights)
+        values["accuracy_gap", name] = reached - _between(took - latency_ms, time, known)
+        values["extra_ms", name] = took - _between(reached, known, time)
     low, high = working_range(circuit, threshold_nats)
     rows = []
     for k, level in enumerate(swept.thresholds):
         inside = low < level < high
         exact = criterion(circuit, float(level), threshold_nats, gain) if inside else np.nan
-        rows.append((level, "fixed_point", exact, np.nan, np.nan))
-        rows += [(level, name, *interval(found[:, k])) for name, found in values.items()]
-    return pd.DataFrame(rows, columns=["level", "measure", "value", "low", "high"])
+        rows.append((level, "fixed_point", exact, np.nan, np.nan, ""))
+        rows += [(level, m, *interval(found[:, k]), name) for (m, name), found in values.items()]
+    return pd.DataFrame(rows, columns=["level", "measure", "value", "low", "high", "reference"])
 
 
 def _between(at: Array, x: Array, y: Array) -> Array:

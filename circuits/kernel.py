@@ -95,7 +95,7 @@ def _common(block, first, window, clock, inputs, passed, drive, common):
             common[t] += block.drive_gain * drive[step, block.drive]
 
 
-@compiled
+@numba.njit(inline="always")
 def _receive(block, b, first, window, dt_s, work):
     """Turn a block's input into its rates, or into what its cells need."""
     common, push, kick, mask = work.common, work.push, work.kick, work.ring.shape[1] - 1

@@ -11,16 +11,17 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.comparison import sweep
+from bgmodel.circuit_study import FULL, msprt_sweeps
 from bgmodel.dopamine import criterion, knob, working_range
-from bgmodel.dopamine_study import THRESHOLD_NATS, knob_table, levels_between
+from bgmodel.dopamine_study import knob_table, levels_between
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.sprt import Msprt
 from figures.common import GAIN, Settings, letter, run
 
 STEPS = {2: 120, 4: 160}
 LEVELS = 14
+THRESHOLD_NATS = {2: 0.3, 4: 0.34}
+"""OUT at which each circuit decides, so that levels of at most 2 reach a posterior of .75."""
 LATENCY_MS = {2: 56.0, 4: 67.0}
 """What `make score` finds at normal dopamine: the offset of the spiking circuit."""
 ENGINES = ("rate", "ensemble")
@@ -29,42 +30,44 @@ COLOURS = {2: "C0", 4: "C1"}
 
 def compute(settings: Settings, *, output: Path) -> None:
     """Let both circuits decide at levels across their working range, N = 2 and 4."""
+    found = measured(settings.seed, settings.circuit_trials // 2)
+    write_table(found, output, seed=settings.seed, settings=settings)
+
+
+def measured(seed: int, trials: int) -> pd.DataFrame:
+    """Return ``knob_table`` of both circuits and engines, beside the curve of each test.
+
+    The rows of a test have its posterior as level, and its mean time as value.
+    """
     parts = []
     for channels, steps in STEPS.items():
-        table = circuit("spiking_msprt", channels)
-        low, high = working_range(table, THRESHOLD_NATS)
+        table, threshold = circuit("spiking_msprt", channels), THRESHOLD_NATS[channels]
+        low, high = working_range(table, threshold)
         levels = levels_between(1.01 * low, 0.98 * high, LEVELS)
+        rng = stream(seed, "figD2", channels)
+        evidence = gaussian_evidence(
+            trials, steps, 0.5 / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
+        )
+        tests = msprt_sweeps(evidence, GAIN)
         for engine in ENGINES:
-            evidence = gaussian_evidence(
-                settings.circuit_trials // 2,
-                steps,
-                0.5 / np.sqrt(2),
-                rng=stream(settings.seed, "figD2", channels),
-                hypotheses=channels,
-                step_ms=50.0,
-            )
-            test = sweep(Msprt(GAIN).run(evidence), evidence)
             options = {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {}
-            model = BasalGanglia(table, engine, GAIN, settings.seed, options)
+            model = BasalGanglia(table, engine, GAIN, seed, options)
             found = knob_table(
-                knob(model, evidence, levels, THRESHOLD_NATS),
-                test,
+                knob(model, evidence, levels, threshold),
+                tests,
                 circuit=table,
                 gain=GAIN,
                 latency_ms=LATENCY_MS[channels],
-                rng=stream(settings.seed, "bootstrap"),
+                threshold_nats=threshold,
+                rng=stream(seed, "bootstrap"),
             )
             parts.append(found.assign(channels=channels, engine=engine))
-            if engine == "rate":
-                line = pd.DataFrame(
-                    {
-                        "measure": "msprt",
-                        "level": test.posterior.mean(axis=1),
-                        "value": test.time_ms.mean(axis=1),
-                    }
-                )
-                parts.append(line.assign(channels=channels, engine="MSPRT"))
-    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+        for name, test in tests.items():
+            line = {"level": test.posterior.mean(axis=1), "value": test.time_ms.mean(axis=1)}
+            parts.append(
+                pd.DataFrame(line).assign(measure="curve", reference=name, channels=channels)
+            )
+    return pd.concat(parts, ignore_index=True)
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
@@ -90,7 +93,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     axes[2].axhline(0, lw=0.8, color="0.6")
     axes[2].set(
         xlabel="posterior of what is chosen",
-        ylabel="accuracy beyond the MSPRT's\n(at its gain), equal time",
+        ylabel="accuracy beyond the MSPRT's\nin equal time",
     )
     for ax, mark in zip(axes, "abc", strict=True):
         letter(ax, mark)
@@ -98,14 +101,15 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 
 def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
-    return rows[(rows["engine"] == engine) & (rows["measure"] == measure)].set_index("level")
+    found = rows[(rows["engine"] == engine) & (rows["measure"] == measure)]
+    return found[found["reference"].isin(["", FULL])].set_index("level")
 
 
 def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
-    table = circuit("spiking_msprt", channels)
-    low, high = working_range(table, THRESHOLD_NATS)
+    table, threshold = circuit("spiking_msprt", channels), THRESHOLD_NATS[channels]
+    low, high = working_range(table, threshold)
     levels = levels_between(low * 1.001, high * 0.999, 40)
-    exact = [criterion(table, level, THRESHOLD_NATS, GAIN) for level in levels]
+    exact = [criterion(table, level, threshold, GAIN) for level in levels]
     ax.plot(levels, exact, lw=0.8, color=colour, label=f"N = {channels}")
     for engine, mark, name in (("rate", "o", "rates"), ("ensemble", "s", "spikes")):
         points = _points(rows, engine, "criterion")
@@ -126,7 +130,7 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
 
 
 def _tradeoff(ax, rows: pd.DataFrame, colour: str) -> None:
-    line = rows[rows["measure"] == "msprt"]
+    line = rows[(rows["measure"] == "curve") & (rows["reference"] == FULL)]
     ax.plot(line["value"] / 1000, line["level"], lw=0.8, color=colour)
     for engine, mark in (("rate", "o"), ("ensemble", "s")):
         time, known = (_points(rows, engine, name) for name in ("mean_ms", "criterion"))

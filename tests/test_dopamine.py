@@ -171,7 +171,7 @@ def test_more_dopamine_is_faster_and_less_accurate(swept, evidence):
     """150 trials: monotone, near the fixed point, and near the MSPRT in equal time."""
     test = sweep(Msprt(GAIN).run(evidence), evidence)
     options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
-    table = knob_table(swept, test, latency_ms=56.0, **options)
+    table = knob_table(swept, {"MSPRT": test}, latency_ms=56.0, **options)
     wide = table.pivot(index="level", columns="measure", values="value")
     assert np.all(np.diff(wide["mean_ms"]) < 0)
     assert np.all(np.diff(wide["criterion"]) < 0.01)
@@ -191,7 +191,7 @@ def test_the_gap_in_equal_time_sees_a_slower_decider(evidence):
     for factor, late in ((1.0, 0.0), (1.5, 0.0), (1.0, 100.0)):
         slow = Sweep(np.linspace(1.6, 0.9, 5), time_ms=factor * test.time_ms[keep] + late, **fields)
         options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
-        table = knob_table(slow, test, latency_ms=0.0, **options)
+        table = knob_table(slow, {"MSPRT": test}, latency_ms=0.0, **options)
         rows = table[table["measure"] == "accuracy_gap"]
         gaps[factor, late] = rows["value"].to_numpy()
     assert np.abs(gaps[1.0, 0.0]).max() < 0.005

@@ -1,0 +1,61 @@
+"""Dopamine as the knob of the threshold, scored: make score.
+
+Figure D2 on a seed that tuned nothing: the posterior at each level of dopamine, and accuracy in
+equal time beside the MSPRT and the MSPRT at the circuit's gain.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.files import write_table
+from figures import figD2
+
+OUT = Path(__file__).parent / "out"
+SCORING_SEED = 40_007
+ASKED = (0.75, 0.99)
+"""Posteriors that dopamine should span."""
+
+
+def summary(found: pd.DataFrame) -> pd.DataFrame:
+    """Return, for each circuit, the posteriors spanned and the gaps above the lowest asked."""
+    rows = []
+    known = found[found["measure"] == "criterion"].set_index(["channels", "engine", "level"])
+    gaps = found[found["measure"] == "accuracy_gap"]
+    for (channels, engine), part in known.groupby(level=[0, 1]):
+        inside = part.index[part["value"] >= ASKED[0]]
+        row = {
+            "N": channels,
+            "engine": engine,
+            "lowest": part["value"].min(),
+            "highest": part["value"].max(),
+            "monotone": bool(np.all(np.diff(part["value"].sort_index()) < 0)),
+        }
+        for name, these in gaps.groupby("reference"):
+            of = these.set_index(["channels", "engine", "level"]).loc[inside]
+            worst = of.loc[of["value"].abs().idxmax()]
+            within = of[["low", "high"]].abs().max(axis=1) <= 0.01
+            text = f"{worst['value']:+.4f} [{worst['low']:+.4f}, {worst['high']:+.4f}]"
+            row[f"worst gap to {name}"] = text
+            row[f"intervals within .01, {name}"] = f"{within.sum()} of {len(of)}"
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    """Score the knob of both circuits and engines."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=2000)
+    given = parser.parse_args()
+    OUT.mkdir(exist_ok=True)
+    found = figD2.measured(SCORING_SEED, given.trials)
+    write_table(found, OUT / "knob.csv", seed=SCORING_SEED, trials=given.trials)
+    print(summary(found).round(3).T.to_string(header=False))
+
+
+if __name__ == "__main__":
+    main()
