@@ -193,6 +193,8 @@ def _numbers(ax, table: pd.DataFrame) -> None:
         here["value"], places - 0.25, xerr=np.maximum(off, 0), fmt="o", ms=3, lw=0.8,
         label="r of times, threshold tuned anew",
     )  # fmt: skip
+    for place in places[here["value"].isna().to_numpy()]:
+        ax.text(-0.01, place - 0.25, "not reached", ha="right", va="center", fontsize="small")
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     ax.set_yticks(places, worst)
     ax.set(xlabel=f"change, at {AT}\n(N = 2, {len(worst)} of {len(moved)})")
