@@ -158,7 +158,7 @@ def _correlation(ax, table: pd.DataFrame) -> None:
         )
     ax.set(xscale="log", xlabel="cells a channel n", ylabel=f"r of times, at {AT}")
     ax.set(ylim=(0.3, 1.02))
-    ax.legend(loc="lower right")
+    ax.legend(loc="lower right", handlelength=1.2)
     letter(ax, "b")
 
 
@@ -194,7 +194,7 @@ def _numbers(ax, table: pd.DataFrame) -> None:
         label="r of times, threshold tuned anew",
     )  # fmt: skip
     for place in places[here["value"].isna().to_numpy()]:
-        ax.text(-0.01, place - 0.25, "not reached", ha="right", va="center", fontsize="small")
+        ax.text(-0.01, place - 0.18, "not reached", ha="right", va="top", fontsize="small")
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     ax.set_yticks(places, worst)
     ax.set(xlabel=f"change, at {AT}\n(N = 2, {len(worst)} of {len(moved)})")
