@@ -293,7 +293,7 @@ def _sample(clock, i, total, low_pass, rates, out):
 def _fire(p, work, block, b, t, k, stream):
     """Advance the cells of a block by the ticks of a word of noise, or by one."""
     fired = _cells(p, work, block, t, k, stream, p.ticks, work.marks)
-    if p.clock[0].listing:
+    if work.marks is not None:
         fired = _list(p, work, block, b, k)
     for i in range(WORD):
         work.ring[b, (k + i) & (p.clock[0].ring - 1)] = fired[i] * block.spike_hz

@@ -60,6 +60,8 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     window = known // kernel.WORD * kernel.WORD or 1
     ring = 1 << (int(delays.max(initial=1)) + window + kernel.WORD).bit_length()
     strands, fibres, wires, needs = _strands(wiring, scheme, sparse, filled, targets)
+    # Ticks taken one by one are rare: to list their spikes saves compiling more loops.
+    listing = bool((kept | needs).any() or window == 1)
     source_from, sources = _edges(wiring.deliver)
     input_from, inputs = _edges(weight)
     strand_from = np.searchsorted(strands["target"], np.arange(wiring.blocks + 1))
@@ -77,7 +79,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             sample=clock.sample_ticks,
             ring=ring,
             window=window,
-            listing=bool((kept | needs).any() or window == 1),
+            listing=listing,
             dt_s=dt / 1000,
             readout_decay=scheme.readout_decay,
             readout_baseline=readout.baseline_hz,
@@ -160,9 +162,8 @@ def _hold(cell: object, dt_ms: float) -> float:
     if isinstance(cell, Lif):
         return -float(lanes.WAIT) * refractory_ticks(cell.refractory_ms, dt_ms)
     if isinstance(cell, Escape):
-        return -float(refractory_ticks(cell.refractory_ms, dt_ms)) or 1.0
-    # A phase shows its spike by lying here or above.
-    return 1.0
+        return -float(refractory_ticks(cell.refractory_ms, dt_ms))
+    return 0.0
 
 
 def _lif(cell: object, dt_ms: float) -> tuple[float, ...]:

@@ -35,7 +35,7 @@ class Plan(NamedTuple):
     Parameters
     ----------
     clock : record array (1,)
-        Times in ticks, and the read-out.
+        Times in ticks, the read-out, and whether spikes are listed cell by cell.
     blocks : record array (blocks,)
         One row a block: what it is, where its cells and its inputs lie, its constants.
     units : record array (units,)
