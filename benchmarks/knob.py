@@ -19,25 +19,33 @@ OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_007
 ASKED = (0.75, 0.99)
 """Posteriors that dopamine should span."""
+NOISE = 0.02
+"""Where more responses than this share come before the first reading, noise decides."""
 
 
 def summary(found: pd.DataFrame) -> pd.DataFrame:
-    """Return, for each circuit, the posteriors spanned and the gaps above the lowest asked."""
+    """Return, for each circuit, the posteriors spanned and the gaps at those that are asked."""
     rows = []
-    known = found[found["measure"] == "criterion"].set_index(["channels", "engine", "level"])
+    index = ["channels", "engine", "level"]
+    known, premature = (
+        found[found["measure"] == name].set_index(index)["value"]
+        for name in ("criterion", "premature")
+    )
+    known = known[premature.loc[known.index] <= NOISE]
     gaps = found[found["measure"] == "accuracy_gap"]
     for (channels, engine), part in known.groupby(level=[0, 1]):
-        inside = part.index[part["value"] >= ASKED[0]]
+        inside = part.index[part.between(*ASKED)]
         row = {
             "N": channels,
             "engine": engine,
-            "lowest": part["value"].min(),
-            "highest": part["value"].max(),
-            "monotone": bool(np.all(np.diff(part["value"].sort_index()) < 0)),
+            "lowest": part.min(),
+            "highest": part.max(),
+            "monotone": bool(np.all(np.diff(part.sort_index()) < 0)),
         }
         for name, these in gaps.groupby("reference"):
-            of = these.set_index(["channels", "engine", "level"]).loc[inside]
-            worst = of.loc[of["value"].abs().idxmax()]
+            of = these.set_index(index).loc[inside]
+            # A time that the test's curve does not reach is no gap of 0.
+            worst = of.loc[of["value"].abs().fillna(np.inf).idxmax()]
             within = of[["low", "high"]].abs().max(axis=1) <= 0.01
             text = f"{worst['value']:+.4f} [{worst['low']:+.4f}, {worst['high']:+.4f}]"
             row[f"worst gap to {name}"] = text

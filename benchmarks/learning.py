@@ -22,7 +22,13 @@ from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
 from bgmodel.comparison import Sweep, sweep
 from bgmodel.dopamine import Body, knob
-from bgmodel.dopamine_study import THRESHOLD_NATS, learn_level, playable_levels, regret
+from bgmodel.dopamine_study import (
+    COARSE,
+    THRESHOLD_NATS,
+    learn_level,
+    playable_levels,
+    regret,
+)
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import write_table
 from bgmodel.learning import Learner
@@ -78,9 +84,7 @@ def near(body: Body) -> Any:
 
 def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
     """Learn on some trials, score on others; one row a start and run."""
-    options: dict[str, Any] = (
-        {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {"workers": 1}
-    )
+    options: dict[str, Any] = COARSE if engine == "rate" else {"workers": 1}
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, SCORING_SEED, options)
     levels = playable_levels(model, LEVELS[engine])
     learned_on = Body.of(*swept(model, levels, draw, min(MET[engine], fresh), f"{kind} learned"))
@@ -156,6 +160,8 @@ def main() -> None:
             print(f"\n{engine}, {kind}, {fresh} fresh trials")
             by = ["after", "start_level", "start_regret", "best_level", "highest_level"]
             by += ["best_reward", "algorithm_reward"]
+            # Runs that ended where nothing was searched are the worst, not missing.
+            found = found.fillna({"regret": np.inf, "behind_algorithm": np.inf})
             found["within"] = found["regret"] < 0.03
             measures = ("regret", "median"), ("regret", "max"), ("behind_algorithm", "median")
             ends = found.groupby(by).agg(

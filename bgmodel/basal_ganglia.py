@@ -155,11 +155,13 @@ class BasalGanglia:
                 stacklevel=2,
             )
 
-    def batches(self, evidence: Evidence) -> Iterator[tuple[Evidence, Activity]]:
+    def batches(
+        self, evidence: Evidence, first_trial: int = 0
+    ) -> Iterator[tuple[Evidence, Activity]]:
         """Go through many trials, a part that fits into memory at a time.
 
         Yields each part of the evidence with its activity; what a trial does is the same in any
-        part.
+        part, and trial t has the noise of ``first_trial + t``.
         """
         batch = BATCH
         if not self.options.get("rates", True):
@@ -171,7 +173,7 @@ class BasalGanglia:
             with warnings.catch_warnings():
                 # A part at a time it would be said many times: ``warn_of`` says it once.
                 warnings.filterwarnings("ignore", message="S runs from")
-                activity = self.activity(part, first)
+                activity = self.activity(part, first_trial + first)
             yield part, activity
 
 

@@ -16,11 +16,13 @@ from bgmodel.basal_ganglia import (
     Escape,
     Population,
     Projection,
+    Rate,
     run_engine,
 )
 
 OF_POPULATIONS = ("baseline_hz", "gain_hz_per_nat", "bias_nats", "tau_ms")
 OF_PROJECTIONS = ("weight", "delay_ms", "tau_ms")
+SPARE_NATS = 0.6
 
 
 def perturbed(circuit: Circuit, fraction: float = 0.2) -> dict[str, Circuit]:
@@ -75,6 +77,31 @@ def correlated(
     shared = Population("shared", Escape(), rate_hz, gain, neurons=cells, cite="assumed")
     path = Projection("shared", circuit.input, 1, delay_ms=1, tau_ms=tau_ms, cite="assumed")
     return circuit.with_rows(shared, path)
+
+
+def linear_stn(circuit: Circuit) -> Circuit:
+    """Return the circuit whose STN is linear: its exponential's tangent at rest.
+
+    At rest a channel's activity is Sigma / N = a; there ``e^u`` is about ``a (u + 1 - ln a)``. It
+    has no floor, for a line that stops at 0 is still convex, and no noise, which favours it. OUT is
+    then the average less the winner, as far as cortex is not silent. It falls further than -ln P:
+    SNr gets ``SPARE_NATS`` more tonic drive, or it would fall silent before a decision at .95.
+    """
+    silence = np.zeros((1, 1, circuit.channels))
+    activity = BasalGanglia(circuit).at(silence, step_ms=1.0)
+    rest = float(activity.decoded_nats("STN").mean())
+    bias = circuit.population("STN").bias_nats + 1 - float(np.log(rest))
+    spare = circuit.population("SNr").bias_nats + SPARE_NATS
+    edited = circuit.changed("STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias)
+    for target in ("common", "GPe", "SNr"):
+        edited = edited.scaled("STN", target, rest)
+    return edited.changed("SNr", bias_nats=spare)
+
+
+def shuffled_stn(circuit: Circuit) -> Circuit:
+    """Return the circuit where SNr hears N times the next channel's STN in place of STN's sum."""
+    weight = circuit.channels * circuit.projection("STN", "SNr").weight
+    return circuit.changed("STN->SNr", pattern="neighbour", weight=weight)
 
 
 def out_shift(circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike) -> npt.NDArray:

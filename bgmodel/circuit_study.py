@@ -39,6 +39,8 @@ LOWEST_NATS = 1e-3
 HIGHEST = 0.98
 BELOW_NATS = 0.04
 """How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
+ROUNDING_NATS = 0.01
+"""The same where nothing is decoded."""
 
 
 def usual_gain(alternatives: int) -> float:
@@ -96,7 +98,7 @@ def sweeps(
     decodes = model.engine in SPIKING and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
     if model.engine in DROPPING:
-        level = lowest - (BELOW_NATS if decodes else 0.01)
+        level = lowest - (BELOW_NATS if decodes else ROUNDING_NATS)
         options = {**model.options, "drop_below": level, "rates": decodes}
         model = replace(model, options=options)
     found: dict[str, Sweep] = {}
@@ -108,8 +110,8 @@ def sweeps(
             dropped = np.isnan(activity.output_nats[:, -1, 0])
             for t in np.flatnonzero(dropped & (decoded.out_nats.min(axis=(1, 2)) > lowest)):
                 one = part[t : t + 1]
-                again = decoded_input(whole.activity(one, first + t), one, decoder_tau_ms)
-                decoded.out_nats[t] = again.out_nats[0]
+                ((_, again),) = whole.batches(one, first + int(t))
+                decoded.out_nats[t] = decoded_input(again, one, decoder_tau_ms).out_nats[0]
             traces[DECODER] = decoded
         for name, trace in traces.items():
             new = sweep(trace, part, thresholds)
@@ -199,22 +201,20 @@ def variants(
     DataFrame
         The columns of ``comparison.compare``, and variant and kind: "value", against the MSPRT at
         the circuit's gain, thresholds tuned anew to equal accuracy; "change", that minus the
-        circuit's as it is; "fixed", at the circuit's own threshold (accuracy, mean_ms, premature
-        and forced, without intervals).
+        circuit's as it is; "fixed", at the circuit's own threshold (accuracy, expected_accuracy,
+        mean_ms, premature and forced, without intervals).
     """
     check_trials(evidence.trials)
     model.warn_of(evidence)
     test = msprt_sweeps(evidence, model.gain)[OWN]
     levels = thresholds_about(test, highest)
-    middle = test.threshold(accuracies[len(accuracies) // 2])
     intact = sweeps(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
     parts = []
     for name, circuit in {"intact": model.circuit, **edited}.items():
         same = name == "intact"
         changed = replace(model, circuit=circuit)
-        shifts = out_shift(model.circuit, circuit, np.append(levels, middle))
         # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
-        both = np.union1d(levels, levels + shifts[:-1])
+        both = np.union1d(levels, levels + out_shift(model.circuit, circuit, levels))
         both = both[both > _silent(circuit)]
         found = intact if same else sweeps(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
         for kind, minus in (("value", None), ("change", intact)):
@@ -228,7 +228,7 @@ def variants(
                 resamples=resamples,
             )
             parts.append(table.assign(variant=name, kind=kind))
-        fixed = _at_threshold_of(intact, found, evidence, accuracies).assign(shift_nats=shifts[-1])
+        fixed = _at_threshold_of(intact, found, evidence, accuracies)
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
 

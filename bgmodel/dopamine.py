@@ -66,8 +66,9 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
     """Return the lowest and highest level at which the fixed point decides, and by evidence.
 
     Below, the leader's OUT stays above the threshold whatever the evidence: no decision. Above,
-    OUT at rest is past it: decisions without evidence. Noise of spikes crosses at rest from lower
-    levels on, and now and then where the fixed point never does.
+    OUT at rest is past it: decisions without evidence; or the highest is 2, the most that is
+    allowed. Noise of spikes crosses at rest from lower levels on, and now and then where the fixed
+    point never does.
 
     Raises
     ------
@@ -103,7 +104,8 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
 def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level that a learner should play.
 
-    Where the fixed point decides by evidence, ``MARGIN`` away from where it stops to. With spikes
+    Where the fixed point decides by evidence, ``MARGIN`` away from where it stops to (no margin is
+    left where the most that is allowed ends it). With spikes
     it also ends where noise decides: where OUT at rest meets the threshold in more than
     ``NOISE_SHARE`` of 200 trials of half a second, in the compiled engine.
 

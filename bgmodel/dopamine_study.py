@@ -18,8 +18,10 @@ from bgmodel.seeds import stream
 
 Array = npt.NDArray[np.float64]
 THRESHOLD_NATS = 0.3
-"""OUT at which the circuit decides, whatever the dopamine: for two to four alternatives levels span
-posteriors .75 to .99."""
+"""OUT at which the circuit decides, whatever the dopamine: for two to four alternatives the fixed
+point spans posteriors .75 to .99."""
+COARSE = {"dt_ms": 0.5, "sample_ms": 2.0}
+"""Ticks of the rate engine where thousands of trials are run at each of many levels."""
 LAST_SHARE = 0.08
 """Exploration in the end, sd as a share of the levels' distance; tuned on seed 1002. With less, an
 optimum beside the edge is found too late; with more, one in a bend is missed."""
@@ -159,7 +161,7 @@ def learn_level(
         raise ValueError(f"start_level must lie in {low:.3f}..{high:.3f}, got {start_level}")
     if runs < 1:
         raise ValueError(f"runs must be >= 1, got {runs}")
-    # Starts are paired: the same trials and perturbations from any of them.
+    # Starts with one name are paired: the same trials and perturbations from any of them.
     trials = [stream(seed, "dopamine", name, run, "trials") for run in range(runs)]
     explored = [stream(seed, "dopamine", name, run, "explored") for run in range(runs)]
     return learn(

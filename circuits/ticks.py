@@ -153,14 +153,16 @@ class Scheme:
     @cached_property
     def start(self) -> tuple[Array, Array, Array]:
         """Units (without constant), block states in nats, and rates in Hz of the intact rest."""
-        intact = wire(self.wiring.circuit.intact)
+        edited = self.wiring.circuit
+        intact = wire(edited.intact)
         x = rest(intact)
         rates = intact.rates(x)
         try:
-            rest(self.wiring)
+            if edited != edited.intact:
+                rest(self.wiring)
         except ValueError:
             warnings.warn(
-                f"{self.wiring.circuit.name} as edited has no state of rest: what it does depends "
+                f"{edited.name} as edited has no state of rest: what it does depends "
                 "on the time it has to settle",
                 stacklevel=2,
             )

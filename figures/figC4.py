@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from scipy.optimize import curve_fit
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, Rate, circuit
-from bgmodel.circuit_edits import correlated, perturbed, steady_out
+from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.circuit_edits import correlated, linear_stn, perturbed, shuffled_stn, steady_out
 from bgmodel.circuit_study import (
     CIRCUIT,
     DECODER,
@@ -31,7 +31,6 @@ NEURONS = (30, 100, 300, 1000, 3000)
 AT, HIGHEST = 0.95, 0.96
 SHOWN = 14
 SPAN_MS = 50.0
-SPARE_NATS = 0.6
 
 
 def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: float) -> Evidence:
@@ -79,31 +78,12 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "shared noise .1 nats": correlated(table, 0.1),
         "GPe at its rest": table.without("GPe", replaced=True),
         "linear STN": linear_stn(table),
-        "STN-SNr shuffled": table.changed("STN->SNr", pattern="neighbour", weight=4 * 1.0),
+        "STN-SNr shuffled": shuffled_stn(table),
     }
     model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
     given = {"accuracies": (AT,), "highest": HIGHEST}
     found = variants(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
-
-
-def linear_stn(table: Circuit) -> Circuit:
-    """Return the circuit whose STN is linear: its exponential's tangent at rest.
-
-    At rest a channel's activity is Sigma / N = a; there ``e^u`` is about ``a (u + 1 - ln a)``. It
-    has no floor, for a line that stops at 0 is still convex, and no noise, which favours it. OUT is
-    then the average less the winner, as far as cortex is not silent. It falls further than -ln P:
-    SNr gets more tonic drive, or it would fall silent before a decision at .95.
-    """
-    silence = np.zeros((1, 1, table.channels))
-    activity = BasalGanglia(table).at(silence, step_ms=1.0)
-    rest = float(activity.decoded_nats("STN").mean())
-    bias = table.population("STN").bias_nats + 1 - float(np.log(rest))
-    line = Rate(signed=True)
-    table = table.changed("STN", cell=line, transfer="linear", bias_nats=bias)
-    for target in ("common", "GPe", "SNr"):
-        table = table.scaled("STN", target, rest)
-    return table.changed("SNr", bias_nats=table.population("SNr").bias_nats + SPARE_NATS)
 
 
 def numbers(settings: Settings, *, output: Path) -> None:
@@ -141,7 +121,7 @@ def _noise(ax, table: pd.DataFrame) -> None:
 
     (each, floor), _ = curve_fit(law, n, sd, p0=(0.3, 0.01), sigma=sd, bounds=(0, 1))
     x = np.geomspace(n.min(), n.max(), 50)
-    ax.loglog(x, law(x, each, floor), color="k", lw=0.8, label=f"{each:.2f}/√n + {floor:.2f}")
+    ax.loglog(x, law(x, each, floor), color="k", lw=0.8, label=f"√({each:.2f}²/n + {floor:.2f}²)")
     ax.set(xlabel="cells a channel n", ylabel="sd of OUT (nats)")
     ax.set(ylim=(sd.min() / 4, sd.max() * 1.5))
     ax.legend(loc="lower left")

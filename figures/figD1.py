@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.dopamine_study import body, learn_level, playable_levels, regret
+from bgmodel.dopamine_study import COARSE, body, learn_level, playable_levels, regret
 from bgmodel.files import read_table, write_table
 from bgmodel.learning import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
@@ -44,7 +44,7 @@ def spikes(settings: Settings, taps: Path, *, output: Path) -> None:
 
 
 def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
-    options = {"dt_ms": 0.5, "sample_ms": 2.0} if engine == "rate" else {}
+    options = COARSE if engine == "rate" else {}
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, settings.seed, options)
     levels = playable_levels(model, LEVELS)
     parts = []

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit
 from bgmodel.dopamine import switching
-from bgmodel.dopamine_study import after_errors, body, learn_level, playable_levels
+from bgmodel.dopamine_study import COARSE, after_errors, body, learn_level, playable_levels
 from bgmodel.files import read_table, write_table
 from bgmodel.learning import Environment, Learned, Learner, learn, smoothed, trials_of
 from bgmodel.policies import GaussianPolicy
@@ -43,9 +43,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         p: source(read, SameDifferent(), period_mm=p, fold=0)
         for p in {period for world in WORLDS.values() for period, _ in world}
     }
-    model = BasalGanglia(
-        circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5, "sample_ms": 2.0}
-    )
+    model = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options=COARSE)
     levels = playable_levels(model, 22)
     explored = GaussianPolicy(bounds=(levels[0], levels[-1]), **EXPLORED)
     met = {

@@ -12,7 +12,14 @@ from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, basal_ganglia, circuit_study, stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit, decoded_input, drive_of
-from bgmodel.circuit_edits import correlated, out_shift, perturbed, steady_out, steady_shifts
+from bgmodel.circuit_edits import (
+    correlated,
+    out_shift,
+    perturbed,
+    shuffled_stn,
+    steady_out,
+    steady_shifts,
+)
 from bgmodel.circuit_study import (
     CIRCUIT,
     DECODER,
@@ -86,14 +93,12 @@ def test_what_computes_is_needed():
     """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
     edited = {
         "GPe": TABLE.without("GPe", replaced=True),
-        "shuffled": TABLE.changed("STN->SNr", pattern="neighbour", weight=4.0),
+        "shuffled": shuffled_stn(TABLE),
     }
     found = variants(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)
     rows = found[found["kind"] == "value"].set_index(["variant", "measure"])["value"]
     assert rows["GPe", "within_50_ms"] < rows["intact", "within_50_ms"] - 0.2
     assert np.isnan(rows["shuffled", "agreement"])  # it never is right that often
-    changes = found[(found["kind"] == "change") & (found["variant"] == "intact")]
-    assert (changes["value"].dropna() == 0).all()
     assert "intact" in behaviour(found)
 
 
@@ -143,10 +148,8 @@ def test_the_decoder_of_a_steady_input_is_the_test():
 def test_losing_stn_shifts_out_by_ln_of_what_is_left(name, lost):
     """The posterior criterion becomes (1 - f) P: exact, and nearly so where S - ln S is a line."""
     table = circuit(name, 3)
-    if name == "appendix_b":  # GPe reaches SNr too, where its share is not lost
-        return
     shift = out_shift(table, table.without("STN", lost), 0.3)
-    close = 1e-9 if name == "bogacz_gurney" else 0.01
+    close = 0.01 if name == "spiking_msprt" else 1e-9
     assert shift == pytest.approx(np.log(1 - lost), abs=close)
 
 
@@ -154,7 +157,6 @@ def test_lesions_of_the_spiking_circuit_follow_its_fixed_point():
     edited = {"STN": TABLE.without("STN", 0.1), "D1": TABLE.without("D1", 0.1)}
     found = steady_shifts(TABLE, edited, [2.0, 2.5], seed=SEED, trials=10)
     assert (np.abs(found["value"] - found["exact_nats"]) < 0.02).all()
-    assert (found["low"] < found["value"]).all()
     assert (found[found["variant"] == "STN"]["high"] < -0.05).all()
     assert (found[found["variant"] == "D1"]["low"] > 0.02).all()
 

@@ -62,12 +62,14 @@ def test_normal_dopamine_decides_at_the_posterior_of_the_threshold(channels):
     assert criterion(table, 1.0, 0.3, GAIN) == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize("channels", [2, 4])
-def test_the_fixed_point_spans_posteriors_from_75_to_99(channels):
+@pytest.mark.parametrize(
+    ("channels", "threshold"), [(2, THRESHOLD_NATS), (4, THRESHOLD_NATS), (4, 0.34)]
+)
+def test_the_fixed_point_spans_posteriors_from_75_to_99(channels, threshold):
     table = circuit("spiking_msprt", channels)
-    low, high = working_range(table, THRESHOLD_NATS)
+    low, high = working_range(table, threshold)
     found = [
-        criterion(table, level, THRESHOLD_NATS, GAIN)
+        criterion(table, level, threshold, GAIN)
         for level in levels_between(1.01 * low, 0.99 * high, 12)
     ]
     assert np.all(np.diff(found) < 0)
@@ -75,9 +77,9 @@ def test_the_fixed_point_spans_posteriors_from_75_to_99(channels):
     assert found[0] > 0.99
     # The edges are where they are said to be.
     lowest = decided_out(table, low, np.linspace(0, table.reach_nats, 500)).min()
-    assert lowest == pytest.approx(THRESHOLD_NATS, abs=1e-3)
+    assert lowest == pytest.approx(threshold, abs=1e-3)
     if high < 2:
-        assert decided_out(table, high, 0.0) == pytest.approx(THRESHOLD_NATS, abs=1e-3)
+        assert decided_out(table, high, 0.0) == pytest.approx(threshold, abs=1e-3)
 
 
 def test_a_learner_plays_what_evidence_decides_and_less_of_it_in_spikes():

@@ -60,6 +60,7 @@ class Learn:
 
         from bgmodel.basal_ganglia import BasalGanglia, circuit
         from bgmodel.dopamine_study import (
+            COARSE,
             body,
             learn_level,
             learned_table,
@@ -71,7 +72,7 @@ class Learn:
         self._check()
         evidence, _ = self.stimuli.draw(self.seed, "learn")
         table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
-        options: dict[str, Any] = {"dt_ms": 0.5, "sample_ms": 2.0} if self.engine == "rate" else {}
+        options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
         model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
         model.warn_of(evidence)
         threshold_nats = float(-np.log(self.posterior))
