@@ -121,7 +121,8 @@ def _noise(ax, table: pd.DataFrame) -> None:
 
     (each, floor), _ = curve_fit(law, n, sd, p0=(0.3, 0.01), sigma=sd, bounds=(0, 1))
     x = np.geomspace(n.min(), n.max(), 50)
-    ax.loglog(x, law(x, each, floor), color="k", lw=0.8, label=f"√({each:.2f}²/n + {floor:.2f}²)")
+    rest = f", floor {floor:.3f}" if floor >= 0.0005 else ""
+    ax.loglog(x, law(x, each, floor), color="k", lw=0.8, label=f"{each:.2f}/√n{rest}")
     ax.set(xlabel="cells a channel n", ylabel="sd of OUT (nats)")
     ax.set(ylim=(sd.min() / 4, sd.max() * 1.5))
     ax.legend(loc="lower left")
@@ -138,7 +139,7 @@ def _correlation(ax, table: pd.DataFrame) -> None:
         )
     ax.set(xscale="log", xlabel="cells a channel n", ylabel=f"r of times, at {AT}")
     ax.set(ylim=(0.3, 1.02))
-    ax.legend(loc="lower right", handlelength=1.2)
+    ax.legend(loc="lower left", handlelength=1.2, fontsize="small")
     letter(ax, "b")
 
 
