@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import reduce
 from operator import or_
 from typing import Annotated, Any
 
 import tyro
 
+from bgmodel.commands.checks import check_apart
 from bgmodel.commands.circuit import Run, Show
 from bgmodel.commands.comparing import Compare, Lesion
 from bgmodel.commands.decisions import Decide, Learn
@@ -45,7 +48,9 @@ def main(arguments: list[str] | None = None) -> int:
         choices(COMMANDS), prog="bgmodel", description=ABOUT, args=arguments
     )
     try:
-        command()
+        check_apart(command)
+        with _plain_warnings():
+            command()
     except (ValueError, ImportError, OSError) as error:
         print(f"bgmodel: {error}", file=sys.stderr)
         return 2
@@ -53,6 +58,17 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"bgmodel: stopped. {stop}", file=sys.stderr)
         return 130
     return 0
+
+
+@contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Say warnings as a sentence, without the place in the sources that they come from."""
+    before = warnings.formatwarning
+    warnings.formatwarning = lambda message, *where, **more: f"bgmodel: {message}\n"
+    try:
+        yield
+    finally:
+        warnings.formatwarning = before
 
 
 def choices(commands: Mapping[str, Any]) -> Any:

@@ -44,6 +44,8 @@ class Stimuli:
         for name in ("trials", "t_max"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if self.channels < 2:
+            raise ValueError(f"channels must be at least 2, got {self.channels}")
         if not self.d_prime > 0:
             raise ValueError(f"d_prime must be > 0, got {self.d_prime}")
         if not 0 <= self.conflict < 1:

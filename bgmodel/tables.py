@@ -77,7 +77,8 @@ def evidence_from_table(
     Raises
     ------
     ValueError
-        If columns are absent, trials are unequal in length, or a truth is none of the hypotheses.
+        If columns are absent, trials are unequal in length, a step is there twice, a value is no
+        finite number, or a truth is none of the hypotheses.
     """
     columns = [name for name in table.columns if str(name).startswith("ll_")]
     absent = [name for name in ("trial", "step") if name not in table.columns]
@@ -89,18 +90,35 @@ def evidence_from_table(
     if len(table) == 0:
         raise ValueError("an evidence table needs at least one trial, got 0 rows")
     table = table.sort_values(["trial", "step"], kind="stable")
+    twice = table[table.duplicated(["trial", "step"])]
+    if len(twice):
+        raise ValueError(f"trial {twice['trial'].iloc[0]} has step {twice['step'].iloc[0]} twice")
     lengths = table.groupby("trial").size()
-    if lengths.nunique() != 1 or table.duplicated(["trial", "step"]).any():
+    if lengths.nunique() != 1:
         raise ValueError(
-            "every trial must have the same number of readings, each step once; got "
-            f"{lengths.min()} to {lengths.max()} readings a trial"
+            "every trial must have the same number of readings, got "
+            f"{lengths.min()} to {lengths.max()}: cut them, or fill up with readings that say "
+            "nothing, all ll_ equal"
         )
     names = [name[3:] for name in columns]
     shape = (len(lengths), int(lengths.iloc[0]), len(names))
-    values = table[columns].to_numpy(dtype=np.float64).reshape(shape)
+    values = _numbers(table, columns).reshape(shape)
     truth = _truth_of(table, names) if "truth" in table.columns else None
     prior_array = None if prior is None else np.asarray(prior, dtype=np.float64)
     return Evidence(values, truth, prior_array, onset_ms, step_ms), names  # type: ignore[arg-type]
+
+
+def _numbers(table: pd.DataFrame, columns: list[str]) -> np.ndarray:
+    values = table[columns].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        trial, step, value = (table[name].iloc[row] for name in ("trial", "step", columns[column]))
+        raise ValueError(
+            f"{columns[column]} must be a finite number, got {value!s} at trial {trial}, step "
+            f"{step} ({wrong.sum()} such values)"
+        )
+    return values
 
 
 def _truth_of(table: pd.DataFrame, names: list[str]) -> np.ndarray:

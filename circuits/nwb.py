@@ -40,7 +40,7 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
     try:
         from pynwb import NWBHDF5IO, NWBFile, TimeSeries
     except ImportError as error:
-        raise ImportError('NWB needs pynwb: pip install "bgmodel[nwb]"') from error
+        raise ImportError('NWB needs pynwb: pip install ".[nwb]"') from error
     trials = len(activity.output_nats)
     if not 0 <= trial < trials:
         raise ValueError(f"trial must be 0..{trials - 1}, got {trial}")

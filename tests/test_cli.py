@@ -49,6 +49,32 @@ def test_decide_on_a_users_own_table(tmp_path, capsys):
     assert table["correct"].mean() > 0.8
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["decide", "mine.csv", "--evidence", "./mine.csv", "--posterior", ".9"],
+        ["circuit", "run", "mine.csv", "--evidence", "mine.csv"],
+        ["circuit", "run", "out.csv", "--rates", "out.csv"],
+    ],
+)
+def test_no_result_goes_over_another_file_of_the_command(tmp_path, monkeypatch, capsys, arguments):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.csv").write_text("mine")
+    assert main(arguments) == 2
+    assert "are one file" in capsys.readouterr().err
+    assert Path("mine.csv").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
+
+
+def test_warnings_are_a_sentence_and_say_when_the_deadline_decides(tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    arguments = ["--engine", "algebra", "--circuit", "bogacz_gurney", "--trials", 20, "--t-max", 2]
+    assert run("circuit", "run", out, *arguments, "--posterior", 0.99) == 0
+    said = capsys.readouterr().err
+    assert "bgmodel: 20 of 20 trials never met the threshold" in said
+    assert ".py" not in said
+
+
 def test_orientation_task(tmp_path):
     out = tmp_path / "n.parquet"
     arguments = ["--task", "orientation", "--orientations", 3, "--posterior", 0.9]

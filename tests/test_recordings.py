@@ -252,7 +252,7 @@ def test_bad_arguments_are_named(recording, given):
 
 def test_missing_opencv_says_what_to_install(recording, monkeypatch):
     monkeypatch.setitem(sys.modules, "cv2", None)
-    needed = 'reading recordings needs OpenCV: pip install "bgmodel[tactile]"'
+    needed = 'reading recordings needs OpenCV: pip install ".[tactile]"'
     with pytest.raises(ImportError, match=re.escape(needed)):
         read_taps(recording, mm_per_px=MM_PER_PX)
 

@@ -82,9 +82,14 @@ def test_bad_tables_get_one_clear_sentence(tmp_path):
         "needs the columns trial, step": good.drop(columns="step"),
         "at least two ll_": good.drop(columns="ll_a"),
         "at least one trial": good.head(0),
+        "trial 0 has step 0 twice": pd.concat([good, good.head(1)]),
+        "cut them, or fill up": good.iloc[1:],
+        "ll_a must be a finite number, got abc at trial 0, step 1": good.astype(
+            {"ll_a": object}
+        ).assign(ll_a=lambda t: t["ll_a"].where(t.index != 1, "abc")),
+        r"ll_b must be .* got nan at trial 0, step 0 \(28 such": good.assign(ll_b=np.nan),
         "same number of readings": good.iloc[:-1],
         "truth must be one of": good.assign(truth="z"),
-        "must be finite": good.assign(ll_a=np.nan),
     }
     for says, table in bad.items():
         with pytest.raises(ValueError, match=says):

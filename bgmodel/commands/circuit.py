@@ -122,11 +122,18 @@ class Run:
             files.write_table(activity.rate_table(), self.rates, command=asked(self))
         if self.nwb is not None:
             basal_ganglia.write_nwb(activity, self.nwb)
+        forced = int(result["forced"].sum())
+        if forced > len(result) / 2:
+            print(
+                f"bgmodel: {forced} of {len(result)} trials never met the threshold, the deadline "
+                "decided them: give more readings, a lower --posterior or another --gain",
+                file=sys.stderr,
+            )
         known = evidence.truth is not None
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
             f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
-            f"forced {result['forced'].sum()}, in {time.perf_counter() - started:.1f} s "
+            f"forced {forced}, in {time.perf_counter() - started:.1f} s "
             f"-> {self.output}"
         )
 
@@ -142,5 +149,5 @@ class Run:
             if path is not None:
                 check_ending(path, *endings)
                 if path is self.nwb and importlib.util.find_spec("pynwb") is None:
-                    raise ImportError('NWB needs pynwb: pip install "bgmodel[nwb]"')
+                    raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
                 files.check_writable(path.parent)

@@ -38,7 +38,7 @@ class Figures:
         try:
             import snakemake  # noqa: F401
         except ImportError as error:
-            raise ImportError('figures need Snakemake: pip install "bgmodel[figures]"') from error
+            raise ImportError('figures need Snakemake: pip install ".[figures]"') from error
         found = find_recordings(self.recordings)
         if found is None:
             print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")

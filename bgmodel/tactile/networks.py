@@ -20,7 +20,7 @@ def import_torch() -> Any:
     try:
         import torch
     except ImportError as error:
-        raise ImportError('the decoder needs PyTorch: pip install "bgmodel[tactile]"') from error
+        raise ImportError('the decoder needs PyTorch: pip install ".[tactile]"') from error
     return torch
 
 

@@ -149,7 +149,7 @@ def _read_image(path: Path, shape: tuple[int, ...] | None = None) -> np.ndarray:
     try:
         import cv2
     except ImportError as error:
-        needed = 'reading recordings needs OpenCV: pip install "bgmodel[tactile]"'
+        needed = 'reading recordings needs OpenCV: pip install ".[tactile]"'
         raise ImportError(needed) from error
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if image is None:
