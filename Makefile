@@ -28,6 +28,7 @@ benchmark: $(VENV)/bench.installed
 
 score: $(VENV)/figures.installed
 	$(BIN)/python -m benchmarks.scoring --workers $(CORES)
+	$(BIN)/python -m benchmarks.limits --workers $(CORES)
 	$(BIN)/python -m benchmarks.learning
 	$(BIN)/python -m benchmarks.knob
 	$(BIN)/python -m benchmarks.sensitivity --workers $(CORES)

@@ -1,0 +1,69 @@
+"""What keeps the circuit's decision times from the MSPRT's, on the scoring seed: make score.
+
+The circuit as it is, beside itself with more cells in cortex, with more cells everywhere else, and
+without noise (the rate engine), each with the decoder of its own cortical spikes. What more cells
+outside cortex bring is the circuit's own noise; what is left of the decoder's distance from 1 is
+cortex's; what is left without noise is lag.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+
+import pandas as pd
+
+from benchmarks.scoring import OUT, SCORING_SEED, conditions
+from bgmodel.basal_ganglia import SPIKING, BasalGanglia, Circuit
+from bgmodel.circuit_study import OWN, against, page, usual_gain
+from bgmodel.files import read_table, write_table
+
+TIMES = 6
+"""So many times the cells."""
+
+
+def cases(table: Circuit) -> Iterator[tuple[str, str, Circuit]]:
+    """Yield name, engine and circuit of each case."""
+    spiking = [row.name for row in table.populations if row.spiking]
+    others = [name for name in spiking if name != table.input]
+    yield "as it is", "ensemble", table
+    yield f"{TIMES} times the cells outside {table.input}", "ensemble", with_cells(table, others)
+    yield f"{TIMES} times the cells of {table.input}", "ensemble", with_cells(table, [table.input])
+    yield "no noise", "rate", table
+
+
+def with_cells(table: Circuit, names: list[str]) -> Circuit:
+    """Return the circuit with ``TIMES`` the cells in some populations."""
+    for name in names:
+        table = table.changed(name, neurons=TIMES * table.population(name).neurons)
+    return table
+
+
+def main() -> None:
+    """Score the cases on all evidence of up to four alternatives, readings every 50 ms."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=2000)
+    parser.add_argument("--only", default="", help="conditions whose name contains this")
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    OUT.mkdir(exist_ok=True)
+    for name, table, evidence in conditions(given.trials):
+        fast = name.endswith("every 50 ms") and table.channels <= 4
+        if not fast or given.only not in name:
+            continue
+        gain, parts = usual_gain(table.channels), []
+        for case, engine, edited in cases(table):
+            noisy = engine in SPIKING
+            options = {"workers": given.workers} if noisy else {}
+            model = BasalGanglia(edited, engine, gain, SCORING_SEED if noisy else None, options)
+            found = against(model, evidence, seed=SCORING_SEED, rivals=())
+            parts.append(found[found["reference"] == OWN].assign(variant=case))
+        path = OUT / f"limits {name.replace('/', ' ')}.csv"
+        behind = {"trials": evidence.trials, "gain": gain, "circuit": str(table)}
+        write_table(pd.concat(parts, ignore_index=True), path, seed=SCORING_SEED, **behind)
+        print(f"\n=== {name}, {evidence.trials} trials")
+        print(page(read_table(path).drop(columns="reference")), flush=True)
+
+
+if __name__ == "__main__":
+    main()
