@@ -1,8 +1,10 @@
 """The engines side by side, and how the compiled one grows: make benchmark.
 
-Every number comes from a process of its own, engines in turn and repeated, so that what else the
-machine does falls on all alike; the least of the repeats counts. CPU time of the run alone:
-neither compilation nor building is in it. Cost is CPU nanoseconds a cell and tick.
+Every number comes from a process of its own, and all are taken in turn, again and again, so that
+what else the machine does falls on all alike. Of a cost the least counts; an engine is held to the
+ensemble's runs just before and after it, the median over rounds; cost against trials is the mean of
+runs that last about as long at every size. CPU time of the run alone: neither compilation
+nor building is in it. Cost is CPU nanoseconds a cell and tick.
 """
 
 from __future__ import annotations
@@ -25,6 +27,10 @@ from tqdm import tqdm
 OUT = Path(__file__).parent / "out"
 STEP_MS, STEPS, SETTLE_MS = 50.0, 10, 0.0
 REPEATS = 3
+ROUNDS = 5
+"""Of the engines side by side."""
+FEWEST = 2000
+"""Trials that a run against trials goes through in all, if need be in many calls."""
 
 
 def drive(trials: int, channels: int) -> Any:
@@ -51,17 +57,20 @@ def cells_of(circuit: Any) -> int:
     )
 
 
-def ensemble(trials: int = 100, workers: int = 1, **which: Any) -> dict[str, float]:
-    """Measure the compiled engine."""
+def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) -> dict[str, float]:
+    """Measure the compiled engine; the mean of so many times."""
     from circuits import ensemble as engine
 
     circuit = circuit_of(**which)
     given = {"step_ms": STEP_MS, "seed": 1, "settle_ms": SETTLE_MS, "workers": workers}
     given["rates"] = False
     engine.run(circuit, drive(1, circuit.channels), **given)
+    evidence = drive(trials, circuit.channels)
     wall, cpu = time.perf_counter(), time.process_time()
-    engine.run(circuit, drive(trials, circuit.channels), **given)
-    return _cost(cells_of(circuit), trials, time.process_time() - cpu, time.perf_counter() - wall)
+    for _ in range(times):
+        engine.run(circuit, evidence, **given)
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    return _cost(cells_of(circuit), trials, cpu / times, wall / times)
 
 
 def brian2(trials: int = 20, target: str = "standalone", **which: Any) -> dict[str, float]:
@@ -107,9 +116,9 @@ def vanilla(target: str = "cython", **which: Any) -> dict[str, float]:
     net, cells = network(b2, circuit)
     net.run(10 * b2.ms)
     few = _timed(lambda: net.run(50 * b2.ms))
-    more = _timed(lambda: net.run(250 * b2.ms))
+    more = _timed(lambda: net.run(1050 * b2.ms))
     # What starting a run takes is in both, and drops out.
-    return _cost(cells, 1, more - few, more - few, 200.0)
+    return _cost(cells, 1, more - few, more - few, 1000.0)
 
 
 def nengo() -> dict[str, float]:
@@ -157,7 +166,7 @@ def _cost(
 
 KINDS = {"ensemble": ensemble, "brian2": brian2, "vanilla": vanilla, "nengo": nengo}
 SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
-    ("ensemble", "ensemble", {}),
+    ("ensemble", "ensemble", {"trials": 300}),
     ("ensemble, 10 % spread", "ensemble", {"spread": 0.1}),
     ("ensemble, 25 % connections", "ensemble", {"connections": 0.25}),
     ("ensemble, both", "ensemble", {"spread": 0.1, "connections": 0.25}),
@@ -168,7 +177,10 @@ SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
     ("nengo, its own network", "nengo", {}),
 ]
 SCALING: list[tuple[str, str, dict[str, Any]]] = [
-    *[("trials", "ensemble", {"trials": n}) for n in (100, 300, 1000, 3000, 10_000)],
+    *[
+        ("trials", "ensemble", {"trials": n, "times": max(FEWEST // n, 1)})
+        for n in (100, 300, 1000, 3000, 10_000)
+    ],
     *[("neurons", "ensemble", {"neurons": n}) for n in (100, 300, 1000, 3000)],
     *[("alternatives", "ensemble", {"channels": n}) for n in (2, 4, 8, 12)],
 ]
@@ -215,26 +227,65 @@ def machine() -> str:
     return f"{name}, {os.cpu_count()} CPUs, {best}, Python {platform.python_version()}"
 
 
+def side_by_side(bar: tqdm) -> pd.DataFrame:
+    """Return all rounds: the ensemble, an engine, the ensemble, the next engine, and so on."""
+    (own, kind, options), *others = SIDE_BY_SIDE
+    rows = []
+    for turn in range(ROUNDS):
+        for other in others:
+            for what, engine, given in ((own, kind, options), other):
+                rows.append({"round": turn, "what": what, **measure(engine, given)})
+                bar.update()
+        rows.append({"round": turn, "what": own, **measure(kind, options)})
+        bar.update()
+    return pd.DataFrame(rows)
+
+
+def held_to_the_ensemble(every: pd.DataFrame) -> pd.DataFrame:
+    """Return each engine's cost over the mean of its neighbours', the ensemble's: rounds, median.
+
+    Parameters
+    ----------
+    every : DataFrame
+        As from ``side_by_side``.
+    """
+    cost = every["ns_per_cell_tick"]
+    ratio = 2 * cost / (cost.shift(1) + cost.shift(-1))
+    others = every["what"] != every["what"].iloc[0]
+    of = ratio[others].groupby(every["what"][others], sort=False)
+    return of.agg(["min", "median", "max"]).add_prefix("times_ensemble_")
+
+
+def least(rows: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+    """Return the row of least CPU time of each kind."""
+    ordered = rows.sort_values("cpu_s").groupby(keys, dropna=False, sort=False).first()
+    return ordered.reset_index()
+
+
 def main() -> None:
     """Measure everything; print the tables, write them and figure P1."""
     OUT.mkdir(exist_ok=True)
-    rows = []
-    plan = [("side by side", *one) for one in SIDE_BY_SIDE] * REPEATS
-    plan += [(f"against {what}", what, kind, opts) for what, kind, opts in SCALING] * 2
-    for part, what, kind, options in tqdm(plan):
-        rows.append({"part": part, "what": what, **options, **measure(kind, options)})
-    every = pd.DataFrame(rows)
-    keys = ["part", "what", "trials", "neurons", "channels"]
-    best = every.sort_values("cpu_s").groupby(keys, dropna=False, sort=False).first().reset_index()
-    best.to_csv(OUT / "circuits.csv", index=False)
-    side = best[best["part"] == "side by side"].set_index("what").loc[[n for n, *_ in SIDE_BY_SIDE]]
-    side["times_ensemble"] = side["ns_per_cell_tick"] / side["ns_per_cell_tick"].iloc[0]
+    plan = SCALING * 2
+    with tqdm(total=len(plan) + ROUNDS * (2 * len(SIDE_BY_SIDE) - 1)) as bar:
+        rounds = side_by_side(bar)
+        rows = []
+        for what, kind, options in plan:
+            rows.append({"what": what, **options, **measure(kind, options)})
+            bar.update()
+    rounds.to_csv(OUT / "circuits_rounds.csv", index=False)
+    side = least(rounds, ["what"]).set_index("what").loc[[name for name, *_ in SIDE_BY_SIDE]]
+    side = side.join(held_to_the_ensemble(rounds))
+    grown = pd.DataFrame(rows)
+    keys = ["what", "trials", "neurons", "channels"]
+    means = grown.groupby(keys, dropna=False, sort=False)["ns_per_cell_tick"].mean()
+    grown = least(grown, keys).merge(means.rename("mean_ns").reset_index(), on=keys)
+    grown.to_csv(OUT / "circuits_scaling.csv", index=False)
+    side.to_csv(OUT / "circuits.csv")
     about = machine()
     print(about)
-    columns = ["ns_per_cell_tick", "times_ensemble", "trial_s_per_cpu_s", "peak_mb"]
-    print(side[columns].round(3).to_string())
-    grown = best[best["part"] != "side by side"]
-    print(grown[["part", *keys[2:], "ns_per_cell_tick", "peak_mb"]].to_string(index=False))
+    columns = ["ns_per_cell_tick", *(c for c in side if c.startswith("times"))]
+    print(side[[*columns, "trial_s_per_cpu_s", "peak_mb"]].round(3).to_string())
+    print(grown[[*keys, "ns_per_cell_tick", "mean_ns", "peak_mb"]].round(3).to_string(index=False))
     print({name: round(value, 2) for name, value in processes().items()})
     draw(side, grown, about)
 
@@ -255,7 +306,7 @@ def draw(side: pd.DataFrame, grown: pd.DataFrame, about: str) -> None:
     for what, column in names.items():
         part = grown[grown["what"] == what].sort_values(column)
         relative = part[column] / part[column].iloc[0]
-        right.plot(relative, part["ns_per_cell_tick"], "o-", label=what)
+        right.plot(relative, part["mean_ns"], "o-", label=what)
     right.set_xscale("log")
     right.set_ylim(0, None)
     right.set_xlabel("times the least")

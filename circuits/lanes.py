@@ -418,7 +418,7 @@ def marked(marks, cells, found, most, places, found_n):
     return found_n[places[0]], found_n[places[1]], found_n[places[2]], found_n[places[3]]
 
 
-@compiled
+@numba.njit(inline="always")
 def add_row(sums, wires, row, cells):
     """Add the connections of one spike, a row of bits, to the target cells' counts, a byte each.
 
