@@ -19,6 +19,7 @@ from bgmodel.basal_ganglia import (
 from bgmodel.circuit_edits import out_shift
 from bgmodel.comparison import (
     ACCURACIES,
+    MARGIN,
     RESAMPLES,
     Sweep,
     check_trials,
@@ -297,7 +298,7 @@ def behaviour(table: pd.DataFrame) -> str:
 
 
 def page(table: pd.DataFrame) -> str:
-    """Return a comparison as text, 95 % intervals in brackets.
+    """Return a comparison as text, a column an accuracy, 95 % intervals in brackets.
 
     Parameters
     ----------
@@ -305,37 +306,38 @@ def page(table: pd.DataFrame) -> str:
         As from ``against`` or, a row a variant, from ``variants``.
     """
     by = [name for name in ("reference", "model", "variant", "kind") if name in table]
-    lines = []
-    for names, part in table[table["measure"].isin(SHOWN)].groupby(by, sort=False):
-        line, same = part[part["accuracy"].isna()], equivalent(part)
-        lines += ["", "  ".join(map(str, names)) + ": " + _cells(line)]
-        for accuracy in same.index:
-            here = part[part["accuracy"] == accuracy]
-            if here["value"].isna().all():
-                lines.append(f"  accuracy {accuracy:.2f} is not reached")
-                continue
-            verdict = "equivalent" if same[accuracy] else "not equivalent"
-            cells = _cells(here)
-            lines.append(f"  at accuracy {accuracy:.2f}: {cells}  {verdict}")
-    return "\n".join(lines).strip()
+    parts = []
+    for names, part in table.groupby(by, sort=False):
+        whole = part[part["accuracy"].isna()].set_index("measure").T
+        late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")
+        same = equivalent(part)
+        columns = {f"at {accuracy:g}": _column(part, accuracy, same) for accuracy in same.index}
+        what = ", ".join(map(str, names))
+        parts.append(f"{what}: {late} ms later, and {slope} of the reference's time")
+        parts.append(pd.DataFrame(columns).fillna("").to_string() + "\n")
+    return "\n".join(parts).rstrip()
 
 
 SHOWN = {
-    "offset_ms": ".0f",
-    "slope": ".3f",
-    "agreement": ".3f",
-    "error_agreement": ".2f",
-    "pearson_r": ".3f",
-    "spearman_r": ".3f",
-    "within_50_ms": ".2f",
-    "extra_ms": ".0f",
-    "accuracy_gap": "+.3f",
+    "agreement": ("same choice", ".3f"),
+    "error_agreement": ("same where the reference errs", ".2f"),
+    "pearson_r": ("r of times", ".3f"),
+    "spearman_r": ("r of their ranks", ".3f"),
+    "within_50_ms": ("share within 50 ms", ".2f"),
+    "extra_ms": ("later, ms", ".0f"),
+    "accuracy_gap": ("accuracy gained in equal time", "+.3f"),
 }
-"""Measures that ``page`` prints, and how."""
+"""Measures at an accuracy: what ``page`` calls them, and how it prints them."""
 
 
-def _cells(rows: pd.DataFrame) -> str:
-    return "  ".join(
-        f"{m} {value:{SHOWN[m]}} [{low:{SHOWN[m]}}, {high:{SHOWN[m]}}]"
-        for m, value, low, high in rows[["measure", "value", "low", "high"]].itertuples(index=False)
-    )
+def _column(part: pd.DataFrame, accuracy: float, same: pd.Series) -> dict[str, str]:
+    """Return what is shown at one accuracy."""
+    here = part[part["accuracy"] == accuracy].set_index("measure").T
+    if here.loc["value"].isna().all():
+        return {name: "not reached" for name, _ in SHOWN.values()}
+    known = {name: _cell(here[m], form) for m, (name, form) in SHOWN.items() if m in here}
+    return known | {f"equal within {MARGIN:g}": "yes" if same[accuracy] else "not shown"}
+
+
+def _cell(row: pd.Series, form: str) -> str:
+    return f"{row['value']:{form}} [{row['low']:{form}}, {row['high']:{form}}]"

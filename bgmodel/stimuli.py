@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -39,8 +39,14 @@ class Stimuli:
     step_ms: float = 50.0
     """Time between readings, ms."""
 
-    def check(self) -> None:
-        """Refuse what makes no sense, before long work starts."""
+    def check(self, default: Stimuli | None = None) -> None:
+        """Refuse what makes no sense, before long work starts.
+
+        Parameters
+        ----------
+        default : Stimuli, optional
+            What stands if nothing is said: beside a table of evidence nothing else may be.
+        """
         for name in ("trials", "t_max"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
@@ -50,10 +56,22 @@ class Stimuli:
             raise ValueError(f"d_prime must be > 0, got {self.d_prime}")
         if not 0 <= self.conflict < 1:
             raise ValueError(f"conflict must lie in 0..1, below 1, got {self.conflict}")
-        if self.conflict and (self.task != "gaussian" or self.evidence is not None):
+        if self.evidence is not None:
+            self._check_alone(default or Stimuli())
+        if self.conflict and self.task != "gaussian":
             raise ValueError(f"conflict is for Gaussian evidence, got {self.conflict}")
         if self.task == "same-different" and self.channels != 2:
             raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
+
+    def _check_alone(self, default: Stimuli) -> None:
+        """Refuse what is said of evidence to draw beside a table of evidence."""
+        own = replace(default, evidence=self.evidence, step_ms=self.step_ms)
+        for option in fields(self):
+            if getattr(self, option.name) != getattr(own, option.name):
+                raise ValueError(
+                    f"{option.name} is for evidence that is drawn, it says nothing about "
+                    f"{str(self.evidence)!r}"
+                )
 
     def draw(self, seed: int, name: str) -> tuple[Evidence, list[str]]:
         """Return the evidence and the names of its hypotheses."""

@@ -105,6 +105,11 @@ def test_learn(tmp_path, capsys):
         ),
         (["decide", "out.csv", "--evidence", "x.csv", "--fold", "3"], "fold is for tactile"),
         (["decide", "out.csv", "--evidence", "absent.csv"], "there is no table"),
+        (
+            ["circuit", "run", "out.csv", "--evidence", "x.csv", "--channels", "4"],
+            "channels is for evidence that is drawn",
+        ),
+        (["compare", "out.csv", "--evidence", "x.csv", "--trials", "9"], "trials is for evidence"),
         (["decide", "out.csv", "--prior", "0.5", "0.6"], "prior must sum to 1"),
         (["decide", "out.csv", "--period-mm", "7"], "period_mm must be one of"),
         (["decide", "file/out.csv"], "output folder"),

@@ -122,7 +122,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     stimuli = asked_for.stimuli
     check_ending(asked_for.output, ".parquet", ".csv")
     files.check_writable(asked_for.output.parent)
-    stimuli.check()
+    stimuli.check(MANY)
     check_whole(workers=asked_for.workers)
     if not asked_for.accuracies:
         raise ValueError("accuracies must hold one number or more")

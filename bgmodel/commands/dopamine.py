@@ -118,7 +118,7 @@ class Learn:
         """Refuse what makes no sense, before long work starts."""
         check_ending(self.output, ".parquet", ".csv")
         files.check_writable(self.output.parent)
-        self.stimuli.check()
+        self.stimuli.check(TOUCHED)
         check_whole(runs=self.runs, levels=self.levels)
         if self.levels < 2:
             raise ValueError(f"levels must be >= 2, got {self.levels}")
