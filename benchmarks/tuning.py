@@ -1,10 +1,10 @@
 """What spiking_msprt was tuned on: the table as it is beside its neighbours, on tuning seeds.
 
-``python -m benchmarks.tuning [--channels 4] [--trials 500]`` prints, for every variant, its rates
-at rest and what it does against the MSPRT at its gain. The seeds here tune and never score; those
-of ``benchmarks.scoring`` score and never tune. What was kept is the row with the highest
-correlation of decision times whose latency stays within 65 ms and whose rates at rest are those of
-the animal.
+``python -m benchmarks.tuning [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for every
+variant, its rates at rest and what it does against the MSPRT at its gain. The seeds here tune and
+never score; those of ``benchmarks.scoring`` score and never tune. What was kept is the row with the
+highest correlation of decision times whose latency stays within 65 ms and whose rates at rest are
+those of the animal.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
 from bgmodel.circuit_study import at_rest, page, variants
 from bgmodel.evidence import gaussian_evidence
+from circuits.firing import fit_current
 
 TUNING_SEEDS = (1001, 1002, 1003)
 ACCURACIES = (0.90, 0.93, 0.95, 0.97)
@@ -29,6 +30,30 @@ def synapses(table: Circuit, cortical_ms: float, striatal_ms: float) -> Circuit:
     for target in ("D1", "D2", "STN"):
         table = table.changed(f"ctx->{target}", tau_ms=cortical_ms)
     return table
+
+
+def steeper_d1(table: Circuit, gain_hz_per_nat: float) -> Circuit:
+    """Return the circuit with another gain of D1, its currents fitted anew."""
+    cell = table.population("D1").cell
+    rest, slope = fit_current(cell, 0, gain_hz_per_nat, (4, 90))
+    cell = replace(cell, rest_mv=rest, mv_per_nat=slope)
+    return table.changed("D1", cell=cell, gain_hz_per_nat=gain_hz_per_nat)
+
+
+def lower_cortex(table: Circuit, by_nats: float) -> Circuit:
+    """Return the circuit with a lower and steeper cortical code, the winner's rate as it is.
+
+    What lies furthest behind is lost sooner: cortex has no rates below its baseline.
+    """
+    top = table.reference_nats
+    ctx, share = table.population("ctx"), 1 - table.projection("ctx", "STN").weight
+    table = table.changed("ctx", gain_hz_per_nat=ctx.gain_hz_per_nat * top / (top - by_nats))
+    for name in ("D1", "D2"):
+        row = table.population(name)
+        moved = {"bias_nats": row.bias_nats + by_nats, "pivot_nats": row.pivot_nats - by_nats}
+        table = table.changed(name, **moved)
+    bias = table.population("STN").bias_nats + (1 - share) * by_nats
+    return replace(table.changed("STN", bias_nats=bias), reference_nats=top - by_nats)
 
 
 def neighbours(table: Circuit) -> dict[str, Circuit]:
@@ -54,6 +79,13 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
         "STN filter 8 ms": table.changed("STN", tau_ms=8),
         "Poisson cortex": table.changed("ctx", cv=1.0),
         "STN of CV 0.6": table.changed("STN", cv=0.6),
+        "D1->SNr 12 ms, read-out 24": replace(
+            table.changed("D1->SNr", tau_ms=12), readout_tau_ms=24
+        ),
+        "read-out 20, kernel 25 ms": read_out(20, 25),
+        "read-out 30, kernel 38 ms": read_out(30, 38),
+        "D1 of 120 Hz a nat": steeper_d1(table, 120),
+        "cortex half a nat lower": lower_cortex(table, 0.5),
     }
 
 
@@ -61,6 +93,7 @@ def main() -> None:
     """Print the table of variants."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--channels", type=int, default=4)
+    parser.add_argument("--d-prime", type=float, default=0.5)
     parser.add_argument("--trials", type=int, default=500)
     parser.add_argument("--gain", type=float, default=0.5)
     given = parser.parse_args()
@@ -72,15 +105,15 @@ def main() -> None:
     for seed in TUNING_SEEDS:
         evidence = gaussian_evidence(
             given.trials,
-            120,
-            0.5 / np.sqrt(2),
+            int(60 / given.d_prime),
+            given.d_prime / np.sqrt(2),
             rng=stream(seed, "tuning", given.channels),
             hypotheses=given.channels,
             step_ms=50.0,
         )
         model = BasalGanglia(table, "ensemble", given.gain, seed, {"workers": 2})
         found = variants(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
-        print(f"\nseed {seed}, N = {given.channels}, {given.trials} trials")
+        print(f"\nseed {seed}, N = {given.channels}, d' {given.d_prime:g}, {given.trials} trials")
         print(page(found[found["kind"] == "value"].drop(columns="kind")))
 
 
