@@ -1,9 +1,9 @@
 """What keeps the circuit's decision times from the MSPRT's, on the scoring seed: make score.
 
-The circuit as it is, beside itself with more cells in cortex, with more cells everywhere else, and
-without noise (the rate engine), each with the decoder of its own cortical spikes. What more cells
-outside cortex bring is the circuit's own noise; what is left of the decoder's distance from 1 is
-cortex's; what is left without noise is lag.
+The circuit as it is, beside itself with six times the cells in cortex, with six times the cells
+everywhere else, and without noise (the rate engine), each that spikes with a decoder of its own
+cortical spikes. More cells tell which noise it is, no noise what its dynamics alone take away.
+Nothing is chosen by these numbers.
 """
 
 from __future__ import annotations

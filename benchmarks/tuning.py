@@ -2,9 +2,9 @@
 
 ``python -m benchmarks.tuning [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for every
 variant, its rates at rest and what it does against the MSPRT at its gain. The seeds here tune and
-never score; those of ``benchmarks.scoring`` score and never tune. What was kept is the row with the
-highest correlation of decision times whose latency stays within 65 ms and whose rates at rest are
-those of the animal.
+never score; those of ``benchmarks.scoring`` score and never tune. The row with the
+highest correlation of decision times was kept whose latency stays within 65 ms and whose rates at
+rest are those of the animal; within the error of 500 trials many are as good.
 """
 
 from __future__ import annotations
@@ -46,13 +46,15 @@ def lower_cortex(table: Circuit, by_nats: float) -> Circuit:
     What lies furthest behind is lost sooner: cortex has no rates below its baseline.
     """
     top = table.reference_nats
-    ctx, share = table.population("ctx"), 1 - table.projection("ctx", "STN").weight
-    table = table.changed("ctx", gain_hz_per_nat=ctx.gain_hz_per_nat * top / (top - by_nats))
+    steeper = table.population("ctx").gain_hz_per_nat * top / (top - by_nats)
+    table = table.changed("ctx", gain_hz_per_nat=steeper)
     for name in ("D1", "D2"):
         row = table.population(name)
         moved = {"bias_nats": row.bias_nats + by_nats, "pivot_nats": row.pivot_nats - by_nats}
         table = table.changed(name, **moved)
-    bias = table.population("STN").bias_nats + (1 - share) * by_nats
+    # D2 brings its share of the exponent, already moved.
+    own = table.projection("ctx", "STN").weight
+    bias = table.population("STN").bias_nats + own * by_nats
     return replace(table.changed("STN", bias_nats=bias), reference_nats=top - by_nats)
 
 

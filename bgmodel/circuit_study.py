@@ -303,9 +303,9 @@ def page(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
-        As from ``against`` or, a row a variant, from ``variants``.
+        As from ``against`` or, of the kind "value", from ``variants``.
     """
-    by = [name for name in ("reference", "model", "variant", "kind") if name in table]
+    by = [name for name in ("reference", "model", "variant") if name in table]
     parts = []
     for names, part in table.groupby(by, sort=False):
         whole = part[part["accuracy"].isna()].set_index("measure").T
@@ -323,7 +323,7 @@ SHOWN = {
     "error_agreement": ("same where the reference errs", ".2f"),
     "pearson_r": ("r of times", ".3f"),
     "spearman_r": ("r of their ranks", ".3f"),
-    "within_50_ms": ("share within 50 ms", ".2f"),
+    "within_50_ms": ("within 50 ms of the median lag", ".2f"),
     "extra_ms": ("later, ms", ".0f"),
     "accuracy_gap": ("accuracy gained in equal time", "+.3f"),
 }
@@ -333,10 +333,11 @@ SHOWN = {
 def _column(part: pd.DataFrame, accuracy: float, same: pd.Series) -> dict[str, str]:
     """Return what is shown at one accuracy."""
     here = part[part["accuracy"] == accuracy].set_index("measure").T
+    measures = {m: name for m, (name, _) in SHOWN.items() if m in here}
     if here.loc["value"].isna().all():
-        return {name: "not reached" for name, _ in SHOWN.values()}
-    known = {name: _cell(here[m], form) for m, (name, form) in SHOWN.items() if m in here}
-    return known | {f"equal within {MARGIN:g}": "yes" if same[accuracy] else "not shown"}
+        return dict.fromkeys(measures.values(), "not reached")
+    known = {name: _cell(here[m], SHOWN[m][1]) for m, name in measures.items()}
+    return known | {f"equal within {MARGIN:g}": "yes" if same[accuracy] else "not established"}
 
 
 def _cell(row: pd.Series, form: str) -> str:

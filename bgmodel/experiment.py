@@ -109,16 +109,21 @@ class Experiment:
             raise ValueError("predictions must hold one or more, got none")
         if not 0 < self.foreperiod_ms < np.inf:
             raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
-        if self.truth is not None and self.truth not in range(self.task.channels):
-            raise ValueError(f"truth must lie in 0..{self.task.channels - 1}, got {self.truth}")
         self.task.check()
+        if self.task.evidence is None:
+            self._check_truth(self.task.channels)
 
     def evidence(self) -> Evidence:
         """Return the evidence that both conditions are given."""
         drawn, _ = self.task.draw(self.seed, "experiment")
         if drawn.truth is None:
             raise ValueError("an experiment counts errors: its evidence needs the truth")
+        self._check_truth(drawn.hypotheses)
         return drawn if self.truth is None else drawn[drawn.truth == self.truth]
+
+    def _check_truth(self, hypotheses: int) -> None:
+        if self.truth is not None and self.truth not in range(hypotheses):
+            raise ValueError(f"truth must lie in 0..{hypotheses - 1}, got {self.truth}")
 
     def threshold_nats(self, condition: Condition) -> float:
         """Return the OUT at which a condition decides."""

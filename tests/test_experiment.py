@@ -112,6 +112,21 @@ def test_a_bad_file_gets_one_clear_sentence(small, tmp_path, capsys, old, new, s
     assert [path.name for path in tmp_path.iterdir()] == ["in"]
 
 
+def test_a_table_of_evidence_says_how_many_hypotheses_there_are(small, tmp_path):
+    drawn = np.random.default_rng(5).normal(size=(30, 4, 3))
+    rows = [
+        {"trial": n, "step": t, "ll_a": a, "ll_b": b, "ll_c": c, "truth": "abc"[n % 3]}
+        for n, trial in enumerate(drawn)
+        for t, (a, b, c) in enumerate(trial)
+    ]
+    mine = tmp_path / "mine.csv"
+    pd.DataFrame(rows).to_csv(mine, index=False)
+    own = replace(read_experiment(small), task=Stimuli(evidence=mine), truth=2)
+    np.testing.assert_array_equal(own.evidence().log_likelihood, drawn[2::3])
+    with pytest.raises(ValueError, match=r"truth must lie in 0\.\.2, got 3"):
+        replace(own, truth=3).evidence()
+
+
 def test_a_file_that_is_not_there(tmp_path, capsys):
     assert run("experiment", tmp_path / "no.toml") == 2
     assert "can't be read" in capsys.readouterr().err

@@ -19,7 +19,7 @@ class Run:
     the file, written before the run; each part is said to agree, to disagree or to be left open by
     the 95 % interval of the change.
 
-    Examples: bgmodel experiment; bgmodel experiment stn_lesion;
+    Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial;
     bgmodel experiment mine.toml outcome.csv --trials 200
     """
 
