@@ -7,6 +7,9 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+COMPILES = "the first run of a kind of circuit compiles: half a minute or less"
+"""What a command says before it runs the ensemble engine."""
+
 
 def asked(command: Any) -> dict[str, Any]:
     """Return a command's options but for where its result goes."""

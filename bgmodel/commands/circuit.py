@@ -14,7 +14,7 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel import files, tables
-from bgmodel.commands.checks import asked, check_ending, check_whole
+from bgmodel.commands.checks import COMPILES, asked, check_ending, check_whole
 from bgmodel.decision import first_crossing
 from bgmodel.edits import Edits
 from bgmodel.stimuli import Stimuli
@@ -108,6 +108,7 @@ class Run:
         if self.engine == "brian2":
             print("Brian2 writes and compiles its program: 10 to 30 seconds", file=sys.stderr)
         if self.engine == "ensemble":
+            print(COMPILES, file=sys.stderr)
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
         model = basal_ganglia.BasalGanglia(table, self.engine, self.gain, self.seed, options)

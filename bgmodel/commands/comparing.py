@@ -11,7 +11,7 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import asked, check_ending, check_whole
+from bgmodel.commands.checks import COMPILES, asked, check_ending, check_whole
 from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
@@ -134,7 +134,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     options: dict[str, Any] = {}
     if asked_for.engine == "ensemble":
         options = {"workers": asked_for.workers}
-        print("the first run compiles: some ten seconds", file=sys.stderr)
+        print(COMPILES, file=sys.stderr)
     if asked_for.engine in ("ensemble", "rate"):
         options["sample_ms"] = sample_ms(evidence.step_ms)
     model = basal_ganglia.BasalGanglia(
