@@ -178,7 +178,7 @@ SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
 ]
 SCALING: list[tuple[str, str, dict[str, Any]]] = [
     *[
-        ("trials", "ensemble", {"trials": n, "times": max(-(-TRIALS_IN_ALL // n), 1)})
+        ("trials", "ensemble", {"trials": n, "times": -(-TRIALS_IN_ALL // n)})
         for n in (100, 300, 1000, 3000, 10_000)
     ],
     *[("neurons", "ensemble", {"neurons": n}) for n in (100, 300, 1000, 3000)],

@@ -2,9 +2,9 @@
 
 ``python -m benchmarks.tuning [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for every
 variant, its rates at rest and what it does against the MSPRT at its gain. The seeds here tune and
-never score; those of ``benchmarks.scoring`` score and never tune. The row with the
-highest correlation of decision times was kept whose latency stays within 65 ms and whose rates at
-rest are those of the animal; within the error of 500 trials many are as good.
+never score; those of ``benchmarks.scoring`` score and never tune. The row with the highest
+correlation of decision times was kept whose latency stays within 65 ms and whose rates at rest are
+those of the animal; within the error of 500 trials many are as good.
 """
 
 from __future__ import annotations
