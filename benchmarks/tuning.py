@@ -16,7 +16,7 @@ import numpy as np
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_study import at_rest, page, variants
+from bgmodel.circuit_study import at_rest, page, usual_gain, variants
 from bgmodel.evidence import gaussian_evidence
 from circuits.firing import fit_current
 
@@ -67,6 +67,9 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
     def read_out(tau_ms: float, kernel_ms: float) -> Circuit:
         return replace(table.changed("STN->SNr", tau_ms=kernel_ms), readout_tau_ms=tau_ms)
 
+    def direct(tau_ms: float, delay_ms: float) -> Circuit:
+        return table.changed("D1->SNr", tau_ms=tau_ms, delay_ms=delay_ms)
+
     return {
         "common mode 100 ms": common(100),
         "common mode 400 ms": common(400),
@@ -75,17 +78,16 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
         "STN-GPe loop 5 and 8 ms": table.changed("STN->GPe", tau_ms=5).changed(
             "GPe->STN", tau_ms=8
         ),
-        "kernel 22 ms": read_out(36, 22),
-        "kernel 38 ms": read_out(36, 38),
-        "read-out 42, kernel 26 ms": read_out(42, 26),
+        "kernel 24 ms": read_out(28, 24),
+        "kernel 40 ms": read_out(28, 40),
+        "read-out 36, kernel 26 ms": read_out(36, 26),
+        "read-out 36, kernel 34 ms": read_out(36, 34),
+        "read-out 20, kernel 34 ms": read_out(20, 34),
         "STN filter 8 ms": table.changed("STN", tau_ms=8),
         "Poisson cortex": table.changed("ctx", cv=1.0),
         "STN of CV 0.6": table.changed("STN", cv=0.6),
-        "D1->SNr 12 ms, read-out 24": replace(
-            table.changed("D1->SNr", tau_ms=12), readout_tau_ms=24
-        ),
-        "read-out 20, kernel 25 ms": read_out(20, 25),
-        "read-out 30, kernel 38 ms": read_out(30, 38),
+        "D1->SNr 12 ms": direct(12, 4),
+        "D1->SNr 4 ms, delay 2 ms": direct(4, 2),
         "D1 of 120 Hz a nat": steeper_d1(table, 120),
         "cortex half a nat lower": lower_cortex(table, 0.5),
     }
@@ -97,9 +99,8 @@ def main() -> None:
     parser.add_argument("--channels", type=int, default=4)
     parser.add_argument("--d-prime", type=float, default=0.5)
     parser.add_argument("--trials", type=int, default=500)
-    parser.add_argument("--gain", type=float, default=0.5)
     given = parser.parse_args()
-    table = circuit("spiking_msprt", given.channels)
+    table, gain = circuit("spiking_msprt", given.channels), usual_gain(given.channels)
     tried = neighbours(table)
     for name, row in {"as it is": table, **tried}.items():
         at = at_rest(row, seed=TUNING_SEEDS[0])
@@ -113,7 +114,7 @@ def main() -> None:
             hypotheses=given.channels,
             step_ms=50.0,
         )
-        model = BasalGanglia(table, "ensemble", given.gain, seed, {"workers": 2})
+        model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
         found = variants(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
         print(f"\nseed {seed}, N = {given.channels}, d' {given.d_prime:g}, {given.trials} trials")
         print(page(found[found["kind"] == "value"].drop(columns="kind")))

@@ -47,9 +47,14 @@ ROUNDING_NATS = 0.01
 def usual_gain(alternatives: int) -> float:
     """Return the nats in ``spiking_msprt`` a nat of evidence that its scores are made with.
 
-    With eight alternatives OUT at an accuracy of .9 lies above what the circuit reads unless the
-    gain is higher.
+    Near a decision OUT follows the evidence with a slope ``kappa (1 - P)``, P the softmax of
+    ``kappa L``: a higher gain drowns the noise of cortex, and beyond a point that of all others
+    drowns OUT. With two alternatives the slope at accuracies of .90 to .97 stands higher for longer
+    than with four; with eight OUT at .90 lies above what the circuit reads unless the gain is
+    higher. The values are from tuning seeds (``benchmarks/tuning.py``).
     """
+    if alternatives <= 2:
+        return 0.7
     return 0.5 if alternatives < 8 else 0.6
 
 

@@ -205,11 +205,11 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         Projection("ctx", "D2", 1, delay_ms=5, tau_ms=4, cite=fast + "delay tuned"),
         Projection("ctx", "STN", 1 - share, delay_ms=2.5, tau_ms=4, cite=fast + "its delay"),
         Projection("common", "ctx", -1, "diffuse", delay_ms=2, cite="assumed"),
-        Projection("D1", "SNr", -1, delay_ms=5, tau_ms=4, cite=fast + "delay 4 there"),
+        Projection("D1", "SNr", -1, delay_ms=4, tau_ms=6, cite=HUMPHRIES + "; kernel tuned"),
         Projection("D2", "GPe", -share, delay_ms=5, tau_ms=4, cite=fast + "its delay"),
         Projection("STN", "common", gain, "diffuse", delay_ms=2, tau_ms=5, cite="assumed"),
         Projection("STN", "GPe", slope, "diffuse", delay_ms=2, tau_ms=3, cite=fast + "its delay"),
-        Projection("STN", "SNr", 1, "diffuse", delay_ms=2, tau_ms=30, cite=STUDY + "; kernel"),
+        Projection("STN", "SNr", 1, "diffuse", delay_ms=2, tau_ms=34, cite=STUDY + "; kernel"),
         Projection("GPe", "STN", -1, delay_ms=2, tau_ms=4, cite=fast + "delay 4 there"),
     )
     return Circuit(
@@ -218,7 +218,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         projections=paths,
         channels=channels,
         reference_nats=top,
-        readout_tau_ms=36,
+        readout_tau_ms=28,
         range_nats=(1.0, 12.0),
         readable_nats=(0.0, top - d1_from),
         # Odds of e^5 are past every threshold; more would only outrun the slow common mode.

@@ -177,7 +177,7 @@ def test_every_number_is_varied_once_each_way():
     assert made["STN cv +20%"].population("STN").cell.cv == pytest.approx(0.36)
     assert made["ctx->STN delay_ms -20%"].projection("ctx", "STN").delay_ms == 2.0
     assert made["GPe tau_ms +20%"].population("GPe").cell.tau_ms == pytest.approx(12)
-    assert made["read-out tau_ms -20%"].readout_tau_ms == pytest.approx(28.8)
+    assert made["read-out tau_ms -20%"].readout_tau_ms == pytest.approx(22.4)
 
 
 def test_shared_noise_has_the_size_that_was_asked():
