@@ -81,6 +81,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=2000)
     parser.add_argument("--only", default="", help="conditions whose name contains this")
+    parser.add_argument("--gain", type=float, help="another than the usual one")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", action="store_true", help="compute only what is not there")
     given = parser.parse_args()
@@ -88,8 +89,10 @@ def main() -> None:
     for name, table, evidence in conditions(given.trials):
         if given.only not in name:
             continue
+        gain = given.gain or usual_gain(table.channels)
+        if given.gain:
+            name += f", gain {gain:g}"
         path = OUT / f"scoring {name.replace('/', ' ')}.csv"
-        gain = usual_gain(table.channels)
         behind = {"trials": evidence.trials, "gain": gain, "circuit": str(table)}
         if not (given.keep and path.exists()):
             rivals = [r for r in RIVALS if r != "race" or name.startswith("gaussian")]
