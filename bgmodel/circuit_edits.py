@@ -17,7 +17,6 @@ from bgmodel.basal_ganglia import (
     Population,
     Projection,
     Rate,
-    run_engine,
 )
 
 OF_POPULATIONS = ("baseline_hz", "gain_hz_per_nat", "bias_nats", "tau_ms")
@@ -104,7 +103,9 @@ def shuffled_stn(circuit: Circuit) -> Circuit:
     return circuit.changed("STN->SNr", pattern="neighbour", weight=weight)
 
 
-def out_shift(circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike) -> npt.NDArray:
+def out_shift(
+    circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike, *, own_laws: bool = False
+) -> npt.NDArray[np.float64]:
     """Return what an edit adds to the winner's OUT at the fixed point, nats.
 
     Where any OUT that is asked for has no fixed point all are 0.
@@ -114,7 +115,9 @@ def out_shift(circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike) -> npt
     circuit, edited : Circuit
         Before and after.
     out_nats : array (...)
-        OUT before, at which it is asked; the result has its shape.
+        ``-ln P`` before, at which it is asked; the result has its shape.
+    own_laws : bool
+        Whether integrate-and-fire cells follow their own f-I laws rather than the table's lines.
     """
     n = circuit.channels
     out = np.asarray(out_nats, dtype=np.float64)
@@ -123,12 +126,12 @@ def out_shift(circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike) -> npt
     drive -= drive.mean(axis=2, keepdims=True)
     try:
         before, after = (
-            run_engine(c, drive, engine="algebra", step_ms=1.0).output_nats[:, 0, 0]
+            BasalGanglia(c, options={"own_laws": own_laws}).at(drive, step_ms=1.0).output_nats
             for c in (circuit, edited)
         )
     except ValueError:
         return np.zeros_like(out)
-    return (after - before).reshape(out.shape)
+    return (after - before)[:, 0, 0].reshape(out.shape)
 
 
 def steady_out(
@@ -170,8 +173,8 @@ def steady_shifts(
     -------
     DataFrame
         One row a variant and log odds: variant, log_odds, out_nats (as it is), exact_nats (the
-        shift of the algebraic fixed point), value, low, high (the measured shift and its 95 %
-        interval, trials paired by their noise).
+        shift of the algebraic fixed point), own_laws_nats (the same with the cells' own f-I laws),
+        value, low, high (the measured shift and its 95 % interval, trials paired by their noise).
     """
     odds = np.asarray(log_odds, dtype=np.float64)
     before = steady_out(circuit, odds, seed=seed, trials=trials)
@@ -187,6 +190,7 @@ def steady_shifts(
                     "log_odds": odd,
                     "out_nats": before[k].mean(),
                     "exact_nats": float(out_shift(circuit, table, out)),
+                    "own_laws_nats": float(out_shift(circuit, table, out, own_laws=True)),
                     "value": shift[k].mean(),
                     "low": interval.low[k],
                     "high": interval.high[k],

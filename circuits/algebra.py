@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from circuits.activity import Activity, checked_drive
+from circuits.mean_field import own_rates, settled
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring, wire
 
@@ -21,7 +22,9 @@ MOST_DAMPING = 1.0
 TRIALS_AT_ONCE = 512
 
 
-def run(circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0) -> Activity:
+def run(
+    circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0, own_laws: bool = False
+) -> Activity:
     """Return the fixed point of the circuit for every reading: no time passes, nothing is noisy.
 
     Parameters
@@ -32,6 +35,9 @@ def run(circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0) -> Acti
         Accumulated evidence; 0 is rest.
     step_ms : float
         Time between readings, ms; only stated.
+    own_laws : bool
+        Whether integrate-and-fire cells follow their own f-I law, ``circuits.mean_field``, rather
+        than the table's line.
 
     Raises
     ------
@@ -44,7 +50,9 @@ def run(circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0) -> Acti
     states = [
         solve(wiring, flat[i : i + TRIALS_AT_ONCE]) for i in range(0, len(flat), TRIALS_AT_ONCE)
     ]
-    rates = wiring.rates(np.concatenate(states)).reshape(*drive.shape[:2], wiring.blocks)
+    x = np.concatenate(states)
+    hz = own_rates(wiring, settled(wiring, flat, x)) if own_laws else wiring.rates(x)
+    rates = hz.reshape(*drive.shape[:2], wiring.blocks)
     time = step_ms * np.arange(drive.shape[1], dtype=np.float64)
     return Activity.from_blocks(wiring, rates, time, engine="algebra")
 

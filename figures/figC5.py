@@ -114,9 +114,11 @@ def _shifts(ax, table: pd.DataFrame) -> None:
             color=colour,
             label=label,
         )
+        laws = "fixed point, own f-I laws" if len(seen) == 1 and label else None
+        ax.plot(rows["exact_nats"], rows["own_laws_nats"], "x", c=colour, ms=4, mew=0.6, label=laws)
     ends = [table["exact_nats"].min() - 0.02, table["exact_nats"].max() + 0.02]
     ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0)
-    ax.set(xlabel="change of OUT, fixed point (nats)", ylabel="change of OUT, spikes (nats)")
+    ax.set(xlabel="change of OUT, fixed point of lines (nats)", ylabel="change of OUT (nats)")
     ax.legend(loc="upper left")
     letter(ax, "a")
 

@@ -1,0 +1,64 @@
+"""A circuit whose cells have their own f-I laws in place of the table's lines.
+
+The table has every population follow a line. Integrate-and-fire cells bend away from it, near
+silence above all; here is the fixed point that they settle at.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import root
+
+from circuits.cells import Lif
+from circuits.firing import lif_rate_hz
+from circuits.wiring import Array, Wiring
+
+TOLERANCE = 1e-10
+
+
+def own_rates(wiring: Wiring, x: Array) -> Array:
+    """Return the rates (trials, blocks) of states in nats, Hz: Siegert's for a Lif.
+
+    They are those of the mean input: that it fluctuates is left out.
+    """
+    hz = wiring.rates(x)
+    for b in range(wiring.blocks):
+        cell = wiring.row(b).cell
+        if isinstance(cell, Lif):
+            hz[:, b] = lif_rate_hz(cell, cell.rest_mv + cell.mv_per_nat * x[:, b])
+    return hz
+
+
+def settled(wiring: Wiring, drive: Array, start: Array) -> Array:
+    """Return the state (trials, blocks) at the fixed point with ``own_rates``, nats.
+
+    Parameters
+    ----------
+    wiring : Wiring
+        The circuit.
+    drive : array (trials, channels), nats
+        As for the engines.
+    start : array (trials, blocks), nats
+        Where to look from: the fixed point of the lines.
+
+    Raises
+    ------
+    ValueError
+        If no fixed point was found.
+    """
+    outside, found = wiring.drive(drive), np.empty_like(start)
+    for t in range(len(start)):
+
+        def missing(x: Array, t: int = t) -> Array:
+            units = own_rates(wiring, x[None]) @ wiring.deliver.T + wiring.constant
+            fed = (outside[t : t + 1] + wiring.inputs(units))[0]
+            # Without a leak a block settles where its input is 0.
+            return np.where(wiring.leakless, fed, fed - x)
+
+        solution = root(missing, start[t], tol=TOLERANCE)
+        if not solution.success:
+            raise ValueError(
+                f"{wiring.circuit.name}: no fixed point was found with the cells' own f-I laws"
+            )
+        found[t] = solution.x
+    return found
