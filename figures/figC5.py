@@ -114,8 +114,8 @@ def _shifts(ax, table: pd.DataFrame) -> None:
             color=colour,
             label=label,
         )
-        laws = "fixed point, own f-I laws" if len(seen) == 1 and label else None
-        ax.plot(rows["exact_nats"], rows["own_laws_nats"], "x", c=colour, ms=4, mew=0.6, label=laws)
+        ax.plot(rows["exact_nats"], rows["own_laws_nats"], "x", c=colour, ms=4, mew=0.6)
+    ax.plot([], [], "x", c="0.4", ms=4, mew=0.6, label="cells' own f-I laws")
     ends = [table["exact_nats"].min() - 0.02, table["exact_nats"].max() + 0.02]
     ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0)
     ax.set(xlabel="change of OUT, fixed point of lines (nats)", ylabel="change of OUT (nats)")
