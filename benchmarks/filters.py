@@ -4,8 +4,8 @@
 seeds, then computes OUT again for other delays and time constants of D1->SNr, STN->SNr and the
 read-out. None of these feeds back, so D1's and STN's spikes are those of the run; SNr keeps its own
 noise and gets what the new filters change in its input. Printed: r of decision times against the
-MSPRT at the circuit's gain, mean over accuracies of .885 to .975 in steps of .01 rather than at one,
-and over the lowest four and the highest three of them.
+MSPRT at the circuit's gain, mean over accuracies of .885 to .975 in steps of .01, and over the
+lowest four and the highest three of them.
 """
 
 from __future__ import annotations
