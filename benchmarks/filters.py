@@ -42,13 +42,12 @@ class Run:
     """Rates of one run, ms by ms, from which OUT is computed for other filters."""
 
     def __init__(self, table: Circuit, evidence: Evidence, gain: float, seed: int) -> None:
-        self.table, self.evidence = table, evidence
+        self.evidence = evidence
         self.test = msprt_sweeps(evidence, gain)[OWN]
         self.thresholds = thresholds_about(self.test)
         kept: dict[str, list[Array]] = {"D1": [], "STN": [], "SNr": []}
-        for _, activity in BasalGanglia(table, "ensemble", gain, seed, {"workers": 1}).batches(
-            evidence
-        ):
+        model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
+        for _, activity in model.batches(evidence):
             for name, parts in kept.items():
                 parts.append(activity.decoded_nats(name))
         self.nats = {name: np.concatenate(parts) for name, parts in kept.items()}
