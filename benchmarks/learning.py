@@ -40,9 +40,9 @@ OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_006
 GAIN, XI, T_MAX, STEP_MS = 0.5, 50.0, 30, 50.0
 LATENCY_MS = figD2.LATENCY_MS[2]
-"""Non-decision time. Beside the highest level OUT rests near the threshold and the circuit is faster
-than that: where it comes out ahead of the test, its latency is shorter, not its decisions better.
-"""
+"""Non-decision time. Beside the highest level OUT rests near the threshold and the circuit is
+faster than that: where it comes out ahead of the test, its latency is shorter, not its decisions
+better."""
 STARTS = (1, -2)
 """Where learning starts: the lowest but one and the highest but one of the levels."""
 LEVELS = {"rate": 31, "ensemble": 16}

@@ -15,7 +15,8 @@ import pandas as pd
 
 from benchmarks.scoring import OUT, SCORING_SEED, conditions
 from bgmodel.basal_ganglia import SPIKING, BasalGanglia, Circuit
-from bgmodel.circuit_study import OWN, against, page, usual_gain
+from bgmodel.circuit_page import page
+from bgmodel.circuit_study import OWN, against, usual_gain
 from bgmodel.files import read_table, write_table
 
 TIMES = 6

@@ -19,7 +19,8 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_study import OWN, against, page, usual_gain
+from bgmodel.circuit_page import page
+from bgmodel.circuit_study import OWN, against, usual_gain
 from bgmodel.commands.comparing import sample_ms
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table

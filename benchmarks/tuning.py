@@ -17,7 +17,8 @@ import numpy as np
 
 from bgmodel import stream
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_study import at_rest, page, usual_gain, variants
+from bgmodel.circuit_page import page
+from bgmodel.circuit_study import at_rest, usual_gain, variants
 from bgmodel.evidence import Evidence, gaussian_evidence
 from circuits.firing import fit_current
 

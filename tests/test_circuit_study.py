@@ -21,6 +21,7 @@ from bgmodel.circuit_edits import (
     steady_out,
     steady_shifts,
 )
+from bgmodel.circuit_page import behaviour, page
 from bgmodel.circuit_study import (
     CIRCUIT,
     DECODER,
@@ -28,9 +29,7 @@ from bgmodel.circuit_study import (
     OWN,
     against,
     at_rest,
-    behaviour,
     msprt_sweeps,
-    page,
     sweeps,
     thresholds_about,
     variants,

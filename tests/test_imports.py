@@ -29,6 +29,7 @@ LEVELS = [
         "bgmodel.plots",
         "bgmodel.study",
         "bgmodel.circuit_edits",
+        "bgmodel.circuit_page",
         "bgmodel.behaviour",
         "bgmodel.edits",
         "bgmodel.stimuli",

@@ -59,7 +59,8 @@ class Compare(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.circuit_study import against, page
+        from bgmodel.circuit_page import page
+        from bgmodel.circuit_study import against
 
         model, evidence = _model(self)
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
@@ -94,7 +95,8 @@ class Lesion(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.circuit_study import behaviour, page, variants
+        from bgmodel.circuit_page import behaviour, page
+        from bgmodel.circuit_study import variants
 
         model, evidence = _model(self)
         edited = {}

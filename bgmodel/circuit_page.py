@@ -1,0 +1,67 @@
+"""Comparisons of circuits as text."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from bgmodel.comparison import MARGIN, equivalent
+
+
+def behaviour(table: pd.DataFrame) -> str:
+    """Return what variants do at the intact circuit's threshold as text.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``variants``.
+    """
+    fixed = table[table["kind"] == "fixed"]
+    wide = fixed.pivot_table("value", ["variant", "accuracy"], "measure", sort=False)
+    return wide.rename_axis(columns=None).to_string(float_format=lambda value: f"{value:.3f}")
+
+
+def page(table: pd.DataFrame) -> str:
+    """Return a comparison as text, a column an accuracy, 95 % intervals in brackets.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``against`` or, of the kind "value", from ``variants``.
+    """
+    by = [name for name in ("reference", "model", "variant") if name in table]
+    parts = []
+    for names, part in table.groupby(by, sort=False):
+        whole = part[part["accuracy"].isna()].set_index("measure").T
+        late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")
+        same = equivalent(part)
+        columns = {f"at {accuracy:g}": _column(part, accuracy, same) for accuracy in same.index}
+        what = ", ".join(map(str, names))
+        parts.append(f"{what}: {late} ms later, and {slope} of the reference's time")
+        parts.append(pd.DataFrame(columns).fillna("").to_string() + "\n")
+    return "\n".join(parts).rstrip()
+
+
+SHOWN = {
+    "agreement": ("same choice", ".3f"),
+    "error_agreement": ("same where the reference errs", ".2f"),
+    "pearson_r": ("r of times", ".3f"),
+    "spearman_r": ("r of their ranks", ".3f"),
+    "within_50_ms": ("within 50 ms of the median lag", ".2f"),
+    "extra_ms": ("later, ms", ".0f"),
+    "accuracy_gap": ("accuracy gained in equal time", "+.3f"),
+}
+"""Measures at an accuracy: what ``page`` calls them, and how it prints them."""
+
+
+def _column(part: pd.DataFrame, accuracy: float, same: pd.Series) -> dict[str, str]:
+    """Return what is shown at one accuracy."""
+    here = part[part["accuracy"] == accuracy].set_index("measure").T
+    measures = {m: name for m, (name, _) in SHOWN.items() if m in here}
+    if here.loc["value"].isna().all():
+        return dict.fromkeys(measures.values(), "not reached")
+    known = {name: _cell(here[m], SHOWN[m][1]) for m, name in measures.items()}
+    return known | {f"equal within {MARGIN:g}": "yes" if same[accuracy] else "not established"}
+
+
+def _cell(row: pd.Series, form: str) -> str:
+    return f"{row['value']:{form}} [{row['low']:{form}}, {row['high']:{form}}]"
