@@ -58,10 +58,20 @@ class Stimuli:
             raise ValueError(f"conflict must lie in 0..1, below 1, got {self.conflict}")
         if self.evidence is not None:
             self._check_alone(default or Stimuli())
-        if self.conflict and self.task != "gaussian":
-            raise ValueError(f"conflict is for Gaussian evidence, got {self.conflict}")
+        self._check_task(default or Stimuli())
         if self.task == "same-different" and self.channels != 2:
             raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
+
+    def _check_task(self, default: Stimuli) -> None:
+        """Refuse what is said of gratings beside Gaussian evidence, and the other way round."""
+        gaussian = self.task == "gaussian"
+        idle = ("period_mm", "fold") if gaussian else ("d_prime", "conflict")
+        for name in idle:
+            if getattr(self, name) != getattr(default, name):
+                kind = "tactile" if gaussian else "Gaussian"
+                raise ValueError(
+                    f"{name} is for {kind} evidence, it says nothing about task {self.task}"
+                )
 
     def _check_alone(self, default: Stimuli) -> None:
         """Refuse what is said of evidence to draw beside a table of evidence."""

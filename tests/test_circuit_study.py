@@ -1,5 +1,6 @@
 """Studies on circuits: a small comparison that must succeed, and controls that must fail."""
 
+import json
 import re
 import warnings
 from dataclasses import replace
@@ -32,6 +33,7 @@ from bgmodel.circuit_study import (
     msprt_sweeps,
     sweeps,
     thresholds_about,
+    usual_gain,
     variants,
 )
 from bgmodel.cli import main
@@ -232,6 +234,8 @@ def test_compare_command(tmp_path, capsys):
     assert "MSPRT at its gain, circuit: " in shown
     found = pd.read_csv(out, comment="#")
     assert {"circuit", "cortical decoder", "race", "LCA"} <= set(found["model"])
+    behind = json.loads(out.with_suffix(".json").read_text())
+    assert behind["parameters"]["command"]["gain"] == usual_gain(2) == 0.7
     again = tmp_path / "b.csv"
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()

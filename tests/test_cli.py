@@ -110,6 +110,14 @@ def test_learn(tmp_path, capsys):
             "channels is for evidence that is drawn",
         ),
         (["compare", "out.csv", "--evidence", "x.csv", "--trials", "9"], "trials is for evidence"),
+        (
+            ["circuit", "run", "out.csv", "--period-mm", "1.5"],
+            "period_mm is for tactile evidence, it says nothing about task gaussian",
+        ),
+        (
+            ["compare", "out.csv", "--task", "same-different", "--d-prime", "1"],
+            "d_prime is for Gaussian evidence, it says nothing about task same-different",
+        ),
         (["decide", "out.csv", "--prior", "0.5", "0.6"], "prior must sum to 1"),
         (["decide", "out.csv", "--period-mm", "7"], "period_mm must be one of"),
         (["decide", "file/out.csv"], "output folder"),

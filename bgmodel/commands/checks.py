@@ -11,10 +11,10 @@ COMPILES = "the first run of a kind of circuit compiles: half a minute or less"
 """What a command says before it runs the ensemble engine."""
 
 
-def asked(command: Any) -> dict[str, Any]:
-    """Return a command's options but for where its result goes."""
+def asked(command: Any, **settled: Any) -> dict[str, Any]:
+    """Return a command's options but for where its result goes; ``settled`` are those left open."""
     options = {field.name: getattr(command, field.name) for field in fields(command)}
-    return {name: value for name, value in options.items() if name != "output"}
+    return {name: value for name, value in options.items() if name != "output"} | settled
 
 
 def check_ending(path: Path, *allowed: str) -> None:

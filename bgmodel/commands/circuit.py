@@ -81,8 +81,9 @@ class Run:
     """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
-    gain: float = 0.5
-    """Nats in the circuit a nat of evidence, kappa."""
+    gain: float | None = None
+    """Nats in the circuit a nat of evidence, kappa; unless given, what scores are made with: .7 for
+    two alternatives, .5 for three to seven, .6 from eight on."""
     posterior: float = 0.9
     """Posterior probability, in the circuit's nats, at which it decides."""
     workers: int = 2
@@ -96,6 +97,7 @@ class Run:
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel import basal_ganglia
+        from bgmodel.circuit_study import usual_gain
 
         self._check()
         evidence, names = self.stimuli.draw(self.seed, "circuit run")
@@ -111,16 +113,18 @@ class Run:
             print(COMPILES, file=sys.stderr)
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
-        model = basal_ganglia.BasalGanglia(table, self.engine, self.gain, self.seed, options)
+        gain = usual_gain(evidence.hypotheses) if self.gain is None else self.gain
+        model = basal_ganglia.BasalGanglia(table, self.engine, gain, self.seed, options)
         model.warn_of_noise(threshold)
         activity = model.activity(evidence)
         decision = first_crossing(model.trace(activity, evidence), threshold)
         result = tables.trial_table(
             decision, evidence, seed=self.seed, model=f"{table.name} {self.engine}", names=names
         )
-        files.write_table(result, self.output, seed=self.seed, command=asked(self))
+        behind = asked(self, gain=gain)
+        files.write_table(result, self.output, seed=self.seed, command=behind)
         if self.rates is not None:
-            files.write_table(activity.rate_table(), self.rates, command=asked(self))
+            files.write_table(activity.rate_table(), self.rates, command=behind)
         if self.nwb is not None:
             basal_ganglia.write_nwb(activity, self.nwb)
         forced = int(result["forced"].sum())

@@ -36,8 +36,9 @@ class Comparison:
     """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
-    gain: float = 0.5
-    """Nats in the circuit a nat of evidence, kappa."""
+    gain: float | None = None
+    """Nats in the circuit a nat of evidence, kappa; unless given, what scores are made with: .7 for
+    two alternatives, .5 for three to seven, .6 from eight on."""
     accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
     """Expected accuracies at which thresholds are matched."""
     workers: int = 2
@@ -67,7 +68,7 @@ class Compare(Comparison):
         # Elsewhere the zero of the evidence means nothing, and a race has none to run.
         rivals = [name for name in RIVALS if gaussian or name != "race"]
         table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
-        files.write_table(table, self.output, seed=self.seed, command=asked(self))
+        files.write_table(table, self.output, seed=self.seed, command=asked(self, gain=model.gain))
         print(page(table))
         print(f"{evidence.trials} trials -> {self.output}")
 
@@ -104,7 +105,7 @@ class Lesion(Comparison):
             one = Edits(scale=(edit,)) if "->" in edit else Edits(without=(edit,))
             edited[edit] = replace(one, replaced=self.edits.replaced).of(model.circuit)
         table = variants(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
-        files.write_table(table, self.output, seed=self.seed, command=asked(self))
+        files.write_table(table, self.output, seed=self.seed, command=asked(self, gain=model.gain))
         print("at the intact circuit's threshold (a prediction):")
         print(behaviour(table))
         print("\nagainst the MSPRT, thresholds tuned anew:")
@@ -120,6 +121,7 @@ def sample_ms(step_ms: float) -> float:
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel import basal_ganglia
+    from bgmodel.circuit_study import usual_gain
 
     stimuli = asked_for.stimuli
     check_ending(asked_for.output, ".parquet", ".csv")
@@ -139,7 +141,6 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
         print(COMPILES, file=sys.stderr)
     if asked_for.engine in ("ensemble", "rate"):
         options["sample_ms"] = sample_ms(evidence.step_ms)
-    model = basal_ganglia.BasalGanglia(
-        table, asked_for.engine, asked_for.gain, asked_for.seed, options
-    )
+    gain = usual_gain(evidence.hypotheses) if asked_for.gain is None else asked_for.gain
+    model = basal_ganglia.BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
     return model, evidence
