@@ -114,18 +114,21 @@ def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
 def spiking_msprt(channels: int = 2) -> Circuit:
     """Return the circuit of spiking cells that computes the MSPRT.
 
-    The drive is held where STN's sum Sigma is near ``s0``: there the winner's y is ``top`` less its
-    OUT. STN and GPe follow ``Sigma = S`` about that point, GPe by a linear ``S - ln S``; a slow,
-    bounded common mode takes from every cortical channel what lifts Sigma above ``s0``, which
-    leaves OUT as it is. D1 speaks above ``d1_from`` only, so that MSN are quiet at rest: OUT up to
-    ``top - d1_from`` is read. ``share`` of the evidence reaches STN through D2 and GPe, the rest
-    directly: the exponent still sums to y. Tuned by ``benchmarks/tuning.py`` on its own seeds.
+    The drive is held where STN's sum Sigma is near ``s0``: there a channel's y is ``top`` less its
+    OUT. Without evidence that is ``rest`` for any number of channels, so that all have the same
+    room below it: a loser that falls silent no longer tells STN how far behind it is. STN and GPe
+    follow ``Sigma = S`` about that point, GPe by a linear ``S - ln S``; a slow, bounded common mode
+    takes from every cortical channel what lifts Sigma above ``s0``, which leaves OUT as it is. D1
+    speaks above ``d1_from`` only, so that MSN are quiet at rest: OUT up to ``top - d1_from`` is
+    read. ``share`` of the evidence reaches STN through D2 and GPe, the rest directly: the exponent
+    still sums to y. Tuned by ``benchmarks/tuning.py`` on its own seeds.
     """
-    top, s0 = 3.5, 2.2
-    d1_from, d2_mid, share = 2.85, 3.2, 0.1
+    rest, s0 = 1.9, 2.2
+    top = rest + math.log(channels)
+    d1_from, d2_mid, share = top - 0.65, top - 0.3, 0.1
     slope = 1 - 1 / s0
     # A nat of gain about 0 would move OUT by all of y, about a pivot by what is above it.
-    d1_pivot = 2.2
+    d1_pivot = top - 1.3
     # The common mode: its gain, the time in which it acts, and its tone.
     gain, acts_ms, tone = 10, 200, 0.7
     d1 = Lif(12, 3, 15, 5, 2, rest_mv=8.17, mv_per_nat=13.34)
@@ -139,7 +142,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
             "ctx",
             Phase(0.5),
             1,
-            20,
+            27,
             transfer="rectified",
             tau_ms=2,
             bias_nats=tone,

@@ -376,6 +376,6 @@ def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
     assert len(table) == 1200
     assert main(["circuit", "learn", str(path), *small, "--start-level", "3"]) == 2
     assert (
-        "start_level must lie where spiking_msprt decides by evidence, 0.825..1.696, got 3"
+        "start_level must lie where spiking_msprt decides by evidence, 0.847..1.696, got 3"
         in capsys.readouterr().err
     )
