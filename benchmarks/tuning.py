@@ -5,7 +5,8 @@ variant, its rates at rest and what it does against the MSPRT at its gain. The s
 never score; those of ``benchmarks.scoring`` score and never tune. The row with the highest
 correlation of decision times was kept whose latency stays within 65 ms and whose rates at rest are
 those of the animal; within the error of 500 trials many are as good. The filters in front of OUT
-and the usual gain were tuned with ``benchmarks.filters``, which tells closer ones apart.
+and the usual gain were tuned with ``benchmarks.filters``, the cortical code with
+``benchmarks.cortex``: both tell closer ones apart.
 """
 
 from __future__ import annotations
@@ -52,24 +53,6 @@ def steeper_d1(table: Circuit, gain_hz_per_nat: float) -> Circuit:
     return table.changed("D1", cell=cell, gain_hz_per_nat=gain_hz_per_nat)
 
 
-def lower_cortex(table: Circuit, by_nats: float) -> Circuit:
-    """Return the circuit with a lower and steeper cortical code, the winner's rate as it is.
-
-    What lies furthest behind is lost sooner: cortex has no rates below its baseline.
-    """
-    top = table.reference_nats
-    steeper = table.population("ctx").gain_hz_per_nat * top / (top - by_nats)
-    table = table.changed("ctx", gain_hz_per_nat=steeper)
-    for name in ("D1", "D2"):
-        row = table.population(name)
-        moved = {"bias_nats": row.bias_nats + by_nats, "pivot_nats": row.pivot_nats - by_nats}
-        table = table.changed(name, **moved)
-    # D2 brings its share of the exponent, already moved.
-    own = table.projection("ctx", "STN").weight
-    bias = table.population("STN").bias_nats + own * by_nats
-    return replace(table.changed("STN", bias_nats=bias), reference_nats=top - by_nats)
-
-
 def neighbours(table: Circuit) -> dict[str, Circuit]:
     """Return what was tried beside the table."""
 
@@ -101,7 +84,6 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
         "D1->SNr 12 ms": direct(12, 4),
         "D1->SNr 4 ms, delay 2 ms": direct(4, 2),
         "D1 of 120 Hz a nat": steeper_d1(table, 120),
-        "cortex half a nat lower": lower_cortex(table, 0.5),
     }
 
 

@@ -236,7 +236,7 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
         )
     if threshold_nats < circuit.readable_nats[0]:
         raise ValueError(
-            f"{circuit.name} reads no OUT below {circuit.readable_nats[0]:g}, the threshold is "
+            f"{circuit.name} reads no OUT below {circuit.readable_nats[0]:.3g}, the threshold is "
             f"{threshold_nats:.2f} nats"
         )
 

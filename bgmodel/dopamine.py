@@ -78,8 +78,8 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
     low_nats, high_nats = circuit.readable_nats
     if not low_nats < threshold_nats < high_nats:
         raise ValueError(
-            f"{circuit.name} reads OUT between {low_nats:g} and {high_nats:g} nats, the threshold "
-            f"is {threshold_nats:g}"
+            f"{circuit.name} reads OUT between {low_nats:.3g} and {high_nats:.3g} nats, the "
+            f"threshold is {threshold_nats:g}"
         )
     odds = _odds(circuit)
 

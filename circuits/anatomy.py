@@ -123,7 +123,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
     read. ``share`` of the evidence reaches STN through D2 and GPe, the rest directly: the exponent
     still sums to y. Tuned by ``benchmarks/tuning.py`` on its own seeds.
     """
-    rest, s0 = 1.9, 2.2
+    rest, s0 = 2.2, 2.2
     top = rest + math.log(channels)
     d1_from, d2_mid, share = top - 0.65, top - 0.3, 0.1
     slope = 1 - 1 / s0
@@ -142,7 +142,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
             "ctx",
             Phase(0.5),
             1,
-            27,
+            25,
             transfer="rectified",
             tau_ms=2,
             bias_nats=tone,
@@ -223,7 +223,8 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         reference_nats=top,
         readout_tau_ms=28,
         range_nats=(1.0, 12.0),
-        readable_nats=(0.0, top - d1_from),
+        # Losers are silent from top nats behind on.
+        readable_nats=(math.log1p((channels - 1) * math.exp(-top)), top - d1_from),
         # Odds of e^5 are past every threshold; more would only outrun the slow common mode.
         reach_nats=5.0,
         most_channels=12,

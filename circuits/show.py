@@ -76,8 +76,8 @@ def text(circuit: Circuit) -> str:
         f"{circuit.name}: {circuit.about}\n"
         f"{circuit.channels} channels, evidence into {circuit.input}, OUT from {circuit.readout}, "
         f"{'exact' if circuit.exact else 'not exact'}\n"
-        f"S = {circuit.reference_nats:g} nats at rest, works from {low:g} to {high:g}; OUT is read "
-        f"from {circuit.readable_nats[0]:g} to {circuit.readable_nats[1]:g}; "
+        f"S = {circuit.reference_nats:.3g} nats at rest, works from {low:g} to {high:g}; OUT is "
+        f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}; "
         f"drives at most {circuit.reach_nats:g} nats apart, drive gain {circuit.drive_gain:g}, "
         f"read-out filter {circuit.readout_tau_ms:g} ms"
     )

@@ -117,7 +117,7 @@ def test_out_may_fall_and_rise_again_with_the_evidence():
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: working_range(MODEL.circuit, 3.0), "reads OUT between 0 and 0.65 nats"),
+        (lambda: working_range(MODEL.circuit, 3.0), "reads OUT between 0.0539 and 0.65 nats"),
         (lambda: working_range(MODEL.circuit, 0.0), "the threshold is 0"),
         (lambda: criterion(MODEL.circuit, 1.9, 0.3, 0.5), r"levels 0\.8. to 1\.7., got 1\.9"),
         (lambda: knob(MODEL, None, [], 0.3), "levels must be one or more numbers"),
@@ -376,6 +376,6 @@ def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
     assert len(table) == 1200
     assert main(["circuit", "learn", str(path), *small, "--start-level", "3"]) == 2
     assert (
-        "start_level must lie where spiking_msprt decides by evidence, 0.847..1.696, got 3"
+        "start_level must lie where spiking_msprt decides by evidence, 0.837..1.696, got 3"
         in capsys.readouterr().err
     )

@@ -1,0 +1,111 @@
+"""The cortical code of spiking_msprt, tuned: how far above silence it rests, and its Hz a nat.
+
+``python -m benchmarks.cortex [--channels 2] [--d-prime 1] [--trials 1000]`` prints, on tuning
+seeds, r of decision times against the MSPRT at the circuit's gain, mean over the accuracies of
+``benchmarks.filters``, over the lowest four and the highest three of them: with six times the cells
+of one population, which tells whose noise counts, and with other cortical codes. A code that rests
+lower is quieter at the same Hz a nat, for its variance goes with the rate, but losers fall silent
+sooner.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.filters import ACCURACIES
+from benchmarks.tuning import TUNING_SEEDS, tuning_evidence
+from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.circuit_study import CIRCUIT, OWN, msprt_sweeps, sweeps, thresholds_about, usual_gain
+from bgmodel.comparison import compare
+from bgmodel.evidence import Evidence
+
+TIMES = 6
+CODES = ((1.6, 27), (1.9, 27), (2.2, 20), (2.2, 30), (2.5, 25))
+"""Nats at rest and Hz a nat."""
+BEFORE = (3.5, 20)
+"""A code whose winner, not its rest, was the same for any number of channels: nats, Hz a nat."""
+
+
+def coded(table: Circuit, top_nats: float, hz_per_nat: float) -> Circuit:
+    """Return the circuit with another cortical code; at the fixed point it does the same.
+
+    Parameters
+    ----------
+    table : Circuit
+        A ``spiking_msprt``.
+    top_nats : float
+        Activity of a channel whose OUT is 0; without evidence that of all is less by ln N.
+    hz_per_nat : float
+        Cortex's gain.
+    """
+    by = table.reference_nats - top_nats
+    table = table.changed("ctx", gain_hz_per_nat=hz_per_nat)
+    for name in ("D1", "D2"):
+        row = table.population(name)
+        moved = {"bias_nats": row.bias_nats + by, "pivot_nats": row.pivot_nats - by}
+        table = table.changed(name, **moved)
+    # D2 brings its share of the exponent, already moved.
+    own = table.projection("ctx", "STN").weight
+    bias = table.population("STN").bias_nats + own * by
+    return replace(table.changed("STN", bias_nats=bias), reference_nats=top_nats)
+
+
+def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
+    """Yield the table and its variants, with a name each."""
+    yield "as it is", table
+    for row in table.populations:
+        if row.spiking and row.name != "D2":
+            more = table.changed(row.name, neurons=TIMES * row.neurons)
+            yield f"{TIMES} times the cells of {row.name}", more
+    floor = table.population("ctx").baseline_hz
+    tops = [(rest + float(np.log(table.channels)), hz) for rest, hz in CODES]
+    for top, hz in (*tops, BEFORE):
+        rest_hz, most_hz = floor + hz * (top - np.log(table.channels)), floor + hz * top
+        name = f"{hz} Hz a nat, {rest_hz:.0f} Hz at rest, {most_hz:.0f} Hz at most"
+        yield name, coded(table, top, hz)
+
+
+def scored(table: Circuit, evidence: Evidence, gain: float, seed: int) -> tuple[np.ndarray, float]:
+    """Return r at each of the accuracies, and the offset in ms."""
+    test = msprt_sweeps(evidence, gain)[OWN]
+    model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
+    own = sweeps(model, evidence, thresholds_about(test), decoder_tau_ms=None)[CIRCUIT]
+    rng = stream(0, "unused")
+    found = compare(test, own, rng=rng, accuracies=ACCURACIES, resamples=2)
+    values = found.set_index("measure")["value"]
+    return values["pearson_r"].to_numpy(), float(values["offset_ms"])
+
+
+def main() -> None:
+    """Print r for everything tried."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--channels", type=int, default=2)
+    parser.add_argument("--d-prime", type=float, default=1.0)
+    parser.add_argument("--trials", type=int, default=1000)
+    given = parser.parse_args()
+    gain = usual_gain(given.channels)
+    drawn = [
+        (seed, tuning_evidence(given.trials, given.channels, given.d_prime, seed))
+        for seed in TUNING_SEEDS
+    ]
+    print(
+        f"N = {given.channels}, d' {given.d_prime:g}, gain {gain:g}, {given.trials} trials a seed"
+    )
+    for name, edited in tried(circuit("spiking_msprt", given.channels)):
+        found = [scored(edited, evidence, gain, seed) for seed, evidence in drawn]
+        r = np.mean([every for every, _ in found], axis=0)
+        offset = np.mean([offset for _, offset in found])
+        print(
+            f"{name}: r {r.mean():.3f}, {r[:4].mean():.3f}, {r[-3:].mean():.3f}; "
+            f"offset {offset:.0f} ms",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
