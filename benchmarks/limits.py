@@ -43,7 +43,7 @@ def with_cells(table: Circuit, names: list[str]) -> Circuit:
 def main() -> None:
     """Score the cases on all evidence of up to four alternatives, readings every 50 ms."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=2000)
+    parser.add_argument("--trials", type=int, default=1000)
     parser.add_argument("--only", default="", help="conditions whose name contains this")
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
