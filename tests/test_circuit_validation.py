@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.basal_ganglia import BasalGanglia, drive_of
+from bgmodel.circuit_edits import steady_shifts
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.seeds import stream
@@ -85,3 +86,14 @@ def test_accuracy_comes_from_the_evidence():
     print(f"accuracy {right:.3f}, with truth shuffled {wrong:.3f}")
     assert right > 0.85
     assert abs(wrong - 0.5) < 4 * np.sqrt(0.25 / shown.trials)
+
+
+def test_what_is_left_of_a_lesion_falls_with_the_number_of_cells():
+    """The cells' own laws hold for inputs that do not fluctuate, as those of many cells do."""
+    left = {}
+    for neurons, trials in ((300, 30), (3000, 6)):
+        table = anatomy.spiking_msprt(4).with_neurons(neurons)
+        edited = {"STN": table.without("STN", 0.2), "GPe": table.without("GPe", 0.2)}
+        found = steady_shifts(table, edited, (1.75, 2.25, 2.75), seed=32, trials=trials)
+        left[neurons] = np.abs(found["value"] - found["own_laws_nats"]).mean()
+    assert left[3000] < 0.5 * left[300]
