@@ -24,6 +24,7 @@ try:
     from circuits.nwb import write_nwb
     from circuits.show import draw, text
     from circuits.spec import Circuit, Population, Projection
+    from circuits.spectra import out_sd_nats
 except ImportError as error:
     if not (error.name or "").startswith("circuits"):
         raise
@@ -61,6 +62,7 @@ __all__ = [
     "decoded_input",
     "draw",
     "drive_of",
+    "out_sd_nats",
     "run_engine",
     "share_crossed",
     "text",

@@ -22,6 +22,8 @@ from bgmodel.basal_ganglia import (
 OF_POPULATIONS = ("baseline_hz", "gain_hz_per_nat", "bias_nats", "tau_ms")
 OF_PROJECTIONS = ("weight", "delay_ms", "tau_ms")
 SPARE_NATS = 0.6
+SETTLE_MS = 1500
+"""Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""
 
 
 def perturbed(circuit: Circuit, fraction: float = 0.2) -> dict[str, Circuit]:
@@ -104,7 +106,7 @@ def shuffled_stn(circuit: Circuit) -> Circuit:
 
 
 def out_shift(
-    circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike, *, own_laws: bool = False
+    circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike, *, laws: str = "table"
 ) -> npt.NDArray[np.float64]:
     """Return what an edit adds to the winner's OUT at the fixed point, nats.
 
@@ -116,8 +118,8 @@ def out_shift(
         Before and after.
     out_nats : array (...)
         ``-ln P`` before, at which it is asked; the result has its shape.
-    own_laws : bool
-        Whether integrate-and-fire cells follow their own f-I laws rather than the table's lines.
+    laws : str
+        "table", "cells" or "finite", as for ``circuits.algebra``.
     """
     n = circuit.channels
     out = np.asarray(out_nats, dtype=np.float64)
@@ -126,7 +128,7 @@ def out_shift(
     drive -= drive.mean(axis=2, keepdims=True)
     try:
         before, after = (
-            BasalGanglia(c, options={"own_laws": own_laws}).at(drive, step_ms=1.0).output_nats
+            BasalGanglia(c, options={"laws": laws}).at(drive, step_ms=1.0).output_nats
             for c in (circuit, edited)
         )
     except ValueError:
@@ -148,14 +150,15 @@ def steady_out(
     seed, trials : int
         Noise; trial t has the same in every circuit.
     mean_ms : int
-        The time that is averaged, after 600 ms to settle in.
+        The time that is averaged, after ``SETTLE_MS``.
     """
     odds = np.asarray(log_odds, dtype=np.float64)
     drive = np.zeros((len(odds) * trials, 1, circuit.channels))
     drive[:, 0, 0] = np.repeat(odds, trials)
     drive -= drive.mean(axis=2, keepdims=True)
     model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})
-    found = model.at(drive, step_ms=600.0 + mean_ms).output_nats[:, 120:, 0].mean(axis=1)
+    out = model.at(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
+    found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
     return found.reshape(len(odds), trials)
 
 
@@ -173,27 +176,27 @@ def steady_shifts(
     -------
     DataFrame
         One row a variant and log odds: variant, log_odds, out_nats (as it is), exact_nats (the
-        shift of the algebraic fixed point), own_laws_nats (the same with the cells' own f-I laws),
-        value, low, high (the measured shift and its 95 % interval, trials paired by their noise).
+        shift of the algebraic fixed point), own_laws_nats and finite_nats (the same with the cells'
+        own f-I laws, and with the noise of their finite number), value, low, high (the
+        measured shift and its 95 % interval, trials paired by their noise).
     """
     odds = np.asarray(log_odds, dtype=np.float64)
+    out = np.log1p((circuit.channels - 1) * np.exp(-odds))
     before = steady_out(circuit, odds, seed=seed, trials=trials)
-    rows = []
+    parts = []
     for name, table in edited.items():
         shift = steady_out(table, odds, seed=seed, trials=trials) - before
         interval = ttest_1samp(shift, 0.0, axis=1).confidence_interval()
-        for k, odd in enumerate(odds):
-            out = float(np.log1p((circuit.channels - 1) * np.exp(-odd)))
-            rows.append(
-                {
-                    "variant": name,
-                    "log_odds": odd,
-                    "out_nats": before[k].mean(),
-                    "exact_nats": float(out_shift(circuit, table, out)),
-                    "own_laws_nats": float(out_shift(circuit, table, out, own_laws=True)),
-                    "value": shift[k].mean(),
-                    "low": interval.low[k],
-                    "high": interval.high[k],
-                }
-            )
-    return pd.DataFrame(rows)
+        columns = {
+            "variant": name,
+            "log_odds": odds,
+            "out_nats": before.mean(axis=1),
+            "exact_nats": out_shift(circuit, table, out),
+            "own_laws_nats": out_shift(circuit, table, out, laws="cells"),
+            "finite_nats": out_shift(circuit, table, out, laws="finite"),
+            "value": shift.mean(axis=1),
+            "low": interval.low,
+            "high": interval.high,
+        }
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)

@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from circuits.activity import Activity, checked_drive
+from circuits.fluctuation import extra_rates
 from circuits.mean_field import own_rates, settled
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring, wire
@@ -20,12 +21,13 @@ TOLERANCE = 1e-9
 LARGEST_MOVE = 1.0
 MOST_DAMPING = 1.0
 TRIALS_AT_ONCE = 512
+LAWS = ("table", "cells", "finite")
 
 
 def run(
-    circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0, own_laws: bool = False
+    circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0, laws: str = "table"
 ) -> Activity:
-    """Return the fixed point of the circuit for every reading: no time passes, nothing is noisy.
+    """Return the fixed point of the circuit for every reading: no time passes.
 
     Parameters
     ----------
@@ -35,26 +37,37 @@ def run(
         Accumulated evidence; 0 is rest.
     step_ms : float
         Time between readings, ms; only stated.
-    own_laws : bool
-        Whether integrate-and-fire cells follow their own f-I law, ``circuits.mean_field``, rather
-        than the table's line.
+    laws : str
+        "table", whose populations follow lines; "cells", whose own f-I laws bend away from those;
+        or "finite", where the noise of the row's number of cells goes round the circuit and moves
+        the means as well (``circuits.fluctuation``).
 
     Raises
     ------
     ValueError
-        If the drive does not fit the circuit, or the circuit has no fixed point.
+        If the drive does not fit the circuit, the circuit has no fixed point, or a law is unknown.
     """
+    if laws not in LAWS:
+        raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {laws!r}")
     drive = checked_drive(circuit, drive)
     wiring = wired(circuit)
     flat = drive.reshape(-1, drive.shape[-1])
-    states = [
-        solve(wiring, flat[i : i + TRIALS_AT_ONCE]) for i in range(0, len(flat), TRIALS_AT_ONCE)
-    ]
-    x = np.concatenate(states)
-    hz = own_rates(wiring, settled(wiring, flat, x)) if own_laws else wiring.rates(x)
+    some = [flat[i : i + TRIALS_AT_ONCE] for i in range(0, len(flat), TRIALS_AT_ONCE)]
+    hz = np.concatenate([_rates(wiring, part, laws) for part in some])
     rates = hz.reshape(*drive.shape[:2], wiring.blocks)
     time = step_ms * np.arange(drive.shape[1], dtype=np.float64)
     return Activity.from_blocks(wiring, rates, time, engine="algebra")
+
+
+def _rates(wiring: Wiring, drive: Array, laws: str) -> Array:
+    x = solve(wiring, drive)
+    if laws == "table":
+        return wiring.rates(x)
+    x = settled(wiring, drive, x)
+    if laws == "cells":
+        return own_rates(wiring, x)
+    extra = extra_rates(wiring, x)
+    return own_rates(wiring, settled(wiring, drive, x, extra)) + extra
 
 
 def wired(circuit: Circuit) -> Wiring:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import root
 
-from circuits.cells import Lif
+from circuits.cells import Escape, Lif
 from circuits.firing import lif_rate_hz
 from circuits.wiring import Array, Wiring
 
@@ -19,17 +19,19 @@ TOLERANCE = 1e-10
 def own_rates(wiring: Wiring, x: Array) -> Array:
     """Return the rates (trials, blocks) of states in nats, Hz: Siegert's for a Lif.
 
-    They are those of the mean input: that it fluctuates is left out.
+    They are those of an input that does not fluctuate.
     """
     hz = wiring.rates(x)
     for b in range(wiring.blocks):
         cell = wiring.row(b).cell
         if isinstance(cell, Lif):
             hz[:, b] = lif_rate_hz(cell, cell.rest_mv + cell.mv_per_nat * x[:, b])
+        elif isinstance(cell, Escape):
+            hz[:, b] /= 1 + hz[:, b] * cell.refractory_ms / 1000
     return hz
 
 
-def settled(wiring: Wiring, drive: Array, start: Array) -> Array:
+def settled(wiring: Wiring, drive: Array, start: Array, extra_hz: Array | float = 0.0) -> Array:
     """Return the state (trials, blocks) at the fixed point with ``own_rates``, nats.
 
     Parameters
@@ -40,6 +42,8 @@ def settled(wiring: Wiring, drive: Array, start: Array) -> Array:
         As for the engines.
     start : array (trials, blocks), nats
         Where to look from: the fixed point of the lines.
+    extra_hz : array (trials, blocks) or float
+        What comes on top of each rate, Hz.
 
     Raises
     ------
@@ -47,10 +51,12 @@ def settled(wiring: Wiring, drive: Array, start: Array) -> Array:
         If no fixed point was found.
     """
     outside, found = wiring.drive(drive), np.empty_like(start)
+    extra = np.broadcast_to(extra_hz, start.shape)
     for t in range(len(start)):
 
         def missing(x: Array, t: int = t) -> Array:
-            units = own_rates(wiring, x[None]) @ wiring.deliver.T + wiring.constant
+            hz = own_rates(wiring, x[None]) + extra[t]
+            units = hz @ wiring.deliver.T + wiring.constant
             fed = (outside[t : t + 1] + wiring.inputs(units))[0]
             # Without a leak a block settles where its input is 0.
             return np.where(wiring.leakless, fed, fed - x)

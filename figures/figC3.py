@@ -37,7 +37,7 @@ COLOURS = {"N = 2": "C0", "N = 4": "C1", "N = 8": "C2", "grating 2 mm": "C3"}
 def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Evidence]]:
     """Yield the evidence of each condition, readings every 50 ms."""
     most = settings.circuit_trials
-    for count, share in ((2, 1.0), (4, 0.6), (8, 0.25)):
+    for count, share in ((2, 1.0), (4, 0.5), (8, 0.2)):
         rng = stream(settings.seed, "figC3", count)
         trials = max(int(share * most), 100)
         given = {"rng": rng, "hypotheses": count, "step_ms": 50.0}

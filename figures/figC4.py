@@ -8,10 +8,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from scipy.optimize import curve_fit
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.basal_ganglia import BasalGanglia, circuit, out_sd_nats
 from bgmodel.circuit_edits import correlated, linear_stn, perturbed, shuffled_stn, steady_out
 from bgmodel.circuit_study import (
     CIRCUIT,
@@ -25,12 +24,14 @@ from bgmodel.circuit_study import (
 from bgmodel.comparison import compare
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from figures.common import GAIN, Settings, letter, run
+from figures.common import BRIEF, GAIN, Settings, letter, run
 
 NEURONS = (30, 100, 300, 1000, 3000)
 AT, HIGHEST = 0.95, 0.96
 SHOWN = 14
 SPAN_MS = 50.0
+# A posterior of .85 in the circuit's nats: where the scatter of OUT is measured.
+ODDS = float(np.log(0.85 / 0.15))
 
 
 def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: float) -> Evidence:
@@ -53,17 +54,11 @@ def neurons(settings: Settings, *, output: Path) -> None:
             rng = stream(settings.seed, "bootstrap")
             measured = compare(test, found, rng=rng, truth=evidence.truth, accuracies=(AT,))
             parts.append(measured.assign(model=name, neurons=count))
-        sd = _spread_of_out(table, settings.seed)
-        row = {"measure": "sd_nats", "value": sd, "model": CIRCUIT, "neurons": count}
+        found = steady_out(table, [ODDS], seed=settings.seed, trials=60, mean_ms=int(SPAN_MS))
+        law = out_sd_nats(table, [ODDS / 2, -ODDS / 2], mean_ms=SPAN_MS)[0]
+        row = {"measure": "sd_nats", "value": found.std(ddof=1), "exact": law, "neurons": count}
         parts.append(pd.DataFrame([row]))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
-
-
-def _spread_of_out(table: Circuit, seed: int) -> float:
-    """Return the sd, over trials, of OUT averaged for 50 ms, at a posterior of .85 in its nats."""
-    odds = np.log(0.85 / 0.15)
-    found = steady_out(table, [odds], seed=seed, trials=60, mean_ms=int(SPAN_MS))
-    return float(found.std(ddof=1))
 
 
 def wiring(settings: Settings, *, output: Path) -> None:
@@ -80,7 +75,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "linear STN": linear_stn(table),
         "STN-SNr shuffled": shuffled_stn(table),
     }
-    model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
+    model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST}
     found = variants(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
@@ -91,9 +86,9 @@ def numbers(settings: Settings, *, output: Path) -> None:
     evidence = gaussian(settings, "numbers", settings.varied_trials, 2, 1.0)
     table = circuit("spiking_msprt")
     edited = dict(list(perturbed(table).items())[:: settings.varied_every])
-    # Each starts at its own rest: a third of the usual time to settle will do.
-    model = BasalGanglia(table, "ensemble", GAIN, settings.seed, {"settle_ms": 100.0})
-    found = variants(model, edited, evidence, seed=settings.seed, accuracies=(AT,), resamples=200)
+    model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
+    given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
+    found = variants(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
@@ -113,16 +108,10 @@ def draw(settings: Settings, *data: Path, output: Path) -> Figure:
 
 def _noise(ax, table: pd.DataFrame) -> None:
     rows = table[table["measure"] == "sd_nats"]
-    n, sd = rows["neurons"].to_numpy(float), rows["value"].to_numpy()
+    n, sd, law = (rows[name].to_numpy(float) for name in ("neurons", "value", "exact"))
     ax.loglog(n, sd, "o", ms=4, label="measured")
-
-    def law(n, each, floor):
-        return np.sqrt(each**2 / n + floor**2)
-
-    (each, floor), _ = curve_fit(law, n, sd, p0=(0.3, 0.01), sigma=sd, bounds=(0, 1))
-    x = np.geomspace(n.min(), n.max(), 50)
-    rest = f", floor {floor:.3f}" if floor >= 0.0005 else ""
-    ax.loglog(x, law(x, each, floor), color="k", lw=0.8, label=f"{each:.2f}/√n{rest}")
+    each = float(law[-1] * np.sqrt(n[-1]))
+    ax.loglog(n, law, color="k", lw=0.8, label=f"linear noise, {each:.2f}/√n")
     ax.set(xlabel="cells a channel n", ylabel="sd of OUT (nats)")
     ax.set(ylim=(sd.min() / 4, sd.max() * 1.5))
     ax.legend(loc="lower left")

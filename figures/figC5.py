@@ -15,7 +15,7 @@ from bgmodel.circuit_edits import steady_shifts
 from bgmodel.circuit_study import variants
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
-from figures.common import GAIN, Settings, letter, run
+from figures.common import BRIEF, GAIN, Settings, letter, run
 
 CHANNELS = 4
 AT, HIGHEST = 0.95, 0.96
@@ -57,7 +57,7 @@ def behaviour(settings: Settings, *, output: Path) -> None:
         hypotheses=CHANNELS,
         step_ms=50.0,
     )
-    model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
+    model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST}
     found = variants(model, lesions(table), evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
@@ -114,8 +114,8 @@ def _shifts(ax, table: pd.DataFrame) -> None:
             color=colour,
             label=label,
         )
-        ax.plot(rows["exact_nats"], rows["own_laws_nats"], "x", c=colour, ms=4, mew=0.6)
-    ax.plot([], [], "x", c="0.4", ms=4, mew=0.6, label="cells' own f-I laws")
+        ax.plot(rows["exact_nats"], rows["finite_nats"], "x", c=colour, ms=4, mew=0.6)
+    ax.plot([], [], "x", c="0.4", ms=4, mew=0.6, label="cells' own laws, their number")
     ends = [table["exact_nats"].min() - 0.02, table["exact_nats"].max() + 0.02]
     ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0)
     ax.set(xlabel="change of OUT, fixed point of lines (nats)", ylabel="change of OUT (nats)")

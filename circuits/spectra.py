@@ -1,0 +1,77 @@
+"""Power of rates and the noise of OUT in closed form, for cells that are alike.
+
+Linear noise about the fixed point of a finite number of cells (``circuits.fluctuation``): what
+``Activity.spectrum`` and the scatter of OUT from trial to trial measure.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.algebra import solve, wired
+from circuits.fluctuation import FREQUENCIES_HZ, extra_rates, linear
+from circuits.mean_field import own_rates, settled
+from circuits.spec import Circuit
+from circuits.wiring import Array, Wiring
+
+
+def rate_spectrum(
+    circuit: Circuit, name: str, frequency_hz: npt.ArrayLike, drive: npt.ArrayLike | None = None
+) -> Array:
+    """Return the one-sided power (F,), Hz^2/Hz, of a population's rate, its channels averaged.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    name : str
+        The population.
+    frequency_hz : array (F,)
+        Above 0.
+    drive : array (channels,), nats, optional
+        Held evidence; rest if left out.
+
+    Raises
+    ------
+    ValueError
+        If the circuit has no fixed point, cells differ, connections are sparse or a pathway bends.
+    """
+    wiring = wired(circuit)
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    out, own = _noise(wiring, drive, frequency)
+    mean = out[:, wiring.blocks_of(name)].mean(axis=1)
+    return np.asarray(2 * (np.abs(mean) ** 2 * own).sum(axis=1))
+
+
+def out_sd_nats(
+    circuit: Circuit, drive: npt.ArrayLike | None = None, *, mean_ms: float = 0.0
+) -> Array:
+    """Return the standard deviation (channels,) of OUT, averaged for a time, nats.
+
+    Parameters and errors are those of ``rate_spectrum``; the read-out's filter comes first.
+    """
+    wiring, frequency = wired(circuit), FREQUENCIES_HZ
+    out, own = _noise(wiring, drive, frequency)
+    blocks = wiring.blocks_of(circuit.readout)
+    power = np.einsum("fbc,fc->fb", np.abs(out[:, blocks]) ** 2, own)
+    turn = 2 * np.pi * frequency * circuit.readout_tau_ms / 1000
+    seen = np.sinc(frequency * mean_ms / 1000) ** 2 / (1 + turn**2)
+    variance = 2 * np.trapezoid(power * seen[:, None], frequency, axis=0)
+    return np.asarray(np.sqrt(variance) / wiring.gain_hz_per_nat[blocks])
+
+
+def _noise(
+    wiring: Wiring, drive: npt.ArrayLike | None, frequency: Array
+) -> tuple[npt.NDArray[np.complex128], Array]:
+    """Return how own noise reaches rates, (F, blocks, blocks), and its power, (F, blocks)."""
+    silence = np.zeros(wiring.circuit.channels)
+    held = np.asarray(silence if drive is None else drive, dtype=np.float64)[None]
+    x = settled(wiring, held, solve(wiring, held))
+    extra = extra_rates(wiring, x)
+    x = settled(wiring, held, x, extra)
+    found = linear(wiring, x, frequency)
+    # A renewal process that is faster by a little has so much more power.
+    rate = own_rates(wiring, x)
+    more = 1 + np.divide(extra, rate, out=np.zeros_like(rate), where=rate > 0)
+    return found.out[0], found.own[0] * more
