@@ -61,7 +61,8 @@ class Population:
     pivot_nats : float
         The cortical input at which dopamine changes nothing: it steepens what is above.
     spread : float
-        Standard deviation across cells of the cell's constants, as a fraction of each.
+        Standard deviation across cells of the cell's constants, as a fraction of each; their mean
+        in a channel is the row's.
     intact, replaced : float, bool
         The fraction that survives a lesion, and whether the lost output is replaced by its rest.
     cite : str
