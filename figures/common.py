@@ -46,7 +46,7 @@ class Settings:
     delta_step: float = 0.1
     calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
     circuit_trials: int = 600
-    varied_trials: int = 80
+    varied_trials: int = 100
     # Of the circuit's numbers, every how manieth is varied.
     varied_every: int = 1
 
@@ -74,7 +74,7 @@ FAST = Settings(
     delta_step=0.5,
     calibrated_mm=(1.5, 2.0),
     circuit_trials=120,
-    varied_trials=80,
+    varied_trials=100,
     varied_every=12,
 )
 
