@@ -24,7 +24,7 @@ try:
     from circuits.nwb import write_nwb
     from circuits.show import draw, text
     from circuits.spec import Circuit, Population, Projection
-    from circuits.spectra import out_sd_nats
+    from circuits.spectra import out_variance
 except ImportError as error:
     if not (error.name or "").startswith("circuits"):
         raise
@@ -62,7 +62,7 @@ __all__ = [
     "decoded_input",
     "draw",
     "drive_of",
-    "out_sd_nats",
+    "out_variance",
     "run_engine",
     "share_crossed",
     "text",

@@ -44,21 +44,38 @@ def rate_spectrum(
     return np.asarray(2 * (np.abs(mean) ** 2 * own).sum(axis=1))
 
 
-def out_sd_nats(
+def out_variance(
     circuit: Circuit, drive: npt.ArrayLike | None = None, *, mean_ms: float = 0.0
-) -> Array:
-    """Return the standard deviation (channels,) of OUT, averaged for a time, nats.
+) -> dict[str, Array]:
+    """Return whose noise makes OUT scatter: its variance (channels,), nats^2, by population.
 
-    Parameters and errors are those of ``rate_spectrum``; the read-out's filter comes first.
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    drive : array (channels,), nats, optional
+        Held evidence; rest if left out.
+    mean_ms : float
+        A time that OUT is averaged for, after the read-out's filter.
+
+    Raises
+    ------
+    ValueError
+        As ``rate_spectrum``.
     """
     wiring, frequency = wired(circuit), FREQUENCIES_HZ
     out, own = _noise(wiring, drive, frequency)
-    blocks = wiring.blocks_of(circuit.readout)
-    power = np.einsum("fbc,fc->fb", np.abs(out[:, blocks]) ** 2, own)
+    read = wiring.blocks_of(circuit.readout)
+    power = np.abs(out[:, read]) ** 2 * own[:, None] / wiring.gain_hz_per_nat[read][:, None] ** 2
     turn = 2 * np.pi * frequency * circuit.readout_tau_ms / 1000
     seen = np.sinc(frequency * mean_ms / 1000) ** 2 / (1 + turn**2)
-    variance = 2 * np.trapezoid(power * seen[:, None], frequency, axis=0)
-    return np.asarray(np.sqrt(variance) / wiring.gain_hz_per_nat[blocks])
+    # Two-sided: as much lies at negative frequencies.
+    variance = 2 * np.trapezoid(power * seen[:, None, None], frequency, axis=0)
+    return {
+        row.name: variance[:, wiring.blocks_of(row.name)].sum(axis=1)
+        for row in circuit.populations
+        if row.spiking
+    }
 
 
 def _noise(

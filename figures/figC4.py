@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit, out_sd_nats
+from bgmodel.basal_ganglia import BasalGanglia, circuit, out_variance
 from bgmodel.circuit_edits import correlated, linear_stn, perturbed, shuffled_stn, steady_out
 from bgmodel.circuit_study import (
     CIRCUIT,
@@ -55,7 +55,8 @@ def neurons(settings: Settings, *, output: Path) -> None:
             measured = compare(test, found, rng=rng, truth=evidence.truth, accuracies=(AT,))
             parts.append(measured.assign(model=name, neurons=count))
         found = steady_out(table, [ODDS], seed=settings.seed, trials=60, mean_ms=int(SPAN_MS))
-        law = out_sd_nats(table, [ODDS / 2, -ODDS / 2], mean_ms=SPAN_MS)[0]
+        whose = out_variance(table, [ODDS / 2, -ODDS / 2], mean_ms=SPAN_MS)
+        law = np.sqrt(sum(part[0] for part in whose.values()))
         row = {"measure": "sd_nats", "value": found.std(ddof=1), "exact": law, "neurons": count}
         parts.append(pd.DataFrame([row]))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)

@@ -15,7 +15,7 @@ from circuits.fluctuation import extra_rates
 from circuits.mean_field import settled
 from circuits.response import escape_spectrum, lif_response, phase_spectrum
 from circuits.spec import Circuit, Population, Projection
-from circuits.spectra import out_sd_nats, rate_spectrum
+from circuits.spectra import out_variance, rate_spectrum
 
 TABLE = anatomy.spiking_msprt()
 SLOW, FAST = [1e-3], [3000.0]
@@ -135,7 +135,7 @@ def test_a_finite_number_counts_as_one_over_itself():
 def test_rates_have_no_noise(name):
     table = anatomy.circuit(name, 3)
     drive = np.array([[[1.0, 0.0, -1.0]]])
-    line, finite = (algebra.run(table, drive, laws=laws) for laws in ("table", "cells"))
+    line, finite = (algebra.run(table, drive, laws=laws) for laws in ("table", "finite"))
     np.testing.assert_allclose(finite.output_nats, line.output_nats, atol=1e-9)
 
 
@@ -175,7 +175,8 @@ def test_out_scatters_from_trial_to_trial_as_computed(neurons, trials):
     table = TABLE.with_neurons(neurons)
     odds = 1.7
     measured = steady_out(table, [odds], seed=74, trials=trials, mean_ms=50).std(ddof=1)
-    law = out_sd_nats(table, [odds / 2, -odds / 2], mean_ms=50)[0]
+    whose = out_variance(table, [odds / 2, -odds / 2], mean_ms=50)
+    law = np.sqrt(sum(part[0] for part in whose.values()))
     print(f"{neurons}: {measured:.4f}, computed {law:.4f}")
     assert measured == pytest.approx(law, rel=4 / np.sqrt(2 * trials))
 
@@ -195,6 +196,14 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     print(f"{measured.mean():.4f} +- {error:.4f}, cells {cells:.4f}, finite {finite:.4f}")
     assert abs(measured.mean() - cells) > 4 * error
     assert abs(measured.mean() - finite) < 0.4 * abs(measured.mean() - cells)
+
+
+def test_the_noise_of_one_nucleus_falls_with_its_own_cells():
+    drive = [0.85, -0.85]
+    few, many = (out_variance(t, drive) for t in (TABLE, TABLE.changed("D2", neurons=3000)))
+    assert many["D2"][0] == pytest.approx(few["D2"][0] / 10, rel=0.02)
+    for name in ("ctx", "D1", "STN", "GPe", "SNr"):
+        assert many[name][0] == pytest.approx(few[name][0], rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -94,6 +94,20 @@ def test_show_command(capsys, tmp_path):
     assert drawing.stat().st_size > 1000
 
 
+def test_show_says_whose_noise_it_is(capsys):
+    """More cells of a nucleus, less of its noise; where there are no cells, none."""
+    said = []
+    for edits in ([], ["--edits.neurons", "1200"]):
+        assert run("show", "spiking_msprt", "--noise", "0.85", *edits) == 0
+        line = capsys.readouterr().out.splitlines()[-1]
+        said.append(float(line.split("scatters by ")[1].split(" nats")[0]))
+        shares = [int(part.split("%")[0]) for part in line.split("variance ")[1].split(" ")[1::2]]
+        assert 97 <= sum(shares) <= 103
+    assert said[1] == pytest.approx(said[0] / 2, abs=0.001)
+    assert run("show", "appendix_b", "--noise", "0.85") == 0
+    assert "does not scatter" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate"])
 def test_run_command(capsys, tmp_path, engine):
     table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
@@ -117,6 +131,11 @@ def test_run_command(capsys, tmp_path, engine):
         (["show", "spiking_msprt", "--edits.scale", "STN=2"], 'a pathway like "STN->GPe=0.5"'),
         (["show", "spiking_msprt", "--edits.scale", "STN->GPe=x"], "a name, =, and a number"),
         (["show", "spiking_msprt", "--edits.neurons", "0"], "neurons must be a whole number"),
+        (["show", "spiking_msprt", "--noise", "0.99"], "that spiking_msprt reads, 0.52 to 0.95"),
+        (
+            ["show", "spiking_msprt", "--noise", "0.8", "--edits.spread", "0.1"],
+            "those of ctx differ by 10%",
+        ),
         (["run", "d.txt"], "output must end in .parquet or .csv"),
         (["run", "d.csv", "--posterior", "1"], "posterior must lie between 0 and 1"),
         (["run", "d.csv", "--d-prime", "0"], "d_prime must be > 0"),

@@ -39,12 +39,15 @@ class Show:
     """Where a drawing goes, .pdf, .svg or .png."""
     rest: bool = False
     """Whether to run it without evidence too, and print rates and how irregular its cells fire."""
+    noise: float | None = None
+    """Posterior, .85 say, at which to print how much OUT scatters and whose noise that is."""
 
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.basal_ganglia import circuit, text
 
         table = self.edits.of(circuit(self.circuit, self.channels))
+        scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
             from bgmodel.basal_ganglia import draw
 
@@ -63,6 +66,34 @@ class Show:
             print("\nwithout evidence, 4 trials of 5 s:")
             found = at_rest(table, seed=0)
             print(found.to_string(index=False, float_format="{:.2f}".format))
+        if scatter is not None:
+            print(f"\n{scatter}")
+
+
+def _scatter(table: Any, posterior: float) -> str:
+    """Return one line on the noise of the favoured channel's OUT."""
+    from bgmodel.basal_ganglia import out_variance
+
+    # Between the readable OUTs, and above chance.
+    low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
+    high = float(np.exp(-table.readable_nats[0]))
+    if not low < posterior < high:
+        raise ValueError(
+            f"noise must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}, "
+            f"got {posterior:g}"
+        )
+    odds = np.log(posterior * (table.channels - 1) / (1 - posterior))
+    drive = np.zeros(table.channels)
+    drive[0] = odds
+    variance = {k: v[0] for k, v in out_variance(table, drive - drive.mean()).items()}
+    total = sum(variance.values())
+    if not total:
+        return "OUT does not scatter: there are no cells"
+    shares = ", ".join(f"{name} {part / total:.0%}" for name, part in variance.items())
+    return (
+        f"at a posterior of {posterior:g} OUT scatters by {np.sqrt(total):.3f} nats (sd, linear "
+        f"noise); of its variance {shares}"
+    )
 
 
 @dataclass(frozen=True)
