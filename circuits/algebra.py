@@ -39,8 +39,8 @@ def run(
         Time between readings, ms; only stated.
     laws : str
         "table", whose populations follow lines; "cells", whose own f-I laws bend away from those;
-        or "finite", where the noise of the row's number of cells goes round the circuit and moves
-        the means as well (``circuits.fluctuation``).
+        or "finite": the cells' laws, and the noise of the row's number of cells goes round the
+        circuit and moves the means (``circuits.fluctuation``).
 
     Raises
     ------

@@ -2,8 +2,9 @@
 
 Each population's spikes are its cells' own renewal noise, shared by all that hear them. It goes
 round the circuit as small modulations do; where cells bend, what arrives moves the mean rate.
-Exact to first order in 1/n: Brunel & Hakim 1999 for loops, Lindner, Doiron & Longtin 2005 for
-spectra; cells by ``circuits.response``.
+To first order in 1/n (Brunel & Hakim 1999 for loops, Lindner, Doiron & Longtin 2005 for spectra;
+cells by ``circuits.response``), but for what a Lif cell's own spikes bring back to it before it
+fires again, and for a rectified unit near its kink.
 """
 
 from __future__ import annotations
@@ -14,16 +15,17 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.cells import Escape, Lif, Phase
-from circuits.response import Complex, escape_spectrum, lif_response, phase_spectrum
+from circuits.response import Complex, lif_response, phase_spectrum
 from circuits.wiring import Array, Index, Wiring
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
-"""Where power is summed: from below the slowest loop to above the fastest synapse."""
-STEP_NATS = 1e-4
+"""Where power is summed. Below, cells' answers would cancel to nothing; above, synapses filter."""
 
 
 class Linear(NamedTuple):
-    """A circuit's small fluctuations about its states; x is behind the blocks' filters.
+    """A circuit's small fluctuations about its states.
+
+    An input is what comes out of the block's own filter; a Lif's membrane is part of its answer.
 
     Parameters
     ----------
@@ -42,12 +44,13 @@ class Linear(NamedTuple):
 
 
 def linear(wiring: Wiring, x: Array, frequency_hz: npt.ArrayLike) -> Linear:
-    """Return the small fluctuations about states x (trials, blocks), nats; frequencies above 0.
+    """Return the small fluctuations about states x (trials, blocks), nats; from 1e-3 Hz on.
 
     Raises
     ------
     ValueError
-        If cells differ or connections are sparse, or a pathway bends: then it is not known.
+        If cells differ or have a refractory hazard, connections are sparse or a pathway bends: then
+        it is not known.
     """
     _check(wiring)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
@@ -60,7 +63,9 @@ def linear(wiring: Wiring, x: Array, frequency_hz: npt.ArrayLike) -> Linear:
     block = 1 / (leak + turn * wiring.column("tau_ms"))
     heard = (block[:, :, None] * wiring.weight) @ (synapse[:, :, None] * wiring.deliver)
     one = np.eye(wiring.blocks)
-    into = np.linalg.solve(one - heard * gain[:, :, None, :], heard)
+    loops = one - heard * gain[:, :, None, :]
+    _check_stable(wiring, loops)
+    into = np.linalg.solve(loops, heard)
     return Linear(into, one + gain[..., None] * into, bend, own)
 
 
@@ -70,7 +75,7 @@ def extra_rates(wiring: Wiring, x: Array) -> Array:
     Raises
     ------
     ValueError
-        As ``linear``.
+        As ``linear``, and if the fixed point is unstable.
     """
     found = linear(wiring, x, FREQUENCIES_HZ)
     power = np.einsum("tfbc,tfc->tfb", np.abs(found.into) ** 2, found.own)
@@ -80,11 +85,9 @@ def extra_rates(wiring: Wiring, x: Array) -> Array:
 
 def _cells(wiring: Wiring, x: Array, frequency_hz: Array) -> tuple[Complex, Array, Array]:
     """Return the blocks' gain (Hz/nat), bend and own noise, each (trials, F, blocks)."""
-    slope = wiring.rates_slope(x)
-    bent = wiring.rates_slope(x + STEP_NATS) - wiring.rates_slope(x - STEP_NATS)
     shape = (len(x), len(frequency_hz), wiring.blocks)
-    gain = np.broadcast_to(slope[:, None], shape).astype(np.complex128)
-    bend = np.broadcast_to(bent[:, None] / (4 * STEP_NATS), shape).copy()
+    gain = np.broadcast_to(wiring.rates_slope(x)[:, None], shape).astype(np.complex128)
+    bend = np.broadcast_to(wiring.rates_curvature(x)[:, None] / 2, shape).copy()
     own = np.zeros(shape)
     hz = wiring.rates(x)
     for row in wiring.circuit.populations:
@@ -102,25 +105,38 @@ def _cells(wiring: Wiring, x: Array, frequency_hz: Array) -> tuple[Complex, Arra
         elif isinstance(cell, Phase):
             put(own, phase_spectrum(cell, hz[:, blocks].ravel(), frequency_hz))
         elif isinstance(cell, Escape):
-            put(own, escape_spectrum(cell, hz[:, blocks].ravel(), frequency_hz))
-        if row.spiking and row.intact:
-            own[..., blocks] /= row.neurons * row.intact
+            own[..., blocks] = hz[:, None, blocks]
+        # A lesion takes from what is delivered, not from the cells that are simulated.
+        own[..., blocks] /= row.neurons
     return gain, bend, own
 
 
+def _check_stable(wiring: Wiring, loops: Complex) -> None:
+    """Raise ValueError if det(1 - loops) winds about 0: Nyquist's criterion."""
+    turned = np.unwrap(np.angle(np.linalg.det(loops)), axis=1)
+    # Each unstable root turns it by half a turn; an integrator's pole at 0 by a quarter.
+    if (np.abs(turned[:, -1] - turned[:, 0]) > 0.75 * np.pi).any():
+        raise ValueError(
+            f"the fixed point of {wiring.circuit.name} as edited is unstable: it oscillates, and "
+            "the laws of a finite number of cells do not hold"
+        )
+
+
 def _check(wiring: Wiring) -> None:
-    if not any(row.spiking for row in wiring.circuit.populations):
-        return
-    for row in wiring.circuit.populations:
-        if row.spiking and row.spread:
-            raise ValueError(
-                f"laws of a finite number of cells are known for cells that are alike; those of "
-                f"{row.name} differ by {row.spread:.0%}"
-            )
+    reasons, spiking = [], [row for row in wiring.circuit.populations if row.spiking]
+    names = {row.name for row in spiking}
+    for row in spiking:
+        if row.spread:
+            reasons.append(f"those of {row.name} differ by {row.spread:.0%}")
+        if isinstance(row.cell, Escape) and row.cell.refractory_ms:
+            reasons.append(f"those of {row.name} have a hazard and are refractory")
     for p in wiring.circuit.projections:
-        if p.probability < 1 or p.transfer != "linear":
-            what = f"is {p.transfer}" if p.probability == 1 else f"connects {p.probability:.0%}"
-            raise ValueError(
-                f"laws of a finite number of cells are known for linear pathways from all cells to "
-                f"all; {p.name} {what}"
-            )
+        if p.source in names and p.transfer != "linear":
+            reasons.append(f"{p.name} is {p.transfer}")
+        if {p.source, p.target} <= names and p.probability < 1:
+            reasons.append(f"{p.name} connects {p.probability:.0%}")
+    if reasons:
+        raise ValueError(
+            "laws of a finite number of cells are known for cells that are alike, with linear "
+            f"pathways from all to all: {reasons[0]}"
+        )

@@ -1,25 +1,25 @@
 """How cells answer an input that fluctuates, and how irregular their spikes are.
 
 All to second order in the fluctuation and exact in the noise of the cells: the stationary density
-of the membrane, its answer to a modulated mean and the answer to that answer, by threshold
-integration (Richardson 2007, Phys Rev E 76, 021919).
+of the membrane, its answer to a modulated mean and the answer to that answer (the Fokker-Planck
+equation as in Richardson 2007, Phys Rev E 76, 021919).
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from circuits.cells import Escape, Lif, Phase
+from circuits.cells import Lif, Phase
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 NODES = 100
-"""Steps from threshold to reset: right to .3 % up to 1 kHz."""
-DEPTH = 4.0
+"""Steps from threshold to reset: right to .5 % up to 4 kHz, .2 % up to 300 Hz."""
+DEPTH = 5.0
 """How many sd below mean or reset the membrane is followed."""
 DEEPEST = 9.0
 """How many sd below threshold a mean counts at most: from there on a cell is silent."""
@@ -44,7 +44,7 @@ class Response(NamedTuple):
 
 
 def lif_response(cell: Lif, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Response:
-    """Return how a leaky integrate-and-fire cell answers about mean potentials.
+    """Return how a leaky integrate-and-fire cell answers about its mean potentials.
 
     Parameters
     ----------
@@ -53,65 +53,91 @@ def lif_response(cell: Lif, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike)
     mean_mv : array (S,)
         Mean potentials without a threshold, mV.
     frequency_hz : array (F,)
-        Above 0.
+        From 1e-3 on: below, the spectrum is a difference of two that cancel.
 
     Notes
     -----
-    With the flux J and the density P from threshold down, ``-dP/dV = (tau J + (V - mean) P)/sd^2``
-    less its sources, ``-dJ/dV = i omega P`` and a step at the reset. A modulated mean has the
-    source P0, and at second order, frequency 0, that first-order density.
+    The membrane's density hops between nodes (Scharfetter & Gummel 1969); what meets the threshold
+    comes back at the reset, the refractory period later. A modulated mean moves the stationary
+    density, and at second order, frequency 0, that first-order density.
     """
-    tau_s, held_s = cell.tau_ms / 1000, cell.refractory_ms / 1000
     mean = np.maximum(mean_mv, cell.threshold_mv - DEEPEST * cell.noise_mv)[:, None]
+    membrane = _Membrane(cell, mean)
+    held_s = cell.refractory_ms / 1000
+    (passed,) = membrane.solve(np.zeros(1), membrane.injected)
+    rate = 1 / (membrane.area(passed) + held_s)
     omega = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
-    lowest = np.minimum(mean, cell.reset_mv) - DEPTH * cell.noise_mv
-    # The reset is a node.
-    step = (cell.threshold_mv - cell.reset_mv) / NODES
-    count = int(np.ceil((cell.threshold_mv - lowest.min(initial=cell.reset_mv)) / step))
-    middle = cell.threshold_mv - step * (np.arange(count) + 0.5)
-    power = step * (middle - mean) / cell.noise_mv**2
-    # Far below, where nothing is, parts that cancel would grow without end.
-    inside = middle > lowest
-    keep = (np.exp(power) * inside).T[..., None]
-    near = np.abs(power) < 1e-9
-    inflow = np.where(near, 1.0, np.expm1(power) / np.where(near, 1.0, power)) * inside
-    inflow = inflow.T[..., None] * step / cell.noise_mv**2
-
-    def down(flux: complex, inject: float, sources: Array | None = None) -> tuple[Complex, Complex]:
-        """Return densities (nodes, S, F) and the flux at the bottom, sources lying at nodes."""
-        p = np.zeros((count + 1, len(mean), len(omega)), dtype=np.complex128)
-        j = np.full(p.shape[1:], flux)
-        for k in range(count):
-            drive = tau_s * (j + step * omega * p[k] / 2)
-            if sources is not None:
-                drive = drive - (sources[k] + sources[k + 1]) / 2
-            p[k + 1] = keep[k] * p[k] + inflow[k] * drive
-            j = j + step * omega * (p[k] + p[k + 1]) / 2
-            if k + 1 == NODES:
-                j = j - inject
-        return p, j
-
-    still = np.zeros((count + 1, len(mean), 1))
-    for k in range(count):
-        flux = tau_s if k < NODES else 0.0
-        still[k + 1] = keep[k] * still[k] + inflow[k] * flux
-    rate = 1 / (_area(still, step) + held_s)
-    still = rate * still
-    out, out_flux = down(1.0, 0.0)
-    back, back_flux = down(0.0, 1.0)
-    moved, moved_flux = down(0.0, 0.0, still)
-    late = np.exp(-omega * held_s)
-    gain = -moved_flux / (out_flux + late * back_flux)
-    first = gain * (out + late * back) + moved
+    push, at_once = membrane.pushed(rate * passed)
+    passing, moved = membrane.solve(omega, membrane.injected, push)
+    # The transform of intervals, and what was pushed out with all that comes back later.
+    interval = membrane.outflow(passing) * np.exp(-omega * held_s)
+    gain = (membrane.outflow(moved) + at_once) / (1 - interval)
+    first = moved + gain * np.exp(-omega * held_s) * passing
     # exp(i omega t) and its conjugate, variance 2, act on the density that each of them made.
-    second = np.zeros(out.shape[1:])
-    area = np.zeros(out.shape[1:])
-    for k in range(count):
-        below = keep[k] * second - inflow[k] * (first[k] + first[k + 1]).real
-        area += step * (second + below) / 2
-        second = below
-    interval = -back_flux / out_flux * late
-    return Response(gain, -rate * area / 2, _renewal(rate, interval))
+    push, _ = membrane.pushed(2 * first.real)
+    (second,) = membrane.solve(np.zeros(1), push)
+    bend = -rate * membrane.area(second) / 2
+    return Response(gain, bend, _renewal(rate, interval))
+
+
+class _Membrane:
+    """Density of the potential on nodes from far below to a step below threshold, (nodes, S, F)."""
+
+    def __init__(self, cell: Lif, mean: Array) -> None:
+        tau_s = cell.tau_ms / 1000
+        lowest = min(float(mean.min(initial=cell.reset_mv)), cell.reset_mv) - DEPTH * cell.noise_mv
+        self.step = (cell.threshold_mv - cell.reset_mv) / NODES
+        count = int(np.ceil((cell.threshold_mv - lowest) / self.step))
+        above = cell.threshold_mv - self.step * (np.arange(count)[::-1] + 0.5)
+        # Drift over diffusion from node to node; hops up and down, 1/s.
+        power = self.step * (mean - above).T[..., None] / cell.noise_mv**2
+        hop = cell.noise_mv**2 / tau_s / self.step**2
+        near = np.abs(power) < 1e-9
+        down = np.where(near, 1.0, power / np.where(near, 1.0, np.expm1(power)))
+        self.up, self.down = hop * (down + power), hop * down
+        self.tau_s = tau_s
+        self.injected = np.zeros((count, len(mean), 1))
+        self.injected[count - NODES] = 1 / self.step
+
+    def solve(self, omega: npt.NDArray[Any], *sources: npt.NDArray[Any]) -> list[Any]:
+        """Return the densities, modulated at omega, that sources per mV and second keep up."""
+        count = len(self.up)
+        leave = self.up.copy()
+        leave[1:] += self.down[:-1]
+        shares = np.empty(np.broadcast_shapes(leave.shape, omega.shape), omega.dtype)
+        found = [
+            np.empty(
+                np.broadcast_shapes(shares.shape, source.shape), np.result_type(shares, source)
+            )
+            for source in sources
+        ]
+        # Thomas' elimination from the bottom up, then back down.
+        for k in range(count):
+            left = omega + leave[k] - (self.up[k - 1] * shares[k - 1] if k else 0)
+            shares[k] = self.down[k] / left
+            for density, source in zip(found, sources, strict=True):
+                density[k] = (source[k] + (self.up[k - 1] * density[k - 1] if k else 0)) / left
+        for k in range(count - 2, -1, -1):
+            for density in found:
+                density[k] += shares[k] * density[k + 1]
+        return found
+
+    def pushed(self, density: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+        """Return the source that a mV more of mean is, and what it drives out at once, 1/s."""
+        flux = density.copy()
+        flux[:-1] += density[1:]
+        flux /= 2 * self.tau_s
+        source = -flux / self.step
+        source[1:] += flux[:-1] / self.step
+        return source, flux[-1]
+
+    def outflow(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return the flux through threshold, 1/s."""
+        return self.step * self.up[-1] * density[-1]
+
+    def area(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return the whole probability."""
+        return self.step * density.sum(axis=0)
 
 
 def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Array:
@@ -128,20 +154,6 @@ def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayL
     return _renewal(rate, interval)
 
 
-def escape_spectrum(cell: Escape, hazard_hz: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Array:
-    """Return the two-sided power of an Escape cell's spikes, (S, F) Hz; its rate if Poisson."""
-    hazard = np.asarray(hazard_hz, dtype=np.float64)[:, None]
-    held_s = cell.refractory_ms / 1000
-    omega = 2j * np.pi * np.asarray(frequency_hz)
-    interval = np.exp(-omega * held_s) * hazard / (hazard + omega)
-    return _renewal(hazard / (1 + hazard * held_s), interval)
-
-
 def _renewal(rate: Array, interval: Complex) -> Array:
     """Return the power of a renewal process from the transform of its intervals (Cox 1962)."""
     return np.asarray(rate * (1 - np.abs(interval) ** 2) / np.abs(1 - interval) ** 2)
-
-
-def _area(density: Array, step: float) -> Array:
-    """Return the integral over the potential of what vanishes at both ends or nearly so."""
-    return np.asarray(step * (density[1:] + density[:-1]).sum(axis=0) / 2)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from circuits.algebra import solve, wired
 from circuits.fluctuation import FREQUENCIES_HZ, extra_rates, linear
-from circuits.mean_field import own_rates, settled
+from circuits.mean_field import settled
 from circuits.spec import Circuit
 from circuits.wiring import Array, Wiring
 
@@ -35,7 +35,8 @@ def rate_spectrum(
     Raises
     ------
     ValueError
-        If the circuit has no fixed point, cells differ, connections are sparse or a pathway bends.
+        If the circuit has no fixed point or it is unstable, or if noise is not known: see
+        ``fluctuation.linear``.
     """
     wiring = wired(circuit)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
@@ -82,13 +83,13 @@ def _noise(
     wiring: Wiring, drive: npt.ArrayLike | None, frequency: Array
 ) -> tuple[npt.NDArray[np.complex128], Array]:
     """Return how own noise reaches rates, (F, blocks, blocks), and its power, (F, blocks)."""
-    silence = np.zeros(wiring.circuit.channels)
-    held = np.asarray(silence if drive is None else drive, dtype=np.float64)[None]
-    x = settled(wiring, held, solve(wiring, held))
-    extra = extra_rates(wiring, x)
-    x = settled(wiring, held, x, extra)
+    channels = wiring.circuit.channels
+    held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
+    if held.shape != (channels,) or not np.isfinite(held).all():
+        raise ValueError(f"drive must be {channels} finite numbers, got {drive!r}")
+    if not (frequency > 0).all():
+        raise ValueError(f"frequency_hz must be > 0, got {frequency.min()}")
+    start = settled(wiring, held[None], solve(wiring, held[None]))
+    x = settled(wiring, held[None], start, extra_rates(wiring, start))
     found = linear(wiring, x, frequency)
-    # A renewal process that is faster by a little has so much more power.
-    rate = own_rates(wiring, x)
-    more = 1 + np.divide(extra, rate, out=np.zeros_like(rate), where=rate > 0)
-    return found.out[0], found.own[0] * more
+    return found.out[0], found.own[0]

@@ -179,8 +179,9 @@ def cell_factors(circuit: Circuit, name: str, channel: int) -> Array:
 
     For a Lif: of its time constant, its mv_per_nat and the way from reset to threshold. For the
     others the first is that of its rate. They belong to the circuit's ``wiring_seed``, not to a
-    trial. Their mean over a channel's cells is 1: cells differ, channels do not. A channel of 300
-    would otherwise lie off the next by up to .03 nats of OUT for good, as a prior does.
+    trial. Their mean over a channel's cells is 1 (but for the few that would fall below
+    ``SPREAD_LEAST``): cells differ, channels hardly do. A channel of 300 would otherwise lie off
+    the next by up to .03 nats of OUT for good, as a prior does. One cell alone is the row's.
     """
     row = circuit.population(name)
     key = noise.stream_key(circuit.wiring_seed, 0, f"{name}/{channel}")

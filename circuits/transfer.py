@@ -20,8 +20,8 @@ class Transfer:
 
     Parameters
     ----------
-    function, slope : callable
-        The function and its derivative, on arrays.
+    function, slope, curvature : callable
+        The function and its derivatives, on arrays.
     brian : str
         The same as Brian2 text, with ``{x}`` for its input.
     about : str
@@ -30,6 +30,7 @@ class Transfer:
 
     function: Callable[[Array], Array]
     slope: Callable[[Array], Array]
+    curvature: Callable[[Array], Array]
     brian: str
     about: str
 
@@ -53,15 +54,22 @@ def _s_minus_log_s_slope(s: Array) -> Array:
     return np.where(some, 1 - 1 / np.where(some, s, 1.0), 0.0)
 
 
+def _s_minus_log_s_curvature(s: Array) -> Array:
+    some = s > 0
+    return np.where(some, 1 / np.where(some, s, 1.0) ** 2, 0.0)
+
+
 TRANSFERS: dict[str, Transfer] = {
-    "linear": Transfer(lambda x: x + 0.0, np.ones_like, "{x}", "as it is"),
+    "linear": Transfer(lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "as it is"),
     "rectified": Transfer(
         lambda x: np.maximum(x, 0.0),
         lambda x: (x > 0).astype(np.float64),
+        np.zeros_like,
         "clip({x}, 0, inf)",
         "no less than zero",
     ),
     "exp": Transfer(
+        _capped,
         _capped,
         _capped,
         f"exp(clip({{x}}, -inf, {EXP_MOST:g}))",
@@ -70,6 +78,7 @@ TRANSFERS: dict[str, Transfer] = {
     "s_minus_log_s": Transfer(
         _s_minus_log_s,
         _s_minus_log_s_slope,
+        _s_minus_log_s_curvature,
         "int({x} > 0) * ({x} - log(clip({x}, 1e-300, inf)))",
         "S - ln S of what STN delivers to GPe; Bogacz & Gurney 2007. No input drives nothing",
     ),

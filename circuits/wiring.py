@@ -125,7 +125,7 @@ class Wiring:
 
     def units_slope(self, units: Array) -> Array:
         """Return the slope (..., units) of the units' transfer."""
-        return self._by_name(units, self._unit_transfers, slope=True)
+        return self._by_name(units, self._unit_transfers, "slope")
 
     def rates(self, x: Array) -> Array:
         """Return the rates (..., blocks), Hz, that inputs (..., blocks) in nats stand for."""
@@ -135,8 +135,14 @@ class Wiring:
     def rates_slope(self, x: Array) -> Array:
         """Return the slope (..., blocks) of ``rates``, Hz/nat."""
         rate = self.baseline_hz + self.gain_hz_per_nat * self._by_name(x, self._block_transfers)
-        slope = self._by_name(x, self._block_transfers, slope=True)
+        slope = self._by_name(x, self._block_transfers, "slope")
         return self.gain_hz_per_nat * slope * (rate > self.floor_hz)
+
+    def rates_curvature(self, x: Array) -> Array:
+        """Return the second derivative (..., blocks) of ``rates``, Hz/nat^2."""
+        rate = self.baseline_hz + self.gain_hz_per_nat * self._by_name(x, self._block_transfers)
+        curvature = self._by_name(x, self._block_transfers, "curvature")
+        return self.gain_hz_per_nat * curvature * (rate > self.floor_hz)
 
     def activity(self, rates: Array, name: str) -> Array:
         """Return the activity (..., channels), nats, that rates (..., channels) stand for."""
@@ -152,13 +158,13 @@ class Wiring:
         return [self.row(b).transfer for b in range(self.blocks)]
 
     @staticmethod
-    def _by_name(values: Array, names: list[str], slope: bool = False) -> Array:
+    def _by_name(values: Array, names: list[str], what: str = "function") -> Array:
         result = np.empty_like(values)
         kinds = np.array(names, dtype=object)
         for name in dict.fromkeys(names):
             law = transfer.named(name)
             here = kinds == name
-            result[..., here] = (law.slope if slope else law.function)(values[..., here])
+            result[..., here] = getattr(law, what)(values[..., here])
         return result
 
 

@@ -7,13 +7,12 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import erfcx
 
-from bgmodel.circuit_edits import steady_out
 from circuits import algebra, anatomy, ensemble
 from circuits.cells import Escape, Phase, Rate
 from circuits.firing import lif_rate_hz
 from circuits.fluctuation import extra_rates
 from circuits.mean_field import settled
-from circuits.response import escape_spectrum, lif_response, phase_spectrum
+from circuits.response import lif_response, phase_spectrum
 from circuits.spec import Circuit, Population, Projection
 from circuits.spectra import out_variance, rate_spectrum
 
@@ -42,7 +41,7 @@ def fed(*, cells, gain=1.0, tau_ms=5.0):
 # ---- one cell
 
 
-@pytest.mark.parametrize("name", ["D1", "D2", "GPe", "SNr"])
+@pytest.mark.parametrize("name", ["D1", "GPe"])
 @pytest.mark.parametrize("above_mv", [-6.0, -2.0, 0.0, 4.0])
 def test_slow_fluctuations_see_slope_and_curvature_of_siegerts_law(name, above_mv):
     cell = TABLE.population(name).cell
@@ -83,7 +82,7 @@ def test_slow_power_is_the_rate_times_the_squared_cv_of_intervals(above_mv):
     assert found / rate == pytest.approx(cv2, rel=5e-3)
 
 
-@pytest.mark.parametrize("name", ["D1", "GPe", "SNr"])
+@pytest.mark.parametrize("name", ["D1", "GPe"])
 def test_fast_power_is_the_rate(name):
     cell = TABLE.population(name).cell
     mean = np.array([cell.threshold_mv - 3.0, cell.threshold_mv + 3.0])
@@ -97,13 +96,26 @@ def test_power_of_the_other_cells_is_that_of_renewal_processes():
         np.testing.assert_allclose(phase_spectrum(Phase(cv), rate, SLOW)[:, 0], cv**2 * rate, 1e-4)
         np.testing.assert_allclose(phase_spectrum(Phase(cv), rate, [1e4])[:, 0], rate, 0.02)
     assert not phase_spectrum(Phase(0.0), rate, [3.0]).any()
-    poisson = escape_spectrum(Escape(), rate, [0.1, 10.0, 1000.0])
-    np.testing.assert_allclose(poisson, np.repeat(rate[:, None], 3, axis=1))
-    held = Escape(refractory_ms=5.0)
-    slower = rate / (1 + 0.005 * rate)
-    # An exponential waiting time after a fixed one.
-    expected = slower * (slower / rate) ** 2
-    np.testing.assert_allclose(escape_spectrum(held, rate, SLOW)[:, 0], expected, 1e-4)
+
+
+@pytest.mark.parametrize("name", ["D1", "GPe"])
+@pytest.mark.parametrize("above_mv", [-3.0, 2.0])
+def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv):
+    """White input of power S adds S/(2 tau) to sd^2: Siegert's law says what the rate gains."""
+    cell = replace(TABLE.population(name).cell, refractory_ms=0.0)
+    mean = cell.threshold_mv + above_mv
+    frequency = np.concatenate([[1e-3], np.geomspace(0.1, 20_000, 200)])
+    bend = lif_response(cell, [mean], frequency).bend[0]
+    # It falls as the frequency to the -3/2 in the end: the rest of the integral.
+    gained = 2 * (np.trapezoid(bend, frequency) + 2 * bend[-1] * frequency[-1])
+    step = 0.01
+    more, less = (
+        lif_rate_hz(replace(cell, noise_mv=np.sqrt(cell.noise_mv**2 + by)), mean)
+        for by in (step, -step)
+    )
+    law = (more - less) / (2 * step) / (2 * cell.tau_ms / 1000)
+    print(f"{name} {above_mv}: {gained:.4f}, law {law:.4f}")
+    assert gained == pytest.approx(law, rel=0.03)
 
 
 # ---- a circuit
@@ -120,15 +132,6 @@ def test_poisson_noise_lifts_an_exponential_by_half_its_variance(tau_ms):
     expected = wiring.rates(x)[target] * variance / 2
     np.testing.assert_allclose(extra[target], expected, rtol=0.01 if tau_ms else 0.04)
     assert not extra[wiring.blocks_of("source")].any()
-
-
-def test_a_finite_number_counts_as_one_over_itself():
-    one, ten = (
-        extra_rates(*(part[None] if k else part for k, part in enumerate(state(table))))
-        for table in (TABLE, TABLE.with_neurons(3000))
-    )
-    np.testing.assert_allclose(ten, one / 10, rtol=1e-9, atol=1e-12)
-    assert np.abs(one).max() > 0.01
 
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b", "linear_gpe"])
@@ -170,23 +173,48 @@ def test_cells_alone_have_another_power():
     assert (np.abs(rate_spectrum(TABLE, "STN", frequency) / alone - 1) > 0.1).all()
 
 
-@pytest.mark.parametrize(("neurons", "trials"), [(100, 150), (600, 80)])
-def test_out_scatters_from_trial_to_trial_as_computed(neurons, trials):
-    table = TABLE.with_neurons(neurons)
-    odds = 1.7
-    measured = steady_out(table, [odds], seed=74, trials=trials, mean_ms=50).std(ddof=1)
-    whose = out_variance(table, [odds / 2, -odds / 2], mean_ms=50)
+@pytest.mark.parametrize("edit", [{}, {"neurons": 900}, {"without": "STN"}])
+def test_out_scatters_as_computed(edit):
+    """Means of 50 ms, 40 a trial."""
+    table = TABLE.with_neurons(edit.get("neurons", 300))
+    if "without" in edit:
+        table = table.without(edit["without"], 0.1)
+    drive = np.array([0.85, -0.85])
+    held = np.tile(drive, (30, 1, 1))
+    given = {"step_ms": 5000, "seed": 74, "rates": False, "sample_ms": 5.0}
+    out = ensemble.run(table, held, **given).output_nats[:, 200:, 0]
+    measured = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
+    whose = out_variance(table, drive, mean_ms=50)
     law = np.sqrt(sum(part[0] for part in whose.values()))
-    print(f"{neurons}: {measured:.4f}, computed {law:.4f}")
-    assert measured == pytest.approx(law, rel=4 / np.sqrt(2 * trials))
+    print(f"{edit}: {measured:.4f}, computed {law:.4f}")
+    assert measured == pytest.approx(law, rel=0.06)
+
+
+@pytest.mark.parametrize("channels", [8, 12])
+def test_silent_losers_add_no_noise(channels):
+    odds = np.log(0.9 * (channels - 1) / 0.1)
+    drive = np.zeros(channels)
+    drive[0] = odds
+    whose = out_variance(anatomy.spiking_msprt(channels), drive - drive.mean())
+    parts = [part[0] for part in whose.values()]
+    assert min(parts) >= 0
+    assert 0.01 < np.sqrt(sum(parts)) < 0.06
+
+
+def test_a_lesion_takes_the_noise_with_what_it_takes():
+    whole, half = (
+        out_variance(table, [0.85, -0.85])["D2"][0]
+        for table in (TABLE, TABLE.without("D2", 0.5, replaced=True))
+    )
+    assert half == pytest.approx(whole / 4, rel=0.1)
 
 
 def test_the_noise_of_few_cells_is_in_the_fixed_point():
     """OUT of 100 cells a population lies off that of many by what is computed."""
     table = anatomy.spiking_msprt(2).with_neurons(100)
-    drive = np.zeros((60, 1, 2))
+    drive = np.zeros((100, 1, 2))
     drive[:, 0] = 1.0, -1.0
-    spikes = ensemble.run(table, drive, step_ms=2000, seed=73, rates=False, sample_ms=5.0)
+    spikes = ensemble.run(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
     measured = spikes.output_nats[:, 200:, 0].mean(axis=1)
     error = measured.std(ddof=1) / np.sqrt(len(measured))
     cells, finite = (
@@ -195,15 +223,7 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     )
     print(f"{measured.mean():.4f} +- {error:.4f}, cells {cells:.4f}, finite {finite:.4f}")
     assert abs(measured.mean() - cells) > 4 * error
-    assert abs(measured.mean() - finite) < 0.4 * abs(measured.mean() - cells)
-
-
-def test_the_noise_of_one_nucleus_falls_with_its_own_cells():
-    drive = [0.85, -0.85]
-    few, many = (out_variance(t, drive) for t in (TABLE, TABLE.changed("D2", neurons=3000)))
-    assert many["D2"][0] == pytest.approx(few["D2"][0] / 10, rel=0.02)
-    for name in ("ctx", "D1", "STN", "GPe", "SNr"):
-        assert many[name][0] == pytest.approx(few[name][0], rel=0.02)
+    assert abs(measured.mean() - finite) < 0.15 * abs(measured.mean() - cells)
 
 
 @pytest.mark.parametrize(
@@ -212,11 +232,20 @@ def test_the_noise_of_one_nucleus_falls_with_its_own_cells():
         (TABLE.with_spread(0.1), "those of ctx differ by 10%"),
         (TABLE.with_connections(0.25), "ctx->D1 connects 25%"),
         (TABLE.changed("STN->GPe", transfer="rectified"), "STN->GPe is rectified"),
+        (TABLE.changed("STN", cell=Escape(2.0)), "those of STN have a hazard and are refractory"),
+        (TABLE.changed("STN->GPe", delay_ms=20).changed("GPe->STN", delay_ms=20), "is unstable"),
     ],
 )
 def test_what_is_not_known_is_refused(table, what):
     with pytest.raises(ValueError, match=what):
         algebra.run(table, np.zeros((1, 1, 2)), laws="finite")
+
+
+def test_bad_questions_are_refused():
+    with pytest.raises(ValueError, match=r"drive must be 2 finite numbers, got \[1\.0\]"):
+        out_variance(TABLE, [1.0])
+    with pytest.raises(ValueError, match="frequency_hz must be > 0"):
+        rate_spectrum(TABLE, "STN", [0.0])
 
 
 def test_laws_are_named():

@@ -74,6 +74,8 @@ def _scatter(table: Any, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
     from bgmodel.basal_ganglia import out_variance
 
+    if not any(row.spiking for row in table.populations):
+        return "OUT does not scatter: there are no cells"
     # Between the readable OUTs, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
@@ -87,8 +89,6 @@ def _scatter(table: Any, posterior: float) -> str:
     drive[0] = odds
     variance = {k: v[0] for k, v in out_variance(table, drive - drive.mean()).items()}
     total = sum(variance.values())
-    if not total:
-        return "OUT does not scatter: there are no cells"
     shares = ", ".join(f"{name} {part / total:.0%}" for name, part in variance.items())
     return (
         f"at a posterior of {posterior:g} OUT scatters by {np.sqrt(total):.3f} nats (sd, linear "
