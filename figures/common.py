@@ -47,8 +47,11 @@ class Settings:
     calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
     circuit_trials: int = 600
     varied_trials: int = 100
-    # Of the circuit's numbers, every how manieth is varied.
-    varied_every: int = 1
+    # So many changes of the circuit's numbers: those that move its fixed point most.
+    varied: int = 40
+    most_neurons: int = 3000
+    lesioned_trials: int = 14
+    dopamine_trials: int = 40
 
     @property
     def deltas(self) -> np.ndarray:
@@ -75,7 +78,10 @@ FAST = Settings(
     calibrated_mm=(1.5, 2.0),
     circuit_trials=120,
     varied_trials=100,
-    varied_every=12,
+    varied=14,
+    most_neurons=1000,
+    lesioned_trials=8,
+    dopamine_trials=8,
 )
 
 

@@ -41,8 +41,8 @@ def lesions(table: Circuit) -> dict[str, Circuit]:
 def steady(settings: Settings, *, output: Path) -> None:
     """Measure what lesions add to OUT under constant evidence."""
     table = circuit("spiking_msprt", CHANNELS)
-    trials = 8 if settings.varied_every > 1 else 14
-    found = steady_shifts(table, lesions(table), LOG_ODDS, seed=settings.seed, trials=trials)
+    given = {"seed": settings.seed, "trials": settings.lesioned_trials}
+    found = steady_shifts(table, lesions(table), LOG_ODDS, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 

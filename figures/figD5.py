@@ -47,7 +47,7 @@ def _freed(table: Circuit, total_nats: float) -> Circuit:
 
 def compute(settings: Settings, *, output: Path) -> None:
     """Run each edit under steady evidence, count spikes every millisecond, and find its root."""
-    trials = 8 if settings.varied_every > 1 else 40
+    trials = settings.dopamine_trials
     drive = np.broadcast_to(DRIVE, (trials, SECONDS + 1, 2))
     parts = []
     for name, table in edits(circuit("spiking_msprt")).items():
