@@ -53,7 +53,7 @@ def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: fl
 
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
-    evidence = gaussian(settings, "neurons", settings.varied_trials, 2, 0.5)
+    evidence = gaussian(settings, "neurons", 2 * settings.varied_trials, 2, 0.5)
     test = msprt_sweeps(evidence, GAIN)[OWN]
     parts = []
     for count in (n for n in NEURONS if n <= settings.most_neurons):

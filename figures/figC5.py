@@ -110,9 +110,7 @@ def _shifts(ax, table: pd.DataFrame) -> None:
     ax.plot([], [], "o", c="0.4", mfc="w", ms=3, mew=0.5, label="fixed point of the table's lines")
     ends = [table["value"].min() - 0.02, table["value"].max() + 0.02]
     ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0)
-    ax.set(
-        xlabel="the same, fixed point of 300 cells (nats)", ylabel="change of OUT, spikes (nats)"
-    )
+    ax.set(xlabel="fixed point of 300 cells (nats)", ylabel="change of OUT, spikes (nats)")
     ax.legend(loc="upper left", fontsize="small")
     letter(ax, "a")
 
