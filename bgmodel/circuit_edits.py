@@ -110,7 +110,7 @@ def out_shift(
 ) -> npt.NDArray[np.float64]:
     """Return what an edit adds to the winner's OUT at the fixed point, nats.
 
-    Where any OUT that is asked for has no fixed point all are 0.
+    Where any OUT that is asked for has no fixed point, or none that is known, all are NaN.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def out_shift(
             for c in (circuit, edited)
         )
     except ValueError:
-        return np.zeros_like(out)
+        return np.full_like(out, np.nan)
     return (after - before)[:, 0, 0].reshape(out.shape)
 
 

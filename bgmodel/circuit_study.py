@@ -218,7 +218,8 @@ def variants(
         same = name == "intact"
         changed = replace(model, circuit=circuit)
         # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
-        both = np.union1d(levels, levels + out_shift(model.circuit, circuit, levels))
+        moved = np.nan_to_num(out_shift(model.circuit, circuit, levels))
+        both = np.union1d(levels, levels + moved)
         both = both[both > _silent(circuit)]
         found = intact if same else sweeps(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
         for kind, minus in (("value", None), ("change", intact)):

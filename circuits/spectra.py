@@ -28,7 +28,7 @@ def rate_spectrum(
     name : str
         The population.
     frequency_hz : array (F,)
-        Above 0.
+        From 1e-3 on.
     drive : array (channels,), nats, optional
         Held evidence; rest if left out.
 
@@ -87,8 +87,9 @@ def _noise(
     held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
     if held.shape != (channels,) or not np.isfinite(held).all():
         raise ValueError(f"drive must be {channels} finite numbers, got {drive!r}")
-    if not (frequency > 0).all():
-        raise ValueError(f"frequency_hz must be > 0, got {frequency.min()}")
+    lowest = FREQUENCIES_HZ[0]
+    if not (frequency >= lowest).all():
+        raise ValueError(f"frequency_hz must be {lowest:g} or more, got {frequency.min()}")
     start = settled(wiring, held[None], solve(wiring, held[None]))
     x = settled(wiring, held[None], start, extra_rates(wiring, start))
     found = linear(wiring, x, frequency)
