@@ -7,7 +7,13 @@ reward moves the threshold.  Importing this package loads neither torch, brian2 
 from bgmodel.decision import Decision, Trace, first_crossing, tally
 from bgmodel.evidence import Evidence
 from bgmodel.seeds import stream
-from bgmodel.sprt import Msprt, Sprt, posterior_criterion, threshold_from_gap
+from bgmodel.sprt import (
+    Msprt,
+    Sprt,
+    criterion_from_gap,
+    criterion_from_posterior,
+    threshold_from_gap,
+)
 
 __version__ = "0.1.0"
 
@@ -17,8 +23,9 @@ __all__ = [
     "Msprt",
     "Sprt",
     "Trace",
+    "criterion_from_gap",
+    "criterion_from_posterior",
     "first_crossing",
-    "posterior_criterion",
     "stream",
     "tally",
     "threshold_from_gap",

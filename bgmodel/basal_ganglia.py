@@ -115,9 +115,20 @@ class BasalGanglia:
 
     @staticmethod
     def trace(activity: Activity, evidence: Evidence) -> Trace:
-        """Return the OUT of an activity as a trace on the evidence's clock."""
+        """Return the OUT of an activity as a trace on the evidence's clock.
+
+        A trial ends a step after its last reading, as it would if no other were longer.
+        """
         time_ms = evidence.onset_ms + activity.time_ms
-        return Trace(activity.output_nats, time_ms, evidence.onset_ms, evidence.step_ms)
+        ends = len(time_ms) * (evidence.lengths + 1) // (evidence.steps + 1)
+        return Trace(
+            activity.output_nats,
+            time_ms,
+            evidence.onset_ms,
+            evidence.step_ms,
+            ends,
+            evidence.numbers,
+        )
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
         """Return all that the circuit did; trial t has the noise of ``first_trial + t``."""

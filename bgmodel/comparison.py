@@ -98,7 +98,7 @@ def sweep(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = N
     decided = first_crossing(trace, chosen)
     known = np.exp(-Msprt().run(evidence).out_nats)
     reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
-    reading = np.minimum(reading, evidence.steps)
+    reading = np.minimum(reading, evidence.lengths)
     posterior = known[np.arange(evidence.trials), reading, decided.choice]
     return Sweep(
         chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior

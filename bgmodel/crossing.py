@@ -8,17 +8,37 @@ ROUNDING = 1e-10
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _lowest(row):
-    """Return the index of the lowest output, the first of those that are equal."""
-    best = 0
+def _replaces(number, equal):
+    """Whether, in trial ``number``, the last of so many ``equal`` channels is taken instead.
+
+    True with a chance of 1 / equal, so that going through them takes each with the same chance
+    (reservoir sampling); the chance is a hash (SplitMix64, Steele, Lea & Flood 2014).
+    """
+    z = np.uint64(number) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(equal)
+    for _ in range(2):  # one round leaves neighbouring numbers alike
+        z += np.uint64(0x9E3779B97F4A7C15)
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        z ^= z >> np.uint64(31)
+    return ((z >> np.uint64(32)) * np.uint64(equal)) >> np.uint64(32) == 0
+
+
+@njit(cache=True, nogil=True)
+def lowest(row, number):
+    """Return the index of the lowest output, in trial ``number`` one of those that are equal."""
+    best, equal = 0, 1
     for i in range(1, row.shape[0]):
         if row[i] < row[best] - ROUNDING:
-            best = i
+            best, equal = i, 1
+        elif row[i] <= row[best] + ROUNDING:
+            equal += 1
+            if _replaces(number, equal):
+                best = i
     return best
 
 
 @njit(cache=True, nogil=True, inline="always")
-def cross_trial(out, first, order, level, tick, choice, margin, pointer):
+def cross_trial(out, first, order, level, number, tick, choice, margin, equal, pointer):
     """Fill ``tick`` and ``choice`` (K,) for one trial; a tick of -1 means never crossed.
 
     A channel's thresholds are met from the highest down, so one pointer a channel that moves at
@@ -38,64 +58,70 @@ def cross_trial(out, first, order, level, tick, choice, margin, pointer):
                 k = order[i, p]
                 below = level[i, p] - value
                 if tick[k] < 0:
-                    tick[k] = t
-                    choice[k] = i
-                    margin[k] = below
                     open_ -= 1
-                elif tick[k] == t and below > margin[k] + ROUNDING:
-                    choice[k] = i
-                    margin[k] = below
+                if tick[k] < 0 or (tick[k] == t and below > margin[k] + ROUNDING):
+                    tick[k], choice[k], margin[k], equal[k] = t, i, below, 1
+                elif tick[k] == t and below >= margin[k] - ROUNDING:
+                    equal[k] += 1
+                    if _replaces(number, equal[k]):
+                        choice[k], margin[k] = i, below
                 p += 1
             pointer[i] = p
         if open_ == 0:
             break
     if open_ > 0:
-        lowest = _lowest(out[ticks - 1])
+        last = lowest(out[ticks - 1], number)
         for k in range(count):
             if tick[k] < 0:
-                choice[k] = lowest
+                choice[k] = last
 
 
 @njit(cache=True, nogil=True)
-def cross_all(out, first, order, level):
-    """Return tick and choice (trials, K); tick -1 where the deadline was reached."""
+def cross_all(out, first, order, level, ends, numbers):
+    """Return tick and choice (trials, K); tick -1 where the end of the trial was reached."""
     trials, count = out.shape[0], order.shape[1]
     tick = np.empty((trials, count), np.int32)
     choice = np.empty((trials, count), np.int16)
     margin = np.empty(count)
+    equal = np.empty(count, np.int64)
     pointer = np.empty(out.shape[2], np.int64)
     for n in range(trials):
-        cross_trial(out[n], first, order, level, tick[n], choice[n], margin, pointer)
+        cross_trial(
+            out[n, : ends[n]], first, order, level, numbers[n], tick[n], choice[n], margin, equal,
+            pointer,
+        )  # fmt: skip
     return tick, choice
 
 
 @njit(cache=True, nogil=True)
-def tally_all(out, truth, first, level, steps_at):
+def tally_all(out, truth, first, level, steps_at, ends, numbers):
     """Return correct, steps and forced (K,), each summed over trials; thresholds from the highest.
 
     The lowest channel of a tick then decides for every threshold met at that tick, a run of
     neighbours, so sums are kept as differences between neighbours: a few operations a tick.
     """
-    trials, ticks = out.shape[:2]
+    trials, channels = out.shape[0], out.shape[2]
     count = level.shape[0]
     correct = np.zeros(count + 1, np.int64)
     steps = np.zeros(count + 1)
     forced = 0 * correct
     for n in range(trials):
         p = 0  # thresholds before p are met
-        for t in range(ticks):
-            winner = _lowest(out[n, t])
-            slack = ROUNDING if t >= first else -ROUNDING
-            lowest = out[n, t, winner] - slack
+        for t in range(ends[n]):
+            least = out[n, t, 0]
+            for i in range(1, channels):
+                least = min(least, out[n, t, i])
+            least -= ROUNDING if t >= first else -ROUNDING
             end = p
-            while end < count and lowest <= level[end]:
+            while end < count and least <= level[end]:
                 end += 1
-            if t == ticks - 1:  # the deadline: what is still open is forced
+            if t == ends[n] - 1:  # the deadline: what is still open is forced
                 forced[end] += 1
                 end = count
             if end > p:
-                correct[p] += winner == truth[n]
-                correct[end] -= winner == truth[n]
+                right = lowest(out[n, t], numbers[n]) == truth[n]
+                correct[p] += right
+                correct[end] -= right
                 steps[p] += steps_at[t]
                 steps[end] -= steps_at[t]
                 p = end
@@ -118,16 +144,20 @@ def log_odds(log_likelihood, start, out):
 
 
 @njit(cache=True, nogil=True)
-def cross_each(out, first, levels):
+def cross_each(out, first, levels, ends, numbers):
     """Return tick and choice (trials,) where trial n has the threshold ``levels[n]``."""
     trials, _, channels = out.shape
     tick = np.empty((trials, 1), np.int32)
     choice = np.empty((trials, 1), np.int16)
     margin = np.empty(1)
+    equal = np.empty(1, np.int64)
     pointer = np.empty(channels, np.int64)
     order = np.zeros((channels, 1), np.int64)
     level = np.empty((channels, 1))
     for n in range(trials):
         level[:] = levels[n]
-        cross_trial(out[n], first, order, level, tick[n], choice[n], margin, pointer)
+        cross_trial(
+            out[n, : ends[n]], first, order, level, numbers[n], tick[n], choice[n], margin, equal,
+            pointer,
+        )  # fmt: skip
     return tick[:, 0], choice[:, 0]

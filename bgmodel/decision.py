@@ -23,12 +23,25 @@ class Trace:
         When each tick happens, from the start of the trial, rising.
     onset_ms, step_ms : float, ms
         When evidence sets in, and the time between readings, as in ``Evidence``.
+    ends : array (trials,), int, optional
+        Number of ticks of each trial: at its last one it must respond. All ticks if left out.
+    numbers : array (trials,), int, optional
+        Number of each trial, as in ``Evidence``: it decides ties. 0, 1, 2, ... if left out.
     """
 
     out_nats: npt.NDArray[np.floating]
     time_ms: npt.NDArray[np.float64]
     onset_ms: float = 0.0
     step_ms: float = 1.0
+    ends: npt.NDArray[np.integer] | None = None
+    numbers: npt.NDArray[np.integer] | None = None
+
+    def of_trials(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return the number of ticks of each trial, and the number that decides its ties."""
+        trials, ticks = self.out_nats.shape[:2]
+        ends = np.full(trials, ticks) if self.ends is None else self.ends
+        numbers = np.arange(trials) if self.numbers is None else self.numbers
+        return np.asarray(ends, dtype=np.int64), np.asarray(numbers, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -47,8 +60,8 @@ class Decision:
         True where the response came before the first reading, without any evidence.
     step_ms : float
         Time between readings, ms.
-    deadline_ms : float
-        End of the trace, from onset, ms.
+    deadline_ms : array (trials,)
+        End of each trial, from onset, ms.
     """
 
     choice: npt.NDArray[np.integer]
@@ -56,7 +69,7 @@ class Decision:
     forced: npt.NDArray[np.bool_]
     premature: npt.NDArray[np.bool_]
     step_ms: float
-    deadline_ms: float
+    deadline_ms: npt.NDArray[np.float64]
 
     @property
     def steps(self) -> npt.NDArray[np.float64]:
@@ -69,9 +82,10 @@ def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = Tr
 
     Response i is made when ``OUT_i <= threshold_i``; up to the onset of evidence only when
     ``OUT_i < threshold_i``, so a flat prior never decides by itself at a zero gap.  If several
-    channels cross at one tick, the one furthest below its threshold wins, then the lowest index.
-    Differences below 1e-10 nats are rounding, and count as equality.
-    A forced response at the end of the trace goes to the lowest output, then the lowest index.
+    channels cross at one tick, the one furthest below its threshold wins; a response forced at the
+    end of a trial goes to the lowest output.  Differences below 1e-10 nats are rounding, and count
+    as equality: among equal channels the choice is drawn, each with the same chance, by a hash of
+    the trial's number, so that it is the same in every run, batch and integrator.
 
     Parameters
     ----------
@@ -95,7 +109,8 @@ def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = Tr
     """
     order, level = _sorted_levels(thresholds, trace.out_nats.shape[2])
     out = _contiguous(trace.out_nats)
-    tick, choice = _compiled().cross_all(out, _first_reading(trace), order, level)
+    ends, numbers = trace.of_trials()
+    tick, choice = _compiled().cross_all(out, _first_reading(trace), order, level, ends, numbers)
     if np.ndim(thresholds) == 0:
         tick, choice = tick[:, 0], choice[:, 0]
     return _decision(trace, tick.T, choice.T, forced)
@@ -121,7 +136,8 @@ def crossing_of_each(
             f"thresholds must be {len(trace.out_nats)} finite nats, one a trial, got {levels}"
         )
     out = _contiguous(trace.out_nats)
-    tick, choice = _compiled().cross_each(out, _first_reading(trace), levels)
+    ends, numbers = trace.of_trials()
+    tick, choice = _compiled().cross_each(out, _first_reading(trace), levels, ends, numbers)
     return _decision(trace, tick, choice, forced)
 
 
@@ -178,7 +194,7 @@ def tally(trace: Trace, truth: npt.NDArray[np.integer] | None, thresholds: npt.A
     order, level = _sorted_levels(thresholds, trace.out_nats.shape[2])
     steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
     out, truth, first = _contiguous(trace.out_nats), np.asarray(truth), _first_reading(trace)
-    sums = _compiled().tally_all(out, truth, first, level[0], steps_at)
+    sums = _compiled().tally_all(out, truth, first, level[0], steps_at, *trace.of_trials())
     back = np.argsort(order[0])
     return Tally(len(out), *(values[back] for values in sums))
 
@@ -187,7 +203,8 @@ def _decision(trace: Trace, tick: np.ndarray, choice: np.ndarray, forced: bool) 
     """Put crossings into the words of a task; tick is -1 where no threshold was reached."""
     reached = tick >= 0
     relative_ms = trace.time_ms - trace.onset_ms
-    time_ms = relative_ms[tick]
+    last = trace.of_trials()[0] - 1
+    time_ms = relative_ms[np.where(reached, tick, last)]
     if not forced:
         choice = np.where(reached, choice, np.int16(UNDECIDED))
         time_ms = np.where(reached, time_ms, np.nan)
@@ -197,7 +214,7 @@ def _decision(trace: Trace, tick: np.ndarray, choice: np.ndarray, forced: bool) 
         ~reached & forced,
         reached & (tick < _first_reading(trace)),
         trace.step_ms,
-        float(relative_ms[-1]),
+        relative_ms[last],
     )
 
 

@@ -135,9 +135,10 @@ def _from_places(
     """Rows (k, k + n) of the chain that start on exact places; light atoms end up in cells."""
     lower, upper = bounds
     total, light = x.cumulative
-    low = np.searchsorted(x.values, lower - places + tol, "right")  # bounds count as crossed,
-    high = np.maximum(np.searchsorted(x.values, upper - places - tol), low)  # the lower one first
-    zero = np.clip(np.searchsorted(x.values, tol - places, "right"), low, high)
+    low = np.searchsorted(x.values, lower - places + tol, "right")  # bounds count as crossed
+    met = np.searchsorted(x.values, upper - places - tol)
+    high = np.maximum(met, low)
+    zero = np.clip(np.searchsorted(x.values, [-tol - places, tol - places], "right"), low, high)
     inner = np.searchsorted(x.values, edges[1:-1] - places[:, None])
     cuts = np.column_stack([low, np.clip(inner, low[:, None], high[:, None]), high])
     k = places.size
@@ -153,8 +154,11 @@ def _from_places(
     np.add.at(onward, (row[hit], near[hit]), weight[hit])
     if not hit.all():
         _share(onward[:, k:], row[~hit], landing[~hit], weight[~hit], edges)
-    ends = total[-1] - total[high], total[low], total[high] - total[zero], total[zero] - total[low]
-    return onward, *ends
+    # Both responses get half of the mass that lands on both bounds, or on 0 at the deadline.
+    both, even = total[low] - total[np.minimum(met, low)], total[zero[1]] - total[zero[0]]
+    upper_, lower_ = total[-1] - total[high] + both / 2, total[low] - both / 2
+    above, below = total[high] - total[zero[1]], total[zero[0]] - total[low]
+    return onward, upper_, lower_, above + even / 2, below + even / 2
 
 
 def _share(

@@ -25,12 +25,18 @@ class Evidence:
         Reading ``k`` (k = 1, 2, ...) arrives at ``onset_ms + k * step_ms``.
     step_ms : float
         Time between readings, ms.
+    lengths : array (trials,), int, optional
+        Number of readings of each trial; all of them if left out. Readings after the last of a
+        trial must be 0: they say nothing, and no decision is made there.
+    numbers : array (trials,), int, optional
+        Number of each trial, which decides its ties; 0, 1, 2, ... if left out.
 
     Raises
     ------
     ValueError
         On wrong shapes, an empty set, fewer than two hypotheses, values that are not finite, a
-        truth outside the hypotheses, a prior that does not sum to 1, or times that make no sense.
+        truth outside the hypotheses, a prior that does not sum to 1, times that make no sense, or
+        readings after the last of a trial.
     """
 
     log_likelihood: npt.NDArray[np.floating]
@@ -38,6 +44,8 @@ class Evidence:
     prior: npt.NDArray[np.float64] = None  # type: ignore[assignment]
     onset_ms: float = 0.0
     step_ms: float = 1.0
+    lengths: npt.NDArray[np.integer] = None  # type: ignore[assignment]
+    numbers: npt.NDArray[np.integer] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         """Check once, here, so that nothing downstream has to."""
@@ -59,6 +67,11 @@ class Evidence:
         object.__setattr__(self, "log_likelihood", values)
         object.__setattr__(self, "truth", _checked_truth(self.truth, values.shape))
         object.__setattr__(self, "prior", checked_prior(self.prior, values.shape[2]))
+        object.__setattr__(self, "lengths", _checked_lengths(self.lengths, values))
+        numbers = np.arange(len(values)) if self.numbers is None else np.asarray(self.numbers)
+        if numbers.shape != values.shape[:1] or numbers.dtype.kind not in "iu":
+            raise ValueError(f"numbers must hold one whole number per trial, got {numbers!r}")
+        object.__setattr__(self, "numbers", numbers)
         if not (np.isfinite(self.onset_ms) and self.onset_ms >= 0):
             raise ValueError(f"onset_ms must be >= 0, got {self.onset_ms}")
         if not (np.isfinite(self.step_ms) and self.step_ms > 0):
@@ -71,7 +84,7 @@ class Evidence:
 
     @property
     def steps(self) -> int:
-        """Number of readings a trial holds, T_max."""
+        """Number of readings that the longest trial holds, T_max."""
         return self.log_likelihood.shape[1]
 
     @property
@@ -82,10 +95,10 @@ class Evidence:
     def __getitem__(self, trials: slice) -> Evidence:
         """Return the evidence of some trials (a slice, a mask or indices)."""
         part = object.__new__(Evidence)  # checked already
-        truth = None if self.truth is None else self.truth[trials]
-        for name, value in {**vars(self), "truth": truth}.items():
-            object.__setattr__(part, name, value)
-        object.__setattr__(part, "log_likelihood", self.log_likelihood[trials])
+        of_trials = ("log_likelihood", "truth", "lengths", "numbers")
+        for name, value in vars(self).items():
+            chosen = value[trials] if name in of_trials and value is not None else value
+            object.__setattr__(part, name, chosen)
         return part
 
 
@@ -139,6 +152,25 @@ def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[n
         raise ValueError(f"prior must hold {hypotheses} probabilities > 0, got {values.tolist()}")
     if abs(values.sum() - 1) > 1e-9:
         raise ValueError(f"prior must sum to 1, got {values.tolist()} with sum {values.sum():.12g}")
+    return values
+
+
+def _checked_lengths(
+    lengths: npt.ArrayLike | None, log_likelihood: npt.NDArray[np.floating]
+) -> npt.NDArray[np.integer]:
+    trials, steps = log_likelihood.shape[:2]
+    if lengths is None:
+        return np.full(trials, steps)
+    values = np.asarray(lengths)
+    if values.shape != (trials,) or values.dtype.kind not in "iu":
+        raise ValueError(
+            f"lengths must hold one whole number per trial, shape ({trials},), got shape "
+            f"{values.shape} of {values.dtype}"
+        )
+    if values.min() < 1 or values.max() > steps:
+        raise ValueError(f"lengths must lie in 1..{steps}, got {values.min()}..{values.max()}")
+    if (values < steps).any() and log_likelihood[np.arange(steps) >= values[:, None]].any():
+        raise ValueError("readings after the last of a trial must be 0, got others")
     return values
 
 

@@ -1,8 +1,9 @@
 """First passage of a random walk through two bounds, in discrete time and without simulation.
 
-The walk Z_0 = start, Z_t = Z_(t-1) + x_t responds R1 once Z <= lower, else R2 once Z >= upper. It
-is written as an absorbing Markov chain whose state 0 is the start, so that the first reading is
-always exact; the horizon, finite or not, is then one and the same computation for any x.
+The walk Z_0 = start, Z_t = Z_(t-1) + x_t responds R1 once Z <= lower and R2 once Z >= upper; where
+both hold, half of the mass goes to each. It is written as an absorbing Markov chain whose state 0
+is the start, so that the first reading is always exact; the horizon, finite or not, is then one and
+the same computation for any x.
 """
 
 from dataclasses import dataclass
@@ -77,7 +78,7 @@ class Chain(NamedTuple):
     """Absorbing chain of n states, the start first: where one reading leads from each.
 
     `onward` (n, n) stays between the bounds, `upper` and `lower` (n,) cross them, and `above` and
-    `below` (n,) are the mass that stays, by the sign of Z (0 counts as below).
+    `below` (n,) are the mass that stays, by the sign of Z (of 0 half goes to each).
     """
 
     onward: Array

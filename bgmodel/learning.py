@@ -198,6 +198,7 @@ def trials_of(
     drawn = -1
     out: list[npt.NDArray] = []
     truth: list[npt.NDArray] = []
+    ends: list[npt.NDArray] = []
     traces: list[Trace] = []
 
     def rewards(episode: int, gaps: FloatArray) -> FloatArray:
@@ -208,8 +209,11 @@ def trials_of(
             traces[:] = [Sprt().run(part) for part in parts]
             out[:] = [np.stack([trace.out_nats for trace in traces], axis=1)]
             truth[:] = [np.stack([part.truth for part in parts], axis=1)]  # type: ignore[misc]
+            ends[:] = [np.stack([part.lengths for part in parts], axis=1) + 1]
         now = episode % block
-        trace = replace(traces[0], out_nats=out[0][now])
+        # The same trial of every run: its number is the episode's.
+        numbers = np.full(len(draws), episode)
+        trace = replace(traces[0], out_nats=out[0][now], ends=ends[0][now], numbers=numbers)
         decision = crossing_of_each(trace, threshold_from_gap(gaps))
         return reward(decision, truth[0][now], xi)
 

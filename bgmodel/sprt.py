@@ -112,13 +112,47 @@ def threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return -gap / 2
 
 
-def posterior_criterion(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def criterion_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return the two-hypothesis ``Msprt`` threshold on OUT that equals a gap delta, nats.
 
-    ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``.
+    ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``. A gap is no posterior: for that there
+    is ``criterion_from_posterior``.
+
+    Raises
+    ------
+    ValueError
+        If a gap is negative or not finite.
     """
     gap = _checked_gap(delta)
     return np.log1p(np.exp(-gap / 2))
+
+
+def criterion_from_posterior(
+    posterior: npt.ArrayLike, hypotheses: int = 2
+) -> npt.NDArray[np.float64]:
+    """Return the ``Msprt`` threshold on OUT, nats, that stops at a posterior: ``-ln P``.
+
+    Parameters
+    ----------
+    posterior : float or array
+        Posterior probability of the hypothesis that is chosen.
+    hypotheses : int
+        Number of hypotheses: at chance, one over it, and below nothing has to be read.
+
+    Raises
+    ------
+    ValueError
+        If a posterior is not above chance and below 1.
+    """
+    asked = np.asarray(posterior, dtype=np.float64)
+    if hypotheses < 2:
+        raise ValueError(f"hypotheses must be at least 2, got {hypotheses}")
+    if not ((asked > 1 / hypotheses) & (asked < 1)).all():
+        raise ValueError(
+            f"posterior must lie between chance, {1 / hypotheses:.3g} with {hypotheses} hypotheses, "
+            f"and 1, got {asked.tolist()}"
+        )
+    return -np.log(asked)
 
 
 def _checked_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -137,11 +171,15 @@ def totals(evidence: Evidence) -> npt.NDArray[np.float64]:
 
 
 def at_readings(out: npt.NDArray[np.float64], evidence: Evidence) -> Trace:
-    """Return OUT (trials, 1 + steps, hypotheses) as a trace: tick 0 is the prior."""
+    """Return OUT (trials, 1 + steps, hypotheses) as a trace: tick 0 is the prior.
+
+    A trial ends with its last reading.
+    """
     readings = np.arange(evidence.steps + 1, dtype=np.float64)
     time_ms = evidence.onset_ms + evidence.step_ms * readings
     time_ms[0] = 0.0
-    return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms)
+    ends = evidence.lengths + 1
+    return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms, ends, evidence.numbers)
 
 
 @dataclass
@@ -162,6 +200,8 @@ class Stream:
         Equal if left out.
     t_max : int, optional
         Number of readings after which a response is forced; never, if left out.
+    number : int
+        Number of the trial, as in ``Evidence``: it decides ties.
     """
 
     test: Sprt | Msprt
@@ -169,6 +209,7 @@ class Stream:
     hypotheses: int = 2
     prior: npt.ArrayLike | None = None
     t_max: int | None = None
+    number: int = 0
     readings: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
@@ -203,7 +244,8 @@ class Stream:
     def _decide(self) -> int | None:
         """Ask the one stopping rule about the newest tick alone."""
         out = self.test.output(self._state)
-        now = Trace(out[None, None], np.array([float(self.readings)]))
+        numbers = np.array([self.number])
+        now = Trace(out[None, None], np.array([float(self.readings)]), numbers=numbers)
         last = self.t_max is not None and self.readings >= self.t_max
         decision: Decision = first_crossing(now, self._levels, forced=last)
         choice = int(decision.choice[0, 0])

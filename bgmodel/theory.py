@@ -1,10 +1,11 @@
 """The sequential probability ratio test, exactly: errors, decision times, optimal thresholds.
 
 Z_0 is the log prior odds and Z_t = Z_(t-1) + x_t, with x = log p(reading|S2) / p(reading|S1) in
-nats. After a reading the test responds R1 if Z <= lower, else R2 if Z >= upper; before the first
-one only if Z_0 lies strictly beyond a bound. At t_max it must respond: R2 if Z > 0, else R1. The
-symmetric test has its bounds at -delta/2 and delta/2, so delta = 0 decides by the sign of one
-reading. Times count readings ("steps").
+nats. After a reading the test responds R1 if Z <= lower and R2 if Z >= upper; before the first one
+only if Z_0 lies strictly beyond a bound. At t_max it must respond: R2 if Z > 0, R1 if Z < 0. Where
+nothing tells the two apart (Z = 0 then, or on both bounds), each has a chance of 1/2. The symmetric
+test has its bounds at -delta/2 and delta/2, so delta = 0 decides by the sign of one reading. Times
+count readings ("steps").
 """
 
 from typing import NamedTuple

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel import Sprt, first_crossing, posterior_criterion, stream, threshold_from_gap
+from bgmodel import Sprt, first_crossing, criterion_from_gap, stream, threshold_from_gap
 from bgmodel.basal_ganglia import BasalGanglia, circuit
 from bgmodel.circuit_edits import linear_stn, shuffled_stn
 from bgmodel.circuit_study import variants
@@ -27,7 +27,7 @@ def test_the_algebraic_circuit_is_the_sprt_on_gratings():
     for part in range(20):
         evidence = readings.draw(5000, 30, rng=stream(SCORING_SEED, "mapping", part))
         exact = first_crossing(Sprt().run(evidence), float(threshold_from_gap(gap)))
-        found = first_crossing(model.run(evidence), float(posterior_criterion(gap)))
+        found = first_crossing(model.run(evidence), float(criterion_from_gap(gap)))
         # The circuit holds each reading for a step: it is read when it comes.
         different += np.sum(exact.choice != found.choice)
         trials += evidence.trials

@@ -8,17 +8,26 @@ from hypothesis import strategies as st
 from bgmodel import Evidence, Msprt, Sprt, Trace, first_crossing, stream, tally
 from bgmodel.decision import crossing_of_each
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.sprt import Stream, posterior_criterion, threshold_from_gap
+from bgmodel.sprt import (
+    Stream,
+    criterion_from_gap,
+    criterion_from_posterior,
+    threshold_from_gap,
+)
 
 
 def plain_crossing(out, thresholds, first):
-    """Decide one trial in the slowest and plainest way: the oracle of the compiled loop."""
+    """Decide one trial in the slowest and plainest way: the oracle of the compiled loop.
+
+    Returns the tick, -1 for none, and the channels that are equally good.
+    """
     for tick, row in enumerate(out):
         below = thresholds - row
         crossed = below >= 0 if tick >= first else below > 0
         if crossed.any():
-            return tick, int(np.argmax(np.where(crossed, below, -np.inf)))
-    return -1, int(np.argmin(out[-1]))
+            margin = np.where(crossed, below, -np.inf)
+            return tick, np.flatnonzero(margin == margin.max())
+    return -1, np.flatnonzero(out[-1] == out[-1].min())
 
 
 @settings(max_examples=200, deadline=None)
@@ -34,15 +43,18 @@ def test_one_pass_over_thresholds_equals_a_plain_loop(seed, ticks, channels, cou
     # Whole numbers make ties and exact hits common.
     out = rng.integers(-3, 6, (7, ticks, channels)).astype(float)
     thresholds = rng.integers(-3, 6, (count, channels)).astype(float)
-    trace = Trace(out, np.arange(ticks, dtype=float), onset_ms=float(onset))
-    decision = first_crossing(trace, thresholds)
+    ends = rng.integers(1, ticks + 1, 7)
+    time_ms = np.arange(ticks, dtype=float)
+    decision = first_crossing(Trace(out, time_ms, float(onset), ends=ends), thresholds)
+    free = first_crossing(Trace(out, time_ms, float(onset), ends=ends), thresholds, forced=False)
     for k in range(count):
         for n in range(7):
-            tick, choice = plain_crossing(out[n], thresholds[k], onset + 1)
-            assert decision.choice[k, n] == choice
+            tick, choices = plain_crossing(out[n, : ends[n]], thresholds[k], onset + 1)
+            assert decision.choice[k, n] in choices
             assert decision.forced[k, n] == (tick < 0)
-            assert decision.time_ms[k, n] == (tick if tick >= 0 else ticks - 1) - onset
+            assert decision.time_ms[k, n] == (tick if tick >= 0 else ends[n] - 1) - onset
             assert decision.premature[k, n] == (0 <= tick <= onset)
+            assert free.choice[k, n] == (decision.choice[k, n] if tick >= 0 else -1)
 
 
 def some_evidence(trials=300, steps=20, hypotheses=3, seed=5, **kwargs):
@@ -69,11 +81,56 @@ def test_tally_and_each_agree_with_first_crossing():
     assert (each.time_ms == decision.time_ms[rows]).all()
 
 
-def test_ties_go_to_the_largest_margin_then_the_lowest_index():
+def test_of_several_that_cross_at_once_the_largest_margin_wins():
     out = np.array([[[2.0, 2.0, 2.0], [0.5, 0.2, 0.2]]])
     trace = Trace(out, np.array([0.0, 1.0]))
-    assert first_crossing(trace, 1.0).choice.tolist() == [1]
+    assert first_crossing(trace, 1.0).choice[0] in (1, 2)
     assert first_crossing(trace, [[1.5, 1.0, 1.1]]).choice.tolist() == [[0]]
+
+
+@pytest.mark.parametrize("hypotheses", [2, 3, 5])
+@pytest.mark.parametrize("threshold", [-np.log(0.99), 0.999 * np.log(2), "chance"])
+def test_evidence_that_says_nothing_is_shared_out_equally(hypotheses, threshold):
+    """Forced or met at once, each of N equal channels is chosen in 1 / N of trials."""
+    trials = 30_000
+    flat = Evidence(np.zeros((trials, 4, hypotheses)), np.arange(trials) % hypotheses)
+    trace = Msprt().run(flat)
+    level = np.log(hypotheses) if threshold == "chance" else threshold
+    decision = first_crossing(trace, level)
+    assert decision.forced.all() == (level < np.log(hypotheses))
+    share = np.bincount(decision.choice, minlength=hypotheses) / trials
+    sd = np.sqrt((1 - 1 / hypotheses) / hypotheses / trials)
+    assert np.abs(share - 1 / hypotheses).max() < 4 * sd
+    # The order of trials, which often is that of the truth, tells nothing either.
+    correct = (decision.choice == flat.truth).mean()
+    assert abs(correct - 1 / hypotheses) < 4 * sd
+    neighbours = (decision.choice[1:] == decision.choice[:-1]).mean()
+    assert abs(neighbours - 1 / hypotheses) < 4 * sd
+    part = first_crossing(Msprt().run(flat[1000:1300]), level)
+    assert np.array_equal(part.choice, decision.choice[1000:1300])
+    counts = tally(trace, flat.truth, np.array([level]))
+    assert counts.correct[0] == (decision.choice == flat.truth).sum()
+
+
+def test_a_trial_ends_at_its_own_last_reading():
+    """In a table of unequal lengths each trial is decided as it is alone."""
+    whole = some_evidence(steps=12)
+    lengths = stream(3, "lengths").integers(1, 13, whole.trials)
+    values = whole.log_likelihood * (np.arange(12) < lengths[:, None])[..., None]
+    ragged = Evidence(values, whole.truth, lengths=lengths)
+    for forced in (True, False):
+        found = first_crossing(Msprt().run(ragged), 0.2, forced=forced)
+        for n in range(whole.trials):
+            alone = Evidence(values[n : n + 1, : lengths[n]], numbers=np.array([n]))
+            one = first_crossing(Msprt().run(alone), 0.2, forced=forced)
+            assert one.choice[0] == found.choice[n]
+            assert one.forced[0] == found.forced[n]
+            assert np.array_equal(one.time_ms[0], found.time_ms[n], equal_nan=True)
+            assert one.deadline_ms[0] == found.deadline_ms[n] == lengths[n]
+    counts = tally(Msprt().run(ragged), whole.truth, np.array([0.2]))
+    found = first_crossing(Msprt().run(ragged), 0.2)
+    assert counts.steps[0] == pytest.approx(found.steps.sum())
+    assert counts.forced[0] == found.forced.sum() > 0
 
 
 def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
@@ -109,11 +166,19 @@ def test_undecided_is_a_value():
     assert (forced.steps == 2).all()
 
 
+def test_a_posterior_and_a_gap_are_two_criteria():
+    """-ln P, and ln(1 + exp(-gap / 2)): the gap 2 logit P stops where the posterior P does."""
+    posterior = np.array([0.6, 0.9, 0.99])
+    assert criterion_from_posterior(posterior) == pytest.approx(-np.log(posterior))
+    gap = 2 * np.log(posterior / (1 - posterior))
+    assert criterion_from_gap(gap) == pytest.approx(criterion_from_posterior(posterior))
+
+
 def test_two_hypothesis_msprt_is_the_sprt_decision_by_decision():
     evidence = some_evidence(trials=20_000, steps=50, hypotheses=2)
     deltas = np.linspace(0, 8, 17)
     a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
-    b = first_crossing(Msprt().run(evidence), posterior_criterion(deltas))
+    b = first_crossing(Msprt().run(evidence), criterion_from_gap(deltas))
     assert (a.choice != b.choice).sum() == 0
     assert (a.time_ms != b.time_ms).sum() == 0
     # The control: without the mapping the tests are not the same.
@@ -191,7 +256,14 @@ def test_a_batch_does_not_change_a_trial():
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth must lie in 0..1"),
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "whole number a trial"),
         (lambda: threshold_from_gap(-0.1), "delta must be finite and >= 0"),
-        (lambda: posterior_criterion(np.nan), "delta must be finite and >= 0"),
+        (lambda: criterion_from_gap(np.nan), "delta must be finite and >= 0"),
+        (lambda: criterion_from_posterior(4.0), "posterior must lie between chance, 0.5"),
+        (lambda: criterion_from_posterior(1.0), "and 1, got 1.0"),
+        (lambda: criterion_from_posterior(0.3, 3), "chance, 0.333 with 3 hypotheses"),
+        (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must lie in 1..20"),
+        (lambda: some_evidence(lengths=np.full(300, 2)), "after the last of a trial must be 0"),
+        (lambda: some_evidence(lengths=[1.5]), "lengths must hold one whole number per trial"),
+        (lambda: some_evidence(numbers=[1]), "numbers must hold one whole number per trial"),
         (lambda: Sprt().run(some_evidence()), "exactly 2 hypotheses"),
         (lambda: Msprt(gain=0.0), "gain must be > 0"),
         (lambda: first_crossing(Msprt().run(some_evidence()), np.nan), "thresholds must be finite"),
@@ -217,7 +289,7 @@ def test_sums_equal_up_to_rounding_are_equal():
     evidence = Evidence(np.stack([np.minimum(-x, 0), np.minimum(x, 0)], axis=-1), truth)
     deltas = np.array([0.4, 1.6, 4.0])
     a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
-    b = first_crossing(Msprt().run(evidence), posterior_criterion(deltas))
+    b = first_crossing(Msprt().run(evidence), criterion_from_gap(deltas))
     assert (a.choice != b.choice).sum() + (a.time_ms != b.time_ms).sum() == 0
     pair = Empirical([-0.1, 0.1], [0.6, 0.4]), Empirical([-0.1, 0.1], [0.4, 0.6])
     exact = sprt(*pair, deltas, t_max=steps)

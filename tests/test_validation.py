@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from bgmodel import Msprt, Sprt, first_crossing, posterior_criterion, stream, threshold_from_gap
+from bgmodel import Msprt, Sprt, first_crossing, criterion_from_gap, stream, threshold_from_gap
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.learning import Learner, learn, trials_of
 from bgmodel.policies import GaussianPolicy
@@ -33,7 +33,7 @@ def test_two_hypothesis_msprt_is_the_sprt_in_a_million_trials():
         else:
             evidence = gaussian_evidence(20_000, 50, 0.4, rng=rng)
         a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
-        b = first_crossing(Msprt().run(evidence), posterior_criterion(deltas))
+        b = first_crossing(Msprt().run(evidence), criterion_from_gap(deltas))
         assert (a.choice != b.choice).sum() + (a.time_ms != b.time_ms).sum() == 0
 
 

@@ -163,7 +163,7 @@ def held_out_taps() -> pd.DataFrame:
     """Return the decoded held-out taps that ship with the package.
 
     One row a tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
-    ``bgmodel.tables.read_provenance`` of the file tells how it was made.
+    ``bgmodel.files.read_provenance`` of the file tells how it was made.
     """
     with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
         return pd.read_parquet(path).astype("float64")
