@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
+from bgmodel.memory import check_memory
 from bgmodel.sprt import Msprt, totals
 
 try:
@@ -36,11 +37,14 @@ except ImportError as error:
 if TYPE_CHECKING:
     from circuits.activity import Activity
 
+Array = npt.NDArray[np.float64]
 BATCH = 250
 """Trials that ``BasalGanglia.batches`` runs at a time."""
 WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
 """Without rates: so many, if OUT has no more numbers than this. The rate engine is faster on many.
 """
+LONG_S = 120.0
+"""Runs that take longer say so."""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
@@ -59,10 +63,12 @@ __all__ = [
     "Rate",
     "check_threshold",
     "circuit",
+    "deciding_thresholds",
     "decoded_input",
     "draw",
     "drive_of",
     "out_variance",
+    "rest_out",
     "run_engine",
     "share_crossed",
     "text",
@@ -98,8 +104,8 @@ class BasalGanglia:
     def __post_init__(self) -> None:
         if self.engine not in ENGINES:
             raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {self.engine!r}")
-        if not self.gain > 0:
-            raise ValueError(f"gain must be > 0, got {self.gain}")
+        if not 0 < self.gain < np.inf:
+            raise ValueError(f"gain must be > 0 and finite, got {self.gain}")
 
     def run(self, evidence: Evidence) -> Trace:
         """Return OUT (trials, ticks, hypotheses) in kappa-nats, from the onset of evidence.
@@ -120,14 +126,14 @@ class BasalGanglia:
         A trial ends a step after its last reading, as it would if no other were longer.
         """
         time_ms = evidence.onset_ms + activity.time_ms
-        ends = len(time_ms) * (evidence.lengths + 1) // (evidence.steps + 1)
+        ends = len(time_ms) * (evidence.readings + 1) // (evidence.steps + 1)
         return Trace(
             activity.output_nats,
             time_ms,
             evidence.onset_ms,
             evidence.step_ms,
             ends,
-            evidence.numbers,
+            evidence.trial_numbers,
         )
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
@@ -136,12 +142,49 @@ class BasalGanglia:
 
     def at(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
         """Return what the circuit does under a drive (trials, steps, channels) in its own nats."""
+        self._check_memory(np.shape(drive), step_ms)
         given: dict[str, Any] = {}
         if self.engine in SPIKING:
             given = {"seed": self.seed, "first_trial": first_trial}
         return run_engine(
             self.circuit, drive, engine=self.engine, step_ms=step_ms, **given, **self.options
         )
+
+    def cost(self, evidence: Evidence) -> str:
+        """Return what a run will take of time and memory, or nothing if it is short.
+
+        The compiled engine takes about a nanosecond per cell and tick. Raises ValueError if there
+        is not so much memory.
+        """
+        shape = (min(evidence.trials, BATCH), evidence.steps + 1)
+        self._check_memory(shape, evidence.step_ms)
+        cells = sum(
+            float(row.neurons) * self.circuit.channels_of(row.name)
+            for row in self.circuit.populations
+            if row.spiking
+        )
+        ticks = (evidence.steps + 1) * evidence.step_ms / self.options.get("dt_ms", 0.1)
+        workers = self.options.get("workers", 1)
+        seconds = 1e-9 * cells * ticks * evidence.trials / workers
+        if self.engine != "ensemble" or seconds < LONG_S:
+            return ""
+        memory = self._memory(shape, evidence.step_ms) / 1e9
+        return (
+            f"{cells:.3g} cells, {ticks:.3g} ticks and {evidence.trials} trials take about "
+            f"{seconds / 60:.0f} minutes, if none decides early, and {memory:.1f} GB"
+        )
+
+    def _check_memory(self, shape: tuple[int, ...], step_ms: float) -> None:
+        what = f"{shape[0]} trials of {self.circuit.name}, engine {self.engine},"
+        check_memory(self._memory(shape, step_ms), what)
+
+    def _memory(self, shape: tuple[int, ...], step_ms: float) -> float:
+        trials, steps = shape[:2]
+        samples = steps
+        if self.engine != "algebra":
+            samples = int(steps * step_ms / self.options.get("sample_ms", 1.0))
+        rates, workers = self.options.get("rates", True), self.options.get("workers", 1)
+        return memory_bytes(self.circuit, self.engine, trials, samples, rates, workers)
 
     def warn_of(self, evidence: Evidence) -> None:
         """Warn if the evidence leaves the range in which the circuit works."""
@@ -222,6 +265,16 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     return BasalGanglia.trace(replace(activity, output_nats=Msprt().output(seen)), evidence)
 
 
+def rest_out(circuit: Circuit) -> float:
+    """Return the lowest OUT at the fixed point of rest, nats; infinity where there is none."""
+    try:
+        silence = np.zeros((1, 1, circuit.channels))
+        found = run_engine(circuit, silence, engine="algebra", step_ms=1.0).output_nats.min()
+    except ValueError:
+        return np.inf  # Without a state of rest there is nothing to compare with.
+    return float(found)
+
+
 def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     """Refuse a threshold that the circuit is past before any evidence, or never reads.
 
@@ -237,21 +290,58 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     ValueError
         With the OUT at rest.
     """
-    try:
-        silence = np.zeros((1, 1, circuit.channels))
-        at_rest = run_engine(circuit, silence, engine="algebra", step_ms=1.0).output_nats.min()
-    except ValueError:
-        return  # Without a state of rest there is nothing to compare with.
-    if at_rest <= threshold_nats:
-        raise ValueError(
-            f"{circuit.name} rests at OUT = {at_rest:.2f}, which is not above the threshold of "
-            f"{threshold_nats:.2f} nats: it would decide without evidence"
-        )
-    if threshold_nats < circuit.readable_nats[0]:
+    if not deciding_thresholds(circuit, np.array([threshold_nats])).size:
+        at_rest = rest_out(circuit)
+        if at_rest <= threshold_nats:
+            raise ValueError(
+                f"{circuit.name} rests at OUT = {at_rest:.2f}, which is not above the threshold of "
+                f"{threshold_nats:.2f} nats: it would decide without evidence"
+            )
         raise ValueError(
             f"{circuit.name} reads no OUT below {circuit.readable_nats[0]:.3g}, the threshold is "
             f"{threshold_nats:.2f} nats"
         )
+
+
+def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
+    """Return those thresholds that lie below OUT at rest, and that the read-out can reach."""
+    low = circuit.readable_nats[0]
+    return thresholds_nats[(thresholds_nats >= low) & (thresholds_nats < rest_out(circuit))]
+
+
+def memory_bytes(
+    circuit: Circuit, engine: str, trials: int, samples: int, rates: bool, workers: int
+) -> float:
+    """Return about how much memory a run takes.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    engine : str
+        Name of the engine.
+    trials, samples : int
+        Trials at a time, and samples of OUT in each.
+    rates : bool
+        Whether rates are kept.
+    workers : int
+        Threads.
+    """
+    size = {row.name: row.neurons * circuit.channels_of(row.name) for row in circuit.populations}
+    cells = sum(float(size[row.name]) for row in circuit.populations if row.spiking)
+    blocks = sum(circuit.channels_of(row.name) for row in circuit.populations)
+    kept = float(trials) * samples * (8 * circuit.channels + (4 * blocks if rates else 0))
+    if engine == "algebra" or engine == "rate":
+        return kept + 8.0 * trials * samples * blocks
+    wires = sum(
+        float(size[p.source]) * size[p.target] * (8 * p.probability + 1)
+        for p in circuit.projections
+        if p.probability < 1
+        and circuit.population(p.source).spiking
+        and circuit.population(p.target).spiking
+    )
+    # Measured: a cell of Brian2 takes about 100 bytes in each trial, a compiled one 40 a thread.
+    return kept + wires + cells * (100.0 * trials if engine == "brian2" else 40.0 * workers)
 
 
 def drive_of(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from bgmodel.comparison import MARGIN, equivalent
+from bgmodel.comparison import MARGIN, equivalent, shown
 
 
 def behaviour(table: pd.DataFrame) -> str:
@@ -17,6 +17,8 @@ def behaviour(table: pd.DataFrame) -> str:
     """
     fixed = table[table["kind"] == "fixed"]
     wide = fixed.pivot_table("value", ["variant", "accuracy"], "measure", sort=False)
+    said = wide.pop("without_evidence").map({0.0: "by evidence", 1.0: "without evidence"})
+    wide.insert(0, "decides", said)
     return wide.rename_axis(columns=None).to_string(float_format=lambda value: f"{value:.3f}")
 
 
@@ -64,4 +66,4 @@ def _column(part: pd.DataFrame, accuracy: float, same: pd.Series) -> dict[str, s
 
 
 def _cell(row: pd.Series, form: str) -> str:
-    return f"{row['value']:{form}} [{row['low']:{form}}, {row['high']:{form}}]"
+    return shown(row["value"], row["low"], row["high"], form)

@@ -14,7 +14,9 @@ from bgmodel.basal_ganglia import (
     SPIKING,
     BasalGanglia,
     Circuit,
+    deciding_thresholds,
     decoded_input,
+    rest_out,
 )
 from bgmodel.circuit_edits import out_shift
 from bgmodel.comparison import (
@@ -72,6 +74,27 @@ def thresholds_about(test: Sweep, highest: float = HIGHEST) -> npt.NDArray[np.fl
     low, high = 0.7 * test.threshold(highest), 1.3 * test.threshold(0.80)
     # Where the evidence is strong enough, the test's reaches 0.
     return np.geomspace(max(high, 2 * LOWEST_NATS), max(low, LOWEST_NATS), THRESHOLDS)
+
+
+def thresholds_of(
+    circuit: Circuit, test: Sweep, highest: float = HIGHEST
+) -> npt.NDArray[np.float64]:
+    """Return those of ``thresholds_about`` that a circuit reads, and is not past without evidence.
+
+    Raises
+    ------
+    ValueError
+        If there is none: the circuit would decide without evidence at each.
+    """
+    about = thresholds_about(test, highest)
+    found = deciding_thresholds(circuit, about)
+    if not found.size:
+        raise ValueError(
+            f"{circuit.name} rests at OUT = {rest_out(circuit):.2f} and reads none below "
+            f"{circuit.readable_nats[0]:.2f}: at all thresholds, {about.min():.2f} to "
+            f"{about.max():.2f} nats, it would decide without evidence, or never"
+        )
+    return found
 
 
 def sweeps(
@@ -157,7 +180,7 @@ def against(
     check_trials(evidence.trials)
     model.warn_of(evidence)
     references = msprt_sweeps(evidence, model.gain)
-    found = sweeps(model, evidence, thresholds_about(references[OWN]))
+    found = sweeps(model, evidence, thresholds_of(model.circuit, references[OWN]))
     pairs = [(name, reference) for reference in references for name in found]
     for name in rivals:
         found[name] = sweep(RIVALS[name]().run(evidence), evidence)
@@ -206,12 +229,13 @@ def variants(
         The columns of ``comparison.compare``, and variant and kind: "value", against the MSPRT at
         the circuit's gain, thresholds tuned anew to equal accuracy; "change", that minus the
         circuit's as it is; "fixed", at the circuit's own threshold (accuracy, expected_accuracy,
-        mean_ms, premature and forced, without intervals).
+        mean_ms, premature, forced and without_evidence, 1 where most trials decide before their
+        first reading; without intervals).
     """
     check_trials(evidence.trials)
     model.warn_of(evidence)
     test = msprt_sweeps(evidence, model.gain)[OWN]
-    levels = thresholds_about(test, highest)
+    levels = thresholds_of(model.circuit, test, highest)
     intact = sweeps(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
     parts = []
     for name, circuit in {"intact": model.circuit, **edited}.items():
@@ -255,6 +279,7 @@ def _at_threshold_of(
             "mean_ms": found.time_ms[k].mean(),
             "premature": found.premature[k].mean(),
             "forced": found.forced[k].mean(),
+            "without_evidence": found.without_evidence[k],
         }
         if evidence.truth is not None:
             values["accuracy"] = (found.choice[k] == evidence.truth).mean()

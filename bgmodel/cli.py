@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import io
+import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr
 from functools import reduce
 from operator import or_
 from typing import Annotated, Any
 
 import tyro
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from bgmodel.commands.checks import check_apart
+from bgmodel.commands.checks import check_outputs
 from bgmodel.commands.circuit import Run, Show
 from bgmodel.commands.comparing import Compare, Lesion
 from bgmodel.commands.decisions import Decide, Learn
@@ -44,11 +47,9 @@ COMMANDS: dict[str, Any] = {
 
 def main(arguments: list[str] | None = None) -> int:
     """Run ``bgmodel``; errors of use are one sentence on stderr, with exit status 2."""
-    command: Callable[[], None] = tyro.cli(
-        choices(COMMANDS), prog="bgmodel", description=ABOUT, args=arguments
-    )
     try:
-        check_apart(command)
+        command = parsed(arguments)
+        check_outputs(command)
         with _plain_warnings():
             command()
     except (ValueError, ImportError, OSError) as error:
@@ -58,6 +59,65 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"bgmodel: stopped. {stop}", file=sys.stderr)
         return 130
     return 0
+
+
+def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
+    """Return the command that was asked for; ValueError, one sentence, if it is none.
+
+    Asking for help ends the program, as tyro does it.
+    """
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            return tyro.cli(
+                choices(COMMANDS),
+                prog="bgmodel",
+                description=ABOUT,
+                args=arguments,
+                registry=_registry(),
+            )
+    except SystemExit as stop:
+        if stop.code == 2:
+            raise ValueError(_sentence(said.getvalue())) from None
+        raise
+
+
+def _registry() -> ConstructorRegistry:
+    """Return tyro's rules and one more: a whole number may be written 1e5."""
+    registry = ConstructorRegistry()
+
+    @registry.primitive_rule
+    def whole(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | None:
+        if info.type is not int:
+            return None
+        return PrimitiveConstructorSpec(
+            nargs=1,
+            metavar="INT",
+            instance_from_str=lambda given: _whole(given[0]),
+            is_instance=lambda value: isinstance(value, int) and not isinstance(value, bool),
+            str_from_instance=lambda value: [str(value)],
+        )
+
+    return registry
+
+
+def _whole(text: str) -> int:
+    try:
+        number = float(text)
+        if number == int(number):
+            return int(text) if text.lstrip("+-").isdecimal() else int(number)
+    except (ValueError, OverflowError):
+        pass
+    raise ValueError(f"it must be a whole number, got {text!r}")
+
+
+def _sentence(box: str) -> str:
+    """Return the first part of the box that tyro draws about an error, as one line."""
+    lines = [line.strip("│ ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
+    parts = re.split(r"─{3,}", " ".join(lines))
+    kept = [parts[0].split("Got errors:")[0], *(p for p in parts[1:] if "Available" in p)]
+    said = re.sub(r"\s+", " ", " ".join(kept)).strip().rstrip(".")
+    return f"{said} (bgmodel --help tells what there is)"
 
 
 @contextmanager

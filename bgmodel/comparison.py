@@ -28,6 +28,9 @@ FEWEST_TRIALS = 100
 RESAMPLES = 1000
 # Accuracies over which the extra time is fitted by a line.
 SPAN = np.linspace(0.85, 0.98, 14)
+MOST = 0.5
+"""A circuit of which more than this share of decisions come before the first reading, or in a
+foreperiod, decides without evidence: its other measures say nothing of decisions."""
 MARGIN = 0.01
 """Accuracies are called equivalent if their difference lies within this, with 95 % confidence."""
 
@@ -62,6 +65,11 @@ class Sweep:
     def trials(self) -> int:
         """Number of trials."""
         return self.choice.shape[1]
+
+    @property
+    def without_evidence(self) -> npt.NDArray[np.bool_]:
+        """Whether most trials decide before their first reading, (K,)."""
+        return self.premature.mean(axis=1) > MOST
 
     def __add__(self, more: Sweep) -> Sweep:
         """Append trials; both must have the same thresholds."""
@@ -98,7 +106,7 @@ def sweep(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = N
     decided = first_crossing(trace, chosen)
     known = np.exp(-Msprt().run(evidence).out_nats)
     reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
-    reading = np.minimum(reading, evidence.lengths)
+    reading = np.minimum(reading, evidence.readings)
     posterior = known[np.arange(evidence.trials), reading, decided.choice]
     return Sweep(
         chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior
@@ -219,6 +227,14 @@ def interval(values: Array) -> tuple[float, float, float]:
     """Return the value, the first entry, and the 95 % interval of its resamples, the others."""
     ends = np.nanquantile(values[1:], [0.025, 0.975]) if _known(values) else (np.nan, np.nan)
     return float(values[0]), float(ends[0]), float(ends[1])
+
+
+def shown(value: float, low: float, high: float, form: str) -> str:
+    """Return a value and its interval as text; what is not known is said to be so."""
+    if not np.isfinite(value):
+        return "unknown"
+    inside = f"{low:{form}}, {high:{form}}" if np.isfinite(low) and np.isfinite(high) else "unknown"
+    return f"{value:{form}} [{inside}]"
 
 
 def check_trials(trials: int) -> None:

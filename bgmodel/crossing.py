@@ -38,6 +38,17 @@ def lowest(row, number):
 
 
 @njit(cache=True, nogil=True, inline="always")
+def _compete(i, below, number, k, choice, margin, equal):
+    """Let channel i, so far below threshold k, take its place if none is further below."""
+    if below > margin[k] + ROUNDING:
+        choice[k], margin[k], equal[k] = i, below, 1
+    elif below >= margin[k] - ROUNDING:
+        equal[k] += 1
+        if _replaces(number, equal[k]):
+            choice[k], margin[k] = i, below
+
+
+@njit(cache=True, nogil=True, inline="always")
 def cross_trial(out, first, order, level, number, tick, choice, margin, equal, pointer):
     """Fill ``tick`` and ``choice`` (K,) for one trial; a tick of -1 means never crossed.
 
@@ -56,15 +67,11 @@ def cross_trial(out, first, order, level, number, tick, choice, margin, equal, p
             slack = ROUNDING if t >= first else -ROUNDING
             while p < count and value <= level[i, p] + slack:
                 k = order[i, p]
-                below = level[i, p] - value
                 if tick[k] < 0:
                     open_ -= 1
-                if tick[k] < 0 or (tick[k] == t and below > margin[k] + ROUNDING):
-                    tick[k], choice[k], margin[k], equal[k] = t, i, below, 1
-                elif tick[k] == t and below >= margin[k] - ROUNDING:
-                    equal[k] += 1
-                    if _replaces(number, equal[k]):
-                        choice[k], margin[k] = i, below
+                    tick[k], margin[k] = t, -np.inf
+                if tick[k] == t:
+                    _compete(i, level[i, p] - value, number, k, choice, margin, equal)
                 p += 1
             pointer[i] = p
         if open_ == 0:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bgmodel.basal_ganglia import Circuit
@@ -27,6 +27,11 @@ class Edits:
     """Connection probability between spiking nuclei, fixed in-degree."""
     spread: float | None = None
     """Spread of cell constants, as a fraction."""
+
+    def used(self) -> dict[str, Any]:
+        """Return the edits that change something, by name: for provenance."""
+        changed = (f for f in fields(self) if getattr(self, f.name) != f.default)
+        return {f.name: getattr(self, f.name) for f in changed}
 
     def of(self, table: Circuit) -> Circuit:
         """Return the edited circuit."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -44,8 +45,8 @@ class Evidence:
     prior: npt.NDArray[np.float64] = None  # type: ignore[assignment]
     onset_ms: float = 0.0
     step_ms: float = 1.0
-    lengths: npt.NDArray[np.integer] = None  # type: ignore[assignment]
-    numbers: npt.NDArray[np.integer] = None  # type: ignore[assignment]
+    lengths: npt.NDArray[np.integer] | None = None
+    numbers: npt.NDArray[np.integer] | None = None
 
     def __post_init__(self) -> None:
         """Check once, here, so that nothing downstream has to."""
@@ -68,10 +69,7 @@ class Evidence:
         object.__setattr__(self, "truth", _checked_truth(self.truth, values.shape))
         object.__setattr__(self, "prior", checked_prior(self.prior, values.shape[2]))
         object.__setattr__(self, "lengths", _checked_lengths(self.lengths, values))
-        numbers = np.arange(len(values)) if self.numbers is None else np.asarray(self.numbers)
-        if numbers.shape != values.shape[:1] or numbers.dtype.kind not in "iu":
-            raise ValueError(f"numbers must hold one whole number per trial, got {numbers!r}")
-        object.__setattr__(self, "numbers", numbers)
+        object.__setattr__(self, "numbers", _per_trial("numbers", self.numbers, len(values)))
         if not (np.isfinite(self.onset_ms) and self.onset_ms >= 0):
             raise ValueError(f"onset_ms must be >= 0, got {self.onset_ms}")
         if not (np.isfinite(self.step_ms) and self.step_ms > 0):
@@ -92,11 +90,21 @@ class Evidence:
         """Number of hypotheses."""
         return self.log_likelihood.shape[2]
 
-    def __getitem__(self, trials: slice) -> Evidence:
+    @property
+    def readings(self) -> npt.NDArray[np.integer]:
+        """Number of readings of each trial, (trials,)."""
+        return np.full(self.trials, self.steps) if self.lengths is None else self.lengths
+
+    @property
+    def trial_numbers(self) -> npt.NDArray[np.integer]:
+        """Number of each trial, (trials,)."""
+        return np.arange(self.trials) if self.numbers is None else self.numbers
+
+    def __getitem__(self, trials: slice | npt.NDArray[Any]) -> Evidence:
         """Return the evidence of some trials (a slice, a mask or indices)."""
         part = object.__new__(Evidence)  # checked already
         of_trials = ("log_likelihood", "truth", "lengths", "numbers")
-        for name, value in vars(self).items():
+        for name, value in {**vars(self), "numbers": self.trial_numbers}.items():
             chosen = value[trials] if name in of_trials and value is not None else value
             object.__setattr__(part, name, chosen)
         return part
@@ -155,18 +163,27 @@ def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[n
     return values
 
 
+def _per_trial(
+    name: str, values: npt.ArrayLike | None, trials: int
+) -> npt.NDArray[np.integer] | None:
+    if values is None:
+        return None
+    array = np.asarray(values)
+    if array.shape != (trials,) or array.dtype.kind not in "iu":
+        raise ValueError(
+            f"{name} must hold one whole number per trial, shape ({trials},), got shape "
+            f"{array.shape} of {array.dtype}"
+        )
+    return array
+
+
 def _checked_lengths(
     lengths: npt.ArrayLike | None, log_likelihood: npt.NDArray[np.floating]
-) -> npt.NDArray[np.integer]:
+) -> npt.NDArray[np.integer] | None:
     trials, steps = log_likelihood.shape[:2]
-    if lengths is None:
-        return np.full(trials, steps)
-    values = np.asarray(lengths)
-    if values.shape != (trials,) or values.dtype.kind not in "iu":
-        raise ValueError(
-            f"lengths must hold one whole number per trial, shape ({trials},), got shape "
-            f"{values.shape} of {values.dtype}"
-        )
+    values = _per_trial("lengths", lengths, trials)
+    if values is None:
+        return None
     if values.min() < 1 or values.max() > steps:
         raise ValueError(f"lengths must lie in 1..{steps}, got {values.min()}..{values.max()}")
     if (values < steps).any() and log_likelihood[np.arange(steps) >= values[:, None]].any():

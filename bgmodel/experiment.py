@@ -6,7 +6,8 @@ and, before anything is run, which measure goes which way by how much at least.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, fields
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -18,14 +19,18 @@ from bgmodel import toml_files
 from bgmodel.basal_ganglia import BATCH, BasalGanglia, check_threshold, circuit
 from bgmodel.behaviour import MEASURES, Behaviour
 from bgmodel.circuit_study import CIRCUIT, sweeps
-from bgmodel.comparison import RESAMPLES, check_trials, interval, resampled
+from bgmodel.comparison import MOST, RESAMPLES, check_trials, interval, resampled
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.seeds import stream
+from bgmodel.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
+from bgmodel.tables import Trials, trial_table
 
 SHIPPED = resources("bgmodel.data") / "experiments"
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"
+WITHOUT = "decides without evidence"
+"""The outcome, whatever was predicted, where the manipulated circuit reads nothing."""
 CONDITIONS = ("control", "manipulation", "change")
 
 
@@ -113,21 +118,27 @@ class Experiment:
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
 
-    def evidence(self) -> Evidence:
-        """Return the evidence that both conditions are given."""
-        drawn, _ = self.task.draw(self.seed, "experiment")
+    def used(self) -> dict[str, Any]:
+        """Return what the experiment was made of, by name: for provenance."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def trials(self) -> Trials:
+        """Return the evidence with the names of its hypotheses and a table's own columns."""
+        found = self.task.draw(self.seed, "experiment")
+        drawn = found.evidence
         if drawn.truth is None:
             raise ValueError("an experiment counts errors: its evidence needs the truth")
         self._check_truth(drawn.hypotheses)
-        return drawn if self.truth is None else drawn[drawn.truth == self.truth]
+        return found if self.truth is None else found.where(drawn.truth == self.truth)
 
     def _check_truth(self, hypotheses: int) -> None:
         if self.truth is not None and self.truth not in range(hypotheses):
             raise ValueError(f"truth must lie in 0..{hypotheses - 1}, got {self.truth}")
 
-    def threshold_nats(self, condition: Condition) -> float:
-        """Return the OUT at which a condition decides."""
-        return float(-np.log(condition.posterior or self.posterior))
+    def threshold_nats(self, condition: Condition, hypotheses: int) -> float:
+        """Return the OUT at which a condition decides among so many hypotheses."""
+        asked = self.posterior if condition.posterior is None else condition.posterior
+        return float(criterion_from_posterior(asked, hypotheses))
 
     def model(self, condition: Condition, channels: int, workers: int = 1) -> BasalGanglia:
         """Return a condition's circuit, with the noise that both have."""
@@ -165,7 +176,26 @@ def _names() -> list[str]:
     return sorted(Path(entry.name).stem for entry in SHIPPED.iterdir())
 
 
-def run_experiment(experiment: Experiment, *, workers: int = 1) -> pd.DataFrame:
+@dataclass(frozen=True)
+class Run:
+    """What came of an experiment.
+
+    Parameters
+    ----------
+    measures : DataFrame
+        One row per condition ("control", "manipulation", and "change", the second minus the first)
+        and measure of ``MEASURES``: condition, measure, value, low, high, the last two the 95 %
+        interval, a bootstrap over trials that keeps the two conditions of a trial together.
+    trials : DataFrame
+        One row per trial and condition, as from ``tables.trial_table``, and anticipatory: whether
+        the foreperiod before it, a run of its own, ended in a response.
+    """
+
+    measures: pd.DataFrame
+    trials: pd.DataFrame
+
+
+def run_experiment(experiment: Experiment, *, workers: int = 1) -> Run:
     """Run control and manipulation on the same evidence with the same noise.
 
     Parameters
@@ -175,38 +205,53 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> pd.DataFrame:
     workers : int
         Threads of the ensemble engine; they change no byte.
 
-    Returns
-    -------
-    DataFrame
-        One row a condition ("control", "manipulation", and "change", the second minus the first)
-        and measure of ``MEASURES``: condition, measure, value, low, high, the last two the 95 %
-        interval, a bootstrap over trials that keeps the two conditions of a trial together.
-
     Raises
     ------
     ValueError
-        If an edit does not fit the circuit, the control would decide without evidence, or there
-        are too few trials.
+        If an edit does not fit the circuit, the control decides without evidence, or there are too
+        few trials.
     """
-    evidence = experiment.evidence()
+    given = experiment.trials()
+    evidence = given.evidence
     check_trials(evidence.trials)
     conditions = (experiment.control, experiment.manipulation)
     models = [experiment.model(c, evidence.hypotheses, workers) for c in conditions]
-    levels = [experiment.threshold_nats(c) for c in conditions]
-    check_threshold(models[0].circuit, levels[0])
+    thresholds = [experiment.threshold_nats(c, evidence.hypotheses) for c in conditions]
+    check_threshold(models[0].circuit, thresholds[0])
     models[0].warn_of(evidence)
     weights = resampled(evidence.trials, RESAMPLES, stream(experiment.seed, "bootstrap"))
-    found = [
-        behaviour_of(model, evidence, level, experiment.foreperiod_ms).measures(weights)
-        for model, level in zip(models, levels, strict=True)
-    ]
+    found: list[dict[str, Any]] = []
+    trials = []
+    for name, model, level in zip(CONDITIONS, models, thresholds, strict=False):
+        behaviour = behaviour_of(model, evidence, level, experiment.foreperiod_ms)
+        if not found:
+            _check_control(behaviour)
+        found.append(behaviour.measures(weights))
+        about = f"{model.circuit.name} {model.engine}"
+        decided = behaviour.decision(evidence)
+        table = trial_table(decided, given, seed=experiment.seed, model=about, condition=name)
+        trials.append(table.assign(anticipatory=behaviour.anticipatory))
     found.append({name: found[1][name] - found[0][name] for name in MEASURES})
     rows = [
         (condition, measure, *interval(values[measure]))
         for condition, values in zip(CONDITIONS, found, strict=True)
         for measure in MEASURES
     ]
-    return pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
+    columns = ["condition", "measure", "value", "low", "high"]
+    return Run(pd.DataFrame(rows, columns=columns), pd.concat(trials, ignore_index=True))
+
+
+def _check_control(behaviour: Behaviour) -> None:
+    """Refuse a control that reads nothing; warn of one that hardly ever decides."""
+    premature, waited = behaviour.decided.premature[0].mean(), behaviour.anticipatory.mean()
+    if max(premature, waited) > MOST:
+        raise ValueError(
+            f"the control decides without evidence: {premature:.0%} of its trials before the first "
+            f"reading, {waited:.0%} of foreperiods end in a response"
+        )
+    missed = behaviour.decided.forced[0].mean()
+    if missed > MOST:
+        warnings.warn(f"the control decides in time in {1 - missed:.0%} of trials", stacklevel=3)
 
 
 def behaviour_of(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
@@ -21,8 +23,12 @@ KEY = b"bgmodel"
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a path to write to; it takes the final name once all is written, or vanishes."""
+    """Give a path to write to; it takes the final name once all is written, or vanishes.
+
+    Folders that are not there are made.
+    """
     path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{os.getpid()}.partial.{path.name}")
     try:
         yield partial
@@ -56,29 +62,79 @@ def write_table(
     table : DataFrame
         What to write.
     path : path
-        ``.parquet`` keeps the provenance inside; ``.csv`` has it in ``<name>.json`` beside it.
+        ``.parquet`` keeps the provenance inside; ``.csv`` has it in ``<name>.csv.json`` beside it.
     seed, parameters :
         See ``provenance``.
 
     Raises
     ------
     ValueError
-        If the ending is neither, or the folder can't be written.
+        If the ending is neither, the folder can't be written, or what lies at ``<name>.csv.json``
+        is no provenance.
     """
     path = Path(path)
     if path.suffix not in (".parquet", ".csv"):
         raise ValueError(f"a table is written as .parquet or .csv, got {str(path)!r}")
     text = json.dumps(provenance(seed, **parameters), indent=1, sort_keys=True)
     check_writable(path.parent)
+    check_provenance_place(path)
     with replacing(path) as partial:
         if path.suffix == ".csv":
             table.to_csv(partial, index=False)
         else:
             _write_parquet(table, partial, text)
     if path.suffix == ".csv":
-        with replacing(path.with_suffix(".json")) as partial:
+        with replacing(beside(path)) as partial:
             partial.write_text(text + "\n")
     return path
+
+
+def beside(path: str | Path) -> Path:
+    """Return where the provenance of a ``.csv`` goes: the whole name and ``.json``."""
+    path = Path(path)
+    return path.with_name(path.name + ".json")
+
+
+def check_provenance_place(path: str | Path) -> None:
+    """Raise ValueError if the provenance of a table would go over a file that is none."""
+    place = beside(path)
+    if Path(path).suffix != ".csv" or not place.exists():
+        return
+    try:
+        found = json.loads(place.read_text())
+        ours = isinstance(found, dict) and set(found) == set(provenance())
+    except (OSError, ValueError):
+        ours = False
+    if not ours:
+        raise ValueError(
+            f"{str(place)!r} is where the parameters of {Path(path).name!r} go, and holds "
+            "something else: move it, or give another name"
+        )
+
+
+def check_new(path: str | Path, *, force: bool = False) -> None:
+    """Raise ValueError if a result is there already and may not be written over, or never may.
+
+    Parameters
+    ----------
+    path : path
+        Where a result is to go.
+    force : bool
+        Whether a file of that name may be replaced. A folder never is, nor a file beside a
+        ``.csv`` that holds no provenance.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise ValueError(f"{str(path)!r} is a folder: a result needs a file's name")
+    if not force and (path.exists() or path.is_symlink()):
+        raise ValueError(f"{str(path)!r} is there already: give another name, or --force")
+    check_provenance_place(path)
+
+
+def checksum(path: str | Path) -> str:
+    """Return the SHA-256 of a file's bytes, in hexadecimal."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -102,19 +158,22 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
 
     path = Path(path)
     if path.suffix == ".csv":
-        return json.loads(path.with_suffix(".json").read_text())
+        return json.loads(beside(path).read_text())
     return json.loads(pq.read_schema(path).metadata[KEY])
 
 
 def check_writable(folder: str | Path) -> Path:
-    """Make a folder if need be and return it; ValueError if nothing can be written there."""
-    folder = Path(folder)
+    """Return a folder; ValueError if nothing can be written there. It is made when something is."""
+    folder = Path(os.path.abspath(folder))
+    there = next(place for place in (folder, *folder.parents) if place.exists())
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        # Asking for rights tells nothing of a read-only or full disk: try.
+        with tempfile.TemporaryFile(dir=there):
+            pass
     except OSError as error:
-        raise ValueError(f"the output folder {str(folder)!r} can't be made: {error}") from error
-    if not os.access(folder, os.W_OK):
-        raise ValueError(f"the output folder {str(folder)!r} can't be written")
+        raise ValueError(
+            f"the output folder {str(folder)!r} can't be written: {error.strerror}"
+        ) from error
     return folder
 
 

@@ -209,7 +209,7 @@ def trials_of(
             traces[:] = [Sprt().run(part) for part in parts]
             out[:] = [np.stack([trace.out_nats for trace in traces], axis=1)]
             truth[:] = [np.stack([part.truth for part in parts], axis=1)]  # type: ignore[misc]
-            ends[:] = [np.stack([part.lengths for part in parts], axis=1) + 1]
+            ends[:] = [np.stack([part.readings for part in parts], axis=1) + 1]
         now = episode % block
         # The same trial of every run: its number is the episode's.
         numbers = np.full(len(draws), episode)

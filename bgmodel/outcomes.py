@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import pandas as pd
 
-from bgmodel.experiment import AGREES, CONDITIONS, DISAGREES, OPEN, Experiment
+from bgmodel.comparison import MOST, shown
+from bgmodel.experiment import AGREES, CONDITIONS, DISAGREES, OPEN, WITHOUT, Experiment
 
-VERDICTS = {AGREES: "agrees", DISAGREES: "disagrees", OPEN: "does not decide it"}
+VERDICTS = {
+    AGREES: "agrees",
+    DISAGREES: "disagrees",
+    OPEN: "does not decide it",
+    WITHOUT: "decides without evidence, which is no agreement",
+}
 """What a page says of the model."""
 
 
@@ -18,21 +24,25 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     experiment : Experiment
         With its predictions.
     table : DataFrame
-        As from ``run_experiment``.
+        The measures, as from ``run_experiment``.
 
     Returns
     -------
     DataFrame
         One row a prediction: measure, direction, at_least, value, low, high (of the change), and
         outcome: "agrees" if the whole interval lies beyond at_least in the direction (within
-        +-at_least for "none"), "disagrees" if none of it does, else "not decidable".
+        +-at_least for "none"), "disagrees" if none of it does, else "not decidable"; "decides
+        without evidence", whatever was predicted, if most manipulated trials decide before their
+        first reading or most foreperiods end in a response.
     """
+    manipulated = table[table["condition"] == "manipulation"].set_index("measure")["value"]
+    blind = bool((manipulated[["premature", "anticipatory"]] > MOST).any())
     change = table[table["condition"] == "change"].set_index("measure")
     change = change[["value", "low", "high"]]
     rows = []
     for p in experiment.predictions:
         value, low, high = map(float, change.loc[p.measure].to_numpy())
-        said = p.outcome(low, high)
+        said = WITHOUT if blind else p.outcome(low, high)
         rows.append((p.measure, p.direction, p.at_least, value, low, high, said))
     names = ["measure", "direction", "at_least", "value", "low", "high", "outcome"]
     return pd.DataFrame(rows, columns=names)
@@ -46,7 +56,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
     experiment : Experiment
         What was run.
     table : DataFrame
-        As from ``run_experiment``.
+        The measures, as from ``run_experiment``.
     """
     lines = [
         f"{experiment.name} ({experiment.source})",
@@ -72,4 +82,4 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
 
 def _cell(measure: str, value: float, low: float, high: float) -> str:
     form = ".0f" if measure.endswith("_ms") else ".3f"
-    return f"{value:{form}} [{low:{form}}, {high:{form}}]"
+    return shown(value, low, high, form)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import numbers
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def stream(seed: int, *names: object) -> np.random.Generator:
     ValueError
         If ``seed`` is negative or not whole.
     """
-    if seed != int(seed) or seed < 0:
+    if not isinstance(seed, numbers.Real) or seed < 0 or seed % 1:
         raise ValueError(f"seed must be a whole number >= 0, got {seed!r}")
     path = "\x1f".join(str(name) for name in names).encode()
     words = np.frombuffer(hashlib.sha256(path).digest(), dtype=np.uint32)

@@ -149,8 +149,8 @@ def criterion_from_posterior(
         raise ValueError(f"hypotheses must be at least 2, got {hypotheses}")
     if not ((asked > 1 / hypotheses) & (asked < 1)).all():
         raise ValueError(
-            f"posterior must lie between chance, {1 / hypotheses:.3g} with {hypotheses} hypotheses, "
-            f"and 1, got {asked.tolist()}"
+            f"posterior must lie between chance, {1 / hypotheses:.3g} with {hypotheses} "
+            f"hypotheses, and 1, got {asked.tolist()}"
         )
     return -np.log(asked)
 
@@ -178,8 +178,8 @@ def at_readings(out: npt.NDArray[np.float64], evidence: Evidence) -> Trace:
     readings = np.arange(evidence.steps + 1, dtype=np.float64)
     time_ms = evidence.onset_ms + evidence.step_ms * readings
     time_ms[0] = 0.0
-    ends = evidence.lengths + 1
-    return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms, ends, evidence.numbers)
+    ends = evidence.readings + 1
+    return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms, ends, evidence.trial_numbers)
 
 
 @dataclass

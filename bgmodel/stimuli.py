@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from bgmodel import files, tables
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.memory import check_memory
 from bgmodel.seeds import stream
+from bgmodel.tables import Trials, read_trials
+
+BYTES_A_NUMBER = 4 * 8
+"""Memory of a number of evidence that is drawn: as drawn, summed up, as OUT, and once in between.
+"""
 
 
 @dataclass(frozen=True)
@@ -52,13 +57,18 @@ class Stimuli:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
         if self.channels < 2:
             raise ValueError(f"channels must be at least 2, got {self.channels}")
-        if not self.d_prime > 0:
-            raise ValueError(f"d_prime must be > 0, got {self.d_prime}")
+        if not 0 < self.d_prime < np.inf:
+            raise ValueError(f"d_prime must be > 0 and finite, got {self.d_prime}")
+        if not 0 < self.step_ms < np.inf:
+            raise ValueError(f"step_ms must be > 0 and finite, got {self.step_ms}")
         if not 0 <= self.conflict < 1:
             raise ValueError(f"conflict must lie in 0..1, below 1, got {self.conflict}")
         if self.evidence is not None:
             self._check_alone(default or Stimuli())
         self._check_task(default or Stimuli())
+        numbers = float(self.trials) * self.t_max * self.channels
+        what = f"{self.trials} trials of {self.t_max} readings"
+        check_memory(BYTES_A_NUMBER * numbers, what)
         if self.task == "same-different" and self.channels != 2:
             raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
 
@@ -83,10 +93,21 @@ class Stimuli:
                     f"{str(self.evidence)!r}"
                 )
 
-    def draw(self, seed: int, name: str) -> tuple[Evidence, list[str]]:
-        """Return the evidence and the names of its hypotheses."""
+    def used(self) -> dict[str, Any]:
+        """Return the options that have a say, by name: for provenance."""
+        names = {
+            "gaussian": ("channels", "d_prime", "conflict"),
+            "same-different": ("period_mm", "fold"),
+            "orientation": ("channels", "period_mm", "fold"),
+        }[self.task]
+        names = ("task", *names, "trials", "t_max")
+        names = ("evidence", "step_ms") if self.evidence is not None else (*names, "step_ms")
+        return {name: getattr(self, name) for name in names}
+
+    def draw(self, seed: int, name: str) -> Trials:
+        """Return the evidence, the names of its hypotheses, and what a table says beside it."""
         if self.evidence is not None:
-            return tables.evidence_from_table(files.read_table(self.evidence), step_ms=self.step_ms)
+            return read_trials(self.evidence, step_ms=self.step_ms)
         rng = stream(seed, name)
         if self.task == "gaussian":
             drawn = gaussian_evidence(
@@ -98,10 +119,10 @@ class Stimuli:
                 step_ms=self.step_ms,
                 conflict=self.conflict,
             )
-            return drawn, [str(i) for i in range(self.channels)]
+            return Trials(drawn, [str(i) for i in range(self.channels)])
         from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source
 
         asked = SameDifferent() if self.task == "same-different" else Orientations(self.channels)
         readings = source(held_out_taps(), asked, period_mm=self.period_mm, fold=self.fold)
         drawn = readings.draw(self.trials, self.t_max, rng=rng, step_ms=self.step_ms)
-        return drawn, list(asked.names)
+        return Trials(drawn, list(asked.names))

@@ -2,42 +2,116 @@
 
 from __future__ import annotations
 
+import csv
+import re
+import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.decision import Decision
 from bgmodel.evidence import Evidence
+from bgmodel.files import read_table
+from bgmodel.memory import check_memory
+
+KEYS = ("participant_id", "trial")
+"""Columns that tell trials apart, the first one if a table has it."""
+OURS = (*KEYS, "step", "truth")
+"""Columns of an evidence table that mean something, beside ``ll_<hypothesis>``."""
+LABELS = ("participant_id", "trial", "condition")
+"""Columns of a trial table that a user's own column of that name fills."""
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Evidence, what its hypotheses are called, and what a table says of each trial.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Log-likelihoods and truth; trial k is the k-th that the table names.
+    names : list of str
+        Names of the hypotheses.
+    columns : DataFrame
+        One row per trial with the table's own columns, and ``row``, where in the table its first
+        row stands, counted from 0. No columns for evidence that was drawn.
+    varying : list of str
+        Columns that were left out: they change within a trial.
+    """
+
+    evidence: Evidence
+    names: list[str]
+    columns: pd.DataFrame = field(default_factory=pd.DataFrame)
+    varying: list[str] = field(default_factory=list)
+
+    def where(self, chosen: npt.NDArray[np.bool_]) -> Trials:
+        """Return some of the trials."""
+        columns = self.columns[chosen].reset_index(drop=True) if len(self.columns) else self.columns
+        return replace(self, evidence=self.evidence[chosen], columns=columns)
+
+    def said(self) -> str:
+        """Return one sentence: trials, readings, hypotheses, and what was left out."""
+        few, many = self.evidence.readings.min(), self.evidence.readings.max()
+        readings = f"{few}" if few == many else f"{few} to {many}"
+        left = f"; columns that change within a trial are left out: {', '.join(self.varying)}"
+        return (
+            f"read {self.evidence.trials} trials of {readings} readings, hypotheses "
+            f"{', '.join(self.names)}{left if self.varying else ''}"
+        )
 
 
 def trial_table(
     decision: Decision,
-    evidence: Evidence,
+    trials: Trials,
     *,
     seed: int | None = None,
     model: str,
-    participant_id: str = "model",
     condition: str = "",
-    names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Return one row a trial, as other tools of the field read it.
+    """Return one row per trial, as other tools of the field read it.
 
-    Columns: participant_id, trial, rt (seconds from onset; NaN where undecided), response and
-    stimulus (names of hypotheses, empty where there is none), correct (1, 0, or NA without truth),
-    undecided, forced, premature, steps, condition, seed, model.
+    Parameters
+    ----------
+    decision : Decision
+        At one threshold.
+    trials : Trials
+        What was decided on.
+    seed : int, optional
+        Of what was drawn, if anything was.
+    model, condition : str
+        What decided, and what was done to it.
+
+    Returns
+    -------
+    DataFrame
+        Columns participant_id, trial, rt (seconds from onset; NaN where undecided), response and
+        stimulus (names of hypotheses, empty where there is none), correct (1, 0, or NA without
+        truth), undecided, forced, premature, steps (readings taken, whole or in part; no more than
+        there are), condition, seed, model; then the other columns
+        of the user's table. One of these with a name of ours comes back as ``given_<name>``, but
+        for participant_id, trial and, where none is given here, condition: these are the user's.
+
+    Raises
+    ------
+    ValueError
+        If there are several thresholds, or no name is left for a column.
     """
     if decision.choice.ndim != 1:
         raise ValueError(
             f"a trial table holds one threshold, got decisions of shape {decision.choice.shape}"
         )
-    labels = np.array([*(names or map(str, range(evidence.hypotheses))), ""], dtype=object)
+    evidence = trials.evidence
+    labels = np.array([*trials.names, ""], dtype=object)
     truth = evidence.truth
     known = truth is not None
-    return pd.DataFrame(
+    table = pd.DataFrame(
         {
-            "participant_id": participant_id,
-            "trial": np.arange(evidence.trials),
+            "participant_id": "model",
+            "trial": evidence.trial_numbers,
             "rt": decision.time_ms / 1000,
             "response": labels[decision.choice],
             "stimulus": labels[truth] if known else "",
@@ -48,64 +122,220 @@ def trial_table(
             "undecided": decision.choice < 0,
             "forced": decision.forced,
             "premature": decision.premature,
-            "steps": decision.steps,
+            "steps": np.minimum(decision.steps, evidence.readings),
             "condition": condition,
             "seed": seed,
             "model": model,
         }
     )
+    for name in trials.columns:
+        own = name in table and (name not in LABELS or (name == "condition" and condition != ""))
+        place = f"given_{name}" if own else name
+        if own and (place in table or place in trials.columns):
+            raise ValueError(f"the evidence has columns {name!r} and {place!r}: rename one of them")
+        table[place] = trials.columns[name].array
+    return table
 
 
-def evidence_from_table(
+def read_trials(path: str | Path, **options: object) -> Trials:
+    """Read a user's evidence from a file; see ``trials_from_table`` for what it holds.
+
+    Cells of a ``.csv`` are kept as they are written: a column is taken for numbers only where each
+    of them would be written just so again (an id "007" stays that).
+
+    Parameters
+    ----------
+    path : path
+        ``.csv`` or ``.parquet``.
+    **options
+        As for ``trials_from_table``.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the file's name.
+    """
+    path = Path(path)
+    table = _read_csv(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
+    try:
+        return trials_from_table(table, **options)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from None
+
+
+def trials_from_table(
     table: pd.DataFrame,
     *,
     prior: Sequence[float] | None = None,
     onset_ms: float = 0.0,
     step_ms: float = 1.0,
-) -> tuple[Evidence, list[str]]:
-    """Return the evidence in a user's table, and the names of its hypotheses.
+) -> Trials:
+    """Return the trials of a user's table of evidence.
 
     Parameters
     ----------
     table : DataFrame
-        One row a reading: ``trial``, ``step`` and a column ``ll_<name>`` for each hypothesis,
-        holding ``log p(reading | hypothesis)`` in nats; optionally ``truth``, a hypothesis's name.
-        Every trial has the same number of readings; rows may come in any order.
+        One row per reading: ``trial``, an id of any kind; ``step``, 0, 1, 2, ... or 1, 2, 3, ... in
+        each trial; and a column ``ll_<name>`` for each hypothesis, holding
+        ``log p(reading | hypothesis)`` in nats. Optionally ``truth``, a hypothesis's name, and
+        ``participant_id``: trials of two participants are two, whatever their ids. Trials may
+        differ in length, and rows may come in any order. Other columns come back with the results.
     prior, onset_ms, step_ms :
         As in ``Evidence``.
 
     Raises
     ------
     ValueError
-        If columns are absent, trials are unequal in length, a step is there twice, a value is no
-        finite number, or a truth is none of the hypotheses.
+        If columns are absent, written twice or nearly but not quite as above; if an id is missing,
+        a step is missing or there twice, a value is no finite number, or a truth is none of the
+        hypotheses.
     """
-    columns = [name for name in table.columns if str(name).startswith("ll_")]
-    absent = [name for name in ("trial", "step") if name not in table.columns]
+    columns = _hypotheses(table)
+    if len(table) == 0:
+        raise ValueError("an evidence table needs at least one trial, got 0 rows")
+    keys = [name for name in KEYS if name in table.columns]
+    trial, first_row = _numbered(table, keys)
+    step = _steps(table, trial, keys)
+    lengths = np.bincount(trial)
+    shape = (len(first_row), int(lengths.max()), len(columns))
+    check_memory(
+        4 * 8 * np.prod(shape, dtype=float), f"{shape[0]} trials of up to {shape[1]} steps"
+    )
+    values = np.zeros(shape)
+    values[trial, step] = _numbers(table, columns)
+    names = [name[3:] for name in columns]
+    truth = _truth_of(table, names, trial, first_row) if "truth" in table.columns else None
+    prior_array = None if prior is None else np.asarray(prior, dtype=np.float64)
+    evidence = Evidence(
+        values,
+        truth,
+        prior_array,  # type: ignore[arg-type]
+        onset_ms,
+        step_ms,
+        lengths,
+    )
+    own = [name for name in table.columns if name not in (*columns, "step", "truth")]
+    varying = [name for name in own if not _constant(table[name], trial, first_row)]
+    kept = table[[name for name in own if name not in varying]].iloc[first_row]
+    if "row" in kept:
+        raise ValueError("the column row is the result's own: call it otherwise")
+    kept = kept.reset_index(drop=True).assign(row=first_row)
+    return Trials(evidence, names, kept, [str(name) for name in varying])
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    """Return a table of text, but for the log-likelihoods and for what are plain numbers."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            header = next(csv.reader(stream), [])
+        twice = sorted({name for name in header if name and header.count(name) > 1})
+        if twice:
+            raise ValueError(f"the header has {', '.join(twice)} twice")
+        with warnings.catch_warnings():
+            # More cells in a row than in the header would be lost.
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            table = pd.read_csv(
+                path,
+                dtype={name: str for name in header if not name.startswith("ll_")},
+                keep_default_na=False,
+                index_col=False,
+                encoding="utf-8-sig",
+            )
+    except (OSError, ValueError, csv.Error, pd.errors.ParserWarning) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise ValueError(f"{str(path)!r} can't be read as .csv: {reason}") from None
+    texts = [name for name in table.columns if not str(name).startswith("ll_")]
+    return table.assign(**{name: _typed(table[name]) for name in texts})
+
+
+def _typed(column: pd.Series) -> pd.Series:
+    """Return a column of text as numbers where each is written as Python writes it; else as is."""
+    codes, texts = pd.factorize(column.astype(object))
+    for kind in (int, float):
+        try:
+            numbers = np.array([kind(text) for text in texts])
+        except (ValueError, OverflowError):
+            continue
+        same = all(str(kind(text)) == text for text in texts)
+        if same and numbers.dtype.kind in "if" and np.isfinite(numbers).all():
+            return pd.Series(numbers[codes], index=column.index)
+    return column.astype(object)
+
+
+def _hypotheses(table: pd.DataFrame) -> list[str]:
+    """Return the columns of log-likelihoods; ValueError where a column's name misleads."""
+    names = [str(name) for name in table.columns]
+    if len(set(names)) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise ValueError(f"an evidence table has each column once, got {', '.join(twice)} twice")
+    for name in names:
+        meant = name.strip().lower()
+        if meant in OURS and meant != name:
+            raise ValueError(f"column {name!r} is not {meant!r}: write it so, or call it otherwise")
+        if re.fullmatch(r"ll(\W.*|_.*)?", meant, re.DOTALL) and not _is_hypothesis(name):
+            raise ValueError(
+                f"column {name!r} is no hypothesis: these are ll_<name>, lower case, no blank "
+                "around the name"
+            )
+    columns = [name for name in names if _is_hypothesis(name)]
+    absent = [name for name in ("trial", "step") if name not in names]
     if absent or len(columns) < 2:
         raise ValueError(
             "an evidence table needs the columns trial, step and at least two ll_<hypothesis>, "
-            f"got {list(table.columns)}"
+            f"got {names}"
         )
-    if len(table) == 0:
-        raise ValueError("an evidence table needs at least one trial, got 0 rows")
-    table = table.sort_values(["trial", "step"], kind="stable")
-    twice = table[table.duplicated(["trial", "step"])]
-    if len(twice):
-        raise ValueError(f"trial {twice['trial'].iloc[0]} has step {twice['step'].iloc[0]} twice")
-    lengths = table.groupby("trial").size()
-    if lengths.nunique() != 1:
+    return columns
+
+
+def _is_hypothesis(name: str) -> bool:
+    called = name.removeprefix("ll_")
+    return called != name and called != "" and called == called.strip()
+
+
+def _numbered(
+    table: pd.DataFrame, keys: list[str]
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return the number of each row's trial, in the order of the table, and their first rows."""
+    for name in keys:
+        missing = table[name].isna() | (table[name].astype(object) == "")
+        if missing.any():
+            raise ValueError(
+                f"{name} is missing in row {int(np.argmax(missing))} ({missing.sum()})"
+            )
+    try:
+        trial = table.groupby(keys, sort=False).ngroup().to_numpy()
+    except TypeError as error:
+        raise ValueError(f"{' and '.join(keys)} must hold ids: {error}") from None
+    return trial.astype(np.intp), np.unique(trial, return_index=True)[1]
+
+
+def _steps(
+    table: pd.DataFrame, trial: npt.NDArray[np.intp], keys: list[str]
+) -> npt.NDArray[np.intp]:
+    """Return the place of each row in its trial, from 0; ValueError unless steps follow on."""
+    step = pd.to_numeric(table["step"], errors="coerce").to_numpy(dtype=np.float64)
+    wrong = ~(np.isfinite(step) & (step == np.floor(step)))
+    if wrong.any():
+        bad = table["step"].iloc[int(np.argmax(wrong))]
+        raise ValueError(f"step must be a whole number, got {bad!s} in row {int(np.argmax(wrong))}")
+    order = np.lexsort((step, trial))
+    ordered, of = step[order], trial[order]
+    begins = np.append(True, of[1:] != of[:-1])
+    start = ordered[begins].min()
+    jump = np.append(0.0, np.diff(ordered))
+    wrong = np.where(begins, ordered != start, jump != 1)
+    if start not in (0, 1) or wrong.any():
+        at = int(np.argmax(wrong)) if wrong.any() else 0
+        which = " ".join(f"{name} {table[name].iloc[order[at]]}" for name in keys)
+        if not begins[at] and jump[at] == 0:
+            hint = "" if len(keys) > 1 else " (two participants? give participant_id)"
+            raise ValueError(f"{which} has step {ordered[at]:g} twice{hint}")
+        came = "starts with" if begins[at] else f"goes from {ordered[at - 1]:g} to"
         raise ValueError(
-            "every trial must have the same number of readings, got "
-            f"{lengths.min()} to {lengths.max()}: cut them, or fill up with readings that say "
-            "nothing, all ll_ equal"
+            "steps count readings, 0, 1, 2, ... or 1, 2, 3, ... in every trial: "
+            f"{which} {came} {ordered[at]:g}"
         )
-    names = [name[3:] for name in columns]
-    shape = (len(lengths), int(lengths.iloc[0]), len(names))
-    values = _numbers(table, columns).reshape(shape)
-    truth = _truth_of(table, names) if "truth" in table.columns else None
-    prior_array = None if prior is None else np.asarray(prior, dtype=np.float64)
-    return Evidence(values, truth, prior_array, onset_ms, step_ms), names  # type: ignore[arg-type]
+    return (step - start).astype(np.intp)
 
 
 def _numbers(table: pd.DataFrame, columns: list[str]) -> np.ndarray:
@@ -121,12 +351,28 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> np.ndarray:
     return values
 
 
-def _truth_of(table: pd.DataFrame, names: list[str]) -> np.ndarray:
-    per_trial = table.groupby("trial")["truth"].agg(["first", "nunique"])
-    unknown = set(per_trial["first"].astype(str)) - set(names)
-    if unknown or (per_trial["nunique"] != 1).any():
+def _constant(
+    column: pd.Series, trial: npt.NDArray[np.intp], first_row: npt.NDArray[np.intp]
+) -> bool:
+    """Whether a column has one value in all rows of each trial."""
+    try:
+        codes = pd.factorize(column)[0]
+    except TypeError as error:
+        raise ValueError(f"column {column.name!r} can't be compared: {error}") from None
+    return bool((codes == codes[first_row][trial]).all())
+
+
+def _truth_of(
+    table: pd.DataFrame,
+    names: list[str],
+    trial: npt.NDArray[np.intp],
+    first_row: npt.NDArray[np.intp],
+) -> np.ndarray:
+    truth = table["truth"].astype(str)
+    unknown = sorted(set(truth) - set(names))
+    if unknown or not _constant(truth, trial, first_row):
         raise ValueError(
             f"truth must be one of {names} and the same in all rows of a trial, "
-            f"got {sorted(unknown) or 'several in one trial'}"
+            f"got {unknown[:5] or 'several in one trial'}"
         )
-    return np.array([names.index(str(name)) for name in per_trial["first"]])
+    return pd.Index(names).get_indexer(pd.Index(truth.iloc[first_row]))

@@ -9,7 +9,8 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from circuits.activity import Activity, checked_drive
+from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.checks import check_number
 from circuits.fluctuation import extra_rates
 from circuits.mean_field import own_rates, settled
 from circuits.spec import Circuit
@@ -49,7 +50,11 @@ def run(
     """
     if laws not in LAWS:
         raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {laws!r}")
+    check_number("step_ms", step_ms)
+    if not 0 < step_ms < np.inf:
+        raise ValueError(f"step_ms must be > 0 and finite, got {step_ms}")
     drive = checked_drive(circuit, drive)
+    warn_beyond_range(circuit, drive)
     wiring = wired(circuit)
     flat = drive.reshape(-1, drive.shape[-1])
     some = [flat[i : i + TRIALS_AT_ONCE] for i in range(0, len(flat), TRIALS_AT_ONCE)]

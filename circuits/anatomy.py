@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from circuits.cells import Lif, Phase, Rate
+from circuits.checks import is_whole
 from circuits.spec import GABA, Circuit, Population, Projection
 
 BG2007 = "Bogacz & Gurney 2007"
@@ -48,6 +49,7 @@ def appendix_b(
     ValueError
         If the weights break either constraint.
     """
+    _check_channels(channels)
     w_gpe_snr = 1 - w_gpe_stn if w_gpe_snr is None else w_gpe_snr
     w_d1_snr = 1 + w_d2_gpe if w_d1_snr is None else w_d1_snr
     if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
@@ -123,6 +125,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
     read. ``share`` of the evidence reaches STN through D2 and GPe, the rest directly: the exponent
     still sums to y. Tuned by ``benchmarks/tuning.py`` on its own seeds.
     """
+    _check_channels(channels)
     rest, s0 = 2.2, 2.2
     top = rest + math.log(channels)
     d1_from, d2_mid, share = top - 0.65, top - 0.3, 0.1
@@ -246,6 +249,12 @@ def circuit(name: str, channels: int = 2) -> Circuit:
     if name not in CIRCUITS:
         raise ValueError(f"circuit must be one of {', '.join(CIRCUITS)}, got {name!r}")
     return CIRCUITS[name](channels)
+
+
+def _check_channels(channels: int) -> None:
+    """Raise ValueError, before anything is computed from it, for what is no number of channels."""
+    if not is_whole(channels) or channels < 2:
+        raise ValueError(f"channels must be a whole number >= 2, got {channels!r}")
 
 
 def _renamed(row: Circuit, name: str, about: str, high: float) -> Circuit:

@@ -13,6 +13,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from circuits.checks import check_types
+
 OVERSHOOT = 0.5825971579390107
 """-zeta(1/2)/sqrt(2 pi): how far, in steps, a sampled walk overshoots a bound (Siegmund 1985)."""
 
@@ -30,6 +32,9 @@ class Rate:
     signed: bool = False
     kind: ClassVar[str] = "rate"
 
+    def __post_init__(self) -> None:
+        check_types(self, "a Rate cell")
+
 
 @dataclass(frozen=True)
 class Integrator:
@@ -37,6 +42,9 @@ class Integrator:
 
     signed: bool = True
     kind: ClassVar[str] = "integrator"
+
+    def __post_init__(self) -> None:
+        check_types(self, "an Integrator cell")
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,7 @@ class Lif:
     kind: ClassVar[str] = "lif"
 
     def __post_init__(self) -> None:
+        check_types(self, "a Lif cell")
         if not all(np.isfinite(value) for value in vars(self).values()):
             raise ValueError(f"constants of a Lif cell must be finite, got {vars(self)}")
         for name in ("tau_ms", "noise_mv"):
@@ -107,7 +116,8 @@ class Escape:
     kind: ClassVar[str] = "escape"
 
     def __post_init__(self) -> None:
-        if not self.refractory_ms >= 0:
+        check_types(self, "an Escape cell")
+        if not 0 <= self.refractory_ms < np.inf:
             raise ValueError(f"refractory_ms must be >= 0, got {self.refractory_ms}")
 
 
@@ -123,6 +133,7 @@ class Phase:
     kind: ClassVar[str] = "phase"
 
     def __post_init__(self) -> None:
+        check_types(self, "a Phase cell")
         if not 0 <= self.cv <= 1:
             raise ValueError(f"cv must lie in 0..1, got {self.cv}")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 from typing import Any
 
 import numpy.typing as npt
@@ -16,6 +18,8 @@ ENGINES = {
     "brian2": "spikes in Brian2, the readable reference",
 }
 """Names of the engines, and what each is."""
+MODULES = {"algebra": "algebra", "rate": "rate", "ensemble": "ensemble", "brian2": "spiking"}
+"""Where each engine's ``run`` is; one that is not asked for is not imported."""
 SPIKING = ("ensemble", "brian2")
 DROPPING = ("rate", "ensemble")
 """Engines that can drop a trial once it is decided, and can leave rates out."""
@@ -50,24 +54,19 @@ def run(
     Raises
     ------
     ValueError
-        For an unknown engine, or a spiking one without a seed.
+        For an unknown engine, a spiking one without a seed, or an option that it does not take.
     """
     if engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
-    if engine == "algebra":
-        from circuits import algebra
-
-        return algebra.run(circuit, drive, step_ms=step_ms, **options)
-    if engine == "rate":
-        from circuits import rate
-
-        return rate.run(circuit, drive, step_ms=step_ms, **options)
-    if seed is None:
-        raise ValueError(f"the {engine} engine needs a seed")
-    if engine == "ensemble":
-        from circuits import ensemble
-
-        return ensemble.run(circuit, drive, step_ms=step_ms, seed=seed, **options)
-    from circuits import spiking
-
-    return spiking.run(circuit, drive, step_ms=step_ms, seed=seed, **options)
+    module = importlib.import_module(f"circuits.{MODULES[engine]}")
+    known = inspect.signature(module.run).parameters
+    given: dict[str, Any] = {"step_ms": step_ms, **options}
+    if engine in SPIKING:
+        if seed is None:
+            raise ValueError(f"the {engine} engine needs a seed")
+        given["seed"] = seed
+    for name in given:
+        if name not in known:
+            takes = ", ".join(p for p in known if p not in ("circuit", "drive"))
+            raise ValueError(f"the {engine} engine takes no {name!r}: {takes}")
+    return module.run(circuit, drive, **given)

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from circuits import kernel, noise
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
 from circuits.algebra import wired
+from circuits.checks import is_whole
 from circuits.plan import plan, workspace
 from circuits.spec import Circuit
 from circuits.ticks import Clock
@@ -79,8 +80,8 @@ def run(
     warn_beyond_range(circuit, drive)
     trials, steps, _ = drive.shape
     clock = Clock(steps, step_ms, dt_ms, sample_ms, settle_ms)
-    if workers < 1:
-        raise ValueError(f"workers must be >= 1, got {workers}")
+    if not is_whole(workers) or workers < 1:
+        raise ValueError(f"workers must be a whole number >= 1, got {workers!r}")
     wiring = wired(circuit)
     names = circuit.spiking(spikes)
     written = np.array([wiring.row(b).name in names for b in range(wiring.blocks)])

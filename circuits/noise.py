@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from circuits.checks import is_whole
+
 GOLDEN = 0x9E3779B97F4A7C15
 SPREAD, FIRST, SECOND = 0x9E3779B1, 0x21F0AAAD, 0x735A2D97
 TICKS_A_WORD = 4
@@ -136,7 +138,7 @@ def stream_keys(seed: int, trials: npt.ArrayLike, names: list[str]) -> npt.NDArr
 
 def _check(**values: float) -> None:
     for name, value in values.items():
-        if value != int(value) or not 0 <= value <= _MASK:
+        if not is_whole(value) or not 0 <= value <= _MASK:
             raise ValueError(f"{name} must be a whole number 0 .. 2**64 - 1, got {value!r}")
 
 

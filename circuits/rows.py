@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -11,9 +12,12 @@ import numpy.typing as npt
 
 from circuits import transfer
 from circuits.cells import SPIKING, Cell, Integrator, Lif
+from circuits.checks import check_types
 
 GLUTAMATE, GABA = "glutamate", "GABA"
 SIGNS = {GLUTAMATE: 1, GABA: -1}
+MOST_DELAY_MS = 10_000.0
+"""Longest delay: engines remember every rate for so long."""
 RECEPTORS = {"": 0, "D1": 1, "D2": -1}
 
 
@@ -87,25 +91,34 @@ class Population:
     cite: str = ""
 
     def __post_init__(self) -> None:
+        _check_name(self.name)
+        check_types(self, self.name)
+        if not isinstance(self.cell, Cell):
+            raise ValueError(f"{self.name}: cell must be a cell type, got {self.cell!r}")
         transfer.named(self.transfer)
         _one_of("transmitter", self.transmitter, SIGNS)
         _one_of("receptor", self.receptor, RECEPTORS)
-        if self.neurons != int(self.neurons) or self.neurons < 1:
+        self._check_ranges()
+        if isinstance(self.cell, Integrator) and not self.tau_ms:
+            raise ValueError(f"{self.name}: tau_ms of an Integrator must be > 0, got {self.tau_ms}")
+        if isinstance(self.cell, Lif) and self.tau_ms:
+            raise ValueError(f"{self.name}: tau_ms is that of the Lif cell, leave it 0 here")
+
+    def _check_ranges(self) -> None:
+        if self.neurons < 1:
             raise ValueError(f"{self.name}: neurons must be a whole number >= 1: {self.neurons}")
-        if not self.gain_hz_per_nat > 0:
+        if not 0 < self.gain_hz_per_nat < math.inf:
             raise ValueError(f"{self.name}: gain_hz_per_nat must be > 0: {self.gain_hz_per_nat}")
-        for name in ("tau_ms", "spread"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{self.name}: {name} must be >= 0, got {getattr(self, name)}")
+        if not 0 <= self.tau_ms < math.inf:
+            raise ValueError(f"{self.name}: tau_ms must be >= 0, got {self.tau_ms}")
+        # Beyond, a good part of the cells would have constants of the wrong sign.
+        if not 0 <= self.spread <= 1:
+            raise ValueError(f"{self.name}: spread must lie in 0..1, got {self.spread:g}")
         for name in ("baseline_hz", "bias_nats", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
-        if isinstance(self.cell, Integrator) and not self.tau_ms:
-            raise ValueError(f"{self.name}: tau_ms of an Integrator must be > 0, got {self.tau_ms}")
         if not 0 <= self.intact <= 1:
             raise ValueError(f"{self.name}: intact must lie in 0..1, got {self.intact}")
-        if isinstance(self.cell, Lif) and self.tau_ms:
-            raise ValueError(f"{self.name}: tau_ms is that of the Lif cell, leave it 0 here")
 
     @property
     def spiking(self) -> bool:
@@ -149,13 +162,19 @@ class Projection:
     cite: str = ""
 
     def __post_init__(self) -> None:
+        _check_name(self.source)
+        _check_name(self.target)
+        check_types(self, self.name)
         transfer.named(self.transfer)
         _one_of("pattern", self.pattern, PATTERNS)
         if not math.isfinite(self.weight):
             raise ValueError(f"{self.name}: weight must be finite, got {self.weight}")
-        for name in ("delay_ms", "tau_ms"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{self.name}: {name} must be >= 0, got {getattr(self, name)}")
+        if not 0 <= self.tau_ms < math.inf:
+            raise ValueError(f"{self.name}: tau_ms must be >= 0, got {self.tau_ms}")
+        if not 0 <= self.delay_ms <= MOST_DELAY_MS:
+            raise ValueError(
+                f"{self.name}: delay_ms must lie in 0..{MOST_DELAY_MS:g}, got {self.delay_ms}"
+            )
         if not 0 < self.probability <= 1:
             raise ValueError(f"{self.name}: probability must lie in 0..1, got {self.probability}")
         if self.probability < 1 and self.transfer != "linear":
@@ -172,6 +191,14 @@ class Projection:
     def name(self) -> str:
         """``source->target``."""
         return f"{self.source}->{self.target}"
+
+
+def _check_name(name: str) -> None:
+    """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", or nothing."""
+    if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\]=/>]+", name):
+        raise ValueError(
+            f"a population's name is text without blanks, brackets, '=', '/' and '>', got {name!r}"
+        )
 
 
 def _one_of(what: str, value: str, allowed: Iterable[str]) -> None:

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits.cells import Lif
+from circuits.cells import Cell, Lif
+from circuits.checks import check_number, check_types
 from circuits.rows import GABA, GLUTAMATE, PATTERNS, RECEPTORS, SIGNS, Population, Projection
 
 __all__ = ["GABA", "GLUTAMATE", "PATTERNS", "Circuit", "Population", "Projection"]
@@ -79,12 +80,14 @@ class Circuit:
     _known: dict[str, Population] = field(init=False, repr=False, compare=False, hash=False)
 
     def __post_init__(self) -> None:
+        check_types(self, str(self.name))
+        self._check_rows()
         object.__setattr__(self, "_known", {p.name: p for p in self.populations})
         if len(self._known) != len(self.populations):
             raise ValueError(f"{self.name}: two populations have one name")
         if len({p.name for p in self.projections}) != len(self.projections):
             raise ValueError(f"{self.name}: two projections join the same populations")
-        if self.channels != int(self.channels) or self.channels < 2:
+        if self.channels < 2:
             raise ValueError(f"channels must be a whole number >= 2, got {self.channels}")
         if self.channels > self.most_channels:
             raise ValueError(
@@ -106,6 +109,12 @@ class Circuit:
                     f"channels, got {len(p.factors)}"
                 )
         self._reaches()
+
+    def _check_rows(self) -> None:
+        for kind, rows in ((Population, self.populations), (Projection, self.projections)):
+            for row in rows:
+                if not isinstance(row, kind):
+                    raise ValueError(f"{self.name}: a row must be a {kind.__name__}, got {row!r}")
 
     def _check_numbers(self) -> None:
         if not self.reach_nats > 0:
@@ -176,6 +185,8 @@ class Circuit:
             return replace(self, projections=rows, exact=self.exact and keeps)
         row = self.population(name)
         cell = values.get("cell", row.cell)
+        if not isinstance(cell, Cell):
+            raise ValueError(f"{name}: cell must be a cell type, got {cell!r}")
         of_cell = set(cell.__dataclass_fields__) - set(row.__dataclass_fields__)
         inner = {k: v for k, v in values.items() if k in of_cell}
         if isinstance(cell, Lif) and "tau_ms" in values:
@@ -215,6 +226,7 @@ class Circuit:
             )
         if row.intact < 1 and row.replaced != replaced:
             raise ValueError(f"{name} is lesioned already, its output replaced: {row.replaced}")
+        check_number("fraction", fraction)
         if not 0 <= fraction <= 1:
             raise ValueError(f"fraction must lie in 0..1, got {fraction}")
         if fraction == 0:
@@ -242,7 +254,8 @@ class Circuit:
             is not linear.
         """
         row = self.projection(source, target)
-        if not factor >= 0:
+        check_number("factor", factor)
+        if not 0 <= factor < math.inf:
             raise ValueError(f"factor must be >= 0, got {factor}")
         if channel is None:
             return self.changed(row.name, weight=row.weight * factor) if factor != 1 else self
@@ -261,6 +274,7 @@ class Circuit:
         The cortical weight onto cells with D1 receptors is multiplied by ``level``, onto cells with
         D2 receptors by ``2 - level``; an input at the cells' ``pivot_nats`` stays what it was.
         """
+        check_number("dopamine level", level)
         if not 0 <= level <= 2:
             raise ValueError(f"dopamine level must lie in 0..2, got {level}")
         circuit = self
@@ -302,6 +316,9 @@ class Circuit:
 
     def with_rows(self, *rows: Population | Projection) -> Circuit:
         """Return the circuit with rows added: a nucleus or a pathway of your own."""
+        for row in rows:
+            if not isinstance(row, (Population, Projection)):
+                raise ValueError(f"a row is a Population or a Projection, got {row!r}")
         nuclei = tuple(r for r in rows if isinstance(r, Population))
         paths = tuple(r for r in rows if isinstance(r, Projection))
         return replace(

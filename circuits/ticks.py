@@ -23,6 +23,7 @@ import numpy as np
 from circuits import noise
 from circuits.algebra import rest
 from circuits.cells import Lif, Phase
+from circuits.checks import check_number
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring, ticks, wire
 
@@ -62,6 +63,7 @@ class Clock:
     def __post_init__(self) -> None:
         for name in ("step_ms", "sample_ms", "settle_ms"):
             value = getattr(self, name)
+            check_number(name, value)
             if not value >= 0 or (name != "settle_ms" and value == 0):
                 raise ValueError(f"{name} must be positive, got {value}")
             ticks(name, value, self.dt_ms)

@@ -14,12 +14,13 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.experiment import AGREES, DISAGREES, run_experiment, shipped
+from bgmodel.comparison import shown
+from bgmodel.experiment import AGREES, DISAGREES, WITHOUT, run_experiment, shipped
 from bgmodel.files import read_table, write_table
 from bgmodel.outcomes import outcomes
 from figures.common import FULL, Settings, run
 
-COLOUR = {AGREES: "C2", DISAGREES: "C1"}
+COLOUR = {AGREES: "C2", DISAGREES: "C1", WITHOUT: "C3"}
 HEAD = ("manipulation", "source", "predicted", "found", "the circuit")
 COLUMNS = (0.0, 0.37, 0.55, 0.72, 0.9)
 SIZE = 5.5
@@ -34,7 +35,7 @@ def compute(settings: Settings, *, output: Path) -> None:
         # Where one truth alone counts, half of the trials are left.
         trials = max(round(share * experiment.task.trials), 240)
         one = replace(experiment, task=replace(experiment.task, trials=trials))
-        found = outcomes(one, run_experiment(one))
+        found = outcomes(one, run_experiment(one).measures)
         about = {"file": file, "name": one.name, "source": one.source, "seed": one.seed}
         parts.append(found.assign(trials=trials, **about))
     write_table(pd.concat(parts), output, settings=settings)
@@ -71,7 +72,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 def _found(row) -> str:
     form = "+.0f" if str(row.measure).endswith("_ms") else "+.3f"
-    return f"{row.value:{form}} [{row.low:{form}}, {row.high:{form}}]"
+    return shown(row.value, row.low, row.high, form)
 
 
 if __name__ == "__main__":

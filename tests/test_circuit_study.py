@@ -39,6 +39,7 @@ from bgmodel.circuit_study import (
 from bgmodel.cli import main
 from bgmodel.comparison import compare
 from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import beside
 
 SEED, GAIN = 51, 0.5
 TABLE = circuit("spiking_msprt", 4)
@@ -243,13 +244,42 @@ def test_compare_command(tmp_path, capsys):
     assert "MSPRT at its gain, circuit: " in shown
     found = pd.read_csv(out, comment="#")
     assert {"circuit", "cortical decoder", "race", "LCA"} <= set(found["model"])
-    behind = json.loads(out.with_suffix(".json").read_text())
+    behind = json.loads(beside(out).read_text())
     assert behind["parameters"]["command"]["gain"] == usual_gain(2) == 0.7
     again = tmp_path / "b.csv"
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()
-    assert run("compare", out, "--engine", "algebra", "--trials", 100, "--accuracies", 0.9) == 0
+    algebra = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
+    assert run("compare", out, *algebra) == 0
     assert re.search(r"same choice +1\.000", capsys.readouterr().out)
+
+
+def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsys):
+    """Half of ctx->STN: OUT rests below every threshold."""
+    task = ("--channels", 3, "--d-prime", 0.8, "--trials", 100, "--t-max", 10)
+    halved = ("--edits.scale", "ctx->STN=0.5", "--edits.neurons", 40)
+    for command in (("compare",), ("circuit", "lesion")):
+        assert run(*command, tmp_path / "a.csv", *task, *halved) == 2
+        assert "it would decide without evidence, or never" in capsys.readouterr().err
+    assert run("circuit", "learn", tmp_path / "a.csv", "--edits.scale", "ctx->STN=0.5") == 2
+    assert "no level of dopamine" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    given = (*task, "ctx->STN=0.5", "--engine", "rate", "--accuracies", 0.8)
+    assert run("circuit", "lesion", tmp_path / "a.csv", *given) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"intact +0.8 +by evidence", shown)
+    assert re.search(r"ctx->STN=0.5 0.8 +without evidence", shown)
+    assert re.search(r"ctx->STN=0.5: unknown ms later", shown)
+    assert "nan" not in shown
+
+
+def test_a_lesion_without_an_edit_says_which_it_runs(tmp_path, capsys):
+    small = ("--trials", 100, "--t-max", 4, "--engine", "algebra", "--accuracies", 0.7)
+    assert run("circuit", "lesion", tmp_path / "a.csv", *small) == 0
+    said = "no edit given, these run: STN=0.2, GPe=0.2, D2, ctx->STN=0.9, D1->SNr=0.9"
+    assert said in capsys.readouterr().err
+    assert run("compare", tmp_path / "b.csv", *small[:-1], 0.5) == 2
+    assert "accuracies must lie above chance, 0.5, got 0.5" in capsys.readouterr().err
 
 
 def test_compare_command_on_gratings(tmp_path, capsys):

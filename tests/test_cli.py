@@ -1,5 +1,6 @@
 """The command line, as a person would use it."""
 
+import hashlib
 import subprocess
 import sys
 from dataclasses import dataclass, fields, is_dataclass
@@ -10,6 +11,7 @@ import pandas as pd
 import pytest
 import tyro
 
+from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.cli import CIRCUIT, COMMANDS, choices, main
 from bgmodel.edits import Edits
 from bgmodel.files import read_provenance, read_table
@@ -29,7 +31,8 @@ def test_decide_on_tactile_evidence(tmp_path, capsys):
     assert read_provenance(out)["seed"] == 3
     assert "400 trials, accuracy 0.9" in capsys.readouterr().out
     first = out.read_bytes()
-    run("decide", out, "--period-mm", 2, "--delta", 4, "--trials", 400, "--seed", 3)
+    again = ("--period-mm", 2, "--delta", 4, "--trials", "4e2", "--seed", 3, "--force")
+    assert run("decide", out, *again) == 0
     assert out.read_bytes() == first
 
 
@@ -64,6 +67,118 @@ def test_no_result_goes_over_another_file_of_the_command(tmp_path, monkeypatch, 
     assert "are one file" in capsys.readouterr().err
     assert Path("mine.csv").read_text() == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
+
+
+def own_table(path, flat=False, truth=True, trials=30):
+    """Write a table of unequal trials, ids of text and an extra column; return it."""
+    rng = np.random.default_rng(5)
+    rows = [
+        {"trial": f"t{n:03d}", "step": t, "ll_left": a, "ll_up": b, "ll_right": c, "truth": "up"}
+        | {"session": f"00{n % 3}"}
+        for n in range(trials)
+        for t, (a, b, c) in enumerate(rng.normal([0, 1, 0], 0.5, (1 + n % 12, 3)) * (not flat))
+    ]
+    table = pd.DataFrame(rows).drop(columns=[] if truth else "truth")
+    table.to_csv(path, index=False)
+    return table
+
+
+ALGEBRA = ("--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
+
+
+@pytest.mark.parametrize("command", [("decide",), ("circuit", "run")])
+def test_a_users_own_table_comes_back_with_its_ids_and_columns(tmp_path, capsys, command):
+    mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
+    table = own_table(mine)
+    more = ALGEBRA if command != ("decide",) else ()
+    assert run(*command, out, "--evidence", mine, "--posterior", 0.95, *more) == 0
+    said = capsys.readouterr().out
+    assert "read 30 trials of 1 to 12 readings, hypotheses left, up, right" in said
+    found = pd.read_csv(out, dtype=str)
+    assert found["trial"].tolist() == [f"t{n:03d}" for n in range(30)]
+    assert found["session"].tolist() == [f"00{n % 3}" for n in range(30)]
+    assert (table["trial"].iloc[found["row"].astype(int)] == found["trial"].to_numpy()).all()
+    about = read_provenance(out)
+    kept = about["parameters"]["command"]
+    options = kept if command == ("decide",) else kept["stimuli"]
+    digest = hashlib.sha256(mine.read_bytes()).hexdigest()
+    assert options["evidence"] == {"file": "mine.csv", "sha256": digest}
+    idle = {"trials", "t_max", "task", "d_prime", "delta", "fold", "workers", "output", "force"}
+    assert not idle & (set(kept) | set(options))
+    assert about["seed"] is None
+
+
+@pytest.mark.parametrize("command", [("decide",), ("circuit", "run")])
+def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(
+    tmp_path, capsys, command
+):
+    mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
+    own_table(mine, flat=True, trials=300)
+    more = ALGEBRA if command != ("decide",) else ()
+    assert run(*command, out, "--evidence", mine, "--posterior", 0.95, *more) == 0
+    assert "300 of 300 trials never met the threshold, the deadline" in capsys.readouterr().err
+    found = read_table(out)
+    assert found["forced"].all()
+    share = found["response"].value_counts(normalize=True)
+    assert set(share.index) == {"left", "up", "right"}
+    assert share.max() < 0.45
+    expected = first_crossing(Msprt().run(Evidence(np.zeros((300, 1, 3)))), 0.1).choice
+    assert (found["response"] == np.array(["left", "up", "right"])[expected]).all()
+
+
+def test_decide_says_forced(tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    given = ("--trials", 40, "--t-max", 2, "--delta", 16, "--period-mm", 1.5)
+    assert run("decide", out, *given) == 0
+    said = capsys.readouterr()
+    forced = int(read_table(out)["forced"].sum())
+    assert f"forced {forced}, undecided 0" in said.out
+    assert f"bgmodel: {forced} of 40 trials never met the threshold" in said.err
+    assert run("decide", out, *given, "--no-forced", "--force") == 0
+    said = capsys.readouterr()
+    assert f"forced 0, undecided {forced}" in said.out
+    assert "they stay undecided" in said.err
+
+
+def test_a_result_is_written_over_only_by_force(tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    short = ("--trials", 10, "--t-max", 3)
+    assert run("decide", out, *short) == 0
+    before = out.read_bytes(), out.with_name("out.csv.json").read_bytes()
+    assert run("decide", out, *short, "--seed", 4) == 2
+    assert "is there already: give another name, or --force" in capsys.readouterr().err
+    assert before == (out.read_bytes(), out.with_name("out.csv.json").read_bytes())
+    assert run("decide", out, *short, "--seed", 4, "--force") == 0
+    assert out.read_bytes() != before[0]
+    # A file that is none of ours stays, even so.
+    other = tmp_path / "b.csv"
+    (tmp_path / "b.csv.json").write_text('{"rows": 3}')
+    (tmp_path / "b.json").write_text("mine")
+    capsys.readouterr()
+    assert run("decide", other, *short, "--force") == 2
+    assert "holds something else" in capsys.readouterr().err
+    assert (tmp_path / "b.csv.json").read_text() == '{"rows": 3}'
+    assert (tmp_path / "b.json").read_text() == "mine"
+    assert not other.exists()
+    assert run("decide", tmp_path, *short) == 2
+
+
+def test_a_refused_command_makes_no_folder(tmp_path, capsys):
+    assert run("decide", tmp_path / "new" / "out.csv", "--period-mm", 7) == 2
+    assert not (tmp_path / "new").exists()
+    assert run("decide", tmp_path / "new" / "out.csv", "--trials", 5) == 0
+    assert (tmp_path / "new" / "out.csv").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_called_by_its_name(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tempfile.TemporaryFile", cannot)
+    assert run("decide", "out.csv") == 2
+    assert f"the output folder '{tmp_path}' can't be written: Read-only" in capsys.readouterr().err
+
+
+def cannot(**given):
+    raise OSError(30, "Read-only file system")
 
 
 def test_warnings_are_a_sentence_and_say_when_the_deadline_decides(tmp_path, capsys):
@@ -131,6 +246,26 @@ def test_learn(tmp_path, capsys):
         (["simulate", "taps.csv"], "output must end in .npz"),
         (["simulate", "taps.npz", "--taps", "0"], "taps must be at least 1"),
         (["figures"], "figures are drawn in a checkout"),
+        (["decide", "out.csv", "--posterior", "0.5"], "posterior must lie between chance, 0.5"),
+        (["decide", "out.csv", "--prior", ".95", ".05", "--delta", "1"], "past the criterion"),
+        (["decide", "out.csv", "--trials", "1e12"], "of memory"),
+        (["decide", "out.csv", "--trials", "many"], "must be a whole number, got 'many'"),
+        (["decide", "out.csv", "--trials", "1.5"], "must be a whole number, got '1.5'"),
+        (["decide", "out.csv", "--trials"], "Missing value for argument '--trials'"),
+        (["decide", "out.csv", "--no-such-thing"], "Unrecognized options"),
+        (["no-such-thing"], "Available subcommands: simulate"),
+        (["decide"], "Missing from bgmodel decide"),
+        (["learn", "out.csv", "--runs", "1e9"], "of memory"),
+        (["simulate", "taps.npz", "--taps", "1e12"], "of memory"),
+        (["circuit", "run", "out.csv", "--trials", "1e12"], "of memory"),
+        (["circuit", "run", "out.csv", "--edits.neurons", "1e10", "--trials", "2"], "of memory"),
+        (["circuit", "run", "out.csv", "--gain", "0"], "gain must be > 0"),
+        (["circuit", "run", "out.csv", "--gain", "inf"], "gain must be > 0 and finite"),
+        (["circuit", "run", "out.csv", "--posterior", ".4"], "posterior must lie between chance"),
+        (["circuit", "run", "out.csv", "--channels", "0"], "channels must be at least 2, got 0"),
+        (["circuit", "run", "out.csv", "--edits.spread", "5"], "spread must lie in 0..1, got 5"),
+        (["circuit", "show", "--channels", "0"], "channels must be a whole number >= 2, got 0"),
+        (["decide", "."], "is a folder"),
     ],
 )
 def test_bad_use_is_one_sentence_and_writes_nothing(tmp_path, monkeypatch, capsys, arguments, says):
@@ -138,9 +273,10 @@ def test_bad_use_is_one_sentence_and_writes_nothing(tmp_path, monkeypatch, capsy
     Path("file").write_text("")
     assert main(arguments) == 2
     error = capsys.readouterr().err
-    assert error.startswith("bgmodel: ")
-    assert says in error
-    assert error.count("\n") == 1
+    lines = [line for line in error.splitlines() if not line.startswith("the first run of a kind")]
+    assert len(lines) == 1, lines
+    assert lines[0].startswith("bgmodel: ")
+    assert says in lines[0]
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -150,8 +286,10 @@ def test_simulate_train_decode_decide(tmp_path, capsys):
     periods = ["--periods-mm", 0, 5]
     assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1) == 0
     first = taps.read_bytes()
-    assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1) == 0
+    assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1, "--force") == 0
     assert taps.read_bytes() == first
+    assert run("train", taps, decoder, "--edge") == 2
+    assert "holds taps of a grating, not of an edge" in capsys.readouterr().err
     quick = ["--training.width", 0.1, "--training.epochs", 1, "--training.batch", 32]
     assert run("train", taps, decoder, *quick) == 0
     assert run("decode", decoder, taps, decoded) == 0

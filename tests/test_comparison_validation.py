@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel import Sprt, first_crossing, criterion_from_gap, stream, threshold_from_gap
+from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
 from bgmodel.basal_ganglia import BasalGanglia, circuit
 from bgmodel.circuit_edits import linear_stn, shuffled_stn
 from bgmodel.circuit_study import variants

@@ -1,5 +1,7 @@
 """The decoder: reproducible, stored safely, and clear about what it can't use."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -63,12 +65,33 @@ def test_edges_are_read_in_all_directions():
         yaw = np.radians(taps.labels["yaw_deg"].to_numpy())
         side = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)[:, None]
         noise = stream(seed, "noise").normal(0, 1.0, taps.displacement_mm.shape)
-        return Taps((side + noise).astype(np.float32), taps.rest_mm, taps.labels)
+        return Taps((side + noise).astype(np.float32), taps.rest_mm, taps.labels, "edge")
 
     edge = train(pushed(1500, 1), seed=1, training=EDGE)
     fresh = pushed(300, 2)
     error = wrapped(edge.decode(fresh)["edge_deg"] - fresh.labels["yaw_deg"].to_numpy(), 360)
     assert error.std() < 15
+
+
+def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path):
+    gratings = striped_taps(300)
+    of_edges = replace(gratings, stimulus="edge")
+    back = Decoder.load(decoder.save(tmp_path / "d.safetensors"))
+    for one in (decoder, back):
+        with pytest.raises(ValueError, match="trained on taps of a grating, got taps of an edge"):
+            one.decode(of_edges)
+    with pytest.raises(ValueError, match="edge network reads an edge, got taps of a grating"):
+        train(gratings, seed=1, training=EDGE)
+    with pytest.raises(ValueError, match="grating network reads a grating, got taps of an edge"):
+        train(of_edges, seed=1, training=QUICK)
+    for taps in (gratings, of_edges):
+        taps.save(tmp_path / "t.npz", {})
+        assert Taps.load(tmp_path / "t.npz")[0].stimulus == taps.stimulus
+        assert taps.select(np.arange(3)).stimulus == taps.stimulus
+    with pytest.raises(ValueError, match="taps of one stimulus"):
+        Taps.concatenate([gratings, of_edges])
+    with pytest.raises(ValueError, match="stimulus must be one of grating, edge, got 'leaf'"):
+        replace(gratings, stimulus="leaf")
 
 
 def test_mirror_images_keep_the_truth():

@@ -374,7 +374,7 @@ def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
     table = read_table(path)
     assert list(table) == ["run", "episode", "tonic", "level", "reward", "phasic"]
     assert len(table) == 1200
-    assert main(["circuit", "learn", str(path), *small, "--start-level", "3"]) == 2
+    assert main(["circuit", "learn", str(path), *small, "--start-level", "3", "--force"]) == 2
     assert (
         "start_level must lie where spiking_msprt decides by evidence, 0.837..1.696, got 3"
         in capsys.readouterr().err

@@ -19,6 +19,25 @@ def all_of(circuit, drive, engine, **options):
     return run(circuit, drive, engine=engine, step_ms=100, seed=SEED, **given)
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_option_that_an_engine_does_not_take_is_refused(engine):
+    for name in ("nonsense", *({"spikes"} if engine not in SPIKING else ())):
+        with pytest.raises(ValueError, match=f"the {engine} engine takes no '{name}': step_ms"):
+            all_of(TABLE, CENTRED[:, None], engine, **{name: ("STN",)})
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("step_ms", ["50", 0, -1, np.nan, None])
+def test_a_step_is_a_time(engine, step_ms):
+    with pytest.raises(ValueError, match="step_ms must be"):
+        run(TABLE, CENTRED[:, None], engine=engine, step_ms=step_ms, seed=SEED)
+
+
+def test_a_drive_beyond_the_range_is_said_by_the_fixed_point_too():
+    with pytest.warns(UserWarning, match="S runs from"):
+        run(TABLE, np.full((1, 1, 3), [30.0, -15, -15]), engine="algebra", step_ms=50)
+
+
 def test_every_engine_is_tested():
     assert set(FAST) == set(ENGINES)
 

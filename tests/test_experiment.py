@@ -17,13 +17,14 @@ from bgmodel.experiment import (
     AGREES,
     DISAGREES,
     OPEN,
+    WITHOUT,
     Condition,
     Prediction,
     read_experiment,
     run_experiment,
     shipped,
 )
-from bgmodel.files import read_provenance
+from bgmodel.files import beside, read_provenance
 from bgmodel.outcomes import outcomes, page
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
@@ -122,9 +123,9 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(small, tmp_path)
     mine = tmp_path / "mine.csv"
     pd.DataFrame(rows).to_csv(mine, index=False)
     own = replace(read_experiment(small), task=Stimuli(evidence=mine), truth=2)
-    np.testing.assert_array_equal(own.evidence().log_likelihood, drawn[2::3])
+    np.testing.assert_array_equal(own.trials().evidence.log_likelihood, drawn[2::3])
     with pytest.raises(ValueError, match=r"truth must lie in 0\.\.2, got 3"):
-        replace(own, truth=3).evidence()
+        replace(own, truth=3).trials()
 
 
 def test_a_file_that_is_not_there(tmp_path, capsys):
@@ -262,7 +263,7 @@ def test_the_threshold_alone_moves_what_it_must():
     """At the fixed point: times, criterion and bound follow the threshold, the drift does not."""
     experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
     experiment = replace(experiment, task=replace(experiment.task, trials=200))
-    table = run_experiment(experiment)
+    table = run_experiment(experiment).measures
     said = outcomes(experiment, table).set_index("measure")["outcome"]
     assert dict(said) == {"bound": AGREES, "criterion": AGREES, "drift": said["drift"]}
     assert said["drift"] != DISAGREES
@@ -274,7 +275,7 @@ def test_the_threshold_alone_moves_what_it_must():
 
 def test_intervals_are_those_of_pairs(small):
     """Conditions are paired: the change is surer than the two apart."""
-    table = run_experiment(read_experiment(small)).set_index(["condition", "measure"])
+    table = run_experiment(read_experiment(small)).measures.set_index(["condition", "measure"])
     width = (table["high"] - table["low"]).xs("mean_ms", level="measure")
     assert width["change"] < 0.9 * np.hypot(width["control"], width["manipulation"])
     inside = (table["low"] <= table["value"]) & (table["value"] <= table["high"])
@@ -287,19 +288,104 @@ def test_intervals_are_those_of_pairs(small):
 
 def test_more_alternatives_have_no_diffusion(small):
     experiment = read_experiment(small)
-    table = run_experiment(replace(experiment, task=replace(experiment.task, channels=4)))
+    table = run_experiment(replace(experiment, task=replace(experiment.task, channels=4))).measures
     empty = table[table["value"].isna()]
     assert set(empty["measure"]) == {"drift", "bound", "non_decision_ms"}
     assert "drift" not in page(experiment, table)
 
 
 def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
+    """It responds before anything is read: no prediction, right or wrong, is met by that."""
     experiment = read_experiment("stn_lesion_whole")
     small = replace(experiment, task=replace(experiment.task, trials=100, t_max=3))
-    table = run_experiment(small).set_index(["condition", "measure"])["value"]
+    with pytest.warns(UserWarning, match="the control decides in time in"):
+        found = run_experiment(small).measures
+    table = found.set_index(["condition", "measure"])["value"]
     assert table["manipulation", "anticipatory"] == 1
     assert table["manipulation", "premature"] == 1
     assert table["control", "anticipatory"] < 0.05
+    assert set(outcomes(small, found)["outcome"]) == {WITHOUT}
+
+
+HALVED = """
+[task]
+channels = 3
+d_prime = 0.8
+trials = 120
+[manipulation]
+scale = ["ctx->STN=0.5"]
+"""
+
+
+@pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
+def test_an_experiment_that_decides_nothing_does_not_agree(small, engine, capsys):
+    """Half of ctx->STN ends every trial at once, at chance: mean_ms is down, and means nothing."""
+    head, rest = GOOD.replace("algebra", engine).split("[task]")
+    small.write_text(head + HALVED + rest.split('without = ["STN=0.2"]')[1])
+    out = small.with_name("out.csv")
+    assert run("experiment", small, out) == 0
+    shown = capsys.readouterr().out
+    assert "mean_ms down, by 20: the model decides without evidence" in shown
+    assert "agrees" not in shown
+    said = pd.read_csv(out)["outcome"].dropna()
+    assert list(said) == [WITHOUT]
+
+
+@pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
+def test_a_control_that_decides_nothing_is_refused(small, engine, capsys):
+    both = HALVED + '[control]\nscale = ["ctx->STN=0.5"]\n'
+    head, rest = GOOD.replace("algebra", engine).split("[task]")
+    small.write_text(head + both + rest.split('without = ["STN=0.2"]')[1])
+    assert run("experiment", small) == 2
+    assert "it would decide without evidence" in capsys.readouterr().err
+
+
+def test_a_threshold_below_chance_is_refused(small, capsys):
+    small.write_text("posterior = 0.5\n" + GOOD)
+    assert run("experiment", small) == 2
+    assert "posterior must lie between chance, 0.5 with 2 hypotheses" in capsys.readouterr().err
+
+
+def test_the_trials_of_both_conditions_lie_beside_the_outcome(small, capsys):
+    out = small.with_name("out.csv")
+    assert run("experiment", small, out) == 0
+    trials = pd.read_csv(out.with_name("out_trials.csv"))
+    assert read_provenance(out) == read_provenance(out.with_name("out_trials.csv"))
+    assert trials["condition"].value_counts().to_dict() == {"control": 120, "manipulation": 120}
+    measures = pd.read_csv(out).set_index(["condition", "measure"])["value"]
+    for name, part in trials.groupby("condition"):
+        assert part["trial"].tolist() == list(range(120))
+        decided = part[~part["undecided"]]
+        assert (decided["correct"] == (decided["response"] == decided["stimulus"])).all()
+        assert measures[name, "accuracy"] == pytest.approx(decided["correct"].mean())
+        assert measures[name, "mean_ms"] == pytest.approx(1000 * decided["rt"].mean())
+        assert measures[name, "missed"] == pytest.approx(part["undecided"].mean())
+        assert measures[name, "anticipatory"] == pytest.approx(part["anticipatory"].mean())
+        assert part["rt"].isna().equals(part["undecided"])
+    assert run("experiment", small, out) == 2
+    out.unlink()
+    assert run("experiment", small, out) == 2
+    assert "out_trials.csv' is there already" in capsys.readouterr().err
+
+
+def test_an_experiment_on_a_users_table_keeps_its_columns(small, capsys):
+    rng = np.random.default_rng(8)
+    evidence = gaussian_evidence(120, 20, 0.4, rng=rng)
+    frame = pd.DataFrame(evidence.log_likelihood.reshape(-1, 2), columns=["ll_a", "ll_b"])
+    frame["trial"] = np.repeat([f"id{n}" for n in range(120)], 20)
+    frame["step"] = np.tile(np.arange(20), 120)
+    frame["truth"] = np.repeat(np.array(["a", "b"])[evidence.truth], 20)
+    frame["condition"] = np.repeat(np.array(["dim", "bright"])[evidence.truth], 20)
+    mine = small.with_name("mine.csv")
+    frame.to_csv(mine, index=False)
+    task = f'[task]\nevidence = "{mine}"\nstep_ms = 50\n'
+    small.write_text(GOOD.replace("[task]\ntrials = 120\nt_max = 40\n", task))
+    assert run("experiment", small, small.with_name("out.parquet")) == 0
+    assert "hypotheses a, b" in capsys.readouterr().out
+    trials = pd.read_parquet(small.with_name("out_trials.parquet"))
+    assert set(trials["condition"]) == {"control", "manipulation"}
+    assert set(trials["given_condition"]) == {"dim", "bright"}
+    assert trials["trial"][:120].tolist() == [f"id{n}" for n in range(120)]
 
 
 # ---- what is shipped
@@ -324,7 +410,7 @@ def test_the_edit_alone_makes_the_outcome(name):
     """Without it every measure is the control's to the last bit; with it some measure is not."""
     experiment = quick(SHIPPED[name])
     without = replace(experiment, manipulation=experiment.control)
-    none = run_experiment(without)
+    none = run_experiment(without).measures
     assert (changes(none)[["value", "low", "high"]].fillna(0) == 0).all(axis=None)
     said = outcomes(without, none)
     known = none[none["condition"] == "control"].set_index("measure").loc[said["measure"], "low"]
@@ -333,7 +419,7 @@ def test_the_edit_alone_makes_the_outcome(name):
             assert row.outcome == OPEN
         else:
             assert row.outcome == (AGREES if row.direction == "none" else DISAGREES)
-    assert (changes(run_experiment(experiment))["value"].fillna(0) != 0).any()
+    assert (changes(run_experiment(experiment).measures)["value"].fillna(0) != 0).any()
 
 
 def test_what_is_shipped_names_its_source():
@@ -374,4 +460,4 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(small, tmp_path,
         monkeypatch.setattr(f"bgmodel.{name}", 37)
     assert run("experiment", small, files[2], "--workers", 2) == 0
     assert len({path.read_bytes() for path in files}) == 1
-    assert len({path.with_suffix(".json").read_bytes() for path in files}) == 1
+    assert len({beside(path).read_bytes() for path in files}) == 1

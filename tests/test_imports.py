@@ -19,6 +19,8 @@ LEVELS = [
         "bgmodel.evidence",
         "bgmodel.data",
         "bgmodel.toml_files",
+        "bgmodel.memory",
+        "bgmodel.exports",
     },
     {"bgmodel.empirical"},
     {"bgmodel.decision", "bgmodel.first_passage"},
@@ -38,7 +40,7 @@ LEVELS = [
     {"bgmodel.experiment", "bgmodel.dopamine"},
     {"bgmodel.dopamine_study"},
     {"bgmodel.outcomes"},
-    {"bgmodel.commands", "bgmodel.commands.checks"},
+    {"bgmodel.commands", "bgmodel.commands.checks", "bgmodel.commands.trials"},
     {
         "bgmodel.commands.taps",
         "bgmodel.commands.decisions",

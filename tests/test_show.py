@@ -143,7 +143,7 @@ def test_run_command(capsys, tmp_path, engine):
             ["run", "d.csv", "--edits.without", "STN=0.5"],
             "rests at OUT = 0.00, which is not above",
         ),
-        (["run", "d.csv", "--posterior", "0.5"], "it would decide without evidence"),
+        (["run", "d.csv", "--posterior", "0.501"], "it would decide without evidence"),
     ],
 )
 def test_bad_use_gets_one_clear_sentence(capsys, arguments, says):

@@ -8,7 +8,7 @@ import pytest
 
 from circuits import algebra, anatomy, rate
 from circuits.activity import checked_drive
-from circuits.cells import Integrator, Lif
+from circuits.cells import Integrator, Lif, Rate
 from circuits.spec import Circuit, Population, Projection
 from circuits.ticks import Clock, Scheme
 from circuits.wiring import fan_in, ticks, wire
@@ -175,15 +175,15 @@ def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
         ("D1->SNr", {"weight": 1}, "D1 releases GABA, so the weight must be <= 0, got 1"),
         ("STN->SNr", {"weight": -1}, "STN releases glutamate, so the weight must be >= 0, got -1"),
         ("STN->SNr", {"weight": math.nan}, "weight must be finite"),
-        ("STN->SNr", {"delay_ms": -1}, "STN->SNr: delay_ms must be >= 0, got -1"),
-        ("STN->SNr", {"delay_ms": math.inf}, "STN->SNr: delay_ms must be >= 0, got inf"),
+        ("STN->SNr", {"delay_ms": -1}, "STN->SNr: delay_ms must lie in 0..10000, got -1"),
+        ("STN->SNr", {"delay_ms": math.inf}, "STN->SNr: delay_ms must lie in 0..10000, got inf"),
         ("STN->SNr", {"tau_ms": -1}, "STN->SNr: tau_ms must be >= 0, got -1"),
         ("STN->SNr", {"probability": 0}, r"probability must lie in 0\.\.1, got 0"),
         ("STN->SNr", {"probability": 1.1}, r"probability must lie in 0\.\.1, got 1.1"),
         ("STN", {"neurons": 0}, "STN: neurons must be a whole number >= 1: 0"),
         ("STN", {"neurons": 2.5}, "STN: neurons must be a whole number"),
         ("STN", {"tau_ms": -1}, "STN: tau_ms must be >= 0, got -1"),
-        ("STN", {"spread": -0.1}, "STN: spread must be >= 0"),
+        ("STN", {"spread": -0.1}, "STN: spread must lie in 0..1, got -0.1"),
         ("STN", {"intact": 1.1}, r"STN: intact must lie in 0\.\.1"),
         ("STN", {"gain_hz_per_nat": 0}, "STN: gain_hz_per_nat must be > 0: 0"),
         ("STN", {"bias_nats": math.nan}, "STN: bias_nats must be finite"),
@@ -194,11 +194,54 @@ def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
         ("GPe", {"refractory_ms": -1}, "refractory_ms must be >= 0, got -1"),
         ("GPe", {"reset_mv": 20}, "reset_mv must lie below threshold_mv, got 20 and 15"),
         ("common", {"cell": Integrator(), "tau_ms": 0}, "tau_ms of an Integrator must be > 0"),
+        ("STN->GPe", {"delay_ms": "4"}, "STN->GPe: delay_ms must be a number, got '4'"),
+        ("STN->GPe", {"delay_ms": 1e9}, r"delay_ms must lie in 0..10000, got 1000000000.0"),
+        ("STN->GPe", {"weight": "x"}, "STN->GPe: weight must be a number, got 'x'"),
+        ("STN->GPe", {"weight": True}, "STN->GPe: weight must be a number, got True"),
+        ("ctx->D1", {"factors": "ab"}, "ctx->D1: factors must be numbers, got 'ab'"),
+        ("STN", {"bias_nats": "x"}, "STN: bias_nats must be a number, got 'x'"),
+        ("STN", {"neurons": "3"}, "STN: neurons must be a whole number, got '3'"),
+        ("STN", {"neurons": math.nan}, "STN: neurons must be a whole number, got nan"),
+        ("STN", {"spread": 5}, "STN: spread must lie in 0..1, got 5"),
+        ("STN", {"pooled": 1}, "STN: pooled must be true or false, got 1"),
+        ("STN", {"cell": "Lif"}, "STN: cell must be a cell type, got 'Lif'"),
+        ("STN", {"gain_hz_per_nat": "1"}, "STN: gain_hz_per_nat must be a number, got '1'"),
+        ("GPe", {"tau_ms": "x"}, "a Lif cell: tau_ms must be a number, got 'x'"),
     ],
 )
 def test_numbers_without_sense_are_refused(row, values, message):
     with pytest.raises(ValueError, match=message):
         anatomy.spiking_msprt().changed(row, **values)
+
+
+@pytest.mark.parametrize("table", anatomy.CIRCUITS.values())
+@pytest.mark.parametrize("channels", [0, 1, -1, "2", 2.5, math.nan, None, True])
+def test_channels_are_two_or_more(table, channels):
+    with pytest.raises(ValueError, match="channels must be a whole number >= 2, got"):
+        table(channels)
+
+
+@pytest.mark.parametrize(
+    ("edit", "says"),
+    [
+        (lambda c: c.with_rows("STN"), "a row is a Population or a Projection, got 'STN'"),
+        (lambda c: c.with_rows(None), "a row is a Population or a Projection, got None"),
+        (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
+        (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
+        (lambda c: c.without("STN", "a"), "fraction must be a number, got 'a'"),
+        (lambda c: c.scaled("STN", "GPe", "2"), "factor must be a number, got '2'"),
+        (lambda c: c.scaled("STN", "GPe", math.inf), "factor must be >= 0, got inf"),
+        (lambda c: c.with_spread(5), "spread must lie in 0..1, got 5"),
+        (lambda c: c.with_neurons("3"), "neurons must be a whole number, got '3'"),
+        (lambda c: Population("", Rate()), "a population's name is text without blanks"),
+        (lambda c: Population("a->b", Rate()), "a population's name is text without blanks"),
+        (lambda c: Population("x", Rate(), gain_hz_per_nat=0), "gain_hz_per_nat must be > 0: 0"),
+        (lambda c: replace(c, projections=("STN->GPe",)), "a row must be a Projection, got 'STN"),
+    ],
+)
+def test_edits_without_sense_are_refused(edit, says):
+    with pytest.raises(ValueError, match=says):
+        edit(anatomy.spiking_msprt())
 
 
 def test_tables_without_sense_are_refused():

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from bgmodel import Msprt, Sprt, first_crossing, criterion_from_gap, stream, threshold_from_gap
+from bgmodel import Msprt, Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.learning import Learner, learn, trials_of
 from bgmodel.policies import GaussianPolicy

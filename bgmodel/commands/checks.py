@@ -2,25 +2,89 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from bgmodel import files
+
+if TYPE_CHECKING:
+    from bgmodel.basal_ganglia import BasalGanglia
+    from bgmodel.evidence import Evidence
 
 COMPILES = "the first run of a kind of circuit compiles: half a minute or less"
 """What a command says before it runs the ensemble engine."""
+OUTPUTS = ("output", "drawing", "rates", "nwb")
+"""Options that name a file to be written, in every command."""
+UNRECORDED = (*OUTPUTS, "force", "workers", "seed")
+"""Options that change no byte of a result; the seed stands apart."""
 
 
-def asked(command: Any, **settled: Any) -> dict[str, Any]:
-    """Return a command's options but for where its result goes; ``settled`` are those left open."""
-    options = {field.name: getattr(command, field.name) for field in fields(command)}
-    return {name: value for name, value in options.items() if name != "output"} | settled
+@dataclass(frozen=True, kw_only=True)
+class Writes:
+    """A command that writes files."""
+
+    force: bool = False
+    """Write over results that are there already."""
+
+
+def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dict[str, Any]:
+    """Return the options that a result was made with, for its provenance.
+
+    Parameters
+    ----------
+    command : dataclass
+        A command.
+    idle : names
+        Options that had no say in this run.
+    **settled
+        Values of options that were left open.
+    """
+    found: dict[str, Any] = {}
+    for field in fields(command):
+        value = settled.get(field.name, getattr(command, field.name))
+        if field.name in (*UNRECORDED, *idle) or value is None:
+            continue
+        found[field.name] = recorded(value)
+    return found
+
+
+def recorded(value: Any) -> Any:
+    """Return an option as it is kept: what had a say, and of a file its name and checksum."""
+    if hasattr(value, "used"):
+        return {name: recorded(inner) for name, inner in value.used().items()}
+    if isinstance(value, Path) and value.is_file():
+        return {"file": value.name, "sha256": files.checksum(value)}
+    return value
 
 
 def check_ending(path: Path, *allowed: str) -> None:
     """Raise ValueError unless the output's name ends in one of those allowed."""
     if path.suffix not in allowed:
         raise ValueError(f"output must end in {' or '.join(allowed)}, got {str(path)!r}")
+
+
+def check_outputs(command: Any) -> None:
+    """Raise ValueError, before anything is run, if what a command writes has no place.
+
+    Two of its options may not name one file, a result that is there is written over only with
+    ``force``, and its folder must be one that can be written.
+    """
+    check_apart(command)
+    for path in outputs_of(command):
+        files.check_new(path, force=getattr(command, "force", False))
+        files.check_writable(path.parent)
+
+
+def outputs_of(command: Any) -> Iterator[Path]:
+    """Go through the files that a command will write, but for provenance beside a ``.csv``."""
+    for field in fields(command):
+        value = getattr(command, field.name)
+        if field.name in OUTPUTS and value is not None:
+            yield value
+    yield from getattr(command, "more_outputs", list)()
 
 
 def check_apart(command: Any) -> None:
@@ -39,6 +103,12 @@ def _paths(options: Any) -> Iterator[tuple[str, Path]]:
             yield field.name, value
         elif is_dataclass(value):
             yield from _paths(value)
+
+
+def say_cost(model: BasalGanglia, evidence: Evidence) -> None:
+    """Say on stderr, before a long run, what it takes."""
+    if said := model.cost(evidence):
+        print(f"bgmodel: {said}", file=sys.stderr)
 
 
 def check_whole(**values: int) -> None:

@@ -14,16 +14,25 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel import files, tables
-from bgmodel.commands.checks import COMPILES, asked, check_ending, check_whole
+from bgmodel.commands.checks import (
+    COMPILES,
+    Writes,
+    check_ending,
+    check_whole,
+    options_of,
+    say_cost,
+)
+from bgmodel.commands.trials import warn_of_trials
 from bgmodel.decision import first_crossing
 from bgmodel.edits import Edits
+from bgmodel.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 
 Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
 
 
 @dataclass(frozen=True)
-class Show:
+class Show(Writes):
     """Print a circuit's table, as edited; draw it if a file is given.
 
     Examples: bgmodel circuit show spiking_msprt;
@@ -52,7 +61,6 @@ class Show:
             from bgmodel.basal_ganglia import draw
 
             check_ending(self.drawing, ".pdf", ".svg", ".png")
-            files.check_writable(self.drawing.parent)
             import matplotlib.pyplot as plt
 
             figure, ax = plt.subplots(figsize=(4, 4))
@@ -97,7 +105,7 @@ def _scatter(table: Any, posterior: float) -> str:
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Writes):
     """Let a circuit decide, on Gaussian or tactile evidence or on a table of your own.
 
     Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
@@ -131,9 +139,10 @@ class Run:
         from bgmodel.circuit_study import usual_gain
 
         self._check()
-        evidence, names = self.stimuli.draw(self.seed, "circuit run")
+        trials = self.stimuli.draw(self.seed, "circuit run")
+        evidence = trials.evidence
         table = self.edits.of(basal_ganglia.circuit(self.circuit, evidence.hypotheses))
-        threshold = float(-np.log(self.posterior))
+        threshold = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
         basal_ganglia.check_threshold(table, threshold)
         options: dict[str, Any] = {}
         if self.engine in basal_ganglia.SPIKING and self.nwb is not None:
@@ -146,37 +155,37 @@ class Run:
         started = time.perf_counter()
         gain = usual_gain(evidence.hypotheses) if self.gain is None else self.gain
         model = basal_ganglia.BasalGanglia(table, self.engine, gain, self.seed, options)
+        say_cost(model, evidence)
         model.warn_of_noise(threshold)
         activity = model.activity(evidence)
         decision = first_crossing(model.trace(activity, evidence), threshold)
-        result = tables.trial_table(
-            decision, evidence, seed=self.seed, model=f"{table.name} {self.engine}", names=names
-        )
-        behind = asked(self, gain=gain)
-        files.write_table(result, self.output, seed=self.seed, command=behind)
+        seed = self.seed if self._draws() else None
+        about = f"{table.name} {self.engine}"
+        result = tables.trial_table(decision, trials, seed=seed, model=about)
+        behind = options_of(self, gain=gain)
+        files.write_table(result, self.output, seed=seed, command=behind)
         if self.rates is not None:
-            files.write_table(activity.rate_table(), self.rates, command=behind)
+            files.write_table(activity.rate_table(), self.rates, seed=seed, command=behind)
         if self.nwb is not None:
             basal_ganglia.write_nwb(activity, self.nwb)
-        forced = int(result["forced"].sum())
-        if forced > len(result) / 2:
-            print(
-                f"bgmodel: {forced} of {len(result)} trials never met the threshold, the deadline "
-                "decided them: give more readings, a lower --posterior or another --gain",
-                file=sys.stderr,
-            )
+        if self.stimuli.evidence is not None:
+            print(trials.said())
+        warn_of_trials(result, criterion="--posterior, or another --gain")
         known = evidence.truth is not None
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
             f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
-            f"forced {forced}, in {time.perf_counter() - started:.1f} s "
+            f"forced {result['forced'].sum()}, in {time.perf_counter() - started:.1f} s "
             f"-> {self.output}"
         )
+
+    def _draws(self) -> bool:
+        """Whether anything is drawn with the seed: evidence, or the noise of cells."""
+        return self.stimuli.evidence is None or self.engine in ("ensemble", "brian2")
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         check_ending(self.output, ".parquet", ".csv")
-        files.check_writable(self.output.parent)
         self.stimuli.check()
         check_whole(workers=self.workers)
         if not 0 < self.posterior < 1:
@@ -186,4 +195,3 @@ class Run:
                 check_ending(path, *endings)
                 if path is self.nwb and importlib.util.find_spec("pynwb") is None:
                     raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
-                files.check_writable(path.parent)

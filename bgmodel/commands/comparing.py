@@ -11,7 +11,14 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import COMPILES, asked, check_ending, check_whole
+from bgmodel.commands.checks import (
+    COMPILES,
+    Writes,
+    check_ending,
+    check_whole,
+    options_of,
+    say_cost,
+)
 from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
@@ -21,11 +28,13 @@ from bgmodel.stimuli import Stimuli
 if TYPE_CHECKING:
     from bgmodel.basal_ganglia import BasalGanglia
 
+LESIONS = ("STN=0.2", "GPe=0.2", "D2", "ctx->STN=0.9", "D1->SNr=0.9")
+"""Edits of `circuit lesion` where none is given."""
 MANY = Stimuli(trials=1000, t_max=110)
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Writes):
     """What commands that compare have in common."""
 
     output: Positional[Path]
@@ -68,7 +77,9 @@ class Compare(Comparison):
         # Elsewhere the zero of the evidence means nothing, and a race has none to run.
         rivals = [name for name in RIVALS if gaussian or name != "race"]
         table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
-        files.write_table(table, self.output, seed=self.seed, command=asked(self, gain=model.gain))
+        files.write_table(
+            table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
+        )
         print(page(table))
         print(f"{evidence.trials} trials -> {self.output}")
 
@@ -85,13 +96,7 @@ class Lesion(Comparison):
     Example: bgmodel circuit lesion lesions.csv STN=0.2 GPe=0.2 "D1->SNr=0.9" --channels 4
     """
 
-    lesions: Positional[tuple[str, ...]] = (
-        "STN=0.2",
-        "GPe=0.2",
-        "D2",
-        "ctx->STN=0.9",
-        "D1->SNr=0.9",
-    )
+    lesions: Positional[tuple[str, ...]] = LESIONS
     """Edits, each on its own."""
 
     def __call__(self) -> None:
@@ -99,13 +104,17 @@ class Lesion(Comparison):
         from bgmodel.circuit_page import behaviour, page
         from bgmodel.circuit_study import variants
 
+        if self.lesions == LESIONS:
+            print(f"no edit given, these run: {', '.join(LESIONS)}", file=sys.stderr)
         model, evidence = _model(self)
         edited = {}
         for edit in self.lesions:
             one = Edits(scale=(edit,)) if "->" in edit else Edits(without=(edit,))
             edited[edit] = replace(one, replaced=self.edits.replaced).of(model.circuit)
         table = variants(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
-        files.write_table(table, self.output, seed=self.seed, command=asked(self, gain=model.gain))
+        files.write_table(
+            table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
+        )
         print("at the intact circuit's threshold (a prediction):")
         print(behaviour(table))
         print("\nagainst the MSPRT, thresholds tuned anew:")
@@ -125,7 +134,6 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
 
     stimuli = asked_for.stimuli
     check_ending(asked_for.output, ".parquet", ".csv")
-    files.check_writable(asked_for.output.parent)
     stimuli.check(MANY)
     check_whole(workers=asked_for.workers)
     if not asked_for.accuracies:
@@ -133,7 +141,15 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     for accuracy in asked_for.accuracies:
         if not 0 < accuracy < 1:
             raise ValueError(f"accuracies must lie between 0 and 1, got {accuracy}")
-    evidence, _ = stimuli.draw(asked_for.seed, "compare")
+    trials = stimuli.draw(asked_for.seed, "compare")
+    if stimuli.evidence is not None:
+        print(trials.said())
+    evidence = trials.evidence
+    if min(asked_for.accuracies) <= 1 / evidence.hypotheses:
+        raise ValueError(
+            f"accuracies must lie above chance, {1 / evidence.hypotheses:.3g}, got "
+            f"{min(asked_for.accuracies)}"
+        )
     table = asked_for.edits.of(basal_ganglia.circuit(asked_for.circuit, evidence.hypotheses))
     options: dict[str, Any] = {}
     if asked_for.engine == "ensemble":
@@ -143,4 +159,5 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
         options["sample_ms"] = sample_ms(evidence.step_ms)
     gain = usual_gain(evidence.hypotheses) if asked_for.gain is None else asked_for.gain
     model = basal_ganglia.BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
+    say_cost(model, evidence)
     return model, evidence

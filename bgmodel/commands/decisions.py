@@ -4,27 +4,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from tyro.conf import Positional
 
 from bgmodel import files, tables
-from bgmodel.commands.checks import asked, check_ending, check_whole
+from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of
+from bgmodel.commands.trials import warn_of_trials
 from bgmodel.decision import first_crossing
 from bgmodel.learning import Learner
+from bgmodel.memory import check_learning_memory, check_memory
 from bgmodel.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.seeds import stream
-from bgmodel.sprt import Msprt, Sprt, threshold_from_gap
+from bgmodel.sprt import Msprt, Sprt, criterion_from_posterior, threshold_from_gap
 from bgmodel.tactile.likelihood import Density
+
+TACTILE = ("task", "orientations", "period_mm", "fold", "trials", "t_max", "density")
+"""Options of `decide` that a table of your own leaves nothing to say."""
 
 
 @dataclass(frozen=True)
-class Decide:
+class Decide(Writes):
     """Decide by the sequential test: on tactile evidence, or on a table of your own.
 
-    A table has one row a reading with the columns trial, step, ll_<hypothesis> (natural log
-    likelihoods; two or more such columns) and, if known, truth.
+    A table has one row per reading with the columns trial, step, ll_<hypothesis> (natural log
+    likelihoods; two or more such columns) and, if known, truth. Trials may differ in length: each
+    is forced, or left undecided, at its own last reading. Other columns come back with the result.
 
     Examples: bgmodel decide decisions.csv --period-mm 2 --delta 4;
     bgmodel decide decisions.parquet --evidence mine.csv --posterior 0.95
@@ -64,19 +70,39 @@ class Decide:
     def __call__(self) -> None:
         """Run the command."""
         check_ending(self.output, ".parquet", ".csv")
-        files.check_writable(self.output.parent)
         self._check()
-        evidence, names = self._evidence()
+        trials = self._trials()
+        evidence = trials.evidence
         test, threshold, model = self._test(evidence.hypotheses)
         decision = first_crossing(test.run(evidence), threshold, forced=self.forced)
-        table = tables.trial_table(decision, evidence, seed=self.seed, model=model, names=names)
-        files.write_table(table, self.output, seed=self.seed, command=asked(self))
+        if decision.premature.all():
+            raise ValueError(
+                f"every trial decides before its first reading: the prior "
+                f"{evidence.prior.tolist()} is past the criterion already"
+            )
+        seed = self.seed if self.evidence is None else None
+        table = tables.trial_table(decision, trials, seed=seed, model=model)
+        files.write_table(table, self.output, seed=seed, command=self._options())
+        if self.evidence is not None:
+            print(trials.said())
+        warn_of_trials(table, criterion="--posterior" if self.posterior else "--delta")
         known = evidence.truth is not None
         accuracy = f"accuracy {table['correct'].mean():.3f}" if known else "no truth given"
         print(
-            f"{len(table)} trials, {accuracy}, mean readings {np.nanmean(decision.steps):.2f}, "
-            f"undecided {table['undecided'].sum()} -> {self.output}"
+            f"{len(table)} trials, {accuracy}, mean readings {table['steps'].mean():.2f}, forced "
+            f"{table['forced'].sum()}, undecided {table['undecided'].sum()} -> {self.output}"
         )
+
+    def _options(self) -> dict[str, Any]:
+        """Return the options that had a say."""
+        idle = {"posterior" if self.posterior is None else "delta"}
+        if self.evidence is None:
+            idle |= {"evidence", "onset_ms"}
+            idle |= {"orientations"} if self.task == "same-different" else set()
+        else:
+            idle |= set(TACTILE)
+        delta = 4.0 if self.delta is None else self.delta
+        return options_of(self, idle=idle, delta=delta)
 
     def _check(self) -> None:
         """Refuse what contradicts itself, before long work starts."""
@@ -86,9 +112,11 @@ class Decide:
             raise ValueError("delta and posterior are two ways to say one thing: give one of them")
         threshold_from_gap(0.0 if self.delta is None else self.delta)
         if self.evidence is None:
+            check_whole(trials=self.trials, t_max=self.t_max)
+            check_memory(4 * 8 * float(self.trials) * self.t_max * 2, f"{self.trials} trials")
             return
         default = Decide(self.output)
-        for name in ("task", "orientations", "period_mm", "fold", "trials", "t_max", "density"):
+        for name in TACTILE:
             if getattr(self, name) != getattr(default, name):
                 raise ValueError(
                     f"{name} is for tactile evidence, it says nothing about {str(self.evidence)!r}"
@@ -96,16 +124,17 @@ class Decide:
 
     def _test(self, hypotheses: int) -> tuple[Sprt | Msprt, float, str]:
         if self.posterior is not None:
-            return Msprt(), float(-np.log(self.posterior)), f"msprt posterior={self.posterior:g}"
+            threshold = float(criterion_from_posterior(self.posterior, hypotheses))
+            return Msprt(), threshold, f"msprt posterior={self.posterior:g}"
         if hypotheses != 2:
             raise ValueError(f"a gap is for 2 hypotheses: with {hypotheses}, give --posterior")
         gap = 4.0 if self.delta is None else self.delta
         return Sprt(), float(threshold_from_gap(gap)), f"sprt delta={gap:g}"
 
-    def _evidence(self):
+    def _trials(self) -> tables.Trials:
         if self.evidence is not None:
-            return tables.evidence_from_table(
-                files.read_table(self.evidence),
+            return tables.read_trials(
+                self.evidence,
                 prior=self.prior,
                 onset_ms=self.onset_ms,
                 step_ms=self.step_ms,
@@ -121,11 +150,11 @@ class Decide:
         drawn = readings.draw(
             self.trials, self.t_max, rng=rng, prior=self.prior, step_ms=self.step_ms
         )
-        return drawn, list(task.names)
+        return tables.Trials(drawn, list(task.names))
 
 
 @dataclass(frozen=True)
-class Learn:
+class Learn(Writes):
     """Learn the gap from reward by REINFORCE with baseline, beside the exact optimum.
 
     Example: bgmodel learn learning.parquet --period-mm 2 --xi 50 --start-delta 0.5
@@ -155,8 +184,8 @@ class Learn:
         from bgmodel.study import learn_grating
 
         check_ending(self.output, ".parquet", ".csv")
-        files.check_writable(self.output.parent)
         check_whole(runs=self.runs, t_max=self.t_max)
+        check_learning_memory(self.runs, self.learner.episodes)
         policy = GaussianPolicy() if self.policy == "gaussian" else BernoulliPolicy()
         table, summary = learn_grating(
             self.period_mm,
@@ -169,7 +198,9 @@ class Learn:
             learner=self.learner,
             seed=self.seed,
         )
-        files.write_table(table, self.output, seed=self.seed, command=asked(self), summary=summary)
+        files.write_table(
+            table, self.output, seed=self.seed, command=options_of(self), summary=summary
+        )
         learned = np.asarray(summary["learned_delta"])
         print(
             f"learned delta {learned.mean():.2f} (sd {learned.std():.2f} over {self.runs} runs), "

@@ -11,17 +11,19 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import asked, check_ending, check_whole
+from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of
 from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
 from bgmodel.learning import Learner
+from bgmodel.memory import check_learning_memory, check_memory
+from bgmodel.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 
 TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=500, t_max=30)
 
 
 @dataclass(frozen=True)
-class Learn:
+class Learn(Writes):
     """Let dopamine learn its level from reward: the circuit's threshold stays, its gains move.
 
     The circuit first decides every trial at every level; then each run draws from those decisions,
@@ -56,8 +58,6 @@ class Learn:
 
     def __call__(self) -> None:
         """Run the command."""
-        import numpy as np
-
         from bgmodel.basal_ganglia import BasalGanglia, circuit
         from bgmodel.dopamine_study import (
             COARSE,
@@ -70,12 +70,15 @@ class Learn:
         from bgmodel.learning import LearningStopped
 
         self._check()
-        evidence, _ = self.stimuli.draw(self.seed, "learn")
+        trials = self.stimuli.draw(self.seed, "learn")
+        if self.stimuli.evidence is not None:
+            print(trials.said())
+        evidence = trials.evidence
         table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
         options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
         model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
         model.warn_of(evidence)
-        threshold_nats = float(-np.log(self.posterior))
+        threshold_nats = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
         levels = playable_levels(model, self.levels, threshold_nats)
         start = levels[-1] if self.start_level is None else self.start_level
         if not levels[0] <= start <= levels[-1]:
@@ -89,7 +92,7 @@ class Learn:
             file=sys.stderr,
         )
         met = body(model, evidence, levels, threshold_nats)
-        behind: dict[str, Any] = {"seed": self.seed, "command": asked(self)}
+        behind: dict[str, Any] = {"seed": self.seed, "command": options_of(self)}
         try:
             learned = learn_level(
                 met,
@@ -117,9 +120,11 @@ class Learn:
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         check_ending(self.output, ".parquet", ".csv")
-        files.check_writable(self.output.parent)
         self.stimuli.check(TOUCHED)
         check_whole(runs=self.runs, levels=self.levels)
+        check_learning_memory(self.runs, self.learner.episodes)
+        numbers = 3 * 8.0 * self.levels * self.stimuli.trials
+        check_memory(numbers, f"{self.levels} levels of {self.stimuli.trials} trials")
         if self.levels < 2:
             raise ValueError(f"levels must be >= 2, got {self.levels}")
         if not 0 < self.posterior < 1:

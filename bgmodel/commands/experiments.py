@@ -8,11 +8,11 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import check_ending, check_whole
+from bgmodel.commands.checks import Writes, check_ending, check_whole, recorded
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Writes):
     """Run an experiment, control and manipulation, and hold it to what was published.
 
     Without a file it lists the experiments that come with the package. The prediction stands in
@@ -26,7 +26,8 @@ class Run:
     file: Positional[str] = ""
     """A TOML file, or the name of an experiment that is shipped."""
     output: Positional[Path | None] = None
-    """Where the table of measures goes, .parquet or .csv."""
+    """Where the table of measures goes, .parquet or .csv; that of trials, both conditions, goes
+    beside it, with _trials at the end of its name."""
     trials: int | None = None
     """Trials, if not those of the file."""
     seed: int | None = None
@@ -49,19 +50,31 @@ class Run:
             experiment = replace(experiment, task=replace(experiment.task, trials=self.trials))
         if self.seed is not None:
             experiment = replace(experiment, seed=self.seed)
-        table = experiments.run_experiment(experiment, workers=self.workers)
+        done = experiments.run_experiment(experiment, workers=self.workers)
+        table = done.measures
         if self.output is not None:
             said = outcomes(experiment, table).assign(condition="change")
             kept = ["condition", "measure", "direction", "at_least", "outcome"]
             whole = table.merge(said[kept], how="left", on=["condition", "measure"])
-            files.write_table(whole, self.output, seed=experiment.seed, experiment=experiment)
+            behind = {"seed": experiment.seed, "experiment": recorded(experiment)}
+            files.write_table(whole, self.output, **behind)
+            files.write_table(done.trials, self._trials_path(), **behind)
+        if experiment.task.evidence is not None:
+            print(experiment.trials().said())
         print(page(experiment, table))
         where = f" -> {self.output}" if self.output is not None else ""
-        print(f"{experiment.evidence().trials} trials{where}")
+        print(f"{done.trials['trial'].size // 2} trials{where}")
+
+    def more_outputs(self) -> list[Path]:
+        """Return what is written beside the output."""
+        return [] if self.output is None else [self._trials_path()]
+
+    def _trials_path(self) -> Path:
+        assert self.output is not None
+        return self.output.with_stem(f"{self.output.stem}_trials")
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         check_whole(workers=self.workers)
         if self.output is not None:
             check_ending(self.output, ".parquet", ".csv")
-            files.check_writable(self.output.parent)

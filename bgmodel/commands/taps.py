@@ -9,7 +9,8 @@ import numpy as np
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import check_ending, check_whole
+from bgmodel.commands.checks import Writes, check_ending, check_whole
+from bgmodel.memory import check_memory
 from bgmodel.seeds import stream
 from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.grating import PERIODS_MM
@@ -19,7 +20,7 @@ from bgmodel.tactile.tips import Tip
 
 
 @dataclass(frozen=True)
-class Simulate:
+class Simulate(Writes):
     """Tap gratings with the simulated TacTip.
 
     Example: bgmodel simulate taps.npz --taps 100 --seed 1
@@ -47,7 +48,8 @@ class Simulate:
 
         check_whole(taps=self.taps, workers=self.workers)
         check_ending(self.output, ".npz")
-        files.check_writable(self.output.parent)
+        numbers = 2.0 * self.taps * len(self.periods_mm) * len(self.tip.rest_mm())
+        check_memory(3 * 8 * numbers, f"{self.taps} taps of {len(self.periods_mm)} gratings")
         rng = stream(self.seed, "simulate")
         periods = np.repeat(self.periods_mm, self.taps)
         count = len(periods)
@@ -65,7 +67,7 @@ class Simulate:
 
 
 @dataclass(frozen=True)
-class Train:
+class Train(Writes):
     """Train a decoder on simulated taps, or on a folder of recordings.
 
     Examples: bgmodel train taps.npz decoder.safetensors --training.epochs 4 --seed 1;
@@ -77,8 +79,8 @@ class Train:
     output: Positional[Path]
     """Where the decoder goes, .safetensors."""
     edge: bool = False
-    """Read the direction of an edge (-180..180) instead of a grating's orientation, with the
-    settings found for edges in place of the training options."""
+    """The taps are of an edge: read its direction (-180..180) instead of a grating's orientation,
+    with the settings found for edges in place of the training options."""
     mm_per_px: float | None = None
     """Scale of recordings, mm."""
     training: Training = field(default_factory=Training)
@@ -89,9 +91,8 @@ class Train:
         from bgmodel.tactile.decoder import EDGE, train
 
         check_ending(self.output, ".safetensors")
-        files.check_writable(self.output.parent)
         training = EDGE if self.edge else self.training
-        taps, about = _taps(self.taps, self.mm_per_px)
+        taps, about = _taps(self.taps, self.mm_per_px, self.edge)
         decoder = train(taps, seed=self.seed, training=training, about={"taps": about})
         decoder.save(self.output)
         best = min(row["mae_deg"] for row in decoder.history)
@@ -99,7 +100,7 @@ class Train:
 
 
 @dataclass(frozen=True)
-class Decode:
+class Decode(Writes):
     """Read the angle of every tap: of simulated taps, or of a folder of recordings.
 
     Example: bgmodel decode decoder.safetensors taps.npz decoded.parquet
@@ -111,6 +112,8 @@ class Decode:
     """Taps from `bgmodel simulate`, or a folder of recordings with its targets csv."""
     output: Positional[Path]
     """Where the table goes, .parquet or .csv."""
+    edge: bool = False
+    """The taps are of an edge; those of a folder are taken for gratings unless you say so."""
     mm_per_px: float | None = None
     """Scale of recordings, mm."""
 
@@ -119,9 +122,8 @@ class Decode:
         from bgmodel.tactile.decoder import Decoder
 
         check_ending(self.output, ".parquet", ".csv")
-        files.check_writable(self.output.parent)
         decoder = Decoder.load(self.decoder)
-        taps, about = _taps(self.taps, self.mm_per_px, rest=decoder.rest_mm)
+        taps, about = _taps(self.taps, self.mm_per_px, self.edge, rest=decoder.rest_mm)
         table = taps.labels.assign(**decoder.decode(taps))
         if "image" in table:
             table["image"] = table["image"].map(lambda path: Path(path).name)
@@ -129,18 +131,22 @@ class Decode:
         print(f"{len(table)} taps decoded -> {self.output}")
 
 
-def _taps(path: Path, mm_per_px: float | None, rest: np.ndarray | None = None):
+def _taps(path: Path, mm_per_px: float | None, edge: bool, rest: np.ndarray | None = None):
     """Return taps and their provenance, from a file or from a folder of recordings."""
     if not path.is_dir():
         from bgmodel.tactile.taps import Taps
 
-        return Taps.load(path)
+        taps, about = Taps.load(path)
+        if edge and taps.stimulus != "edge":
+            raise ValueError(f"{path.name} holds taps of a {taps.stimulus}, not of an edge")
+        return taps, about
     if mm_per_px is None:
-        raise ValueError("recordings need their scale: --mm-per-px, mm a pixel")
+        raise ValueError("recordings need their scale: --mm-per-px, mm per pixel")
     from bgmodel.tactile.recordings import read_taps
 
-    taps = read_taps(path, mm_per_px=mm_per_px, rest=rest)
-    return taps, {"recordings": path.name, "mm_per_px": mm_per_px}
+    stimulus = "edge" if edge else "grating"
+    taps = read_taps(path, mm_per_px=mm_per_px, rest=rest, stimulus=stimulus)
+    return taps, {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": stimulus}
 
 
 def _in_turn(values: tuple[float, ...], count: int) -> np.ndarray:

@@ -107,8 +107,13 @@ class Decoder:
         Raises
         ------
         ValueError
-            If the taps have other pins than the decoder was trained on.
+            If the taps are of another stimulus or have other pins than the decoder was trained on.
         """
+        if taps.stimulus != self.training.network:
+            raise ValueError(
+                f"the decoder was trained on taps of a {self.training.network}, got taps of a "
+                f"{taps.stimulus}".replace("a edge", "an edge")
+            )
         if taps.rest_mm.shape != self.rest_mm.shape or not np.allclose(
             taps.rest_mm, self.rest_mm, atol=1e-3
         ):
@@ -186,9 +191,15 @@ def train(
     Raises
     ------
     ValueError
-        If yaws are out of range, inputs not finite, or taps too few to split.
+        If the network is for another stimulus, yaws are out of range, inputs not finite, or taps
+        too few to split.
     """
     training = training or Training()
+    if taps.stimulus != training.network:
+        raise ValueError(
+            f"the {training.network} network reads a {training.network}, got taps of a "
+            f"{taps.stimulus}".replace("a edge", "an edge")
+        )
     kind = NETWORKS[training.network]
     yaw = taps.labels["yaw_deg"].to_numpy(dtype=np.float64)
     low, high = kind.range_deg

@@ -95,7 +95,8 @@ def _image_paths(folder: Path, image_folders: tuple[str, ...], names: pd.Series)
 
 
 def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.ndarray | None = None,
-              workers: int = 1, limit: int | None = None) -> Taps:  # fmt: skip
+              workers: int = 1, limit: int | None = None,
+              stimulus: str = "edge") -> Taps:  # fmt: skip
     """Track the markers of every image of a recording (see `read_targets`).
 
     Parameters
@@ -107,6 +108,8 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.nda
         recording of it (origin at the image centre), or None for the median of the taps.
     workers, limit
         Threads, of no effect on the result; taps to read, spread evenly over the table.
+    stimulus
+        What was tapped, "edge" or "grating": a recording does not say.
 
     Returns
     -------
@@ -137,7 +140,7 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.nda
     if (few := min(found)) < len(rest_mm) / 2:
         raise ValueError(f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins are seen")
     labels["markers_found"] = found
-    return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels)
+    return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
 
 
 def _map(work: Callable, items: list[Any], workers: int, name: str) -> list[Any]:

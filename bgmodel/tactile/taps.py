@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.files import replacing
 
+STIMULI = ("grating", "edge")
+"""What can be tapped."""
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
@@ -27,8 +29,12 @@ class Taps:
     """Places of the pins at rest, mm, (pins, 2)."""
     labels: pd.DataFrame
     """One row a tap, with at least period_mm, yaw_deg, phase and force_n."""
+    stimulus: str = "grating"
+    """What was tapped, a name in ``STIMULI``: what a decoder must have been trained on."""
 
     def __post_init__(self) -> None:
+        if self.stimulus not in STIMULI:
+            raise ValueError(f"stimulus must be one of {', '.join(STIMULI)}, got {self.stimulus!r}")
         expected = (len(self.labels), len(self.rest_mm), 2)
         if self.displacement_mm.shape != expected:
             raise ValueError(
@@ -46,7 +52,7 @@ class Taps:
             raise ValueError(f"mask: got shape {which.shape}, must be ({len(self)},)")
         rows = np.flatnonzero(which) if which.dtype == bool else which.astype(int)
         labels = self.labels.iloc[rows].reset_index(drop=True)
-        return Taps(self.displacement_mm[rows], self.rest_mm, labels)
+        return Taps(self.displacement_mm[rows], self.rest_mm, labels, self.stimulus)
 
     @staticmethod
     def concatenate(parts: Sequence["Taps"]) -> "Taps":
@@ -55,9 +61,11 @@ class Taps:
             raise ValueError("parts: got none, must be one or more")
         if any(not np.array_equal(p.rest_mm, parts[0].rest_mm) for p in parts):
             raise ValueError("parts: got sets with different rest_mm, must have the same pins")
+        if len({p.stimulus for p in parts}) > 1:
+            raise ValueError("parts must be taps of one stimulus, got gratings and edges")
         displacement = np.concatenate([p.displacement_mm for p in parts])
         labels = pd.concat([p.labels for p in parts], ignore_index=True)
-        return Taps(displacement, parts[0].rest_mm, labels)
+        return Taps(displacement, parts[0].rest_mm, labels, parts[0].stimulus)
 
     def save(self, path: str | Path, about: dict[str, Any]) -> Path:
         """Write the taps as .npz with their provenance, whole or not at all."""
@@ -68,6 +76,7 @@ class Taps:
                 stream,
                 displacement_mm=self.displacement_mm,
                 rest_mm=self.rest_mm,
+                stimulus=np.array(self.stimulus),
                 about=np.array(json.dumps(about, sort_keys=True)),
                 **columns,  # type: ignore[arg-type]
             )
@@ -83,7 +92,10 @@ class Taps:
             with np.load(path, allow_pickle=False) as stored:
                 labels = {n[6:]: stored[n] for n in stored.files if n.startswith("label_")}
                 about = json.loads(str(stored["about"]))
-                taps = cls(stored["displacement_mm"], stored["rest_mm"], pd.DataFrame(labels))
+                # Files of before there were edges hold gratings.
+                stimulus = str(stored["stimulus"]) if "stimulus" in stored else "grating"
+                table = pd.DataFrame(labels)
+                taps = cls(stored["displacement_mm"], stored["rest_mm"], table, stimulus)
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(
                 f"{str(path)!r} does not hold taps of this program: {error}"

@@ -1,0 +1,55 @@
+"""Types of what a person writes into a table: a text is no number, and says so."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from numbers import Integral, Real
+from typing import Any
+
+
+def check_types(row: Any, owner: str) -> None:
+    """Raise ValueError for a field of a dataclass that is of another type than it declares.
+
+    Parameters
+    ----------
+    row : dataclass
+        Its fields of type float, int, bool, str and tuple[float, ...] are looked at.
+    owner : str
+        What the row is called in the message.
+    """
+    for field in fields(row):
+        kind = _KINDS.get(str(field.type)) if field.init else None
+        if kind is not None and not kind[1](value := getattr(row, field.name)):
+            raise ValueError(f"{owner}: {field.name} must be {kind[0]}, got {value!r}")
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a real number; True and False are none."""
+    return isinstance(value, Real) and not _is_bool(value)
+
+
+def is_whole(value: Any) -> bool:
+    """Whether a value is a whole number, of whatever type."""
+    return is_number(value) and (isinstance(value, Integral) or float(value).is_integer())
+
+
+def check_number(what: str, value: Any) -> None:
+    """Raise ValueError if a value is no real number."""
+    if not is_number(value):
+        raise ValueError(f"{what} must be a number, got {value!r}")
+
+
+def _is_bool(value: Any) -> bool:
+    return type(value).__name__ in ("bool", "bool_")
+
+
+_KINDS = {
+    "float": ("a number", is_number),
+    "int": ("a whole number", is_whole),
+    "bool": ("true or false", _is_bool),
+    "str": ("text", lambda value: isinstance(value, str)),
+    "tuple[float, ...]": (
+        "numbers",
+        lambda value: isinstance(value, (tuple, list)) and all(map(is_number, value)),
+    ),
+}

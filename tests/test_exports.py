@@ -1,0 +1,80 @@
+"""Trial tables in the forms that PyDDM and HSSM read."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import Msprt, first_crossing, stream
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.exports import to_hssm, to_pyddm
+from bgmodel.tables import Trials, trial_table
+
+
+@pytest.fixture
+def table():
+    """Two conditions, some trials undecided."""
+    parts = []
+    for name, threshold in (("speed", 0.2), ("accuracy", 0.05)):
+        evidence = gaussian_evidence(200, 12, 0.5, rng=stream(4, "exports"), step_ms=100.0)
+        decision = first_crossing(Msprt().run(evidence), threshold, forced=False)
+        trials = Trials(evidence, ["left", "right"])
+        parts.append(trial_table(decision, trials, model="msprt", condition=name))
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_pyddm_reads_the_table_as_it_is(table):
+    """PyDDM's own recipe: every trial arrives, each in its condition, undecided ones as such."""
+    pyddm = pytest.importorskip("pyddm")
+    sample = pyddm.Sample.from_pandas_dataframe(to_pyddm(table), "rt", "choice")
+    assert len(sample) == len(table)
+    missed = table["undecided"]
+    assert sample.undecided == missed.sum() > 0
+    assert sample.prob("correct") == pytest.approx((table["correct"] == 1)[~missed].sum() / 400)
+    for name, part in table.groupby("condition"):
+        subset = sample.subset(condition=name)
+        assert len(subset) == len(part)
+        assert sorted(subset.choice_upper) == sorted(part["rt"][part["correct"] == 1])
+    # What it is for: a model fitted to it gets a finite likelihood.
+    model = pyddm.gddm(drift="v", noise=1, bound="b", parameters={"v": (-2, 2), "b": (0.5, 3)},
+                       T_dur=1.5, dt=0.01)  # fmt: skip
+    model.fit(sample, fitting_method="simplex", verbose=False)
+    assert np.isfinite(model.get_fit_result().value())
+    assert all(float(value) > 0 for value in model.get_model_parameters())
+
+
+def test_a_named_response_is_the_upper_one(table):
+    given = to_pyddm(table, upper="right")
+    decided = ~table["undecided"]
+    assert (given["choice"][decided] == (table["response"][decided] == "right")).all()
+    assert given["choice"].isna().equals(table["undecided"])
+    assert given["rt"].isna().equals(table["undecided"])
+
+
+def test_hssm_gets_what_it_asks_for(table):
+    """Rt in seconds and above 0, response -1 or 1, missing trials as rt -999."""
+    given = to_hssm(table)
+    assert list(given) == ["participant_id", "trial", "rt", "response", "condition"]
+    assert set(given["response"]) == {-1, 1}
+    missed = table["undecided"]
+    assert (given["rt"][missed] == -999.0).all()
+    assert given["rt"][~missed].equals(table["rt"][~missed])
+    assert (given["rt"][~missed] > 0).all()
+    assert (given["response"][~missed] == 2 * table["correct"][~missed] - 1).all()
+    assert not given.isna().any(axis=None)
+    right = to_hssm(table, upper="right")["response"][~missed]
+    assert (right == np.where(table["response"][~missed] == "right", 1, -1)).all()
+
+
+def test_tables_that_cannot_be_told_are_refused(table):
+    bad = {
+        "has no rt": lambda: to_pyddm(table.drop(columns="rt")),
+        "has no block": lambda: to_hssm(table, conditions=("block",)),
+        "upper must be one of two responses, got 'up'": lambda: to_pyddm(table, upper="up"),
+        "nobody knows what is correct": lambda: to_hssm(table.assign(correct=pd.NA)),
+        "of two responses, got 'left' of": lambda: to_hssm(
+            table.assign(stimulus="up"), upper="left"
+        ),
+    }
+    for says, call in bad.items():
+        with pytest.raises(ValueError, match=says):
+            call()
