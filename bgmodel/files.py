@@ -37,6 +37,12 @@ def replacing(path: str | Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+def remove_partial_files(folder: str | Path) -> None:
+    """Remove what killed writers left in a folder and below; none may be at work there."""
+    for partial in Path(folder).rglob(".*.partial.*"):
+        partial.unlink()
+
+
 def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
     """Return what a result file must carry: its parameters, seed and versions.
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.files import provenance, write_table
+from bgmodel.files import provenance, replacing, write_table
 from bgmodel.tactile.decoder import Decoder, Training, train
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, simulate
@@ -26,7 +26,8 @@ TRAINING = Training()
 def library(settings: Settings, *, output: Path) -> None:
     """Solve the contact library into the cache, and leave a note that it is there."""
     plan = contact_library(workers=1).plan
-    output.write_text(f"{plan}\n")
+    with replacing(output) as partial:
+        partial.write_text(f"{plan}\n")
 
 
 def decoder(settings: Settings, done: Path, *, output: Path) -> None:

@@ -40,7 +40,12 @@ LEVELS = [
     {"bgmodel.experiment", "bgmodel.dopamine"},
     {"bgmodel.dopamine_study"},
     {"bgmodel.outcomes"},
-    {"bgmodel.commands", "bgmodel.commands.checks", "bgmodel.commands.trials"},
+    {
+        "bgmodel.commands",
+        "bgmodel.commands.checks",
+        "bgmodel.commands.trials",
+        "bgmodel.commands.one_run",
+    },
     {
         "bgmodel.commands.taps",
         "bgmodel.commands.decisions",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import check_whole
+from bgmodel.files import remove_partial_files
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Figures:
 
     def __call__(self) -> None:
         """Run the command."""
+        from bgmodel.commands.one_run import only_run, run_to_end
         from bgmodel.tactile.recordings import find_recordings
 
         check_whole(cores=self.cores)
@@ -39,15 +41,38 @@ class Figures:
             import snakemake  # noqa: F401
         except ImportError as error:
             raise ImportError('figures need Snakemake: pip install ".[figures]"') from error
+        folder = Path("figures/fast" if self.fast else "figures/out")
+        self._check_targets(folder)
         found = find_recordings(self.recordings)
         if found is None:
             print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
             if "figR1" in self.targets:
                 raise ValueError("figR1 needs recordings: --recordings or BGMODEL_RECORDINGS")
+        try:
+            with only_run(Path(".snakemake"), "`bgmodel figures`") as jobs:
+                remove_partial_files(folder)
+                status = run_to_end(partial(self._snakemake, found), jobs)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("The same command goes on where it was.") from None
+        if status:
+            raise SystemExit(
+                f"bgmodel: not every figure is drawn, Snakemake ended with status {status}"
+            )
+
+    def _snakemake(self, recordings: Path | None, owner: int) -> list[str]:
+        """Return the command line; ``owner`` is the number of the file for ``end_with``."""
         command = [sys.executable, "-m", "snakemake", "-s", "figures/Snakefile"]
-        command += ["--cores", str(self.cores), "--rerun-incomplete"]
-        command += ["--quiet", "rules", "host", "reason"]
-        command += ["--config", f"fast={int(self.fast)}", f"recordings={found or ''}"]
-        done = subprocess.run([*command, "--", *(self.targets or ["all"])], check=False)
-        if done.returncode:
-            raise SystemExit(done.returncode)
+        # A run that was killed leaves Snakemake's own lock behind: those of `only_run` do its work.
+        command += ["--cores", str(self.cores), "--rerun-incomplete", "--nolock"]
+        command += ["--quiet", "rules", "host", "reason", "--config", f"owner={owner}"]
+        command += [f"fast={int(self.fast)}", f"recordings={recordings or ''}"]
+        return [*command, "--", *(self.targets or ["all"])]
+
+    def _check_targets(self, folder: Path) -> None:
+        """Raise ValueError for a target that is neither a figure nor a file of the folder."""
+        names = sorted(path.stem for path in Path("figures").glob("fig*.py"))
+        for target in self.targets:
+            if target not in names and Path(target).parent != folder:
+                raise ValueError(
+                    f"targets must be among {', '.join(names)} or files in {folder}, got {target!r}"
+                )

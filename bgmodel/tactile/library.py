@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
+from bgmodel.files import replacing
 from bgmodel.tactile import sampling
 from bgmodel.tactile.pressing import LibraryPlan, press
 
@@ -179,16 +180,11 @@ def _mapper(workers: int) -> Iterator[Callable[..., Iterable[Singles]]]:
 
 
 def _save(path: Path, plan: LibraryPlan, fields: dict[float, Singles]) -> None:
-    """Write beside, then rename: a file under the final name is always whole."""
+    """Write the fields with the plan that they belong to, whole or not at all."""
     arrays: dict[str, Any] = {f"period_{period:g}": values for period, values in fields.items()}
     arrays["parameters"] = np.array(plan.parameters())
-    beside = path.with_suffix(f".{os.getpid()}.part")
-    try:
-        with beside.open("wb") as part:
-            np.savez(part, **arrays)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(path) as partial, partial.open("wb") as file:
+        np.savez(file, **arrays)
 
 
 def _load(path: Path, plan: LibraryPlan) -> dict[float, Singles] | None:
