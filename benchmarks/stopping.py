@@ -1,0 +1,146 @@
+"""Stop `make figures FAST=1` again and again: it goes on, to the same bytes.
+
+Two clones of what is committed here, both run with this interpreter's environment. One run is left
+alone; the other is stopped at random moments (fixed seed), fifteen times, and then left alone:
+five times each by SIGINT to make's process group (Ctrl-C), SIGINT to `bgmodel figures` alone, and
+SIGKILL of the command, of Snakemake, of make's group, of the command and Snakemake together (their
+jobs live on) and of everything. Then the SHA-256 of every file under figures/fast is compared, the
+cache of the contact library included. Linux; about half an hour on two cores:
+
+    python -m benchmarks.stopping --folder /tmp/stopping
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import psutil
+
+from bgmodel.files import write_table
+
+ROOT = Path(__file__).parents[1]
+OUT = ROOT / "benchmarks" / "out"
+SEED = 2023
+WAYS = ["SIGINT group", "SIGINT command"] * 5
+WAYS += [f"SIGKILL {who}" for who in ("command", "Snakemake", "group", "both", "everything")]
+
+
+def clone(folder: Path) -> Path:
+    """Clone what is committed here."""
+    subprocess.run(["git", "clone", "-q", str(ROOT), str(folder)], check=True)
+    return folder
+
+
+def start(folder: Path, cores: int) -> psutil.Popen:
+    """Call ``make figures`` in a clone, in a process group of its own, with our environment."""
+    command = ["make", "figures", "FAST=1", f"CORES={cores}", f"VENV={sys.prefix}"]
+    for file in ("pyvenv.cfg", "figures.installed"):
+        command += ["-o", f"{sys.prefix}/{file}"]  # what is installed stays as it is
+    with (folder / "said.txt").open("a") as said:
+        return psutil.Popen(
+            command,
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": str(folder)},
+            stdout=said,
+            stderr=said,
+            start_new_session=True,
+        )
+
+
+def family(make: psutil.Popen) -> list[psutil.Process]:
+    """Return the command, Snakemake and its jobs, as far as they have begun."""
+    command = make.children()
+    return command + [child for parent in command for child in parent.children(recursive=True)]
+
+
+def stop(make: psutil.Popen, way: str) -> list[psutil.Process]:
+    """Stop a run in one of the ways; return the processes that it had."""
+    every = family(make)
+    sent, who = way.split()
+    number = signal.Signals[sent]
+    if who == "group":
+        os.killpg(make.pid, number)
+        return every
+    chosen = {
+        "command": every[:1],
+        "Snakemake": every[1:2],
+        "both": every[:2],
+        "everything": [*every, make],
+    }[who]
+    for process in chosen:
+        process.suspend()  # none may see the others end
+    for process in chosen:
+        process.send_signal(number)
+    for process in chosen:
+        if number != signal.SIGKILL:
+            process.resume()
+    return every
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of every file under figures/fast."""
+    made = folder / "figures" / "fast"
+    return {
+        str(path.relative_to(made)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(made.rglob("*"))
+        if path.is_file()
+    }
+
+
+def stopped_run(folder: Path, cores: int, longest_s: float) -> pd.DataFrame:
+    """Stop a run in every way, in random order, then let it end; one row per stop."""
+    rng = random.Random(SEED)
+    rows = []
+    for way in rng.sample(WAYS, len(WAYS)):
+        moment = rng.uniform(0.5, longest_s)
+        make = start(folder, cores)
+        time.sleep(moment)
+        row = {"way": way, "after_s": round(moment, 1), "ran": make.poll() is None}
+        if row["ran"]:
+            every = stop(make, way)
+            begun = time.monotonic()
+            row["jobs"] = len(every[2:])
+            row["status"] = make.wait(60)
+            _, alive = psutil.wait_procs(every, timeout=0.2)
+            row["left_at_once"] = len(alive)
+            row["ended_in_s"] = round(time.monotonic() - begun, 2)
+        row["partial"] = len(list((folder / "figures" / "fast").rglob(".*.partial.*")))
+        row["figures"] = len(list((folder / "figures" / "fast").glob("*.png")))
+        rows.append(row)
+        print(row, flush=True)
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    """Run both, compare, print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--folder", type=Path, required=True, help="for the clones; removed first")
+    parser.add_argument("--cores", type=int, default=2)
+    parser.add_argument("--longest-s", type=float, default=60.0, help="of a run before its stop")
+    given = parser.parse_args()
+    shutil.rmtree(given.folder, ignore_errors=True)
+    left_alone, stopped = (clone(given.folder / name) for name in ("left_alone", "stopped"))
+    table = stopped_run(stopped, given.cores, given.longest_s)
+    statuses = [start(folder, given.cores).wait() for folder in (stopped, left_alone)]
+    ours, theirs = hashes(stopped), hashes(left_alone)
+    differ = sorted(
+        name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name)
+    )
+    OUT.mkdir(exist_ok=True)
+    write_table(table, OUT / "stopping.csv", seed=SEED, cores=given.cores, differ=differ)
+    print(table.to_string())
+    print(f"statuses at the end {statuses}; {len(theirs)} files, {len(differ)} differ: {differ}")
+
+
+if __name__ == "__main__":
+    main()
