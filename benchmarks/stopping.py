@@ -128,6 +128,8 @@ def main() -> None:
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument("--longest-s", type=float, default=60.0, help="of a run before its stop")
     given = parser.parse_args()
+    # In the background of a script SIGINT is ignored, by all that is started here too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     shutil.rmtree(given.folder, ignore_errors=True)
     left_alone, stopped = (clone(given.folder / name) for name in ("left_alone", "stopped"))
     table = stopped_run(stopped, given.cores, given.longest_s)
