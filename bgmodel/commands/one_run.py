@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from fcntl import LOCK_EX, LOCK_NB, flock
@@ -81,7 +82,10 @@ def run_to_end(command: Callable[[int], Sequence[str]], jobs: IO[str]) -> int:
         child = subprocess.Popen(command(owner), stdin=jobs, pass_fds=[owner], process_group=0)
         try:
             with _pausing(child.pid):
-                return child.wait()
+                # A thread of a numerical library may take a signal: that ends no wait in this one.
+                while child.poll() is None:
+                    time.sleep(0.1)
+                return child.returncode
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGKILL)
