@@ -74,16 +74,13 @@ def stop(make: psutil.Popen, way: str) -> list[psutil.Process]:
     chosen = {
         "command": every[:1],
         "Snakemake": every[1:2],
-        "both": every[:2],
-        "everything": [*every, make],
+        "both": every[1::-1],
+        "everything": [make, *every],
     }[who]
-    for process in chosen:
-        process.suspend()  # none may see the others end
+    for process in chosen[1:]:
+        process.suspend()  # none may see the first one end
     for process in chosen:
         process.send_signal(number)
-    for process in chosen:
-        if number != signal.SIGKILL:
-            process.resume()
     return every
 
 
@@ -111,8 +108,7 @@ def stopped_run(folder: Path, cores: int, longest_s: float) -> pd.DataFrame:
             begun = time.monotonic()
             row["jobs"] = len(every[2:])
             row["status"] = make.wait(60)
-            _, alive = psutil.wait_procs(every, timeout=0.2)
-            row["left_at_once"] = len(alive)
+            row["left"] = len(psutil.wait_procs(every, timeout=3)[1])
             row["ended_in_s"] = round(time.monotonic() - begun, 2)
         row["partial"] = len(list((folder / "figures" / "fast").rglob(".*.partial.*")))
         row["figures"] = len(list((folder / "figures" / "fast").glob("*.png")))
