@@ -87,7 +87,7 @@ def run_to_end(command: Callable[[int], Sequence[str]], jobs: IO[str]) -> int:
                     time.sleep(0.1)
                 return child.returncode
         finally:
-            with suppress(ProcessLookupError):
+            with suppress(ProcessLookupError, PermissionError):  # nothing of it is left
                 os.killpg(child.pid, signal.SIGKILL)
             child.wait()
     finally:
