@@ -114,7 +114,9 @@ def _whole(text: str) -> int:
 def _sentence(box: str) -> str:
     """Return the first part of the box that tyro draws about an error, as one line."""
     lines = [line.strip("│ ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
-    parts = re.split(r"─{3,}", " ".join(lines))
+    # Where the terminal's alphabet has no frames, the title stands by itself above a line.
+    title = 0 if box.lstrip().startswith("╭") else 1
+    parts = re.split(r"[─-]{3,}", " ".join(lines))[title:]
     kept = [parts[0].split("Got errors:")[0], *(p for p in parts[1:] if "Available" in p)]
     said = re.sub(r"\s+", " ", " ".join(kept)).strip().rstrip(".")
     return f"{said} (bgmodel --help tells what there is)"

@@ -297,7 +297,10 @@ class Circuit:
         return replace(self, channels=channels)
 
     def with_neurons(self, neurons: int) -> Circuit:
-        """Return the circuit with another number of cells in every spiking population."""
+        """Return the circuit with another number of cells in every spiking population.
+
+        This and the next two raise ValueError where there is none: they would change nothing.
+        """
         return self._everywhere(neurons=neurons)
 
     def with_spread(self, spread: float) -> Circuit:
@@ -306,6 +309,7 @@ class Circuit:
 
     def with_connections(self, probability: float) -> Circuit:
         """Return the circuit with sparse connections, of fixed in-degree, between spiking cells."""
+        self._check_spikes("connections")
         rows = tuple(
             replace(p, probability=probability)
             if self.population(p.source).spiking and self.population(p.target).spiking
@@ -334,7 +338,12 @@ class Circuit:
         rows = tuple(replace(p, intact=1.0, replaced=False) for p in self.populations)
         return replace(self, populations=rows)
 
+    def _check_spikes(self, what: str) -> None:
+        if not any(row.spiking for row in self.populations):
+            raise ValueError(f"{self.name} has no cells that spike: {what} would change nothing")
+
     def _everywhere(self, **values: Any) -> Circuit:
+        self._check_spikes(", ".join(values))
         rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
         return replace(self, populations=rows)
 

@@ -1,0 +1,134 @@
+"""Ten thousand random inputs: each gives a result that an oracle confirms, or one sentence."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+import warnings
+from collections import Counter
+
+import numpy as np
+import pytest
+from fuzzing import KINDS, prepare
+
+from bgmodel.cli import main
+from bgmodel.seeds import stream
+
+SEED = 18
+AS_COMMANDS = 200
+ORACLES = 2000
+SHARE = float(os.environ.get("FUZZ_SHARE", 0.01))
+"""Share of the inputs that `make test` tries."""
+
+
+def cases(kind, share):
+    """Return numbers and generators of the inputs of a kind, so many of them."""
+    count, make = KINDS[kind]
+    return range(max(round(count * share), 4)), make
+
+
+def tried(kind, k, make, folder, capsys):
+    """Try one input; return whether it was valid and held to an oracle, and the case."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    case = make(stream(SEED, "fuzz", kind, k), folder)
+    before = sorted(path.name for path in folder.rglob("*"))
+    started = time.perf_counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if case.arguments is not None:
+            result = None
+            status = main(case.arguments)
+            said = capsys.readouterr().err
+            assert status == (0 if case.valid else 2), said
+            assert "Traceback" not in said
+            if not case.valid:
+                check_sentence(said)
+                assert sorted(path.name for path in folder.rglob("*")) == before
+        elif case.valid:
+            result = case.call()
+        else:
+            with pytest.raises(ValueError, match=r"^[^\n]{10,}$"):
+                case.call()
+    assert time.perf_counter() - started < case.limit_s, "longer than its stated time"
+    if case.valid and case.check is not None:
+        case.check(*([] if result is None else [result]))
+    return case
+
+
+def check_sentence(said):
+    """One line that begins with the name of the command, after what a command says beforehand."""
+    lines = [line for line in said.strip().splitlines() if line.startswith("bgmodel: ")]
+    assert len(lines) == 1, said
+    assert said.strip().splitlines()[-1] == lines[0], said
+    assert 20 < len(lines[0]) < 400, said
+
+
+def all_tried(share, tmp_path, monkeypatch, capsys):
+    """Try inputs of every kind; return the counts, and the cases that are commands."""
+    root = figures_without_snakemake(tmp_path, monkeypatch)
+    counts, commands, failed = Counter(), [], []
+    for kind in KINDS:
+        numbers, make = cases(kind, share)
+        for k in numbers:
+            try:
+                case = tried(kind, k, make, root / "here", capsys)
+            except BaseException as error:  # also what pytest and the system raise
+                if isinstance(error, KeyboardInterrupt):
+                    raise
+                failed.append(f"{kind} {k}: {type(error).__name__} {str(error)[:300]}")
+                capsys.readouterr()
+                continue
+            counts[kind, case.valid] += 1
+            counts["checked"] += case.valid and case.check is not None
+            if case.arguments is not None and kind != "figures":
+                commands.append((kind, k))
+    with capsys.disabled():
+        print(f"\n{sum(v for k, v in counts.items() if k != 'checked')} inputs, {dict(counts)}")
+    assert not failed, "\n".join(failed[:20])
+    return counts, commands
+
+
+def figures_without_snakemake(tmp_path, monkeypatch):
+    """Return a folder to work in, where `bgmodel figures` checks and starts nothing."""
+    shutil.copytree("figures", tmp_path / "figures", ignore=shutil.ignore_patterns("out", "fast"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("BGMODEL_RECORDINGS", raising=False)
+    monkeypatch.setattr("bgmodel.commands.one_run.run_to_end", lambda *given: 0)
+    prepare(tmp_path)
+    return tmp_path
+
+
+def test_some_random_inputs_give_a_result_or_one_sentence(tmp_path, monkeypatch, capsys):
+    counts, _ = all_tried(SHARE, tmp_path, monkeypatch, capsys)
+    assert counts["checked"] > 10
+
+
+@pytest.mark.validate
+def test_random_inputs_give_a_result_or_one_sentence(tmp_path, monkeypatch, capsys):
+    counts, commands = all_tried(1.0, tmp_path, monkeypatch, capsys)
+    number = {kind: counts[kind, True] + counts[kind, False] for kind in KINDS}
+    assert sum(number.values()) >= 10_000
+    assert counts["checked"] >= ORACLES
+    for kind, count in number.items():
+        assert count >= 200, kind
+        assert 0.35 < counts[kind, True] / count < 0.65, kind
+    chosen = stream(SEED, "fuzz", "commands").permutation(len(commands))[:AS_COMMANDS]
+    for n in np.sort(chosen):
+        kind, k = commands[n]
+        folder = tmp_path / "here"
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        case = KINDS[kind][1](stream(SEED, "fuzz", kind, k), folder)
+        done = subprocess.run(
+            [sys.executable, "-c", "import sys; from bgmodel.cli import main; sys.exit(main())",
+             *case.arguments],
+            capture_output=True, text=True, check=False, timeout=60,
+        )  # fmt: skip
+        assert done.returncode == (0 if case.valid else 2), (case.arguments, done.stderr)
+        assert "Traceback" not in done.stderr
+        if case.valid and case.check is not None:
+            case.check()
+        elif not case.valid:
+            check_sentence(done.stderr)
