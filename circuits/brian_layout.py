@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from circuits import brian_text, noise
 from circuits.spec import Projection
-from circuits.ticks import Scheme, cell_factors, starting_state
+from circuits.ticks import Scheme, cell_factors, spike_hz, starting_state
 from circuits.wiring import Array, Index, Wiring, fan_in
 
 Values = dict[tuple[str, str], Array]
@@ -141,7 +141,7 @@ class Layout:
 
     def cells_to_blocks(self, name: str) -> Columns:
         """Return cells, blocks and Hz a spike."""
-        hz = 1000 / (self.scheme.dt_ms * self.wiring.circuit.population(name).neurons)
+        hz = spike_hz(self.wiring.circuit.population(name).neurons, self.scheme.dt_ms)
         blocks = self.wiring.blocks_of(name)
         return joined([(self.cells(b), self.index("blocks", b), hz) for b in blocks])
 
@@ -184,11 +184,14 @@ class Layout:
 
     def constants(self, block: int) -> dict[str, Any]:
         """Return the constants of a block's cells: numbers, or (neurons,) where they vary."""
-        row, circuit = self.wiring.row(block), self.wiring.circuit
-        factors = np.ones(3)
-        if row.spread:
-            factors = cell_factors(circuit, row.name, int(self.wiring.channel[block]))
+        row, factors = self.wiring.row(block), self._factors(block)
         return brian_text.cell_text(row).constants(row.cell, factors, self.scheme.dt_ms)
+
+    def _factors(self, block: int) -> Array:
+        row, circuit = self.wiring.row(block), self.wiring.circuit
+        if not row.spread:
+            return np.ones(3)
+        return cell_factors(circuit, row.name, int(self.wiring.channel[block]))
 
     def start(self, seed: int, first_trial: int) -> Values:
         """Return the variables that change from run to run, as one begins."""
@@ -198,9 +201,12 @@ class Layout:
         values["blocks", "stream"] = streams.ravel().astype(np.int64)
         for name in self.populations:
             row = w.circuit.population(name)
-            keys = [int(key) for key in streams[:, w.blocks_of(name)].ravel()]
-            begin = starting_state(row.cell, keys, row.neurons, self.scheme.dt_ms)
-            values[name, brian_text.cell_text(row).begins] = begin.ravel()
+            begin = [
+                starting_state(row.cell, self._factors(b), int(key), row.neurons, self.scheme.dt_ms)
+                for one in streams
+                for b, key in zip(w.blocks_of(name), one[w.blocks_of(name)], strict=True)
+            ]
+            values[name, brian_text.cell_text(row).begins] = np.concatenate(begin).astype(float)
         if self.line:
             line = np.repeat(self.scheme.start[2][list(self.line)], list(self.line.values()))
             values["line", "value_hz"] = np.tile(line, self.trials)

@@ -43,6 +43,10 @@ _C = {
     return (int)((x + (x >> 4)) & 0x0F0F0F0FU);
 """,
     ),
+    "ones": (
+        "double ones(int word, long long tick)",
+        "\n    return (double)(((unsigned int)word >> (8 * (int)(tick & 3))) & 15U);\n",
+    ),
     "gauss": (
         "double gauss(int word, long long tick)",
         """
@@ -53,6 +57,10 @@ _C = {
     "chance": (
         "double chance(int word)",
         "\n    return (double)(unsigned int)word / 4294967296.0;\n",
+    ),
+    "single": (
+        "double single(double x)",
+        "\n    return (double)(float)x;\n",
     ),
     "chosen": (
         "double chosen(int test, double a, double b)",
@@ -89,10 +97,20 @@ def byte_counts(cell: Ints, key: Ints) -> Ints:
     return noise.byte_counts(_u32(random_word(cell, key))).astype(np.int32)
 
 
+def ones(counts: Ints, tick: Ints) -> npt.NDArray[np.float64]:
+    """Return the number of ones in the byte of a tick."""
+    shift = (8 * (np.asarray(tick) % noise.TICKS_A_WORD)).astype(np.uint32)
+    return ((_u32(counts) >> shift) & np.uint32(15)).astype(np.float64)
+
+
 def gauss(counts: Ints, tick: Ints) -> npt.NDArray[np.float64]:
     """Return ``noise.bits8`` at a tick."""
-    shift = (8 * (np.asarray(tick) % noise.TICKS_A_WORD)).astype(np.uint32)
-    return (((_u32(counts) >> shift) & np.uint32(15)).astype(np.float64) - 4) / np.sqrt(2)
+    return (ones(counts, tick) - 4) / np.sqrt(2)
+
+
+def single(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Round to single precision."""
+    return np.asarray(x, dtype=np.float32).astype(np.float64)
 
 
 def chance(word: Ints) -> npt.NDArray[np.float64]:
@@ -104,8 +122,10 @@ _NUMPY = {
     "tick_key": tick_key,
     "random_word": random_word,
     "byte_counts": byte_counts,
+    "ones": ones,
     "gauss": gauss,
     "chance": chance,
+    "single": single,
     "chosen": np.where,
 }
 _KINDS = {"int": "integer", "long": "integer", "double": "float"}

@@ -15,7 +15,7 @@ import numpy as np
 from circuits import noise, transfer
 from circuits.cells import Cell, Escape, Lif, Phase
 from circuits.spec import Population
-from circuits.ticks import refractory_ticks
+from circuits.ticks import jitter, lif_tick, refractory_ticks
 from circuits.wiring import Array
 
 # ---- delay line of the blocks' rates, oldest first: each element takes over the next one's value
@@ -100,7 +100,7 @@ block : integer (constant)
 key : integer (linked)
 """
 
-HEAR = {"nats": "nats = block_x", "hz": "hz = factor*block_hz"}
+HEAR = {"nats": "nats = single(block_x)", "hz": "hz = block_hz"}
 
 OWN_STATE = """
 own : 1                     # sum over the cell's sockets
@@ -108,11 +108,11 @@ own_x : 1
 """
 
 OWN_HEAR = {
-    "nats": "nats = block_x + own",
+    "nats": "nats = single(block_x + own)",
     "hz": """
 own_x = decay*own_x + (1 - decay)*own
 x = block_x + own_x
-hz = factor*clip(baseline_hz + gain_hz_per_nat*({law}), 0, inf)
+hz = clip(baseline_hz + gain_hz_per_nat*({law}), 0, inf)
 """,
 }
 
@@ -124,8 +124,7 @@ class CellText:
     Parameters
     ----------
     hears : str
-        What a cell is given every tick: its input ``nats``, or the rate ``hz`` that it stands for,
-        times the constant ``factor``.
+        What a cell is given every tick: its input ``nats``, or the rate ``hz`` that it stands for.
     state : str
         Its variables.
     begins : str
@@ -134,13 +133,14 @@ class CellText:
         (cell, factors (3,) or (3, neurons), dt_ms) -> the constants of the text, of all cells or of
         each.
     tick : str
-        Code of one tick. ``gauss(word, t_in_timesteps)`` is noise of unit variance,
-        ``chance(word)`` is uniform in 0..1, ``chosen(test, a, b)`` is a where the test holds and b
-        elsewhere.
+        Code of one tick. ``gauss(word, t_in_timesteps)`` is noise of unit variance, of 8 bits of
+        which ``ones(word, t_in_timesteps)`` are one; ``chance(word)`` is uniform in 0..1,
+        ``single(x)`` rounds to single precision, ``chosen(test, a, b)`` is a where the test holds
+        and b elsewhere.
     spike, reset : str
         Condition of a spike, and what follows.
     word, word_ticks : str, int
-        ``"byte_counts"`` and 4 for ``gauss``, ``"random_word"`` and 1 for ``chance``.
+        ``"byte_counts"`` and 4 for ``gauss`` and ``ones``, ``"random_word"`` and 1 for ``chance``.
     """
 
     hears: str
@@ -155,15 +155,14 @@ class CellText:
 
 
 def _lif_constants(cell: Lif, factors: Array, dt_ms: float) -> dict[str, Any]:
-    return {
-        "alpha": np.exp(-dt_ms / (cell.tau_ms * factors[0])),
-        "step_mv": cell.step_mv(dt_ms, factors[0]),
-        "mv_per_nat": cell.mv_per_nat * factors[1],
-        "threshold_mv": cell.sampled_threshold_mv(dt_ms, factors[0], factors[2]),
-        "rest_mv": cell.rest_mv,
-        "reset_mv": cell.reset_mv,
-        "held": refractory_ticks(cell.refractory_ms, dt_ms),
-    }
+    constants = lif_tick(cell, factors, dt_ms)
+    names = ("keep", "rest", "slope", "kick", "threshold")
+    held = refractory_ticks(cell.refractory_ms, dt_ms)
+    return {name: np.float64(constants[name]) for name in names} | {"held": held}
+
+
+def _phase_constants(cell: Phase, factors: Array, dt_ms: float) -> dict[str, Any]:
+    return {"kick": np.float64(jitter(cell, factors)), "factor": np.float64(np.float32(factors[0]))}
 
 
 def _escape_constants(cell: Escape, factors: Array, dt_ms: float) -> dict[str, Any]:
@@ -180,13 +179,13 @@ CELL_TEXT: dict[type[Cell], CellText] = {
         begins="v",
         constants=_lif_constants,
         tick="""
-            mean_mv = rest_mv + mv_per_nat*nats
-            moved = mean_mv + (v - mean_mv)*alpha + step_mv*gauss(word, t_in_timesteps)
-            v = chosen(t_in_timesteps >= ready, moved, v)
+            push = single(rest + slope*nats)
+            push = single(push + kick*ones(word, t_in_timesteps))
+            v = chosen(t_in_timesteps >= ready, single(push + keep*v), v)
         """,
-        spike="v >= threshold_mv",
+        spike="v >= threshold",
         reset="""
-            v = reset_mv
+            v = 0
             ready = t_in_timesteps + held + 1
         """,
     ),
@@ -194,10 +193,12 @@ CELL_TEXT: dict[type[Cell], CellText] = {
         hears="hz",
         state="phi : 1",
         begins="phi",
-        constants=lambda cell, factors, dt_ms: {"cv": cell.cv, "factor": factors[0]},
+        constants=_phase_constants,
         tick="""
-            mean = hz*dt_s
-            phi = phi + mean + cv*sqrt(mean)*gauss(word, t_in_timesteps)
+            width = single(kick*single(sqrt(hz*dt_s)))
+            push = single(single(factor*single(hz*dt_s)) - 4*width)
+            push = single(push + width*ones(word, t_in_timesteps))
+            phi = single(phi + push)
         """,
         spike="phi >= 1",
         reset="phi = phi - 1",
@@ -211,7 +212,7 @@ CELL_TEXT: dict[type[Cell], CellText] = {
         begins="fired",
         constants=_escape_constants,
         tick="""
-            hit = chosen(chance(word) < -expm1(-hz*dt_s), 1.0, 0.0)
+            hit = chosen(chance(word) < -expm1(-factor*hz*dt_s), 1.0, 0.0)
             fired = chosen(t_in_timesteps >= ready, hit, 0.0)
         """,
         spike="fired > 0",

@@ -16,8 +16,9 @@ import numba
 import platformdirs
 
 OPTIONS = {
-    # Not "reassoc": it would add in an order that depends on the loop around an expression.
-    "fastmath": {"contract", "nsz", "arcp"},
+    # Not "reassoc": it would add in an order that depends on the loop around an expression. Not
+    # "contract": a product would be rounded before it is added, or not, as the machine has it.
+    "fastmath": {"nsz"},
     "error_model": "numpy",
     # No memory is taken inside, so no references are counted: that alone cost 600 ns a tick.
     "_nrt": False,

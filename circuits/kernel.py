@@ -3,7 +3,8 @@
 What arrives in the next ticks, up to the least delay, is known before they begin. So each block in
 turn goes through such a window of ticks; the read-out follows. No tick knows the difference.
 
-Sums over populations are double precision; cells, in ``circuits.lanes``, are single precision.
+Sums over populations are double precision, in the order of ``circuits.brian_text``; cells, in
+``circuits.lanes``, are single precision.
 """
 
 from __future__ import annotations
@@ -31,7 +32,6 @@ LEAST_SCALE = 2.0**-10
 """Filters of cells are written anew when what they are divided by falls below this."""
 MOST_ROWS = 255
 """Rows of wires that a count of a byte takes."""
-ROOT_HALF = np.float32(math.sqrt(0.5))
 
 _GOLDEN = np.uint64(noise.GOLDEN)
 
@@ -82,13 +82,18 @@ def _arrivals(first, window, units, sources, ring, state, passed):
 
 @compiled
 def _common(block, first, window, clock, inputs, passed, drive, common):
-    """Sum up what all cells of a block receive, nats, in the ticks of a window (line 2)."""
+    """Sum up what all cells of a block receive, nats, in the ticks of a window (line 2).
+
+    The order is that of the Brian2 engine: another one would round otherwise.
+    """
     for t in range(window):
-        common[t] = block.bias
+        common[t] = 0.0
     for e in range(block.input, block.inputs):
         weight, row = inputs[e].weight, passed[inputs[e].index]
         for t in range(window):
             common[t] += weight * row[t]
+    for t in range(window):
+        common[t] += block.bias
     if block.drive >= 0:
         for t in range(max(clock.settle - first, 0), window):
             step = (first + t - clock.settle) // clock.step
@@ -105,7 +110,7 @@ def _receive(block, b, first, window, dt_s, work):
                 push[t] = common[t]
             return
         for t in range(window):
-            push[t] = block.push * (block.mv + block.mv_per_nat * common[t]) - 4 * block.kick
+            push[t] = lanes.fused(block.slope, np.float32(common[t]), block.rest)
         return
     if block.apart == WIRED:
         return
@@ -118,11 +123,11 @@ def _receive(block, b, first, window, dt_s, work):
         if block.apart == SPREAD:
             push[t], kick[t] = mean, math.sqrt(mean)
         elif block.kind == PHASE:
-            each = block.cv * math.sqrt(0.5 * mean)
-            kick[t] = each
-            push[t] = mean - 4 * each
+            each = np.float32(math.sqrt(mean)) * block.jitter
+            push[t], kick[t] = np.float32(mean) - lanes.HALF_BITS * each, each
         elif block.kind == ESCAPE:
-            work.limit[t] = np.uint32(min(-math.expm1(-mean) * 4294967296.0, 4294967295.0))
+            limit = math.ceil(-math.expm1(-mean) * 4294967296.0)
+            work.limit[t] = np.uint32(min(limit, 4294967295.0))
     work.state[b] = x
 
 
@@ -246,7 +251,7 @@ def _apart(p, work, block, t, k, stream, ticks, x, marks):
         top, hold = block.threshold, block.hold
         return lanes.lif_apart(v, counts, first, cells, ticks, common, x, own, top, hold, marks)
     if block.kind == PHASE:
-        root, each = _four(work.kick, t), np.float32(block.cv) * ROOT_HALF
+        root, each = _four(work.kick, t), block.jitter
         return lanes.phase_apart(v, counts, first, cells, ticks, common, root, x, own, each, marks)
     keys = _keys(stream, k)
     return lanes.escape_apart(v, first, cells, ticks, keys, common, x, own, block.hold, marks)

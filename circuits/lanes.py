@@ -109,6 +109,16 @@ def choose(typing, condition, yes, no):
 
 
 @intrinsic
+def fused(typing, a, b, c):
+    """Return ``a b + c`` of float32, rounded once, on every machine."""
+
+    def build(context, builder, signature, arguments):
+        return builder.fma(*arguments)
+
+    return types.float32(types.float32, types.float32, types.float32), build
+
+
+@intrinsic
 def count(typing, total, fired):
     """Return total + fired in 32 bits."""
 
@@ -263,7 +273,7 @@ def lif_alike(v, counts, start, cells, ticks, decay, push, kick, threshold, hold
         j, mark = np.uint64(start + i), UNMARKED
         x, word = v[j], counts[j]
         for t in range(len(ticks)):
-            moved = x * decay + (push[t] + kick * ones_at(word, t))
+            moved = fused(x, decay, fused(kick, ones_at(word, t), push[t]))
             x, spike = _lif(x, moved, threshold, hold)
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = x
@@ -287,8 +297,8 @@ def lif_apart(v, counts, start, cells, ticks, common, x, constants, threshold, h
         y, word = v[j], counts[j]
         for t in range(len(ticks)):
             heard = common[t] if x is None else x[t, c]
-            push = rest[j] + slope[j] * heard + kick[j] * ones_at(word, t)
-            y, spike = _lif(y, y * decay[j] + push, threshold, hold)
+            push = fused(kick[j], ones_at(word, t), fused(slope[j], heard, rest[j]))
+            y, spike = _lif(y, fused(y, decay[j], push), threshold, hold)
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = y
         if marks is not None:
@@ -297,9 +307,9 @@ def lif_apart(v, counts, start, cells, ticks, common, x, constants, threshold, h
 
 
 @numba.njit(inline="always")
-def _phase(old, push, kick):
+def _phase(old, push):
     """Return the next phase of a cell, and whether it fires: it shows that until the next tick."""
-    new = (old - choose(old >= ONE, ONE, ZERO)) + (push + kick)
+    new = (old - choose(old >= ONE, ONE, ZERO)) + push
     return new, new >= ONE
 
 
@@ -311,7 +321,7 @@ def phase_alike(v, counts, start, cells, ticks, push, kick, marks):
         j, mark = np.uint64(start + i), UNMARKED
         x, word = v[j], counts[j]
         for t in range(len(ticks)):
-            x, spike = _phase(x, push[t], kick[t] * ones_at(word, t))
+            x, spike = _phase(x, fused(kick[t], ones_at(word, t), push[t]))
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = x
         if marks is not None:
@@ -336,7 +346,8 @@ def phase_apart(v, counts, start, cells, ticks, mean, root, x, constants, each, 
         for t in range(len(ticks)):
             m = mean[t] * factor[j] if x is None else x[t, c]
             width = root[t] * kick[j] if x is None else each * np.sqrt(m)
-            y, spike = _phase(y, m, width * (ones_at(word, t) - HALF_BITS))
+            push = fused(width, ones_at(word, t), m - HALF_BITS * width)
+            y, spike = _phase(y, push)
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = y
         if marks is not None:

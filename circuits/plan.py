@@ -10,8 +10,20 @@ import numpy.typing as npt
 from circuits import kernel, lanes, records
 from circuits.cells import Escape, Lif, Phase
 from circuits.spec import Circuit
-from circuits.ticks import Clock, Scheme, cell_factors, refractory_ticks
+from circuits.ticks import (
+    Clock,
+    Scheme,
+    cell_factors,
+    jitter,
+    lif_tick,
+    refractory_ticks,
+    spike_hz,
+)
 from circuits.wiring import Array, Wiring, fan_in
+
+ONE = np.ones(3)
+LIF = ("keep", "rest", "slope", "kick", "threshold")
+"""Constants of a Lif's tick that all cells of a block share, if they are alike."""
 
 
 def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.Plan:
@@ -67,7 +79,10 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     strand_from = np.searchsorted(strands["target"], np.arange(wiring.blocks + 1))
     drives = np.full(wiring.blocks, -1)
     drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
-    lif = np.array([_lif(row.cell, dt) for row in rows])
+    lif = [
+        lif_tick(row.cell, ONE, dt) if isinstance(row.cell, Lif) else dict.fromkeys(LIF, 0.0)
+        for row in rows
+    ]
     readout = circuit.population(circuit.readout)
     return records.Plan(
         clock=_records(
@@ -97,7 +112,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             strands=strand_from[1:],
             start=start,
             cells=cells,
-            spike_hz=1000 / (np.maximum(cells, 1) * dt),
+            spike_hz=spike_hz(cells, dt),
             filled=filled,
             apart=apart,
             kept=kept,
@@ -111,12 +126,8 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             drive_gain=circuit.drive_gain,
             rest_x=rest_x,
             rest_hz=rest_hz,
-            cv=[row.cell.cv if isinstance(row.cell, Phase) else 0.0 for row in rows],
-            mv=lif[:, 0],
-            mv_per_nat=lif[:, 1],
-            keep=scheme.block_decay,
-            kick=lif[:, 2],
-            threshold=lif[:, 3],
+            jitter=[jitter(row.cell, ONE) if isinstance(row.cell, Phase) else 0.0 for row in rows],
+            **{name: [constants[name] for constants in lif] for name in LIF},
             hold=[_hold(row.cell, dt) for row in rows],
             begin=[_begin(row.cell, dt)[0] for row in rows],
             begin_span=[_begin(row.cell, dt)[1] for row in rows],
@@ -166,15 +177,6 @@ def _hold(cell: object, dt_ms: float) -> float:
     return 0.0
 
 
-def _lif(cell: object, dt_ms: float) -> tuple[float, ...]:
-    """Return rest and slope (mV from the reset), the kick of a bit, and the threshold."""
-    if not isinstance(cell, Lif):
-        return (0.0,) * 4
-    kick = cell.step_mv(dt_ms) / np.sqrt(2)
-    threshold = cell.sampled_threshold_mv(dt_ms) - cell.reset_mv
-    return cell.rest_mv - cell.reset_mv, cell.mv_per_nat, kick, threshold
-
-
 def _constants(
     wiring: Wiring, start: Any, filled: Any, apart: Any, dt_ms: float
 ) -> npt.NDArray[np.float32] | None:
@@ -185,21 +187,13 @@ def _constants(
     for b in np.flatnonzero(apart):
         row = wiring.row(b)
         here = slice(start[b], start[b] + row.neurons)
-        tau, slope, top = cell_factors(wiring.circuit, row.name, int(wiring.channel[b]))
-        constants[lanes.FACTOR, here] = tau
-        cell = row.cell
-        if isinstance(cell, Phase):
-            constants[lanes.KICK, here] = cell.cv * np.sqrt(tau / 2)
-        if not isinstance(cell, Lif):
-            continue
-        decay = np.exp(-dt_ms / (cell.tau_ms * tau))
-        step = cell.step_mv(dt_ms, tau)
-        rest = (cell.rest_mv - cell.reset_mv) * (1 - decay) - 4 * step / np.sqrt(2)
-        threshold = cell.sampled_threshold_mv(dt_ms, tau, top) - cell.reset_mv
-        # In units of the population's own threshold all cells have that one.
-        unit = (cell.sampled_threshold_mv(dt_ms) - cell.reset_mv) / threshold
-        slope = unit * cell.mv_per_nat * slope * (1 - decay)
-        constants[:, here] = decay, unit * rest, slope, unit * step / np.sqrt(2), unit
+        factors = cell_factors(wiring.circuit, row.name, int(wiring.channel[b]))
+        constants[lanes.FACTOR, here] = factors[0]
+        if isinstance(row.cell, Phase):
+            constants[lanes.KICK, here] = jitter(row.cell, factors)
+        if isinstance(row.cell, Lif):
+            own = lif_tick(row.cell, factors, dt_ms)
+            constants[:, here] = [own[name] for name in ("keep", "rest", "slope", "kick", "unit")]
     return constants
 
 
@@ -293,5 +287,5 @@ def workspace(p: records.Plan) -> records.Work:
 def _begin(cell: object, dt_ms: float) -> tuple[float, float]:
     """Return where a cell may start, as the lanes hold it: the least, and the span."""
     if isinstance(cell, Lif):
-        return 0.0, cell.sampled_threshold_mv(dt_ms) - cell.reset_mv
+        return 0.0, float(lif_tick(cell, ONE, dt_ms)["threshold"])
     return (0.0, 1.0) if isinstance(cell, Phase) else (0.0, 0.0)

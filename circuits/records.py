@@ -20,8 +20,8 @@ CLOCK = _record(
 )
 BLOCK = _record(
     i8="kind law drive input inputs strand strands start cells filled apart kept",
-    f8="spike_hz baseline gain floor decay push bias drive_gain rest_x rest_hz cv mv mv_per_nat",
-    f4="keep kick threshold hold begin begin_span",
+    f8="spike_hz baseline gain floor decay push bias drive_gain rest_x rest_hz",
+    f4="keep rest slope kick threshold jitter hold begin begin_span",
 )
 UNIT = _record(i8="law delay source sources", f8="decay constant rest")
 EDGE = _record(i8="index", f8="weight")

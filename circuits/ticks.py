@@ -8,6 +8,11 @@ At tick k, with every rate of earlier ticks known:
 3. cells: units of rate pass ``r[k] = rates(x)`` on; spiking ones ``r[k] = spikes / (neurons dt)``;
 4. read-out: ``o = R o + (1 - R) r[k]``.
 
+Cells are single precision, everything else double. What moves a cell is built of products and sums
+``a + b c``, each rounded to single precision once: a spike depends on the last bit of a potential,
+so an engine that rounded elsewhere would have other spikes. Double precision holds a product of
+singles to the last bit, so ``single(a + b*c)`` is what a processor's fused multiply-add gives.
+
 A delay is at least one tick. Everything starts at the intact circuit's rest; the evidence comes
 after a time to settle.
 """
@@ -17,8 +22,10 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from circuits import noise
 from circuits.algebra import rest
@@ -27,6 +34,8 @@ from circuits.checks import check_number
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring, ticks, wire
 
+SPIKE_BITS = 40
+"""Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""
 SPREAD_LEAST = 0.1
 """No cell's constant falls below this fraction of its population's."""
 
@@ -192,11 +201,61 @@ def cell_factors(circuit: Circuit, name: str, channel: int) -> Array:
     return np.maximum(1 + row.spread * draws, SPREAD_LEAST)
 
 
-def starting_state(cell: object, streams: list[int], neurons: int, dt_ms: float) -> Array:
-    """Return where each cell starts, (len(streams), neurons): mV for a Lif, phase for a Phase."""
-    start = np.array([noise.uniform(s, noise.START_TICK, neurons) for s in streams])
+def spike_hz(neurons: Any, dt_ms: float) -> Any:
+    """Return what one spike in a tick adds to the rate of so many neurons, Hz."""
+    mantissa, exponent = np.frexp(1000 / (np.maximum(neurons, 1) * dt_ms))
+    return np.ldexp(np.round(np.ldexp(mantissa, SPIKE_BITS)), exponent - SPIKE_BITS)
+
+
+def lif_tick(cell: Lif, factors: Any, dt_ms: float) -> dict[str, Any]:
+    """Return the constants of ``v = keep v + (rest + slope nats + kick ones)``, a tick of a Lif.
+
+    v is in mV from the reset, in units in which all cells of the population have its threshold;
+    ``ones`` of 8 bits are the noise, and ``rest`` makes up for their mean of 4.
+
+    Parameters
+    ----------
+    cell : Lif
+        The population's.
+    factors : array (3,) or (3, neurons)
+        Of ``cell_factors``.
+    dt_ms : float
+        One tick.
+
+    Returns
+    -------
+    dict
+        ``keep``, ``rest``, ``slope``, ``kick``, ``unit`` and ``threshold``, in single precision.
+    """
+    tau, slope, top = factors
+    keep = np.exp(-dt_ms / (cell.tau_ms * tau))
+    bit = cell.step_mv(dt_ms, tau) / np.sqrt(2)
+    threshold = cell.sampled_threshold_mv(dt_ms) - cell.reset_mv
+    unit = threshold / (cell.sampled_threshold_mv(dt_ms, tau, top) - cell.reset_mv)
+    constants = {
+        "keep": keep,
+        "rest": unit * ((cell.rest_mv - cell.reset_mv) * (1 - keep) - 4 * bit),
+        "slope": unit * cell.mv_per_nat * slope * (1 - keep),
+        "kick": unit * bit,
+        "unit": unit,
+        "threshold": threshold,
+    }
+    return {name: np.float32(value) for name, value in constants.items()}
+
+
+def jitter(cell: Phase, factors: Any) -> Any:
+    """Return the noise of a bit of a Phase, over the root of its population's mean advance."""
+    return np.float32(cell.cv * np.sqrt(factors[0] / 2))
+
+
+def starting_state(
+    cell: object, factors: Any, stream: int, neurons: int, dt_ms: float
+) -> npt.NDArray[np.float32]:
+    """Return where each cell starts, (neurons,): mV from the reset for a Lif, or a phase."""
+    start = noise.uniform(stream, noise.START_TICK, neurons).astype(np.float32)
     if isinstance(cell, Lif):
-        return cell.reset_mv + (cell.sampled_threshold_mv(dt_ms) - cell.reset_mv) * start
+        constants = lif_tick(cell, factors, dt_ms)
+        return np.asarray(start * constants["threshold"] * constants["unit"], dtype=np.float32)
     return start if isinstance(cell, Phase) else np.zeros_like(start)
 
 

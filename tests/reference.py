@@ -1,4 +1,4 @@
-"""The tick scheme of ``circuits.ticks`` in plain NumPy, float64: the oracle of the engines."""
+"""The tick scheme of ``circuits.ticks`` in plain NumPy: the oracle of the engines."""
 
 from dataclasses import replace
 
@@ -8,9 +8,23 @@ import pandas as pd
 from circuits import noise
 from circuits.activity import Activity, checked_drive
 from circuits.algebra import wired
-from circuits.cells import OVERSHOOT, Escape, Lif
-from circuits.ticks import Clock, Scheme, cell_factors, refractory_ticks, starting_state
+from circuits.cells import Escape, Lif
+from circuits.ticks import (
+    Clock,
+    Scheme,
+    cell_factors,
+    jitter,
+    lif_tick,
+    refractory_ticks,
+    spike_hz,
+    starting_state,
+)
 from circuits.wiring import fan_in
+
+
+def single(x):
+    """Round to single precision; a product of two such numbers is exact before it is added."""
+    return np.float32(x).astype(np.float64)
 
 
 class Cells:
@@ -21,7 +35,11 @@ class Cells:
         self.row, self.cell, self.wiring, self.block = w.row(block), w.row(block).cell, w, block
         self.neurons, self.decay = self.row.neurons, scheme.block_decay[block]
         self.factors = cell_factors(w.circuit, self.row.name, int(w.channel[block]))
-        self.state = starting_state(self.cell, [stream], self.neurons, self.dt_ms)[0]
+        start = starting_state(self.cell, self.factors, stream, self.neurons, self.dt_ms)
+        self.state = single(start)
+        if isinstance(self.cell, Lif):
+            constants = lif_tick(self.cell, self.factors, self.dt_ms)
+            self.constants = {name: single(value) for name, value in constants.items()}
         self.x = np.full(self.neurons, scheme.start[1][block])
         held_ms = getattr(self.cell, "refractory_ms", 0.0)
         self.held_ticks = refractory_ticks(held_ms, self.dt_ms)
@@ -36,36 +54,35 @@ class Cells:
             self.x = self.decay * self.x + (1 - self.decay) * nats
             all_blocks = np.zeros((self.neurons, self.wiring.blocks))
             all_blocks[:, self.block] = self.x
-            mean = self.wiring.rates(all_blocks)[:, self.block] * self.factors[0] * self.dt_ms / 1e3
+            mean = self.wiring.rates(all_blocks)[:, self.block] * (self.dt_ms / 1e3)
             fired = (self.escape if isinstance(self.cell, Escape) else self.phase)(k, mean, free)
         self.ready[fired] = k + self.held_ticks + 1
         return fired
 
     def lif(self, k, nats, free):
-        c, (f_tau, f_gain, f_threshold) = self.cell, self.factors
-        alpha = np.exp(-self.dt_ms / (c.tau_ms * f_tau))
-        step = c.noise_mv * np.sqrt(1 - alpha**2)
-        mean = c.rest_mv + c.mv_per_nat * f_gain * nats
-        noisy = noise.bits8(self.stream, k, self.neurons)
-        moved = mean + (self.state - mean) * alpha + step * noisy
-        self.state = np.where(free, moved, self.state)
-        fired = (
-            self.state
-            >= c.reset_mv + (c.threshold_mv - c.reset_mv) * f_threshold - OVERSHOOT * step
-        )
-        self.state[fired] = c.reset_mv
+        c = self.constants
+        push = single(c["rest"] + c["slope"] * single(nats))
+        push = single(push + c["kick"] * self.ones(k))
+        self.state = np.where(free, single(push + c["keep"] * self.state), self.state)
+        fired = self.state >= c["threshold"]
+        self.state[fired] = 0.0
         return fired
 
     def phase(self, k, mean, free):
-        noisy = noise.bits8(self.stream, k, self.neurons)
-        self.state = self.state + mean + self.cell.cv * np.sqrt(mean) * noisy
+        width = single(single(jitter(self.cell, self.factors)) * single(np.sqrt(mean)))
+        push = single(single(single(self.factors[0]) * single(mean)) - 4 * width)
+        self.state = single(self.state + single(push + width * self.ones(k)))
         fired = self.state >= 1
         self.state[fired] -= 1
         return fired
 
     def escape(self, k, mean, free):
         words = noise.words(self.stream, k, self.neurons)
-        return free & (words < -np.expm1(-mean) * 2.0**32)
+        return free & (words < -np.expm1(-mean * self.factors[0]) * 2.0**32)
+
+    def ones(self, k):
+        """Return how many of the 8 bits of each cell at tick k are one."""
+        return np.rint(noise.bits8(self.stream, k, self.neurons) * np.sqrt(2) + 4)
 
 
 class Sparse:
@@ -152,7 +169,7 @@ def one(scheme, clock, drive, seed, trial):
         now = {}
         for b, group in cells.items():
             now[b] = group.tick(k, nats[b] + sum((s.tick(k, spiked) for s in own[b]), 0.0))
-            past[k, b] = now[b].mean() / (clock.dt_ms / 1e3)
+            past[k, b] = now[b].sum() * spike_hz(len(now[b]), clock.dt_ms)
         spiked.append(now)
         o = low * o + (1 - low) * past[k, readout]
         outputs[k] = o
