@@ -21,6 +21,8 @@ from circuits.brian_noise import load_brian
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
 
+EXACT = ("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+"""Instead of -ffast-math, which lets a compiler add in another order: spikes would differ."""
 HEADER = "objects.h"
 """What every file of a program includes."""
 
@@ -146,9 +148,22 @@ class Standalone:
 
         set_device(self.device, build_on_run=False)
         try:
-            yield
+            with exact_sums():
+                yield
         finally:
             reset_device()
+
+
+@contextmanager
+def exact_sums() -> Iterator[None]:
+    """Have C++ compiled so that it adds and rounds in the order of the text."""
+    cpp = load_brian().prefs.codegen.cpp
+    before = cpp.extra_compile_args_gcc
+    cpp.extra_compile_args_gcc = [flag for flag in before if flag != "-ffast-math"] + list(EXACT)
+    try:
+        yield
+    finally:
+        cpp.extra_compile_args_gcc = before
 
 
 def _compile(directory: Path) -> None:

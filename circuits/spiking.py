@@ -11,6 +11,10 @@ cell has a unit of its own (a socket) that hears spikes through Brian2's synapse
 lies and what it starts from, ``brian_network`` builds it, ``brian_noise`` is the noise,
 ``brian_standalone`` the program in C++.
 
+Its spikes are those of ``circuits.ensemble``: cells are single precision in both, and sums over
+populations are taken in one order. What may differ by a rounding is the exponential of two
+libraries; a rate that it changes is rounded to single precision, nearly always to the same number.
+
 ``run`` builds and runs once; ``Standalone`` builds one C++ program and runs it many times.
 """
 
@@ -28,7 +32,7 @@ from circuits.algebra import wired
 from circuits.brian_layout import Layout
 from circuits.brian_network import Network
 from circuits.brian_noise import load_brian
-from circuits.brian_standalone import Standalone, need_compiler
+from circuits.brian_standalone import Standalone, exact_sums, need_compiler
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
 
@@ -140,6 +144,7 @@ def _code_in(target: str) -> Iterator[None]:
     before = prefs.codegen.target
     prefs.codegen.target = target
     try:
-        yield
+        with exact_sums():
+            yield
     finally:
         prefs.codegen.target = before
