@@ -197,16 +197,16 @@ def exp32(x):
     x = min(max(x, np.float32(-87.0)), np.float32(60.0))
     whole = np.floor(x * np.float32(1.44269504) + np.float32(0.5))
     # ln 2 in two parts, so that the remainder keeps its bits.
-    r = (x - whole * np.float32(0.693359375)) + whole * np.float32(2.12194440e-4)
+    r = fused(whole, np.float32(2.12194440e-4), fused(whole, np.float32(-0.693359375), x))
     # Taylor about 0 on |r| <= ln 2 / 2: the next term is below 1e-7.
     p = np.float32(1 / 5040)
-    p = p * r + np.float32(1 / 720)
-    p = p * r + np.float32(1 / 120)
-    p = p * r + np.float32(1 / 24)
-    p = p * r + np.float32(1 / 6)
-    p = p * r + np.float32(0.5)
-    p = p * r + ONE
-    p = p * r + ONE
+    p = fused(p, r, np.float32(1 / 720))
+    p = fused(p, r, np.float32(1 / 120))
+    p = fused(p, r, np.float32(1 / 24))
+    p = fused(p, r, np.float32(1 / 6))
+    p = fused(p, r, np.float32(0.5))
+    p = fused(p, r, ONE)
+    p = fused(p, r, ONE)
     return p * two_to(whole)
 
 
@@ -407,7 +407,7 @@ def filtered(x, start, cells, decay, gain, wanted):
     """Filter the inputs of cells in place: ``x = decay x + gain wanted``."""
     for i in range(cells & WHOLE):
         j = np.uint64(start + i)
-        x[j] = decay * x[j] + gain * wanted[np.uint64(i)]
+        x[j] = fused(decay, x[j], gain * wanted[np.uint64(i)])
 
 
 @compiled
@@ -445,7 +445,7 @@ def arrive(u, start, sums, cells, jump):
     """Add what arrived to the filters of cells, and empty the counts."""
     for i in range(cells & WHOLE):
         j = np.uint64(start + i)
-        u[j] += jump * np.float32(sums[np.uint64(i)])
+        u[j] = fused(jump, np.float32(sums[np.uint64(i)]), u[j])
         sums[np.uint64(i)] = 0
 
 
@@ -460,7 +460,7 @@ def scaled(u, start, cells, factor):
 def inputs(x, cells, common, u, first, weight, second, other):
     """Set the input x of each cell to a common part and two filters of its own."""
     for i in range(cells & WHOLE):
-        own = weight * u[np.uint64(first + i)] + other * u[np.uint64(second + i)]
+        own = fused(other, u[np.uint64(second + i)], weight * u[np.uint64(first + i)])
         x[np.uint64(i)] = common + own
 
 
@@ -468,4 +468,5 @@ def inputs(x, cells, common, u, first, weight, second, other):
 def more_inputs(x, cells, u, first, weight):
     """Add a filter to the input x of each cell."""
     for i in range(cells & WHOLE):
-        x[np.uint64(i)] += weight * u[np.uint64(first + i)]
+        j = np.uint64(i)
+        x[j] = fused(weight, u[np.uint64(first + i)], x[j])
