@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from bgmodel import Msprt, basal_ganglia, circuit_study, stream
+from bgmodel import Msprt, basal_ganglia, circuit_study, first_crossing, stream
 from bgmodel.basal_ganglia import BasalGanglia, circuit, decoded_input, drive_of
 from bgmodel.circuit_edits import (
     correlated,
@@ -40,6 +40,7 @@ from bgmodel.cli import main
 from bgmodel.comparison import compare
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import beside
+from bgmodel.tables import Trials, trial_table
 
 SEED, GAIN = 51, 0.5
 TABLE = circuit("spiking_msprt", 4)
@@ -351,3 +352,27 @@ def test_a_reach_changes_out_by_no_more_than_it_says(readings, reach, gain):
     assert np.all(change <= np.log1p(4 * np.exp(-reach)) + 1e-9)
     drive = drive_of(evidence, gain, reach)
     assert np.ptp(drive, axis=2).max() <= reach + 1e-9
+
+
+@pytest.mark.parametrize("engine", ["algebra", "rate", "ensemble"])
+def test_a_circuit_decides_a_short_trial_as_if_it_were_alone(engine):
+    """Among longer ones each ends a step after its own last reading, decided, forced or not."""
+    lengths = np.array([1, 2, 3, 5, 8, 8])
+    drawn = gaussian_evidence(6, 8, 0.8, rng=stream(SEED, "ragged"), step_ms=50.0)
+    values = drawn.log_likelihood * (np.arange(8) < lengths[:, None])[..., None]
+    ragged = replace(drawn, log_likelihood=values, lengths=lengths)
+    table = circuit("spiking_msprt", 2).with_neurons(40)
+    model = BasalGanglia(table, engine, 0.7, SEED if engine == "ensemble" else None)
+    for threshold in (0.55, 0.1):
+        together = first_crossing(model.run(ragged), threshold)
+        for n, length in enumerate(lengths):
+            own = Evidence(values[n : n + 1, :length], step_ms=50.0, numbers=np.array([n]))
+            activity = model.activity(own, first_trial=n)
+            alone = first_crossing(model.trace(activity, own), threshold)
+            assert alone.choice[0] == together.choice[n]
+            assert alone.forced[0] == together.forced[n]
+            assert alone.time_ms[0] == together.time_ms[n]
+            assert alone.deadline_ms[0] == together.deadline_ms[n]
+            found = trial_table(alone, Trials(own, ["a", "b"]), model="m")
+            assert found["steps"][0] <= length
+    assert together.forced.any()

@@ -82,8 +82,6 @@ def _scatter(table: Any, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
     from bgmodel.basal_ganglia import out_variance
 
-    if not any(row.spiking for row in table.populations):
-        return "OUT does not scatter: there are no cells"
     # Between the readable OUTs, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
@@ -92,6 +90,8 @@ def _scatter(table: Any, posterior: float) -> str:
             f"noise must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}, "
             f"got {posterior:g}"
         )
+    if not any(row.spiking for row in table.populations):
+        return "OUT does not scatter: there are no cells"
     odds = np.log(posterior * (table.channels - 1) / (1 - posterior))
     drive = np.zeros(table.channels)
     drive[0] = odds
