@@ -212,7 +212,8 @@ def test_a_lesion_takes_the_noise_with_what_it_takes():
 def test_the_noise_of_few_cells_is_in_the_fixed_point():
     """OUT of 100 cells a population lies off that of many by what is computed."""
     table = anatomy.spiking_msprt(2).with_neurons(100)
-    drive = np.zeros((100, 1, 2))
+    # So many that the error of the mean is a fortieth of what is computed.
+    drive = np.zeros((200, 1, 2))
     drive[:, 0] = 1.0, -1.0
     spikes = ensemble.run(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
     measured = spikes.output_nats[:, 200:, 0].mean(axis=1)
