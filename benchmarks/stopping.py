@@ -15,7 +15,6 @@ Linux; about half an hour on two cores:
 from __future__ import annotations
 
 import argparse
-import hashlib
 import os
 import random
 import shutil
@@ -28,7 +27,7 @@ from pathlib import Path
 import pandas as pd
 import psutil
 
-from bgmodel.files import write_table
+from bgmodel.files import checksum, write_table
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "benchmarks" / "out"
@@ -90,7 +89,7 @@ def hashes(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every file under figures/fast."""
     made = folder / "figures" / "fast"
     return {
-        str(path.relative_to(made)): hashlib.sha256(path.read_bytes()).hexdigest()
+        str(path.relative_to(made)): checksum(path)
         for path in sorted(made.rglob("*"))
         if path.is_file()
     }

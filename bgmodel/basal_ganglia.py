@@ -17,9 +17,10 @@ from bgmodel.memory import check_memory
 from bgmodel.sprt import Msprt, totals
 
 try:
-    from circuits.activity import warn_beyond_range
+    from circuits.activity import checked_drive, warn_beyond_range
     from circuits.anatomy import CIRCUITS, circuit
     from circuits.cells import Escape, Rate
+    from circuits.cost import cells, ensemble_s, memory_bytes
     from circuits.engines import DROPPING, ENGINES, SPIKING
     from circuits.engines import run as run_engine
     from circuits.nwb import write_nwb
@@ -142,7 +143,8 @@ class BasalGanglia:
 
     def at(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
         """Return what the circuit does under a drive (trials, steps, channels) in its own nats."""
-        self._check_memory(np.shape(drive), step_ms)
+        trials, steps, _ = checked_drive(self.circuit, drive).shape
+        self.check_memory(trials, steps, step_ms)
         given: dict[str, Any] = {}
         if self.engine in SPIKING:
             given = {"seed": self.seed, "first_trial": first_trial}
@@ -150,41 +152,34 @@ class BasalGanglia:
             self.circuit, drive, engine=self.engine, step_ms=step_ms, **given, **self.options
         )
 
-    def cost(self, evidence: Evidence) -> str:
-        """Return what a run will take of time and memory, or nothing if it is short.
-
-        The compiled engine takes about a nanosecond per cell and tick. Raises ValueError if there
-        is not so much memory.
-        """
-        shape = (min(evidence.trials, BATCH), evidence.steps + 1)
-        self._check_memory(shape, evidence.step_ms)
-        cells = sum(
-            float(row.neurons) * self.circuit.channels_of(row.name)
-            for row in self.circuit.populations
-            if row.spiking
+    def check_memory(self, trials: int, steps: int, step_ms: float) -> None:
+        """Raise ValueError if there is no memory for so many trials at a time."""
+        check_memory(
+            self._memory_bytes(trials, steps, step_ms),
+            f"{trials} trials of {self.circuit.name}, engine {self.engine},",
         )
+
+    def cost(self, evidence: Evidence, at_once: int) -> str:
+        """Return a sentence on time and memory of a run, ``at_once`` trials at a time.
+
+        Empty if the run is short, or of another engine than the compiled one.
+        """
         ticks = (evidence.steps + 1) * evidence.step_ms / self.options.get("dt_ms", 0.1)
-        workers = self.options.get("workers", 1)
-        seconds = 1e-9 * cells * ticks * evidence.trials / workers
+        seconds = ensemble_s(self.circuit, ticks, evidence.trials, self.options.get("workers", 1))
         if self.engine != "ensemble" or seconds < LONG_S:
             return ""
-        memory = self._memory(shape, evidence.step_ms) / 1e9
+        memory = self._memory_bytes(at_once, evidence.steps + 1, evidence.step_ms) / 1e9
         return (
-            f"{cells:.3g} cells, {ticks:.3g} ticks and {evidence.trials} trials take about "
-            f"{seconds / 60:.0f} minutes, if none decides early, and {memory:.1f} GB"
+            f"{cells(self.circuit):.3g} cells, {ticks:.3g} ticks and {evidence.trials} trials take "
+            f"about {seconds / 60:.0f} minutes, if none decides early, and {memory:.1f} GB"
         )
 
-    def _check_memory(self, shape: tuple[int, ...], step_ms: float) -> None:
-        what = f"{shape[0]} trials of {self.circuit.name}, engine {self.engine},"
-        check_memory(self._memory(shape, step_ms), what)
-
-    def _memory(self, shape: tuple[int, ...], step_ms: float) -> float:
-        trials, steps = shape[:2]
+    def _memory_bytes(self, trials: int, steps: int, step_ms: float) -> float:
         samples = steps
         if self.engine != "algebra":
             samples = int(steps * step_ms / self.options.get("sample_ms", 1.0))
-        rates, workers = self.options.get("rates", True), self.options.get("workers", 1)
-        return memory_bytes(self.circuit, self.engine, trials, samples, rates, workers)
+        kept = {"rates": self.options.get("rates", True), "workers": self.options.get("workers", 1)}
+        return memory_bytes(self.circuit, self.engine, trials, samples, **kept)
 
     def warn_of(self, evidence: Evidence) -> None:
         """Warn if the evidence leaves the range in which the circuit works."""
@@ -211,6 +206,14 @@ class BasalGanglia:
                 stacklevel=2,
             )
 
+    def batch(self, evidence: Evidence) -> int:
+        """Return how many trials ``batches`` runs at a time."""
+        if self.options.get("rates", True):
+            return BATCH
+        samples = evidence.steps * evidence.step_ms / self.options.get("sample_ms", 1.0)
+        most = int(WIDE_NUMBERS / (samples * evidence.hypotheses))
+        return max(BATCH, min(WIDE_BATCH, most))
+
     def batches(
         self, evidence: Evidence, first_trial: int = 0
     ) -> Iterator[tuple[Evidence, Activity]]:
@@ -219,11 +222,7 @@ class BasalGanglia:
         Yields each part of the evidence with its activity; what a trial does is the same in any
         part, and trial t has the noise of ``first_trial + t``.
         """
-        batch = BATCH
-        if not self.options.get("rates", True):
-            samples = evidence.steps * evidence.step_ms / self.options.get("sample_ms", 1.0)
-            most = int(WIDE_NUMBERS / (samples * evidence.hypotheses))
-            batch = max(BATCH, min(WIDE_BATCH, most))
+        batch = self.batch(evidence)
         for first in range(0, evidence.trials, batch):
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
@@ -290,15 +289,15 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     ValueError
         With the OUT at rest.
     """
-    if not deciding_thresholds(circuit, np.array([threshold_nats])).size:
-        at_rest = rest_out(circuit)
-        if at_rest <= threshold_nats:
-            raise ValueError(
-                f"{circuit.name} rests at OUT = {at_rest:.2f}, which is not above the threshold of "
-                f"{threshold_nats:.2f} nats: it would decide without evidence"
-            )
+    at_rest, low = rest_out(circuit), circuit.readable_nats[0]
+    if at_rest <= threshold_nats:
         raise ValueError(
-            f"{circuit.name} reads no OUT below {circuit.readable_nats[0]:.3g}, the threshold is "
+            f"{circuit.name} rests at OUT = {at_rest:.2f}, which is not above the threshold of "
+            f"{threshold_nats:.2f} nats: it would decide without evidence"
+        )
+    if threshold_nats < low:
+        raise ValueError(
+            f"{circuit.name} reads no OUT below {low:.3g}, the threshold is "
             f"{threshold_nats:.2f} nats"
         )
 
@@ -307,41 +306,6 @@ def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
     """Return those thresholds that lie below OUT at rest, and that the read-out can reach."""
     low = circuit.readable_nats[0]
     return thresholds_nats[(thresholds_nats >= low) & (thresholds_nats < rest_out(circuit))]
-
-
-def memory_bytes(
-    circuit: Circuit, engine: str, trials: int, samples: int, rates: bool, workers: int
-) -> float:
-    """Return about how much memory a run takes.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    engine : str
-        Name of the engine.
-    trials, samples : int
-        Trials at a time, and samples of OUT in each.
-    rates : bool
-        Whether rates are kept.
-    workers : int
-        Threads.
-    """
-    size = {row.name: row.neurons * circuit.channels_of(row.name) for row in circuit.populations}
-    cells = sum(float(size[row.name]) for row in circuit.populations if row.spiking)
-    blocks = sum(circuit.channels_of(row.name) for row in circuit.populations)
-    kept = float(trials) * samples * (8 * circuit.channels + (4 * blocks if rates else 0))
-    if engine == "algebra" or engine == "rate":
-        return kept + 8.0 * trials * samples * blocks
-    wires = sum(
-        float(size[p.source]) * size[p.target] * (8 * p.probability + 1)
-        for p in circuit.projections
-        if p.probability < 1
-        and circuit.population(p.source).spiking
-        and circuit.population(p.target).spiking
-    )
-    # Measured: a cell of Brian2 takes about 100 bytes in each trial, a compiled one 40 a thread.
-    return kept + wires + cells * (100.0 * trials if engine == "brian2" else 40.0 * workers)
 
 
 def drive_of(

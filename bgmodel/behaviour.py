@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from bgmodel.comparison import Sweep
 from bgmodel.decision import UNDECIDED, Decision
-from bgmodel.evidence import Evidence
 
 Array = npt.NDArray[np.float64]
 Truths = npt.NDArray[np.bool_]
@@ -57,15 +56,14 @@ class Behaviour:
     truth: npt.NDArray[np.integer]
     hypotheses: int
 
-    def decision(self, evidence: Evidence) -> Decision:
+    def decision(self, step_ms: float) -> Decision:
         """Return the decisions, those that were missed left undecided."""
         swept, missed = self.decided, self.decided.forced[0]
-        time_ms = np.where(missed, np.nan, swept.time_ms[0])
+        ends_ms = swept.time_ms[0]
+        time_ms = np.where(missed, np.nan, ends_ms)
         choice = np.where(missed, UNDECIDED, swept.choice[0])
-        forced = np.zeros_like(missed)
-        deadline_ms = evidence.step_ms * (evidence.readings + 1).astype(np.float64)
-        premature = swept.premature[0]
-        return Decision(choice, time_ms, forced, premature, evidence.step_ms, deadline_ms)
+        never = np.zeros_like(missed)
+        return Decision(choice, time_ms, never, swept.premature[0], step_ms, ends_ms)
 
     def measures(self, weights: Array) -> dict[str, Array]:
         """Return every one of ``MEASURES``, (B,) each, for weights (B, trials).

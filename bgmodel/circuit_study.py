@@ -181,6 +181,7 @@ def against(
     model.warn_of(evidence)
     references = msprt_sweeps(evidence, model.gain)
     found = sweeps(model, evidence, thresholds_of(model.circuit, references[OWN]))
+    _warn_of_noise(model, found[CIRCUIT], accuracies)
     pairs = [(name, reference) for reference in references for name in found]
     for name in rivals:
         found[name] = sweep(RIVALS[name]().run(evidence), evidence)
@@ -237,6 +238,7 @@ def variants(
     test = msprt_sweeps(evidence, model.gain)[OWN]
     levels = thresholds_of(model.circuit, test, highest)
     intact = sweeps(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+    _warn_of_noise(model, intact, accuracies)
     parts = []
     for name, circuit in {"intact": model.circuit, **edited}.items():
         same = name == "intact"
@@ -260,6 +262,11 @@ def variants(
         fixed = _at_threshold_of(intact, found, evidence, accuracies)
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
+
+
+def _warn_of_noise(model: BasalGanglia, found: Sweep, accuracies: Sequence[float]) -> None:
+    """Warn if noise alone crosses the highest of the thresholds that are compared."""
+    model.warn_of_noise(max(found.threshold(accuracy) for accuracy in accuracies))
 
 
 def _silent(circuit: Circuit) -> float:

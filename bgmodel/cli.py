@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from bgmodel.commands.checks import check_outputs
+from bgmodel.commands.checks import Writes, check_outputs
 from bgmodel.commands.circuit import Run, Show
 from bgmodel.commands.comparing import Compare, Lesion
 from bgmodel.commands.decisions import Decide, Learn
@@ -49,7 +49,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run ``bgmodel``; errors of use are one sentence on stderr, with exit status 2."""
     try:
         command = parsed(arguments)
-        check_outputs(command)
+        if isinstance(command, Writes):
+            check_outputs(command)
         with _plain_warnings():
             command()
     except (ValueError, ImportError, OSError) as error:

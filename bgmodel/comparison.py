@@ -28,7 +28,7 @@ FEWEST_TRIALS = 100
 RESAMPLES = 1000
 # Accuracies over which the extra time is fitted by a line.
 SPAN = np.linspace(0.85, 0.98, 14)
-MOST = 0.5
+WITHOUT_EVIDENCE_SHARE = 0.5
 """A circuit of which more than this share of decisions come before the first reading, or in a
 foreperiod, decides without evidence: its other measures say nothing of decisions."""
 MARGIN = 0.01
@@ -69,7 +69,7 @@ class Sweep:
     @property
     def without_evidence(self) -> npt.NDArray[np.bool_]:
         """Whether most trials decide before their first reading, (K,)."""
-        return self.premature.mean(axis=1) > MOST
+        return self.premature.mean(axis=1) > WITHOUT_EVIDENCE_SHARE
 
     def __add__(self, more: Sweep) -> Sweep:
         """Append trials; both must have the same thresholds."""
@@ -83,6 +83,18 @@ class Sweep:
         """Return the threshold at which the expected accuracy is nearest."""
         reached, _ = curve(self, np.ones((1, self.trials)))
         return float(self.thresholds[np.abs(reached[0] - accuracy).argmin()])
+
+
+def reads_nothing(premature: float, anticipatory: float) -> bool:
+    """Whether a circuit decides without evidence, by two shares of its responses.
+
+    Parameters
+    ----------
+    premature, anticipatory : float
+        Shares of trials decided before their first reading, and of foreperiods that end in a
+        response.
+    """
+    return max(premature, anticipatory) > WITHOUT_EVIDENCE_SHARE
 
 
 def levels(trace: Trace, count: int = 200) -> Array:

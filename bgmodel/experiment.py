@@ -7,7 +7,7 @@ and, before anything is run, which measure goes which way by how much at least.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -19,7 +19,7 @@ from bgmodel import toml_files
 from bgmodel.basal_ganglia import BATCH, BasalGanglia, check_threshold, circuit
 from bgmodel.behaviour import MEASURES, Behaviour
 from bgmodel.circuit_study import CIRCUIT, sweeps
-from bgmodel.comparison import MOST, RESAMPLES, check_trials, interval, resampled
+from bgmodel.comparison import RESAMPLES, check_trials, interval, reads_nothing, resampled
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.seeds import stream
@@ -107,9 +107,6 @@ class Experiment:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for posterior in (self.posterior, self.control.posterior, self.manipulation.posterior):
-            if posterior is not None and not 0 < posterior < 1:
-                raise ValueError(f"posterior must lie between 0 and 1, got {posterior}")
         if not self.predictions:
             raise ValueError("predictions must hold one or more, got none")
         if not 0 < self.foreperiod_ms < np.inf:
@@ -117,10 +114,8 @@ class Experiment:
         self.task.check()
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
-
-    def used(self) -> dict[str, Any]:
-        """Return what the experiment was made of, by name: for provenance."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+            for condition in (self.control, self.manipulation):
+                self.threshold_nats(condition, self.task.channels)
 
     def trials(self) -> Trials:
         """Return the evidence with the names of its hypotheses and a table's own columns."""
@@ -177,11 +172,13 @@ def _names() -> list[str]:
 
 
 @dataclass(frozen=True)
-class Run:
+class Outcome:
     """What came of an experiment.
 
     Parameters
     ----------
+    given : Trials
+        What both conditions were given.
     measures : DataFrame
         One row per condition ("control", "manipulation", and "change", the second minus the first)
         and measure of ``MEASURES``: condition, measure, value, low, high, the last two the 95 %
@@ -191,11 +188,12 @@ class Run:
         the foreperiod before it, a run of its own, ended in a response.
     """
 
+    given: Trials
     measures: pd.DataFrame
     trials: pd.DataFrame
 
 
-def run_experiment(experiment: Experiment, *, workers: int = 1) -> Run:
+def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
     """Run control and manipulation on the same evidence with the same noise.
 
     Parameters
@@ -219,6 +217,7 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Run:
     thresholds = [experiment.threshold_nats(c, evidence.hypotheses) for c in conditions]
     check_threshold(models[0].circuit, thresholds[0])
     models[0].warn_of(evidence)
+    models[0].warn_of_noise(thresholds[0])
     weights = resampled(evidence.trials, RESAMPLES, stream(experiment.seed, "bootstrap"))
     found: list[dict[str, Any]] = []
     trials = []
@@ -228,7 +227,7 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Run:
             _check_control(behaviour)
         found.append(behaviour.measures(weights))
         about = f"{model.circuit.name} {model.engine}"
-        decided = behaviour.decision(evidence)
+        decided = behaviour.decision(evidence.step_ms)
         table = trial_table(decided, given, seed=experiment.seed, model=about, condition=name)
         trials.append(table.assign(anticipatory=behaviour.anticipatory))
     found.append({name: found[1][name] - found[0][name] for name in MEASURES})
@@ -238,19 +237,20 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Run:
         for measure in MEASURES
     ]
     columns = ["condition", "measure", "value", "low", "high"]
-    return Run(pd.DataFrame(rows, columns=columns), pd.concat(trials, ignore_index=True))
+    measures = pd.DataFrame(rows, columns=columns)
+    return Outcome(given, measures, pd.concat(trials, ignore_index=True))
 
 
 def _check_control(behaviour: Behaviour) -> None:
     """Refuse a control that reads nothing; warn of one that hardly ever decides."""
     premature, waited = behaviour.decided.premature[0].mean(), behaviour.anticipatory.mean()
-    if max(premature, waited) > MOST:
+    if reads_nothing(premature, waited):
         raise ValueError(
             f"the control decides without evidence: {premature:.0%} of its trials before the first "
             f"reading, {waited:.0%} of foreperiods end in a response"
         )
     missed = behaviour.decided.forced[0].mean()
-    if missed > MOST:
+    if missed > 0.5:
         warnings.warn(f"the control decides in time in {1 - missed:.0%} of trials", stacklevel=3)
 
 

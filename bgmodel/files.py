@@ -19,6 +19,8 @@ import pandas as pd
 
 PACKAGES = ("bgmodel", "numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY = b"bgmodel"
+FIELDS = {"parameters", "seed", "versions"}
+"""What provenance holds."""
 
 
 @contextmanager
@@ -90,12 +92,12 @@ def write_table(
         else:
             _write_parquet(table, partial, text)
     if path.suffix == ".csv":
-        with replacing(beside(path)) as partial:
+        with replacing(provenance_path(path)) as partial:
             partial.write_text(text + "\n")
     return path
 
 
-def beside(path: str | Path) -> Path:
+def provenance_path(path: str | Path) -> Path:
     """Return where the provenance of a ``.csv`` goes: the whole name and ``.json``."""
     path = Path(path)
     return path.with_name(path.name + ".json")
@@ -103,12 +105,12 @@ def beside(path: str | Path) -> Path:
 
 def check_provenance_place(path: str | Path) -> None:
     """Raise ValueError if the provenance of a table would go over a file that is none."""
-    place = beside(path)
+    place = provenance_path(path)
     if Path(path).suffix != ".csv" or not place.exists():
         return
     try:
         found = json.loads(place.read_text())
-        ours = isinstance(found, dict) and set(found) == set(provenance())
+        ours = isinstance(found, dict) and set(found) == FIELDS
     except (OSError, ValueError):
         ours = False
     if not ours:
@@ -119,7 +121,7 @@ def check_provenance_place(path: str | Path) -> None:
 
 
 def check_new(path: str | Path, *, force: bool = False) -> None:
-    """Raise ValueError if a result is there already and may not be written over, or never may.
+    """Raise ValueError unless a result may be written to a path.
 
     Parameters
     ----------
@@ -164,12 +166,15 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
 
     path = Path(path)
     if path.suffix == ".csv":
-        return json.loads(beside(path).read_text())
+        return json.loads(provenance_path(path).read_text())
     return json.loads(pq.read_schema(path).metadata[KEY])
 
 
 def check_writable(folder: str | Path) -> Path:
-    """Return a folder; ValueError if nothing can be written there. It is made when something is."""
+    """Return a folder as an absolute path; ValueError if nothing can be written there.
+
+    It is made when something is.
+    """
     folder = Path(os.path.abspath(folder))
     there = next(place for place in (folder, *folder.parents) if place.exists())
     try:

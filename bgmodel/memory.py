@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+SMALL_BYTES = 1e8
+"""Less is always there: nobody is asked."""
+
 
 def check_memory(needed_bytes: float, what: str) -> None:
     """Raise ValueError, before anything is run, if there is not so much memory.
@@ -13,12 +16,20 @@ def check_memory(needed_bytes: float, what: str) -> None:
     what : str
         What needs it, for the message.
     """
-    # Importing it takes a moment: only where something large may come.
+    if needed_bytes < SMALL_BYTES:
+        return
     import psutil
 
     free = psutil.virtual_memory().available
     if needed_bytes > free:
         raise ValueError(f"{what} need {_size(needed_bytes)} of memory, {_size(free)} are free")
+
+
+def check_evidence_memory(trials: int, steps: int, hypotheses: int) -> None:
+    """Raise ValueError if evidence of this shape, and what is made of it, does not fit."""
+    # Eight bytes a number: as drawn, summed up, as OUT, and once in between.
+    needed = 4 * 8.0 * trials * steps * hypotheses
+    check_memory(needed, f"{trials} trials of up to {steps} readings")
 
 
 def check_learning_memory(runs: int, episodes: int) -> None:

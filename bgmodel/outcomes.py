@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from bgmodel.comparison import MOST, shown
+from bgmodel.comparison import reads_nothing, shown
 from bgmodel.experiment import AGREES, CONDITIONS, DISAGREES, OPEN, WITHOUT, Experiment
 
 VERDICTS = {
@@ -29,14 +29,14 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a prediction: measure, direction, at_least, value, low, high (of the change), and
+        One row per prediction: measure, direction, at_least, value, low, high (of the change), and
         outcome: "agrees" if the whole interval lies beyond at_least in the direction (within
         +-at_least for "none"), "disagrees" if none of it does, else "not decidable"; "decides
         without evidence", whatever was predicted, if most manipulated trials decide before their
         first reading or most foreperiods end in a response.
     """
     manipulated = table[table["condition"] == "manipulation"].set_index("measure")["value"]
-    blind = bool((manipulated[["premature", "anticipatory"]] > MOST).any())
+    blind = reads_nothing(manipulated["premature"], manipulated["anticipatory"])
     change = table[table["condition"] == "change"].set_index("measure")
     change = change[["value", "low", "high"]]
     rows = []

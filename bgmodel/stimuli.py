@@ -9,13 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.memory import check_memory
+from bgmodel.memory import check_evidence_memory
 from bgmodel.seeds import stream
 from bgmodel.tables import Trials, read_trials
-
-BYTES_A_NUMBER = 4 * 8
-"""Memory of a number of evidence that is drawn: as drawn, summed up, as OUT, and once in between.
-"""
 
 
 @dataclass(frozen=True)
@@ -66,9 +62,6 @@ class Stimuli:
         if self.evidence is not None:
             self._check_alone(default or Stimuli())
         self._check_task(default or Stimuli())
-        numbers = float(self.trials) * self.t_max * self.channels
-        what = f"{self.trials} trials of {self.t_max} readings"
-        check_memory(BYTES_A_NUMBER * numbers, what)
         if self.task == "same-different" and self.channels != 2:
             raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
 
@@ -105,9 +98,10 @@ class Stimuli:
         return {name: getattr(self, name) for name in names}
 
     def draw(self, seed: int, name: str) -> Trials:
-        """Return the evidence, the names of its hypotheses, and what a table says beside it."""
+        """Return the evidence, the names of its hypotheses, and the other columns of a table."""
         if self.evidence is not None:
             return read_trials(self.evidence, step_ms=self.step_ms)
+        check_evidence_memory(self.trials, self.t_max, self.channels)
         rng = stream(seed, name)
         if self.task == "gaussian":
             drawn = gaussian_evidence(

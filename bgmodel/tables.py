@@ -16,7 +16,7 @@ import pandas as pd
 from bgmodel.decision import Decision
 from bgmodel.evidence import Evidence
 from bgmodel.files import read_table
-from bgmodel.memory import check_memory
+from bgmodel.memory import check_evidence_memory
 
 KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""
@@ -137,7 +137,13 @@ def trial_table(
     return table
 
 
-def read_trials(path: str | Path, **options: object) -> Trials:
+def read_trials(
+    path: str | Path,
+    *,
+    prior: Sequence[float] | None = None,
+    onset_ms: float = 0.0,
+    step_ms: float = 1.0,
+) -> Trials:
     """Read a user's evidence from a file; see ``trials_from_table`` for what it holds.
 
     Cells of a ``.csv`` are kept as they are written: a column is taken for numbers only where each
@@ -147,8 +153,8 @@ def read_trials(path: str | Path, **options: object) -> Trials:
     ----------
     path : path
         ``.csv`` or ``.parquet``.
-    **options
-        As for ``trials_from_table``.
+    prior, onset_ms, step_ms :
+        As in ``Evidence``.
 
     Raises
     ------
@@ -158,7 +164,7 @@ def read_trials(path: str | Path, **options: object) -> Trials:
     path = Path(path)
     table = _read_csv(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
     try:
-        return trials_from_table(table, **options)  # type: ignore[arg-type]
+        return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
     except ValueError as error:
         raise ValueError(f"{path.name}: {error}") from None
 
@@ -198,9 +204,7 @@ def trials_from_table(
     step = _steps(table, trial, keys)
     lengths = np.bincount(trial)
     shape = (len(first_row), int(lengths.max()), len(columns))
-    check_memory(
-        4 * 8 * np.prod(shape, dtype=float), f"{shape[0]} trials of up to {shape[1]} steps"
-    )
+    check_evidence_memory(*shape)
     values = np.zeros(shape)
     values[trial, step] = _numbers(table, columns)
     names = [name[3:] for name in columns]

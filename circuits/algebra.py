@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.checks import check_number
+from circuits.checks import check_time
 from circuits.fluctuation import extra_rates
 from circuits.mean_field import own_rates, settled
 from circuits.spec import Circuit
@@ -50,9 +50,7 @@ def run(
     """
     if laws not in LAWS:
         raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {laws!r}")
-    check_number("step_ms", step_ms)
-    if not 0 < step_ms < np.inf:
-        raise ValueError(f"step_ms must be > 0 and finite, got {step_ms}")
+    check_time("step_ms", step_ms)
     drive = checked_drive(circuit, drive)
     warn_beyond_range(circuit, drive)
     wiring = wired(circuit)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from circuits import brian_text, noise
 from circuits.spec import Projection
-from circuits.ticks import Scheme, cell_factors, spike_hz, starting_state
+from circuits.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
 from circuits.wiring import Array, Index, Wiring, fan_in
 
 Values = dict[tuple[str, str], Array]
@@ -190,7 +190,7 @@ class Layout:
     def _factors(self, block: int) -> Array:
         row, circuit = self.wiring.row(block), self.wiring.circuit
         if not row.spread:
-            return np.ones(3)
+            return NO_SPREAD
         return cell_factors(circuit, row.name, int(self.wiring.channel[block]))
 
     def start(self, seed: int, first_trial: int) -> Values:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any
@@ -37,6 +38,13 @@ def check_number(what: str, value: Any) -> None:
     """Raise ValueError if a value is no real number."""
     if not is_number(value):
         raise ValueError(f"{what} must be a number, got {value!r}")
+
+
+def check_time(what: str, value: Any, *, zero: bool = False) -> None:
+    """Raise ValueError unless a time is a finite number above 0, or 0 where that is allowed."""
+    check_number(what, value)
+    if not (0 < value < math.inf or (zero and value == 0)):
+        raise ValueError(f"{what} must be {'>= 0' if zero else '> 0'} and finite, got {value}")
 
 
 def _is_bool(value: Any) -> bool:

@@ -1,9 +1,9 @@
 """The ensemble engine: thousands of spiking trials, compiled from the same table.
 
-The scheme is that of ``circuits.ticks``, the noise that of ``circuits.noise``; so the spikes are
-those of ``circuits.spiking``, whatever the edit. Where connections are sparse, or Escape cells
-have a spread, they are so up to single precision: inputs are rounded otherwise there, so that a
-spike now and then is a tick early or late, and from it on the two runs part.
+The scheme is that of ``circuits.ticks``, the noise that of ``circuits.noise``, and the spikes are
+those of ``circuits.spiking``. Two exceptions: sparse connections, and Escape cells with a spread.
+There inputs are rounded in another order, so that now and then a spike comes a tick early or late;
+from that spike on the two runs differ.
 """
 
 from __future__ import annotations

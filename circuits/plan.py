@@ -11,6 +11,7 @@ from circuits import kernel, lanes, records
 from circuits.cells import Escape, Lif, Phase
 from circuits.spec import Circuit
 from circuits.ticks import (
+    NO_SPREAD,
     Clock,
     Scheme,
     cell_factors,
@@ -21,7 +22,6 @@ from circuits.ticks import (
 )
 from circuits.wiring import Array, Wiring, fan_in
 
-ONE = np.ones(3)
 LIF = ("keep", "rest", "slope", "kick", "threshold")
 """Constants of a Lif's tick that all cells of a block share, if they are alike."""
 
@@ -80,7 +80,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     drives = np.full(wiring.blocks, -1)
     drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
     lif = [
-        lif_tick(row.cell, ONE, dt) if isinstance(row.cell, Lif) else dict.fromkeys(LIF, 0.0)
+        lif_tick(row.cell, NO_SPREAD, dt) if isinstance(row.cell, Lif) else dict.fromkeys(LIF, 0.0)
         for row in rows
     ]
     readout = circuit.population(circuit.readout)
@@ -126,7 +126,9 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
             drive_gain=circuit.drive_gain,
             rest_x=rest_x,
             rest_hz=rest_hz,
-            jitter=[jitter(row.cell, ONE) if isinstance(row.cell, Phase) else 0.0 for row in rows],
+            jitter=[
+                jitter(row.cell, NO_SPREAD) if isinstance(row.cell, Phase) else 0.0 for row in rows
+            ],
             **{name: [constants[name] for constants in lif] for name in LIF},
             hold=[_hold(row.cell, dt) for row in rows],
             begin=[_begin(row.cell, dt)[0] for row in rows],
@@ -287,5 +289,5 @@ def workspace(p: records.Plan) -> records.Work:
 def _begin(cell: object, dt_ms: float) -> tuple[float, float]:
     """Return where a cell may start, as the lanes hold it: the least, and the span."""
     if isinstance(cell, Lif):
-        return 0.0, float(lif_tick(cell, ONE, dt_ms)["threshold"])
+        return 0.0, float(lif_tick(cell, NO_SPREAD, dt_ms)["threshold"])
     return (0.0, 1.0) if isinstance(cell, Phase) else (0.0, 0.0)

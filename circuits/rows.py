@@ -106,9 +106,13 @@ class Population:
 
     def _check_ranges(self) -> None:
         if self.neurons < 1:
-            raise ValueError(f"{self.name}: neurons must be a whole number >= 1: {self.neurons}")
+            raise ValueError(
+                f"{self.name}: neurons must be a whole number >= 1, got {self.neurons}"
+            )
         if not 0 < self.gain_hz_per_nat < math.inf:
-            raise ValueError(f"{self.name}: gain_hz_per_nat must be > 0: {self.gain_hz_per_nat}")
+            raise ValueError(
+                f"{self.name}: gain_hz_per_nat must be > 0, got {self.gain_hz_per_nat}"
+            )
         if not 0 <= self.tau_ms < math.inf:
             raise ValueError(f"{self.name}: tau_ms must be >= 0, got {self.tau_ms}")
         # Beyond, a good part of the cells would have constants of the wrong sign.

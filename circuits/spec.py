@@ -309,12 +309,15 @@ class Circuit:
 
     def with_connections(self, probability: float) -> Circuit:
         """Return the circuit with sparse connections, of fixed in-degree, between spiking cells."""
-        self._check_spikes("connections")
-        rows = tuple(
-            replace(p, probability=probability)
-            if self.population(p.source).spiking and self.population(p.target).spiking
-            else p
+        between = [
+            all(self.population(end).spiking for end in (p.source, p.target))
             for p in self.projections
+        ]
+        if not any(between):
+            raise ValueError(f"{self.name} has no pathway between cells that spike")
+        rows = tuple(
+            replace(p, probability=probability) if spikes else p
+            for p, spikes in zip(self.projections, between, strict=True)
         )
         return replace(self, projections=rows)
 
@@ -338,12 +341,11 @@ class Circuit:
         rows = tuple(replace(p, intact=1.0, replaced=False) for p in self.populations)
         return replace(self, populations=rows)
 
-    def _check_spikes(self, what: str) -> None:
-        if not any(row.spiking for row in self.populations):
-            raise ValueError(f"{self.name} has no cells that spike: {what} would change nothing")
-
     def _everywhere(self, **values: Any) -> Circuit:
-        self._check_spikes(", ".join(values))
+        if not any(row.spiking for row in self.populations):
+            raise ValueError(
+                f"{self.name} has no cells that spike: {', '.join(values)} say nothing"
+            )
         rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
         return replace(self, populations=rows)
 

@@ -30,12 +30,14 @@ import numpy.typing as npt
 from circuits import noise
 from circuits.algebra import rest
 from circuits.cells import Lif, Phase
-from circuits.checks import check_number
+from circuits.checks import check_time
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring, ticks, wire
 
 SPIKE_BITS = 40
 """Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""
+NO_SPREAD = np.ones(3)
+"""Factors of the constants of a cell that is its row's."""
 SPREAD_LEAST = 0.1
 """No cell's constant falls below this fraction of its population's."""
 
@@ -70,11 +72,10 @@ class Clock:
     settle_ms: float = 300.0
 
     def __post_init__(self) -> None:
+        check_time("dt_ms", self.dt_ms)
         for name in ("step_ms", "sample_ms", "settle_ms"):
             value = getattr(self, name)
-            check_number(name, value)
-            if not value >= 0 or (name != "settle_ms" and value == 0):
-                raise ValueError(f"{name} must be positive, got {value}")
+            check_time(name, value, zero=name == "settle_ms")
             ticks(name, value, self.dt_ms)
         if self.step_ticks % self.sample_ticks:
             raise ValueError(

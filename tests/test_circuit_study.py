@@ -39,7 +39,7 @@ from bgmodel.circuit_study import (
 from bgmodel.cli import main
 from bgmodel.comparison import compare
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.files import beside
+from bgmodel.files import provenance_path
 from bgmodel.tables import Trials, trial_table
 
 SEED, GAIN = 51, 0.5
@@ -245,7 +245,7 @@ def test_compare_command(tmp_path, capsys):
     assert "MSPRT at its gain, circuit: " in shown
     found = pd.read_csv(out, comment="#")
     assert {"circuit", "cortical decoder", "race", "LCA"} <= set(found["model"])
-    behind = json.loads(beside(out).read_text())
+    behind = json.loads(provenance_path(out).read_text())
     assert behind["parameters"]["command"]["gain"] == usual_gain(2) == 0.7
     again = tmp_path / "b.csv"
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0

@@ -212,7 +212,7 @@ def test_learn(tmp_path, capsys):
     [
         (["decide", "out.xlsx"], "output must end in .parquet or .csv"),
         (["decide", "out.csv", "--delta", "-1"], "delta must be finite and >= 0"),
-        (["decide", "out.csv", "--posterior", "1.5"], "posterior must lie between 0 and 1"),
+        (["decide", "out.csv", "--posterior", "1.5"], "posterior must lie between chance"),
         (["decide", "out.csv", "--posterior", ".9", "--delta", "1"], "give one of them"),
         (
             ["decide", "out.csv", "--task", "orientation", "--delta", "1"],
@@ -273,7 +273,11 @@ def test_bad_use_is_one_sentence_and_writes_nothing(tmp_path, monkeypatch, capsy
     Path("file").write_text("")
     assert main(arguments) == 2
     error = capsys.readouterr().err
-    lines = [line for line in error.splitlines() if not line.startswith("the first run of a kind")]
+    lines = [
+        line
+        for line in error.splitlines()
+        if not line.startswith("bgmodel: the first run of a kind")
+    ]
     assert len(lines) == 1, lines
     assert lines[0].startswith("bgmodel: ")
     assert says in lines[0]

@@ -78,11 +78,11 @@ def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path)
     of_edges = replace(gratings, stimulus="edge")
     back = Decoder.load(decoder.save(tmp_path / "d.safetensors"))
     for one in (decoder, back):
-        with pytest.raises(ValueError, match="trained on taps of a grating, got taps of an edge"):
+        with pytest.raises(ValueError, match="one stimulus, grating: got edge"):
             one.decode(of_edges)
-    with pytest.raises(ValueError, match="edge network reads an edge, got taps of a grating"):
+    with pytest.raises(ValueError, match="one stimulus, edge: got grating"):
         train(gratings, seed=1, training=EDGE)
-    with pytest.raises(ValueError, match="grating network reads a grating, got taps of an edge"):
+    with pytest.raises(ValueError, match="one stimulus, grating: got edge"):
         train(of_edges, seed=1, training=QUICK)
     for taps in (gratings, of_edges):
         taps.save(tmp_path / "t.npz", {})

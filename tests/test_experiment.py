@@ -24,7 +24,7 @@ from bgmodel.experiment import (
     run_experiment,
     shipped,
 )
-from bgmodel.files import beside, read_provenance
+from bgmodel.files import provenance_path, read_provenance
 from bgmodel.outcomes import outcomes, page
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
@@ -93,7 +93,11 @@ def test_a_file_says_what_is_run(small):
         ('name = "a lesion"', "", "the key 'name' is missing"),
         ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
         ('["STN=0.2"]', '"STN"', "manipulation.without should be a valid array, got 'STN'"),
-        ("[task]", "posterior = 1.5\n[task]", "posterior must lie between 0 and 1, got 1.5"),
+        (
+            "[task]",
+            "posterior = 1.5\n[task]",
+            "posterior must lie between chance, 0.5 with 2 hypotheses, and 1, got 1.5",
+        ),
         ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be > 0, got 0"),
         ("[task]", "truth = 2\n[task]", "truth must lie in 0..1, got 2"),
         ("[task]", "[task", "small.toml is no TOML: "),
@@ -386,6 +390,16 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(small, capsys):
     assert set(trials["condition"]) == {"control", "manipulation"}
     assert set(trials["given_condition"]) == {"dim", "bright"}
     assert trials["trial"][:120].tolist() == [f"id{n}" for n in range(120)]
+    # Whatever is forced, what an experiment was made from is not written over.
+    before = mine.read_bytes()
+    for out in (mine, mine.with_name("mine")):
+        named = mine if out is mine else mine.with_name("mine_trials.csv")
+        named.write_bytes(before)
+        small.write_text(small.read_text().replace("mine.csv", named.name))
+        out = out.with_suffix(".csv")
+        assert run("experiment", small, out, "--force") == 2
+        assert "are one file" in capsys.readouterr().err
+        assert named.read_bytes() == before
 
 
 # ---- what is shipped
@@ -460,4 +474,4 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(small, tmp_path,
         monkeypatch.setattr(f"bgmodel.{name}", 37)
     assert run("experiment", small, files[2], "--workers", 2) == 0
     assert len({path.read_bytes() for path in files}) == 1
-    assert len({beside(path).read_bytes() for path in files}) == 1
+    assert len({provenance_path(path).read_bytes() for path in files}) == 1

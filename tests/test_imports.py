@@ -43,7 +43,6 @@ LEVELS = [
     {
         "bgmodel.commands",
         "bgmodel.commands.checks",
-        "bgmodel.commands.trials",
         "bgmodel.commands.one_run",
     },
     {

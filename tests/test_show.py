@@ -137,7 +137,7 @@ def test_run_command(capsys, tmp_path, engine):
             "those of ctx differ by 10%",
         ),
         (["run", "d.txt"], "output must end in .parquet or .csv"),
-        (["run", "d.csv", "--posterior", "1"], "posterior must lie between 0 and 1"),
+        (["run", "d.csv", "--posterior", "1"], "posterior must lie between chance"),
         (["run", "d.csv", "--d-prime", "0"], "d_prime must be > 0"),
         (
             ["run", "d.csv", "--edits.without", "STN=0.5"],

@@ -180,12 +180,12 @@ def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
         ("STN->SNr", {"tau_ms": -1}, "STN->SNr: tau_ms must be >= 0, got -1"),
         ("STN->SNr", {"probability": 0}, r"probability must lie in 0\.\.1, got 0"),
         ("STN->SNr", {"probability": 1.1}, r"probability must lie in 0\.\.1, got 1.1"),
-        ("STN", {"neurons": 0}, "STN: neurons must be a whole number >= 1: 0"),
+        ("STN", {"neurons": 0}, "STN: neurons must be a whole number >= 1, got 0"),
         ("STN", {"neurons": 2.5}, "STN: neurons must be a whole number"),
         ("STN", {"tau_ms": -1}, "STN: tau_ms must be >= 0, got -1"),
         ("STN", {"spread": -0.1}, "STN: spread must lie in 0..1, got -0.1"),
         ("STN", {"intact": 1.1}, r"STN: intact must lie in 0\.\.1"),
-        ("STN", {"gain_hz_per_nat": 0}, "STN: gain_hz_per_nat must be > 0: 0"),
+        ("STN", {"gain_hz_per_nat": 0}, "STN: gain_hz_per_nat must be > 0, got 0"),
         ("STN", {"bias_nats": math.nan}, "STN: bias_nats must be finite"),
         ("STN", {"cv": 1.5}, r"cv must lie in 0\.\.1, got 1.5"),
         ("STN", {"transmitter": "glycine"}, "transmitter must be one of 'glutamate', 'GABA'"),
@@ -235,7 +235,10 @@ def test_channels_are_two_or_more(table, channels):
         (lambda c: c.with_neurons("3"), "neurons must be a whole number, got '3'"),
         (lambda c: Population("", Rate()), "a population's name is text without blanks"),
         (lambda c: Population("a->b", Rate()), "a population's name is text without blanks"),
-        (lambda c: Population("x", Rate(), gain_hz_per_nat=0), "gain_hz_per_nat must be > 0: 0"),
+        (
+            lambda c: Population("x", Rate(), gain_hz_per_nat=0),
+            "gain_hz_per_nat must be > 0, got 0",
+        ),
         (lambda c: replace(c, projections=("STN->GPe",)), "a row must be a Projection, got 'STN"),
     ],
 )
@@ -337,11 +340,11 @@ def test_times_are_whole_ticks():
         rate.run(circuit, np.zeros((1, 1, 2)), step_ms=1)
     with pytest.raises(ValueError, match="dt_ms must be > 0, got 0"):
         ticks("delay", 2, 0)
-    with pytest.raises(ValueError, match="step_ms must be positive, got 0"):
+    with pytest.raises(ValueError, match="step_ms must be > 0 and finite, got 0"):
         Clock(1, 0)
     with pytest.raises(ValueError, match=r"sample_ms of 0.25 ms is no multiple"):
         Clock(1, 1, sample_ms=0.25)
-    with pytest.raises(ValueError, match="settle_ms must be positive, got -1"):
+    with pytest.raises(ValueError, match="settle_ms must be >= 0 and finite, got -1"):
         Clock(1, 1, settle_ms=-1)
     with pytest.raises(ValueError, match="step_ms must be a multiple of sample_ms, got 3 and 2"):
         Clock(1, 3, sample_ms=2)

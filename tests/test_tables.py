@@ -268,7 +268,9 @@ def test_the_same_trial_number_of_two_participants_is_two_trials():
 def test_a_table_too_large_says_what_it_needs():
     table = pd.DataFrame({"trial": np.arange(200_000), "step": 0, "ll_a": 0.0, "ll_b": 0.0})
     long = pd.DataFrame({"trial": -1, "step": np.arange(2_000_000), "ll_a": 0.0, "ll_b": 0.0})
-    with pytest.raises(ValueError, match=r"200001 trials of up to 2000000 steps need .* of memory"):
+    with pytest.raises(
+        ValueError, match=r"200001 trials of up to 2000000 readings need .* of memory"
+    ):
         trials_from_table(pd.concat([table, long]))
 
 

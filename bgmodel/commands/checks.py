@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from bgmodel import files
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from bgmodel.basal_ganglia import BasalGanglia
     from bgmodel.evidence import Evidence
 
@@ -28,6 +30,10 @@ class Writes:
 
     force: bool = False
     """Write over results that are there already."""
+
+    def more_outputs(self) -> list[Path]:
+        """Return files that are written beside those that options name."""
+        return []
 
 
 def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dict[str, Any]:
@@ -55,42 +61,45 @@ def recorded(value: Any) -> Any:
     """Return an option as it is kept: what had a say, and of a file its name and checksum."""
     if hasattr(value, "used"):
         return {name: recorded(inner) for name, inner in value.used().items()}
+    if is_dataclass(value):
+        named = {field.name: recorded(getattr(value, field.name)) for field in fields(value)}
+        return {"kind": type(value).__name__, **named}
     if isinstance(value, Path) and value.is_file():
         return {"file": value.name, "sha256": files.checksum(value)}
     return value
 
 
-def check_ending(path: Path, *allowed: str) -> None:
-    """Raise ValueError unless the output's name ends in one of those allowed."""
+def check_ending(name: str, path: Path, *allowed: str) -> None:
+    """Raise ValueError unless the file of an option ends in one of those allowed."""
     if path.suffix not in allowed:
-        raise ValueError(f"output must end in {' or '.join(allowed)}, got {str(path)!r}")
+        raise ValueError(f"{name} must end in {' or '.join(allowed)}, got {str(path)!r}")
 
 
-def check_outputs(command: Any) -> None:
+def check_outputs(command: Writes) -> None:
     """Raise ValueError, before anything is run, if what a command writes has no place.
 
     Two of its options may not name one file, a result that is there is written over only with
     ``force``, and its folder must be one that can be written.
     """
-    check_apart(command)
-    for path in outputs_of(command):
-        files.check_new(path, force=getattr(command, "force", False))
+    check_apart(_paths(command))
+    for path in _outputs_of(command):
+        files.check_new(path, force=command.force)
         files.check_writable(path.parent)
 
 
-def outputs_of(command: Any) -> Iterator[Path]:
+def _outputs_of(command: Writes) -> Iterator[Path]:
     """Go through the files that a command will write, but for provenance beside a ``.csv``."""
     for field in fields(command):
         value = getattr(command, field.name)
         if field.name in OUTPUTS and value is not None:
             yield value
-    yield from getattr(command, "more_outputs", list)()
+    yield from command.more_outputs()
 
 
-def check_apart(command: Any) -> None:
-    """Raise ValueError if two of a command's options name one file: one would be written over."""
+def check_apart(paths: Iterable[tuple[str, Path]]) -> None:
+    """Raise ValueError if two options, by name, are one file: one would be written over."""
     seen: dict[Path, str] = {}
-    for name, path in _paths(command):
+    for name, path in paths:
         other = seen.setdefault(path.resolve(), name)
         if other != name:
             raise ValueError(f"{other} and {name} are one file, {str(path)!r}: nothing was written")
@@ -105,10 +114,47 @@ def _paths(options: Any) -> Iterator[tuple[str, Path]]:
             yield from _paths(value)
 
 
-def say_cost(model: BasalGanglia, evidence: Evidence) -> None:
-    """Say on stderr, before a long run, what it takes."""
-    if said := model.cost(evidence):
-        print(f"bgmodel: {said}", file=sys.stderr)
+def say(text: str) -> None:
+    """Say a sentence on stderr, as the command."""
+    print(f"bgmodel: {text}", file=sys.stderr)
+
+
+def say_before(model: BasalGanglia, evidence: Evidence, at_once: int) -> None:
+    """Say, before a run of so many trials at a time, what it takes.
+
+    Raises ValueError if there is no memory for it.
+    """
+    model.check_memory(at_once, evidence.steps + 1, evidence.step_ms)
+    if model.engine == "ensemble":
+        say(COMPILES)
+    if text := model.cost(evidence, at_once):
+        say(text)
+
+
+def say_of_trials(table: pd.DataFrame, criterion: str) -> None:
+    """Say if the deadline decided most trials, or if most came before any reading.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``tables.trial_table``.
+    criterion : str
+        The option that says when to stop, for the advice.
+    """
+    count = len(table)
+    late = int((table["forced"] | table["undecided"]).sum())
+    if late > count / 2:
+        what = "the deadline decided them" if table["forced"].any() else "they stay undecided"
+        say(
+            f"{late} of {count} trials never met the threshold, {what}: give more readings or a "
+            f"lower {criterion}"
+        )
+    early = int(table["premature"].sum())
+    if early > count / 2:
+        say(
+            f"{early} of {count} trials decided before their first reading, without evidence: give "
+            f"a higher {criterion}"
+        )
 
 
 def check_whole(**values: int) -> None:

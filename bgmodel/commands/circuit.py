@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,14 +14,14 @@ from tyro.conf import Positional
 
 from bgmodel import files, tables
 from bgmodel.commands.checks import (
-    COMPILES,
     Writes,
     check_ending,
     check_whole,
     options_of,
-    say_cost,
+    say,
+    say_before,
+    say_of_trials,
 )
-from bgmodel.commands.trials import warn_of_trials
 from bgmodel.decision import first_crossing
 from bgmodel.edits import Edits
 from bgmodel.sprt import criterion_from_posterior
@@ -60,7 +59,7 @@ class Show(Writes):
         if self.drawing is not None:
             from bgmodel.basal_ganglia import draw
 
-            check_ending(self.drawing, ".pdf", ".svg", ".png")
+            check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
             import matplotlib.pyplot as plt
 
             figure, ax = plt.subplots(figsize=(4, 4))
@@ -148,14 +147,13 @@ class Run(Writes):
         if self.engine in basal_ganglia.SPIKING and self.nwb is not None:
             options["spikes"] = [p.name for p in table.populations if p.spiking]
         if self.engine == "brian2":
-            print("Brian2 writes and compiles its program: 10 to 30 seconds", file=sys.stderr)
+            say("Brian2 writes and compiles its program: 10 to 30 seconds")
         if self.engine == "ensemble":
-            print(COMPILES, file=sys.stderr)
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
         gain = usual_gain(evidence.hypotheses) if self.gain is None else self.gain
         model = basal_ganglia.BasalGanglia(table, self.engine, gain, self.seed, options)
-        say_cost(model, evidence)
+        say_before(model, evidence, evidence.trials)
         model.warn_of_noise(threshold)
         activity = model.activity(evidence)
         decision = first_crossing(model.trace(activity, evidence), threshold)
@@ -170,7 +168,7 @@ class Run(Writes):
             basal_ganglia.write_nwb(activity, self.nwb)
         if self.stimuli.evidence is not None:
             print(trials.said())
-        warn_of_trials(result, criterion="--posterior, or another --gain")
+        say_of_trials(result, criterion="--posterior, or another --gain")
         known = evidence.truth is not None
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
@@ -185,13 +183,13 @@ class Run(Writes):
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
-        check_ending(self.output, ".parquet", ".csv")
+        check_ending("output", self.output, ".parquet", ".csv")
         self.stimuli.check()
         check_whole(workers=self.workers)
-        if not 0 < self.posterior < 1:
-            raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
-        for path, endings in ((self.rates, (".parquet", ".csv")), (self.nwb, (".nwb",))):
-            if path is not None:
-                check_ending(path, *endings)
-                if path is self.nwb and importlib.util.find_spec("pynwb") is None:
+        if self.stimuli.evidence is None:
+            criterion_from_posterior(self.posterior, self.stimuli.channels)
+        for name, endings in (("rates", (".parquet", ".csv")), ("nwb", (".nwb",))):
+            if (path := getattr(self, name)) is not None:
+                check_ending(name, path, *endings)
+                if name == "nwb" and importlib.util.find_spec("pynwb") is None:
                     raise ImportError('NWB needs pynwb: pip install ".[nwb]"')

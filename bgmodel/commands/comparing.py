@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -12,12 +11,12 @@ from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.commands.checks import (
-    COMPILES,
     Writes,
     check_ending,
     check_whole,
     options_of,
-    say_cost,
+    say,
+    say_before,
 )
 from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
@@ -76,6 +75,7 @@ class Compare(Comparison):
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
         # Elsewhere the zero of the evidence means nothing, and a race has none to run.
         rivals = [name for name in RIVALS if gaussian or name != "race"]
+        say_before(model, evidence, model.batch(evidence))
         table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
         files.write_table(
             table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
@@ -104,13 +104,14 @@ class Lesion(Comparison):
         from bgmodel.circuit_page import behaviour, page
         from bgmodel.circuit_study import variants
 
-        if self.lesions == LESIONS:
-            print(f"no edit given, these run: {', '.join(LESIONS)}", file=sys.stderr)
         model, evidence = _model(self)
         edited = {}
         for edit in self.lesions:
             one = Edits(scale=(edit,)) if "->" in edit else Edits(without=(edit,))
             edited[edit] = replace(one, replaced=self.edits.replaced).of(model.circuit)
+        if self.lesions == LESIONS:
+            say(f"no edit given, these run: {', '.join(LESIONS)}")
+        say_before(model, evidence, model.batch(evidence))
         table = variants(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
         files.write_table(
             table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
@@ -131,9 +132,10 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel import basal_ganglia
     from bgmodel.circuit_study import usual_gain
+    from bgmodel.comparison import check_trials
 
     stimuli = asked_for.stimuli
-    check_ending(asked_for.output, ".parquet", ".csv")
+    check_ending("output", asked_for.output, ".parquet", ".csv")
     stimuli.check(MANY)
     check_whole(workers=asked_for.workers)
     if not asked_for.accuracies:
@@ -145,6 +147,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     if stimuli.evidence is not None:
         print(trials.said())
     evidence = trials.evidence
+    check_trials(evidence.trials)
     if min(asked_for.accuracies) <= 1 / evidence.hypotheses:
         raise ValueError(
             f"accuracies must lie above chance, {1 / evidence.hypotheses:.3g}, got "
@@ -154,10 +157,8 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     options: dict[str, Any] = {}
     if asked_for.engine == "ensemble":
         options = {"workers": asked_for.workers}
-        print(COMPILES, file=sys.stderr)
     if asked_for.engine in ("ensemble", "rate"):
         options["sample_ms"] = sample_ms(evidence.step_ms)
     gain = usual_gain(evidence.hypotheses) if asked_for.gain is None else asked_for.gain
     model = basal_ganglia.BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
-    say_cost(model, evidence)
     return model, evidence

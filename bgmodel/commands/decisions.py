@@ -10,16 +10,23 @@ import numpy as np
 from tyro.conf import Positional
 
 from bgmodel import files, tables
-from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of
-from bgmodel.commands.trials import warn_of_trials
+from bgmodel.commands.checks import (
+    Writes,
+    check_ending,
+    check_whole,
+    options_of,
+    say_of_trials,
+)
 from bgmodel.decision import first_crossing
 from bgmodel.learning import Learner
-from bgmodel.memory import check_learning_memory, check_memory
+from bgmodel.memory import check_evidence_memory, check_learning_memory
 from bgmodel.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.seeds import stream
 from bgmodel.sprt import Msprt, Sprt, criterion_from_posterior, threshold_from_gap
 from bgmodel.tactile.likelihood import Density
 
+GAP_NATS = 4.0
+"""Gap of `decide` where no criterion is given."""
 TACTILE = ("task", "orientations", "period_mm", "fold", "trials", "t_max", "density")
 """Options of `decide` that a table of your own leaves nothing to say."""
 
@@ -69,7 +76,7 @@ class Decide(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        check_ending(self.output, ".parquet", ".csv")
+        check_ending("output", self.output, ".parquet", ".csv")
         self._check()
         trials = self._trials()
         evidence = trials.evidence
@@ -85,7 +92,7 @@ class Decide(Writes):
         files.write_table(table, self.output, seed=seed, command=self._options())
         if self.evidence is not None:
             print(trials.said())
-        warn_of_trials(table, criterion="--posterior" if self.posterior else "--delta")
+        say_of_trials(table, criterion="--posterior" if self.posterior else "--delta")
         known = evidence.truth is not None
         accuracy = f"accuracy {table['correct'].mean():.3f}" if known else "no truth given"
         print(
@@ -101,19 +108,21 @@ class Decide(Writes):
             idle |= {"orientations"} if self.task == "same-different" else set()
         else:
             idle |= set(TACTILE)
-        delta = 4.0 if self.delta is None else self.delta
-        return options_of(self, idle=idle, delta=delta)
+        return options_of(self, idle=idle, delta=self._gap())
+
+    def _gap(self) -> float:
+        return GAP_NATS if self.delta is None else self.delta
 
     def _check(self) -> None:
         """Refuse what contradicts itself, before long work starts."""
-        if self.posterior is not None and not 0 < self.posterior < 1:
-            raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
         if self.posterior is not None and self.delta is not None:
             raise ValueError("delta and posterior are two ways to say one thing: give one of them")
-        threshold_from_gap(0.0 if self.delta is None else self.delta)
+        threshold_from_gap(self._gap())
         if self.evidence is None:
             check_whole(trials=self.trials, t_max=self.t_max)
-            check_memory(4 * 8 * float(self.trials) * self.t_max * 2, f"{self.trials} trials")
+            hypotheses = 2 if self.task == "same-different" else self.orientations
+            check_evidence_memory(self.trials, self.t_max, hypotheses)
+            self._test(hypotheses)
             return
         default = Decide(self.output)
         for name in TACTILE:
@@ -128,7 +137,7 @@ class Decide(Writes):
             return Msprt(), threshold, f"msprt posterior={self.posterior:g}"
         if hypotheses != 2:
             raise ValueError(f"a gap is for 2 hypotheses: with {hypotheses}, give --posterior")
-        gap = 4.0 if self.delta is None else self.delta
+        gap = self._gap()
         return Sprt(), float(threshold_from_gap(gap)), f"sprt delta={gap:g}"
 
     def _trials(self) -> tables.Trials:
@@ -183,7 +192,7 @@ class Learn(Writes):
         """Run the command."""
         from bgmodel.study import learn_grating
 
-        check_ending(self.output, ".parquet", ".csv")
+        check_ending("output", self.output, ".parquet", ".csv")
         check_whole(runs=self.runs, t_max=self.t_max)
         check_learning_memory(self.runs, self.learner.episodes)
         policy = GaussianPolicy() if self.policy == "gaussian" else BernoulliPolicy()

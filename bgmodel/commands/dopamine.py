@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,7 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of
+from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
 from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
 from bgmodel.learning import Learner
@@ -86,10 +85,8 @@ class Learn(Writes):
                 f"start_level must lie where {table.name} decides by evidence, "
                 f"{levels[0]:.3f}..{levels[-1]:.3f}, got {start:g}"
             )
-        print(
-            f"{evidence.trials} trials at {self.levels} levels, {levels[0]:.3f} to "
-            f"{levels[-1]:.3f}",
-            file=sys.stderr,
+        say(
+            f"{evidence.trials} trials at {self.levels} levels, {levels[0]:.3f} to {levels[-1]:.3f}"
         )
         met = body(model, evidence, levels, threshold_nats)
         behind: dict[str, Any] = {"seed": self.seed, "command": options_of(self)}
@@ -119,13 +116,13 @@ class Learn(Writes):
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
-        check_ending(self.output, ".parquet", ".csv")
+        check_ending("output", self.output, ".parquet", ".csv")
         self.stimuli.check(TOUCHED)
-        check_whole(runs=self.runs, levels=self.levels)
+        check_whole(runs=self.runs)
         check_learning_memory(self.runs, self.learner.episodes)
         numbers = 3 * 8.0 * self.levels * self.stimuli.trials
         check_memory(numbers, f"{self.levels} levels of {self.stimuli.trials} trials")
         if self.levels < 2:
             raise ValueError(f"levels must be >= 2, got {self.levels}")
-        if not 0 < self.posterior < 1:
-            raise ValueError(f"posterior must lie between 0 and 1, got {self.posterior}")
+        if self.stimuli.evidence is None:
+            criterion_from_posterior(self.posterior, self.stimuli.channels)

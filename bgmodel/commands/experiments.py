@@ -8,7 +8,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import Writes, check_ending, check_whole, recorded
+from bgmodel.commands.checks import Writes, check_apart, check_ending, check_whole, recorded
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,7 @@ class Run(Writes):
             experiment = replace(experiment, task=replace(experiment.task, trials=self.trials))
         if self.seed is not None:
             experiment = replace(experiment, seed=self.seed)
+        self._check_apart(experiment.task.evidence)
         done = experiments.run_experiment(experiment, workers=self.workers)
         table = done.measures
         if self.output is not None:
@@ -60,10 +61,16 @@ class Run(Writes):
             files.write_table(whole, self.output, **behind)
             files.write_table(done.trials, self._trials_path(), **behind)
         if experiment.task.evidence is not None:
-            print(experiment.trials().said())
+            print(done.given.said())
         print(page(experiment, table))
         where = f" -> {self.output}" if self.output is not None else ""
-        print(f"{done.trials['trial'].size // 2} trials{where}")
+        print(f"{len(done.trials) // 2} trials{where}")
+
+    def _check_apart(self, evidence: Path | None) -> None:
+        """Refuse to write over the evidence that the experiment's file names."""
+        inputs = [] if evidence is None else [("task.evidence", evidence)]
+        outputs = [] if self.output is None else [("output", self.output)]
+        check_apart([*inputs, *outputs, *(("trials", path) for path in self.more_outputs())])
 
     def more_outputs(self) -> list[Path]:
         """Return what is written beside the output."""
@@ -77,4 +84,4 @@ class Run(Writes):
         """Refuse what makes no sense, before long work starts."""
         check_whole(workers=self.workers)
         if self.output is not None:
-            check_ending(self.output, ".parquet", ".csv")
+            check_ending("output", self.output, ".parquet", ".csv")

@@ -9,7 +9,7 @@ import numpy as np
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import Writes, check_ending, check_whole
+from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of
 from bgmodel.memory import check_memory
 from bgmodel.seeds import stream
 from bgmodel.tactile.decoder import Training
@@ -47,7 +47,7 @@ class Simulate(Writes):
         from bgmodel.tactile.sensor import simulate
 
         check_whole(taps=self.taps, workers=self.workers)
-        check_ending(self.output, ".npz")
+        check_ending("output", self.output, ".npz")
         numbers = 2.0 * self.taps * len(self.periods_mm) * len(self.tip.rest_mm())
         check_memory(3 * 8 * numbers, f"{self.taps} taps of {len(self.periods_mm)} gratings")
         rng = stream(self.seed, "simulate")
@@ -59,10 +59,7 @@ class Simulate(Writes):
         taps = simulate(
             periods, yaw, rng=rng, tip=self.tip, nuisance=self.nuisance, library=library
         )
-        about = files.provenance(
-            self.seed, tip=self.tip, skin=self.skin, nuisance=self.nuisance, taps=self.taps
-        )
-        taps.save(self.output, about)
+        taps.save(self.output, files.provenance(self.seed, command=options_of(self)))
         print(f"{len(taps)} taps of {len(self.periods_mm)} gratings -> {self.output}")
 
 
@@ -90,10 +87,11 @@ class Train(Writes):
         """Run the command."""
         from bgmodel.tactile.decoder import EDGE, train
 
-        check_ending(self.output, ".safetensors")
+        check_ending("output", self.output, ".safetensors")
         training = EDGE if self.edge else self.training
         taps, about = _taps(self.taps, self.mm_per_px, self.edge)
-        decoder = train(taps, seed=self.seed, training=training, about={"taps": about})
+        behind = {"taps": about, "command": options_of(self, training=training)}
+        decoder = train(taps, seed=self.seed, training=training, about=behind)
         decoder.save(self.output)
         best = min(row["mae_deg"] for row in decoder.history)
         print(f"validation error {best:.1f} degrees -> {self.output}")
@@ -121,13 +119,14 @@ class Decode(Writes):
         """Run the command."""
         from bgmodel.tactile.decoder import Decoder
 
-        check_ending(self.output, ".parquet", ".csv")
+        check_ending("output", self.output, ".parquet", ".csv")
         decoder = Decoder.load(self.decoder)
         taps, about = _taps(self.taps, self.mm_per_px, self.edge, rest=decoder.rest_mm)
         table = taps.labels.assign(**decoder.decode(taps))
         if "image" in table:
             table["image"] = table["image"].map(lambda path: Path(path).name)
-        files.write_table(table, self.output, taps=about, decoder=decoder.about)
+        behind = {"taps": about, "decoder": decoder.about, "command": options_of(self)}
+        files.write_table(table, self.output, **behind)
         print(f"{len(table)} taps decoded -> {self.output}")
 
 

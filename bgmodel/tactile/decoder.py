@@ -109,11 +109,7 @@ class Decoder:
         ValueError
             If the taps are of another stimulus or have other pins than the decoder was trained on.
         """
-        if taps.stimulus != self.training.network:
-            raise ValueError(
-                f"the decoder was trained on taps of a {self.training.network}, got taps of a "
-                f"{taps.stimulus}".replace("a edge", "an edge")
-            )
+        _check_stimulus(taps, self.training)
         if taps.rest_mm.shape != self.rest_mm.shape or not np.allclose(
             taps.rest_mm, self.rest_mm, atol=1e-3
         ):
@@ -195,11 +191,7 @@ def train(
         too few to split.
     """
     training = training or Training()
-    if taps.stimulus != training.network:
-        raise ValueError(
-            f"the {training.network} network reads a {training.network}, got taps of a "
-            f"{taps.stimulus}".replace("a edge", "an edge")
-        )
+    _check_stimulus(taps, training)
     kind = NETWORKS[training.network]
     yaw = taps.labels["yaw_deg"].to_numpy(dtype=np.float64)
     low, high = kind.range_deg
@@ -226,6 +218,13 @@ def train(
     finally:
         torch.set_num_threads(threads)
     return Decoder(network, training, taps.rest_mm, history, {**provenance(seed), **(about or {})})
+
+
+def _check_stimulus(taps: Taps, training: Training) -> None:
+    if taps.stimulus != training.network:
+        raise ValueError(
+            f"this decoder reads taps of one stimulus, {training.network}: got {taps.stimulus}"
+        )
 
 
 def _built(training: Training, rest_mm: FloatArray) -> Any:
