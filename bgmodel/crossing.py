@@ -68,9 +68,9 @@ def cross_trial(out, first, order, level, number, tick, choice, margin, equal, p
             while p < count and value <= level[i, p] + slack:
                 k = order[i, p]
                 if tick[k] < 0:
+                    tick[k], choice[k], margin[k], equal[k] = t, i, level[i, p] - value, 1
                     open_ -= 1
-                    tick[k], margin[k] = t, -np.inf
-                if tick[k] == t:
+                elif tick[k] == t:
                     _compete(i, level[i, p] - value, number, k, choice, margin, equal)
                 p += 1
             pointer[i] = p

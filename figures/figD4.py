@@ -22,7 +22,7 @@ from figures.common import FULL, Settings, run
 
 COLOUR = {AGREES: "C2", DISAGREES: "C1", WITHOUT: "C3"}
 HEAD = ("manipulation", "source", "predicted", "found", "the circuit")
-COLUMNS = (0.0, 0.37, 0.55, 0.72, 0.9)
+COLUMNS = (0.0, 0.35, 0.52, 0.685, 0.86)
 SIZE = 5.5
 ARROWS = {"up": "up", "down": "down", "none": "no change"}
 
