@@ -20,6 +20,9 @@ Truths = npt.NDArray[np.bool_]
 DIFFUSION_S = 0.1
 """Noise of the diffusion, the convention in which EZ's numbers are stated."""
 
+LEAST_VARIANCE = 1e-9
+"""Variance of times, s^2, below which it is rounding and no drift follows from it."""
+
 MEASURES = {
     "accuracy": "correct of those decided",
     "mean_ms": "mean time of a decision from the onset of evidence, ms",
@@ -27,12 +30,15 @@ MEASURES = {
     "premature": "share that decides before the first reading",
     "anticipatory": "share that decides in a foreperiod without evidence",
     "missed": "share that does not decide in time",
+    "decided": "number of trials that decide in time",
     "criterion": "mean posterior of what is chosen, at the decision",
     "drift": "drift by EZ-diffusion, 1/s (s = .1); two alternatives",
     "bound": "distance of its bounds (s = .1)",
     "non_decision_ms": "its time outside the decision, ms",
 }
 """Every measure, with its unit."""
+OF_DECIDED = ("accuracy", "mean_ms", "median_ms", "criterion", "drift", "bound", "non_decision_ms")
+"""Measures of those trials alone that were decided in time."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,7 @@ class Behaviour:
             "premature": mean(self.decided.premature[0], everyone, weights),
             "anticipatory": mean(self.anticipatory, everyone, weights),
             "missed": mean(missed, everyone, weights),
+            "decided": weights @ ~missed,
             "criterion": mean(self.decided.posterior[0], ~missed, weights),
         }
         names = ("drift", "bound", "non_decision_ms")
@@ -148,7 +155,11 @@ def ez_diffusion(
     with np.errstate(invalid="ignore", divide="ignore"):
         odds = np.log(p / (1 - p))
         power = odds * (p**2 * odds - p * odds + p - 0.5) / variance
-        drift = np.sign(p - 0.5) * DIFFUSION_S * np.where(variance > 0, power, np.nan) ** 0.25
+        drift = (
+            np.sign(p - 0.5)
+            * DIFFUSION_S
+            * np.where(variance > LEAST_VARIANCE, power, np.nan) ** 0.25
+        )
         bound = DIFFUSION_S**2 * odds / drift
         y = -drift * bound / DIFFUSION_S**2
         time_s = bound / (2 * drift) * (1 - np.exp(y)) / (1 + np.exp(y))

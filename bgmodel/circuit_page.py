@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
-from bgmodel.comparison import MARGIN, equivalent, shown
+from bgmodel.comparison import MARGIN, MOST_FORCED, equivalent, shown
 
 
 def behaviour(table: pd.DataFrame) -> str:
@@ -17,7 +18,8 @@ def behaviour(table: pd.DataFrame) -> str:
     """
     fixed = table[table["kind"] == "fixed"]
     wide = fixed.pivot_table("value", ["variant", "accuracy"], "measure", sort=False)
-    said = wide.pop("without_evidence").map({0.0: "by evidence", 1.0: "without evidence"})
+    blind, late = wide.pop("without_evidence") > 0, wide["forced"] > MOST_FORCED
+    said = np.select([blind, late], ["without evidence", "mostly at the deadline"], "by evidence")
     wide.insert(0, "decides", said)
     return wide.rename_axis(columns=None).to_string(float_format=lambda value: f"{value:.3f}")
 

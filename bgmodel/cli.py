@@ -119,7 +119,8 @@ def _sentence(box: str) -> str:
     title = 0 if box.lstrip().startswith("╭") else 1
     parts = re.split(r"[─-]{3,}", " ".join(lines))[title:]
     kept = [parts[0].split("Got errors:")[0], *(p for p in parts[1:] if "Available" in p)]
-    said = re.sub(r"\s+", " ", " ".join(kept)).strip().rstrip(".")
+    said = re.sub(r"(__tyro-dummy-inner__\.)+", "--", " ".join(kept))
+    said = re.sub(r"\s+", " ", said).strip().rstrip(".")
     return f"{said} (bgmodel --help tells what there is)"
 
 

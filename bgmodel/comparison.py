@@ -28,9 +28,13 @@ FEWEST_TRIALS = 100
 RESAMPLES = 1000
 # Accuracies over which the extra time is fitted by a line.
 SPAN = np.linspace(0.85, 0.98, 14)
+REST_MS = 500.0
+"""The time at rest in which responses are counted."""
 WITHOUT_EVIDENCE_SHARE = 0.5
 """A circuit of which more than this share of decisions come before the first reading, or in a
 foreperiod, decides without evidence: its other measures say nothing of decisions."""
+MOST_FORCED = 0.5
+"""Share of trials that the deadline may decide where thresholds are compared."""
 MARGIN = 0.01
 """Accuracies are called equivalent if their difference lies within this, with 95 % confidence."""
 
@@ -85,7 +89,7 @@ class Sweep:
         return float(self.thresholds[np.abs(reached[0] - accuracy).argmin()])
 
 
-def reads_nothing(premature: float, anticipatory: float) -> bool:
+def reads_nothing(premature: float, anticipatory: float, foreperiod_ms: float) -> bool:
     """Whether a circuit decides without evidence, by two shares of its responses.
 
     Parameters
@@ -93,8 +97,13 @@ def reads_nothing(premature: float, anticipatory: float) -> bool:
     premature, anticipatory : float
         Shares of trials decided before their first reading, and of foreperiods that end in a
         response.
+    foreperiod_ms : float
+        How long these waited, ms. At a constant hazard a share p becomes
+        ``1 - (1 - p)^(500 / foreperiod_ms)`` in half a second: that is what counts, so that the
+        length of the foreperiod does not.
     """
-    return max(premature, anticipatory) > WITHOUT_EVIDENCE_SHARE
+    within = 1 - (1 - anticipatory) ** (REST_MS / foreperiod_ms)
+    return max(premature, within) > WITHOUT_EVIDENCE_SHARE
 
 
 def levels(trace: Trace, count: int = 200) -> Array:
@@ -203,7 +212,8 @@ def compare(
         trials that the test gets wrong); pearson_r, spearman_r (of decision times); residual_sd_ms,
         within_50_ms (of their difference about its median); test_ms, extra_ms; accuracy_gap (in
         equal time); forced. All are NaN where one of the two does not reach the accuracy within
-        MARGIN; what goes trial by trial has its interval for the thresholds as matched. With
+        MARGIN, or where the deadline decides most trials of one; what goes
+        trial by trial has its interval for the thresholds as matched. With
         accuracy NaN: offset_ms and slope of ``latency``.
 
     Raises
@@ -291,7 +301,9 @@ def _measures(
         values["accuracy_gap"] = _gap(*curves, accuracy, late)
         values["threshold"] = np.full(len(weights), other.thresholds[j])
         missed = max(abs(c[0][0, k] - accuracy) for c, k in zip(curves, (i, j), strict=True))
-        if missed > MARGIN:
+        # What the deadline decides crosses no threshold.
+        at_end = max(test.forced[i].mean(), other.forced[j].mean())
+        if missed > MARGIN or at_end > MOST_FORCED:
             values = {name: np.full_like(value, np.nan) for name, value in values.items()}
         found |= {(accuracy, name): value for name, value in values.items()}
     return found

@@ -225,11 +225,14 @@ class Body:
         Whether the choice was right.
     steps : array (K, trials)
         Time of the decision in readings, all latencies included.
+    forced : array (K,)
+        Share of trials that the deadline decided.
     """
 
     levels: Array
     correct: npt.NDArray[np.bool_]
     steps: Array
+    forced: Array
 
     def __post_init__(self) -> None:
         shape = (len(self.levels), self.correct.shape[-1])
@@ -250,7 +253,8 @@ class Body:
             raise ValueError(f"decisions of {found.trials} trials, evidence of {evidence.trials}")
         steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
         correct = found.choice == evidence.truth
-        return cls(found.thresholds[::-1], correct[::-1], steps[::-1])
+        forced = found.forced.mean(axis=1)
+        return cls(found.thresholds[::-1], correct[::-1], steps[::-1], forced[::-1])
 
     def rewards(self, xi: float) -> Array:
         """Return ``r = xi W - T`` of each level and trial, (K, trials)."""

@@ -33,6 +33,12 @@ class Edits:
         changed = (f for f in fields(self) if getattr(self, f.name) != f.default)
         return {f.name: getattr(self, f.name) for f in changed}
 
+    def check_engine(self, engine: str) -> None:
+        """Raise ValueError for edits of cells where an engine has none: they would do nothing."""
+        idle = [name for name in ("neurons", "connections", "spread") if getattr(self, name)]
+        if idle and engine in ("algebra", "rate"):
+            raise ValueError(f"{idle[0]} is of cells, it says nothing to the {engine} engine")
+
     def of(self, table: Circuit) -> Circuit:
         """Return the edited circuit."""
         for edit in self.without:

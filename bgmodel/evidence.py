@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+MOST_MS = 1e9
+"""Longest time of a reading or of a foreperiod: with more, times would be rounded."""
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -70,10 +73,10 @@ class Evidence:
         object.__setattr__(self, "prior", checked_prior(self.prior, values.shape[2]))
         object.__setattr__(self, "lengths", _checked_lengths(self.lengths, values))
         object.__setattr__(self, "numbers", _per_trial("numbers", self.numbers, len(values)))
-        if not (np.isfinite(self.onset_ms) and self.onset_ms >= 0):
-            raise ValueError(f"onset_ms must be >= 0, got {self.onset_ms}")
-        if not (np.isfinite(self.step_ms) and self.step_ms > 0):
-            raise ValueError(f"step_ms must be > 0, got {self.step_ms}")
+        if not 0 <= self.onset_ms <= MOST_MS:
+            raise ValueError(f"onset_ms must be >= 0 and at most {MOST_MS:g}, got {self.onset_ms}")
+        if not 0 < self.step_ms <= MOST_MS:
+            raise ValueError(f"step_ms must be > 0 and at most {MOST_MS:g}, got {self.step_ms}")
 
     @property
     def trials(self) -> int:

@@ -7,7 +7,7 @@ and, before anything is run, which measure goes which way by how much at least.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -31,6 +31,8 @@ SHIPPED = resources("bgmodel.data") / "experiments"
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"
 WITHOUT = "decides without evidence"
 """The outcome, whatever was predicted, where the manipulated circuit reads nothing."""
+FEWEST_DECIDED = 20
+"""Trials that a condition decides in time, at least, for a statement on its decisions."""
 CONDITIONS = ("control", "manipulation", "change")
 
 
@@ -112,10 +114,22 @@ class Experiment:
         if not 0 < self.foreperiod_ms < np.inf:
             raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
         self.task.check()
+        for condition in (self.control, self.manipulation):
+            condition.check_engine(self.engine)
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
             for condition in (self.control, self.manipulation):
                 self.threshold_nats(condition, self.task.channels)
+
+    def check_differs(self) -> None:
+        """Raise ValueError if both conditions are one circuit that decides at one threshold."""
+        channels = self.trials().evidence.hypotheses
+        both = [
+            (c.of(circuit(self.circuit, channels)), self.threshold_nats(c, channels))
+            for c in (self.control, self.manipulation)
+        ]
+        if both[0] == both[1]:
+            raise ValueError("the manipulation changes nothing: control and manipulation are alike")
 
     def trials(self) -> Trials:
         """Return the evidence with the names of its hypotheses and a table's own columns."""
@@ -159,7 +173,12 @@ def read_experiment(file: str | Path) -> Experiment:
     """
     path = Path(file)
     if path.suffix == ".toml":
-        return toml_files.read(path, Experiment)
+        found = toml_files.read(path, Experiment)
+        if found.task.evidence is None:
+            return found
+        # As seen from the file that names it.
+        evidence = path.parent / found.task.evidence
+        return replace(found, task=replace(found.task, evidence=evidence))
     inside = SHIPPED / f"{file}.toml"
     if not inside.is_file():
         names = ", ".join(_names())
@@ -223,8 +242,7 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
     trials = []
     for name, model, level in zip(CONDITIONS, models, thresholds, strict=False):
         behaviour = behaviour_of(model, evidence, level, experiment.foreperiod_ms)
-        if not found:
-            _check_control(behaviour)
+        _check_decided(name, behaviour, experiment.foreperiod_ms)
         found.append(behaviour.measures(weights))
         about = f"{model.circuit.name} {model.engine}"
         decided = behaviour.decision(evidence.step_ms)
@@ -241,17 +259,28 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
     return Outcome(given, measures, pd.concat(trials, ignore_index=True))
 
 
-def _check_control(behaviour: Behaviour) -> None:
-    """Refuse a control that reads nothing; warn of one that hardly ever decides."""
+def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -> None:
+    """Refuse a control that reads nothing or never decides; warn where most trials end undecided.
+
+    What a manipulated circuit does is an outcome, and none of these refuses it.
+    """
     premature, waited = behaviour.decided.premature[0].mean(), behaviour.anticipatory.mean()
-    if reads_nothing(premature, waited):
+    missed = behaviour.decided.forced[0]
+    if condition == "control" and reads_nothing(premature, waited, foreperiod_ms):
         raise ValueError(
             f"the control decides without evidence: {premature:.0%} of its trials before the first "
-            f"reading, {waited:.0%} of foreperiods end in a response"
+            f"reading, {waited:.0%} of foreperiods of {foreperiod_ms:g} ms end in a response"
         )
-    missed = behaviour.decided.forced[0].mean()
-    if missed > 0.5:
-        warnings.warn(f"the control decides in time in {1 - missed:.0%} of trials", stacklevel=3)
+    decided = int((~missed).sum())
+    if condition == "control" and decided < FEWEST_DECIDED:
+        raise ValueError(
+            f"the control decides in time in {decided} of {len(missed)} trials, at least "
+            f"{FEWEST_DECIDED} are needed"
+        )
+    if missed.mean() > 0.5:
+        warnings.warn(
+            f"the {condition} decides in time in {decided} of {len(missed)} trials", stacklevel=3
+        )
 
 
 def behaviour_of(

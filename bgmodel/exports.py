@@ -1,4 +1,7 @@
-"""Trial tables as PyDDM and HSSM read them."""
+"""Trial tables as PyDDM and HSSM read them.
+
+A choice that the deadline forced crossed no threshold: for these it counts as undecided.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ def to_pyddm(
     Returns
     -------
     DataFrame
-        rt (seconds), choice (0 or 1; both NaN where undecided), and the conditions.
+        rt (seconds), choice (0 or 1; both NaN where undecided or forced), and the conditions.
 
     Raises
     ------
@@ -55,8 +58,8 @@ def to_hssm(
     -------
     DataFrame
         participant_id, trial, rt (seconds), response (1 or -1), and the conditions. Where undecided
-        rt is -999, which HSSM takes for missing with ``missing_data=True``, and response is -1,
-        which it then does not read.
+        or forced rt is -999, which HSSM takes for missing with ``missing_data=True``, and response
+        is -1, which it then does not read.
 
     Raises
     ------
@@ -74,21 +77,44 @@ def to_hssm(
 
 
 def _coded(table: pd.DataFrame, upper: str | None, needed: Sequence[str]) -> pd.Series:
-    """Return 1 or 0 of each trial, NaN where undecided."""
-    absent = [c for c in ("rt", "response", "correct", "undecided", *needed) if c not in table]
+    """Return 1 or 0 of each trial, NaN where it met no threshold."""
+    wanted = ("rt", "response", "correct", "undecided", "forced", *needed)
+    absent = [name for name in wanted if name not in table]
     if absent:
         raise ValueError(f"the table of trials has no {', '.join(absent)}: {list(table.columns)}")
-    decided = ~table["undecided"].astype(bool)
-    given = sorted(set(table["response"][decided].astype(str)))
-    stated = sorted(set(table["stimulus"].astype(str)) - {""}) if "stimulus" in table else []
-    names = sorted({*given, *stated})
+    taken = sorted({"rt", "response", "choice"} & set(needed))
+    if taken:
+        raise ValueError(f"conditions must be other columns than {', '.join(taken)}")
+    met = ~(_truths(table["undecided"]) | _truths(table["forced"]))
     if upper is None:
         # Of more than two alternatives correct and wrong are still two.
-        if table["correct"].isna().any():
+        coded = pd.to_numeric(table["correct"], errors="coerce").astype(float)
+        if coded[met].isna().any():
             raise ValueError("nobody knows what is correct: name the response that is 1 (upper)")
-        coded = table["correct"].astype(float)
     else:
+        response, names = _texts(table["response"]), set(_texts(table["response"])[met])
+        if "stimulus" in table:
+            names |= set(_texts(table["stimulus"])) - {""}
         if len(names) > 2 or upper not in names:
-            raise ValueError(f"upper must be one of two responses, got {upper!r} of {names}")
-        coded = (table["response"].astype(str) == upper).astype(float)
-    return coded.where(decided)
+            raise ValueError(
+                f"upper must be one of two responses, got {upper!r} of {sorted(names)}"
+            )
+        coded = (response == upper).astype(float)
+    return coded.where(met)
+
+
+def _truths(column: pd.Series) -> pd.Series:
+    """Return a column of true and false, be it written as text."""
+    found = column.map({True: True, False: False, "True": True, "False": False})
+    if found.isna().any():
+        raise ValueError(
+            f"{column.name} must hold True and False, got {column.unique()[:5].tolist()}"
+        )
+    return found.astype(bool)
+
+
+def _texts(column: pd.Series) -> pd.Series:
+    """Return names as text; 1.0 is 1, as a column of numbers with a gap is read, and a gap ''."""
+    return column.map(
+        lambda name: "" if pd.isna(name) else f"{name:g}" if isinstance(name, float) else str(name)
+    )

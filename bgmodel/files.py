@@ -19,6 +19,8 @@ import pandas as pd
 
 PACKAGES = ("bgmodel", "numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY = b"bgmodel"
+MOST_NAME_BYTES = 200
+"""Longest name of a result: what is written on the way has a longer one."""
 FIELDS = {"parameters", "seed", "versions"}
 """What provenance holds."""
 
@@ -86,14 +88,14 @@ def write_table(
     text = json.dumps(provenance(seed, **parameters), indent=1, sort_keys=True)
     check_writable(path.parent)
     check_provenance_place(path)
-    with replacing(path) as partial:
-        if path.suffix == ".csv":
-            table.to_csv(partial, index=False)
-        else:
+    if path.suffix == ".parquet":
+        with replacing(path) as partial:
             _write_parquet(table, partial, text)
-    if path.suffix == ".csv":
-        with replacing(provenance_path(path)) as partial:
-            partial.write_text(text + "\n")
+        return path
+    # Both take their names once both are written.
+    with replacing(path) as partial, replacing(provenance_path(path)) as beside:
+        table.to_csv(partial, index=False)
+        beside.write_text(text + "\n")
     return path
 
 
@@ -134,9 +136,19 @@ def check_new(path: str | Path, *, force: bool = False) -> None:
     path = Path(path)
     if path.is_dir():
         raise ValueError(f"{str(path)!r} is a folder: a result needs a file's name")
+    if len(path.name.encode()) > MOST_NAME_BYTES:
+        raise ValueError(f"a file's name has at most {MOST_NAME_BYTES} bytes, got {path.name!r}")
     if not force and (path.exists() or path.is_symlink()):
         raise ValueError(f"{str(path)!r} is there already: give another name, or --force")
     check_provenance_place(path)
+
+
+def is_result(path: str | Path) -> bool:
+    """Whether a file is a table that carries provenance, so that a result may take its place."""
+    try:
+        return set(read_provenance(path)) == FIELDS
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def checksum(path: str | Path) -> str:
@@ -156,7 +168,8 @@ def read_table(path: str | Path) -> pd.DataFrame:
         if path.suffix == ".csv":
             return pd.read_csv(path)
     except (OSError, ValueError, pd.errors.ParserError) as error:
-        raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {error}") from error
+        reason = str(error).strip().splitlines()[0]
+        raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {reason}") from error
     raise ValueError(f"a table is read from .parquet or .csv, got {str(path)!r}")
 
 

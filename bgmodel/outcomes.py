@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import pandas as pd
 
+from bgmodel.behaviour import OF_DECIDED
 from bgmodel.comparison import reads_nothing, shown
-from bgmodel.experiment import AGREES, CONDITIONS, DISAGREES, OPEN, WITHOUT, Experiment
+from bgmodel.experiment import (
+    AGREES,
+    CONDITIONS,
+    DISAGREES,
+    FEWEST_DECIDED,
+    OPEN,
+    WITHOUT,
+    Experiment,
+)
 
 VERDICTS = {
     AGREES: "agrees",
@@ -33,16 +42,22 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
         outcome: "agrees" if the whole interval lies beyond at_least in the direction (within
         +-at_least for "none"), "disagrees" if none of it does, else "not decidable"; "decides
         without evidence", whatever was predicted, if most manipulated trials decide before their
-        first reading or most foreperiods end in a response.
+        first reading or most foreperiods end in a response within half a second. Where fewer than
+        ``FEWEST_DECIDED`` trials are decided, what is said of decisions is not decidable.
     """
     manipulated = table[table["condition"] == "manipulation"].set_index("measure")["value"]
-    blind = reads_nothing(manipulated["premature"], manipulated["anticipatory"])
+    blind = reads_nothing(
+        manipulated["premature"], manipulated["anticipatory"], experiment.foreperiod_ms
+    )
+    few = manipulated["decided"] < FEWEST_DECIDED
     change = table[table["condition"] == "change"].set_index("measure")
     change = change[["value", "low", "high"]]
     rows = []
     for p in experiment.predictions:
         value, low, high = map(float, change.loc[p.measure].to_numpy())
         said = WITHOUT if blind else p.outcome(low, high)
+        if not blind and few and p.measure in OF_DECIDED:
+            said = OPEN
         rows.append((p.measure, p.direction, p.at_least, value, low, high, said))
     names = ["measure", "direction", "at_least", "value", "low", "high", "outcome"]
     return pd.DataFrame(rows, columns=names)
@@ -81,5 +96,5 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
 
 
 def _cell(measure: str, value: float, low: float, high: float) -> str:
-    form = ".0f" if measure.endswith("_ms") else ".3f"
+    form = ".0f" if measure.endswith("_ms") or measure == "decided" else ".3f"
     return shown(value, low, high, form)

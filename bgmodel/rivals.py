@@ -22,8 +22,8 @@ Array = npt.NDArray[np.float64]
 class Race:
     """Independent accumulators: stop when one total is high enough (Vickers 1970).
 
-    ``OUT_i = -Y_i``. A constant shared by the hypotheses of a reading changes nothing for the other
-    rules; here it does, so the zero of the evidence must mean that nothing was seen, as in
+    ``OUT_i = -Y_i``. A constant shared by the hypotheses of a reading changes nothing for the rules
+    that compare; here it does, so the zero of the evidence must mean that nothing was seen, as in
     ``gaussian_evidence``.
     """
 
@@ -72,7 +72,8 @@ class Lca:
     ----------
     leak_hz, inhibition_hz : float
         Per second; 100 and 100 in Bogacz & Gurney 2007. Where they are equal, differences between
-        the accumulators do not leak.
+        the accumulators do not leak. What all share leaks fast: like a race it needs evidence whose
+    zero means that nothing was seen.
     """
 
     leak_hz: float = 100.0
@@ -94,6 +95,8 @@ class Lca:
         return at_readings(-(together + apart), evidence)
 
 
+NEED_ZERO = ("race", "LCA")
+"""Rivals that need evidence whose zero means that nothing was seen: they add up what is common."""
 RIVALS = {
     "race": Race,
     "LCA": Lca,

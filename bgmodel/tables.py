@@ -22,8 +22,11 @@ KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""
 OURS = (*KEYS, "step", "truth")
 """Columns of an evidence table that mean something, beside ``ll_<hypothesis>``."""
-LABELS = ("participant_id", "trial", "condition")
-"""Columns of a trial table that a user's own column of that name fills."""
+RESULT = ("rt", "response", "stimulus", "correct", "undecided", "forced", "premature", "steps",
+          "condition", "seed", "model", "anticipatory")  # fmt: skip
+"""Columns of results: a user's own column of that name comes back as ``given_<name>``."""
+MOST_NATS = 1e6
+"""Beyond, sums of log-likelihoods lose what tells hypotheses apart."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ def trial_table(
     Raises
     ------
     ValueError
-        If there are several thresholds, or no name is left for a column.
+        If there are several thresholds.
     """
     if decision.choice.ndim != 1:
         raise ValueError(
@@ -129,11 +132,8 @@ def trial_table(
         }
     )
     for name in trials.columns:
-        own = name in table and (name not in LABELS or (name == "condition" and condition != ""))
-        place = f"given_{name}" if own else name
-        if own and (place in table or place in trials.columns):
-            raise ValueError(f"the evidence has columns {name!r} and {place!r}: rename one of them")
-        table[place] = trials.columns[name].array
+        ours = name in RESULT and (name != "condition" or condition != "")
+        table[f"given_{name}" if ours else name] = trials.columns[name].array
     return table
 
 
@@ -221,8 +221,9 @@ def trials_from_table(
     own = [name for name in table.columns if name not in (*columns, "step", "truth")]
     varying = [name for name in own if not _constant(table[name], trial, first_row)]
     kept = table[[name for name in own if name not in varying]].iloc[first_row]
-    if "row" in kept:
-        raise ValueError("the column row is the result's own: call it otherwise")
+    for name in kept:
+        if name == "row" or (name in RESULT and f"given_{name}" in kept):
+            raise ValueError(f"the column {name} is the result's own: call it otherwise")
     kept = kept.reset_index(drop=True).assign(row=first_row)
     return Trials(evidence, names, kept, [str(name) for name in varying])
 
@@ -232,20 +233,27 @@ def _read_csv(path: Path) -> pd.DataFrame:
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             header = next(csv.reader(stream), [])
+        if not any(header):
+            raise ValueError("the first line is blank, it must name the columns")
         twice = sorted({name for name in header if name and header.count(name) > 1})
         if twice:
             raise ValueError(f"the header has {', '.join(twice)} twice")
+        # What pandas calls a column without a name.
+        names = [name or f"Unnamed: {k}" for k, name in enumerate(header)]
         with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pd.errors.DtypeWarning)
             # More cells in a row than in the header would be lost.
             warnings.simplefilter("error", pd.errors.ParserWarning)
             table = pd.read_csv(
                 path,
-                dtype={name: str for name in header if not name.startswith("ll_")},
+                dtype={name: str for name in names if not name.startswith("ll_")},
                 keep_default_na=False,
                 index_col=False,
                 encoding="utf-8-sig",
             )
-    except (OSError, ValueError, csv.Error, pd.errors.ParserWarning) as error:
+    except pd.errors.ParserWarning:
+        raise ValueError(f"{str(path)!r}: a row has more cells than the header names") from None
+    except (OSError, ValueError, csv.Error) as error:
         reason = str(error).strip().splitlines()[0]
         raise ValueError(f"{str(path)!r} can't be read as .csv: {reason}") from None
     texts = [name for name in table.columns if not str(name).startswith("ll_")]
@@ -261,7 +269,9 @@ def _typed(column: pd.Series) -> pd.Series:
         except (ValueError, OverflowError):
             continue
         same = all(str(kind(text)) == text for text in texts)
-        if same and numbers.dtype.kind in "if" and np.isfinite(numbers).all():
+        # Whole numbers of mixed sign and size would become floats.
+        fits = numbers.dtype.kind in ("iu" if kind is int else "f")
+        if same and fits and np.isfinite(numbers).all():
             return pd.Series(numbers[codes], index=column.index)
     return column.astype(object)
 
@@ -317,6 +327,7 @@ def _steps(
     table: pd.DataFrame, trial: npt.NDArray[np.intp], keys: list[str]
 ) -> npt.NDArray[np.intp]:
     """Return the place of each row in its trial, from 0; ValueError unless steps follow on."""
+    _check_numeric(table["step"])
     step = pd.to_numeric(table["step"], errors="coerce").to_numpy(dtype=np.float64)
     wrong = ~(np.isfinite(step) & (step == np.floor(step)))
     if wrong.any():
@@ -343,16 +354,24 @@ def _steps(
 
 
 def _numbers(table: pd.DataFrame, columns: list[str]) -> np.ndarray:
+    for name in columns:
+        _check_numeric(table[name])
     values = table[columns].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
-    wrong = ~np.isfinite(values)
+    wrong = ~(np.abs(values) <= MOST_NATS)
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
         trial, step, value = (table[name].iloc[row] for name in ("trial", "step", columns[column]))
         raise ValueError(
-            f"{columns[column]} must be a finite number, got {value!s} at trial {trial}, step "
-            f"{step} ({wrong.sum()} such values)"
+            f"{columns[column]} must be a finite number within +-{MOST_NATS:.0e} nats, got "
+            f"{value!s} at trial {trial}, step {step} ({wrong.sum()} such values)"
         )
     return values
+
+
+def _check_numeric(column: pd.Series) -> None:
+    """Raise ValueError for a column of times or of true and false: they are no numbers."""
+    if column.dtype.kind in "mMb":
+        raise ValueError(f"{column.name} must hold numbers, got {column.dtype}")
 
 
 def _constant(
@@ -372,7 +391,7 @@ def _truth_of(
     trial: npt.NDArray[np.intp],
     first_row: npt.NDArray[np.intp],
 ) -> np.ndarray:
-    truth = table["truth"].astype(str)
+    truth = table["truth"].map(str).astype(object)
     unknown = sorted(set(truth) - set(names))
     if unknown or not _constant(truth, trial, first_row):
         raise ValueError(

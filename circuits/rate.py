@@ -23,6 +23,10 @@ MOST_TICKS = 64
 """Ticks computed together at most: more only cost memory."""
 
 
+MOST_HZ = 1e6
+"""Rates beyond stand for nothing: the loop is unstable."""
+
+
 def run(
     circuit: Circuit,
     drive: npt.ArrayLike,
@@ -80,6 +84,9 @@ def run(
         mean = loop.advance(clock.sample_ticks, inputs[step])
         if rates:
             kept[sample][:, left] = mean
+        if not np.abs(loop.output).max() < MOST_HZ:
+            late_ms = (sample + 1) * sample_ms
+            raise ValueError(f"rates of {circuit.name} run away, {late_ms:g} ms after onset")
         output[sample][:, left] = loop.output
         over = scheme.wiring.activity(loop.output, circuit.readout).min(axis=0) < level
         if over.any():

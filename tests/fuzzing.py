@@ -392,7 +392,7 @@ TABLE = [
     ["--edits.scale", "STN->ctx=1"],
     ["--edits.scale", "STN->GPe[9]=1"],
     ["--edits.dopamine", "3"],
-    ["--edits.neurons", "0"],
+    ["--edits.neurons", "3", "--engine", "algebra"],
     ["--edits.connections", "2"],
     ["--edits.spread", "5"],
 ]
@@ -449,7 +449,8 @@ def circuit_run(rng: Rng, folder: Path) -> list:
     engine = pick(rng, "algebra", "rate", "ensemble")
     given = ["--engine", engine, "--trials", rng.integers(1, 6), "--t-max", rng.integers(1, 6)]
     given += ["--channels", rng.integers(2, 5), "--posterior", rng.uniform(0.7, 0.88)]
-    given += ["--d-prime", rng.uniform(0.2, 2), "--edits.neurons", 20]
+    given += ["--d-prime", rng.uniform(0.2, 2)]
+    given += ["--edits.neurons", 20] if engine == "ensemble" else []
     return ["circuit", "run", _out(rng, folder), *given, "--seed", rng.integers(9), *edits(rng)]
 
 
@@ -558,9 +559,10 @@ def toml(rng: Rng, valid: bool) -> str:
     """Return the text of an experiment's file, broken in one place unless valid."""
     top = {name: pick(rng, *values) for name, values in VALID_TOML.items()}
     parts = {
-        "task": {"trials": str(rng.integers(100, 300)), "t_max": str(rng.integers(2, 6))},
+        "task": {"trials": str(rng.integers(100, 300)), "t_max": str(rng.integers(6, 9))}
+        | {"d_prime": "2.0"},
         "control": {},
-        "manipulation": {"without": f'["STN={rng.uniform(0, 0.05):.3f}"]'},
+        "manipulation": {"without": f'["STN={rng.uniform(0.005, 0.05):.3f}"]'},
         "predictions": {
             "measure": pick(rng, '"accuracy"', '"mean_ms"', '"missed"'),
             "direction": pick(rng, '"up"', '"down"', '"none"'),

@@ -265,7 +265,7 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsy
     assert run("circuit", "learn", tmp_path / "a.csv", "--edits.scale", "ctx->STN=0.5") == 2
     assert "no level of dopamine" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-    given = (*task, "ctx->STN=0.5", "--engine", "rate", "--accuracies", 0.8)
+    given = (*task[:-1], 40, "ctx->STN=0.5", "--engine", "rate", "--accuracies", 0.8)
     assert run("circuit", "lesion", tmp_path / "a.csv", *given) == 0
     shown = capsys.readouterr().out
     assert re.search(r"intact +0.8 +by evidence", shown)
@@ -279,8 +279,8 @@ def test_a_lesion_without_an_edit_says_which_it_runs(tmp_path, capsys):
     assert run("circuit", "lesion", tmp_path / "a.csv", *small) == 0
     said = "no edit given, these run: STN=0.2, GPe=0.2, D2, ctx->STN=0.9, D1->SNr=0.9"
     assert said in capsys.readouterr().err
-    assert run("compare", tmp_path / "b.csv", *small[:-1], 0.5) == 2
-    assert "accuracies must lie above chance, 0.5, got 0.5" in capsys.readouterr().err
+    assert run("compare", tmp_path / "b.csv", *small[:-1], 0.505) == 2
+    assert "accuracies must lie above chance, 0.5, got 0.505" in capsys.readouterr().err
 
 
 def test_compare_command_on_gratings(tmp_path, capsys):
@@ -352,6 +352,39 @@ def test_a_reach_changes_out_by_no_more_than_it_says(readings, reach, gain):
     assert np.all(change <= np.log1p(4 * np.exp(-reach)) + 1e-9)
     drive = drive_of(evidence, gain, reach)
     assert np.ptp(drive, axis=2).max() <= reach + 1e-9
+
+
+def test_ties_of_a_circuit_are_those_of_the_test_in_any_batch(monkeypatch):
+    """Evidence that says nothing: the choice hangs on the trial's number alone."""
+    monkeypatch.setattr(basal_ganglia, "BATCH", 7)
+    flat = Evidence(np.zeros((40, 2, 3)), np.arange(40) % 3, step_ms=50.0)
+    model = BasalGanglia(circuit("bogacz_gurney", 3), "algebra")
+    found = sweeps(model, flat, [0.5])["circuit"]
+    expected = first_crossing(Msprt().run(flat), 0.5)
+    assert found.forced.all()
+    assert (found.choice[0] == expected.choice).all()
+    # And a trial of one reading of two ends a step after it.
+    short = replace(flat, lengths=np.where(np.arange(40) % 2, 1, 2))
+    trace = BasalGanglia(circuit("bogacz_gurney", 3), "rate").run(short)
+    ends_ms = first_crossing(trace, 0.5).deadline_ms
+    assert set(ends_ms[::2]) == {150.0}
+    assert set(ends_ms[1::2]) == {100.0}
+
+
+def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
+    mine = tmp_path / "zero.csv"
+    rows = [f"{n},{t},0,0" for n in range(100) for t in range(2)]
+    mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
+    given = ("--evidence", mine, "--engine", "algebra", "--accuracies", 0.6)
+    assert run("compare", tmp_path / "a.csv", *given) == 0
+    assert "not reached" in capsys.readouterr().out
+    assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
+    small = ("--trials", 100, "--t-max", 6, "--engine", "algebra", "--accuracies", 0.9)
+    assert run("circuit", "lesion", tmp_path / "b.csv", "GPe", *small, "--d-prime", 1) == 0
+    assert re.search(r"GPe +0.9 +mostly at the deadline", capsys.readouterr().out)
+    little = ("--trials", 20, "--t-max", 1, "--levels", 2, "--period-mm", 1)
+    assert run("circuit", "learn", tmp_path / "c.csv", *little) == 2
+    assert "the deadline decides most trials at every level" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("engine", ["algebra", "rate", "ensemble"])

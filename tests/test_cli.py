@@ -126,6 +126,53 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(
     assert (found["response"] == np.array(["left", "up", "right"])[expected]).all()
 
 
+def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
+    mine = tmp_path / "mine.csv"
+    rows = [f"{n},{t},{-0.1 * (n + 1)},0" for n in range(4) for t in range(5)]
+    mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
+    z = 0.1 * np.arange(1, 5)[:, None] * np.arange(1, 6)
+    given = ("--evidence", mine, "--delta", 1)
+    for prior, start in (((), 0.0), (("--prior", 0.45, 0.55), np.log(0.55 / 0.45))):
+        out = tmp_path / f"out{len(prior)}.csv"
+        assert run("decide", out, *given, *prior, "--step-ms", 20, "--onset-ms", 300) == 0
+        met = z + start >= 0.5 - 1e-10
+        reading = np.where(met.any(axis=1), met.argmax(axis=1) + 1, 5)
+        found = read_table(out)
+        assert found["rt"].to_numpy() == pytest.approx(0.02 * reading)
+        assert (found["forced"] == ~met.any(axis=1)).all()
+        assert read_provenance(out)["parameters"]["command"]["onset_ms"] == 300
+    out = tmp_path / "circuit.csv"
+    assert run("circuit", "run", out, *given[:2], *ALGEBRA, "--step-ms", 20) == 0
+    assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
+
+
+def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("bgmodel.commands.decisions.Decide.__call__", lambda self: 1 / 0)
+    dangling, foreign = tmp_path / "dangling.csv", tmp_path / "foreign.csv"
+    dangling.symlink_to(tmp_path / "nowhere.csv")
+    (tmp_path / "foreign.csv.json").write_text("[]")
+    (tmp_path / "taps").mkdir()
+    for path, says in (
+        (dangling, "is there already"),
+        (foreign, "holds something else"),
+        (tmp_path / ("y" * 230 + ".csv"), "has at most 200 bytes"),
+    ):
+        assert run("decide", path) == 2
+        assert says in capsys.readouterr().err
+    monkeypatch.setattr("bgmodel.commands.taps.Decode.__call__", lambda self: 1 / 0)
+    inside = tmp_path / "taps" / "targets.csv"
+    assert run("decode", "d.safetensors", tmp_path / "taps", inside, "--force") == 2
+    assert "lies in a folder that is read" in capsys.readouterr().err
+
+
+def test_what_nobody_named_is_written_over_only_where_it_is_a_result(tmp_path, capsys):
+    out, beside = tmp_path / "out.csv", tmp_path / "out_trials.csv"
+    beside.write_text("mine")
+    assert run("experiment", "stn_bound", out, "--force", "--trials", 100) == 2
+    assert "out_trials.csv' is there already" in capsys.readouterr().err
+    assert beside.read_text() == "mine"
+
+
 def test_decide_says_forced(tmp_path, capsys):
     out = tmp_path / "out.csv"
     given = ("--trials", 40, "--t-max", 2, "--delta", 16, "--period-mm", 1.5)
@@ -246,6 +293,14 @@ def test_learn(tmp_path, capsys):
         (["simulate", "taps.csv"], "output must end in .npz"),
         (["simulate", "taps.npz", "--taps", "0"], "taps must be at least 1"),
         (["figures"], "figures are drawn in a checkout"),
+        (["decide", "out.csv", "--onset-ms", "5"], "onset_ms is for a table of your own"),
+        (["decide", "out.csv", "--orientations", "3"], "orientations is for --task orientation"),
+        (["decide", "out.csv", "--evidence", "x.csv", "--seed", "-1"], "seed must be a whole"),
+        (["learn", "out.csv", "--learner.episodes", "200"], "--learner: episodes must be at least"),
+        (
+            ["circuit", "run", "out.csv", "--engine", "rate", "--edits.neurons", "3"],
+            "neurons is of cells, it says nothing to the rate engine",
+        ),
         (["decide", "out.csv", "--posterior", "0.5"], "posterior must lie between chance, 0.5"),
         (["decide", "out.csv", "--prior", ".95", ".05", "--delta", "1"], "past the criterion"),
         (["decide", "out.csv", "--trials", "1e12"], "of memory"),

@@ -131,8 +131,14 @@ def test_out_may_fall_and_rise_again_with_the_evidence():
         (lambda: short(start_level=np.nan), "got nan"),
         (lambda: short(policy=GaussianPolicy()), r"what is played must lie in 0\.750\.\.2\.000"),
         (lambda: short(runs=0), "runs must be >= 1"),
-        (lambda: Body(np.array([1.0, 0.9]), *[np.ones((2, 3))] * 2), "levels must rise"),
-        (lambda: Body(np.array([1.0, 1.1]), *[np.ones((1, 3))] * 2), "must be .levels, trials."),
+        (
+            lambda: Body(np.array([1.0, 0.9]), *[np.ones((2, 3))] * 2, np.zeros(2)),
+            "levels must rise",
+        ),
+        (
+            lambda: Body(np.array([1.0, 1.1]), *[np.ones((1, 3))] * 2, np.zeros(2)),
+            "must be .levels, trials.",
+        ),
         (
             lambda: MODEL.circuit.scaled("ctx", "D1", 1.2, channel=0).dopamine(1.1),
             "ctx->D1 differs from channel to channel",
@@ -206,7 +212,7 @@ def synthetic(trials=4000, best=1.2):
     levels = np.linspace(*PLAYED, 26)
     noise = stream(SEED, "noise").normal(0, 1, (1, trials))
     steps = 10 * (levels[:, None] - best) ** 2 + 5 + noise
-    return Body(levels, np.ones((26, trials), bool), steps)
+    return Body(levels, np.ones((26, trials), bool), steps, np.zeros(26))
 
 
 def test_a_body_returns_the_mean_reward_between_its_levels():
@@ -218,7 +224,7 @@ def test_a_body_returns_the_mean_reward_between_its_levels():
         found = world(0, np.full(runs, level))
         assert abs(found.mean() - made.expected(level, XI)) < 5 * found.std() / np.sqrt(runs)
     assert made.best(XI)[0] == pytest.approx(1.2, abs=0.03)
-    wrong = Body(made.levels, ~made.correct, made.steps)
+    wrong = Body(made.levels, ~made.correct, made.steps, made.forced)
     assert wrong.rewards(XI) == pytest.approx(made.rewards(XI) - XI)
 
 

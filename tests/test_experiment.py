@@ -1,5 +1,6 @@
 """Experiments: files read strictly, measures with oracles, outcomes that the edit alone makes."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import stream
+from bgmodel.basal_ganglia import BasalGanglia
 from bgmodel.behaviour import DIFFUSION_S, MEASURES, ez_diffusion, mean, median
 from bgmodel.cli import main
 from bgmodel.edits import Edits
@@ -20,6 +22,7 @@ from bgmodel.experiment import (
     WITHOUT,
     Condition,
     Prediction,
+    behaviour_of,
     read_experiment,
     run_experiment,
     shipped,
@@ -301,9 +304,9 @@ def test_more_alternatives_have_no_diffusion(small):
 def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
     """It responds before anything is read: no prediction, right or wrong, is met by that."""
     experiment = read_experiment("stn_lesion_whole")
-    small = replace(experiment, task=replace(experiment.task, trials=100, t_max=3))
-    with pytest.warns(UserWarning, match="the control decides in time in"):
-        found = run_experiment(small).measures
+    task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
+    small = replace(experiment, task=task)
+    found = run_experiment(small).measures
     table = found.set_index(["condition", "measure"])["value"]
     assert table["manipulation", "anticipatory"] == 1
     assert table["manipulation", "premature"] == 1
@@ -337,7 +340,7 @@ def test_an_experiment_that_decides_nothing_does_not_agree(small, engine, capsys
 
 @pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
 def test_a_control_that_decides_nothing_is_refused(small, engine, capsys):
-    both = HALVED + '[control]\nscale = ["ctx->STN=0.5"]\n'
+    both = HALVED + 'without = ["D2=0.1"]\n[control]\nscale = ["ctx->STN=0.5"]\n'
     head, rest = GOOD.replace("algebra", engine).split("[task]")
     small.write_text(head + both + rest.split('without = ["STN=0.2"]')[1])
     assert run("experiment", small) == 2
@@ -372,6 +375,67 @@ def test_the_trials_of_both_conditions_lie_beside_the_outcome(small, capsys):
     assert "out_trials.csv' is there already" in capsys.readouterr().err
 
 
+def judged(shares, foreperiod_ms=500.0, decided=100, measure="mean_ms"):
+    """Return the outcome of a change of -100 +- 10 that was predicted, for shares of responses."""
+    experiment = shipped()["stn_bound"]
+    prediction = Prediction(measure, "down", 20.0)
+    experiment = replace(experiment, predictions=(prediction,), foreperiod_ms=foreperiod_ms)
+    values = dict.fromkeys(MEASURES, 0.5) | {"decided": decided} | shares
+    rows = [("manipulation", name, value, value, value) for name, value in values.items()]
+    rows += [("change", name, -100.0, -110.0, -90.0) for name in MEASURES]
+    table = pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
+    return outcomes(experiment, table)["outcome"].item()
+
+
+def test_either_share_of_responses_without_evidence_is_enough():
+    assert judged({"premature": 0.1, "anticipatory": 0.1}) == AGREES
+    assert judged({"premature": 0.6, "anticipatory": 0.1}) == WITHOUT
+    assert judged({"premature": 0.1, "anticipatory": 0.6}) == WITHOUT
+
+
+def test_the_length_of_the_foreperiod_does_not_excuse_a_circuit_that_responds_at_rest():
+    """At a constant hazard .23 of 50 ms are .93 of half a second, and .6 of 3 s are .14."""
+    assert judged({"premature": 0.3, "anticipatory": 0.23}, 50.0) == WITHOUT
+    assert judged({"premature": 0.3, "anticipatory": 0.6}, 3000.0) == AGREES
+
+
+def test_a_handful_of_decided_trials_decides_nothing():
+    rest = {"premature": 0.0, "anticipatory": 0.0, "missed": 0.97}
+    assert judged(rest, decided=4) == OPEN
+    assert judged(rest, decided=4, measure="missed") == AGREES
+    assert judged(rest, decided=40) == AGREES
+
+
+def test_conditions_that_say_nothing_are_refused(small, capsys):
+    text = small.read_text()
+    small.write_text(text.replace("STN=0.2", "STN=0"))
+    assert run("experiment", small) == 2
+    assert "the manipulation changes nothing" in capsys.readouterr().err
+    small.write_text(text.replace("t_max = 40", "t_max = 1"))
+    assert run("experiment", small) == 2
+    assert "the control decides in time in" in capsys.readouterr().err
+    small.write_text(text.replace('without = ["STN=0.2"]', "neurons = 20"))
+    assert run("experiment", small) == 2
+    assert "neurons is of cells, it says nothing to the algebra engine" in capsys.readouterr().err
+
+
+def test_foreperiods_have_noise_of_their_own(monkeypatch):
+    """Their trials are numbered after those with evidence."""
+    asked = []
+    plain = BasalGanglia.at
+
+    def at(model, drive, step_ms, first_trial=0):
+        asked.append((len(drive), first_trial))
+        return plain(model, drive, step_ms, first_trial)
+
+    monkeypatch.setattr(BasalGanglia, "at", at)
+    model = BasalGanglia(anatomy.spiking_msprt(2).with_neurons(20), "ensemble", 0.5, 3)
+    evidence = gaussian_evidence(30, 2, 1.0, rng=stream(1, "foreperiod"), step_ms=50.0)
+    behaviour_of(model, evidence, 0.3, 20.0)
+    first, count = asked[-1][1], asked[-1][0]
+    assert (count, first) == (30, 30)
+
+
 def test_an_experiment_on_a_users_table_keeps_its_columns(small, capsys):
     rng = np.random.default_rng(8)
     evidence = gaussian_evidence(120, 20, 0.4, rng=rng)
@@ -390,6 +454,9 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(small, capsys):
     assert set(trials["condition"]) == {"control", "manipulation"}
     assert set(trials["given_condition"]) == {"dim", "bright"}
     assert trials["trial"][:120].tolist() == [f"id{n}" for n in range(120)]
+    # The file is looked for beside the one that names it, wherever the command is called.
+    small.write_text(small.read_text().replace(str(mine), "mine.csv"))
+    assert read_experiment(small).trials().evidence.trials == 120
     # Whatever is forced, what an experiment was made from is not written over.
     before = mine.read_bytes()
     for out in (mine, mine.with_name("mine")):
@@ -398,7 +465,7 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(small, capsys):
         small.write_text(small.read_text().replace("mine.csv", named.name))
         out = out.with_suffix(".csv")
         assert run("experiment", small, out, "--force") == 2
-        assert "are one file" in capsys.readouterr().err
+        assert re.search("are one file|is there already", capsys.readouterr().err)
         assert named.read_bytes() == before
 
 
@@ -463,7 +530,7 @@ def test_experiment_command(small, tmp_path, capsys):
 
 
 def test_the_same_bytes_for_any_number_of_workers_and_any_batch(small, tmp_path, monkeypatch):
-    spiking = GOOD.replace("algebra", "ensemble").replace("t_max = 40", "t_max = 6")
+    spiking = GOOD.replace("algebra", "ensemble").replace("t_max = 40", "t_max = 9\nd_prime = 2.0")
     edits = "neurons = 40\n"
     spiking = spiking.replace("[manipulation]\n", f"[control]\n{edits}[manipulation]\n{edits}")
     small.write_text(spiking)

@@ -65,10 +65,31 @@ def test_hssm_gets_what_it_asks_for(table):
     assert (right == np.where(table["response"][~missed] == "right", 1, -1)).all()
 
 
+def test_a_table_that_was_read_back_as_text_gives_the_same(table, tmp_path):
+    path = tmp_path / "t.csv"
+    table.to_csv(path, index=False)
+    for read in (pd.read_csv(path), pd.read_csv(path, dtype=str, keep_default_na=False)):
+        given = to_pyddm(read.assign(rt=pd.to_numeric(read["rt"], errors="coerce")), upper="right")
+        assert given["choice"].equals(to_pyddm(table, upper="right")["choice"])
+        found = to_hssm(read.assign(rt=pd.to_numeric(read["rt"], errors="coerce")))
+        assert found["response"].equals(to_hssm(table)["response"])
+    numbers = table.assign(response=table["response"].map({"left": 0.0, "right": 1.0, "": np.nan}))
+    named = to_pyddm(numbers.drop(columns="stimulus"), upper="1")["choice"]
+    assert named.equals(to_pyddm(table, upper="right")["choice"])
+
+
+def test_a_forced_choice_crossed_no_threshold(table):
+    forced = table.assign(forced=~table["undecided"])
+    assert to_pyddm(forced)["choice"].isna().all()
+    assert (to_hssm(forced)["rt"] == -999.0).all()
+
+
 def test_tables_that_cannot_be_told_are_refused(table):
     bad = {
         "has no rt": lambda: to_pyddm(table.drop(columns="rt")),
         "has no block": lambda: to_hssm(table, conditions=("block",)),
+        "other columns than response": lambda: to_hssm(table, conditions=("response",)),
+        "undecided must hold True and False": lambda: to_hssm(table.assign(undecided="no")),
         "upper must be one of two responses, got 'up'": lambda: to_pyddm(table, upper="up"),
         "nobody knows what is correct": lambda: to_hssm(table.assign(correct=pd.NA)),
         "of two responses, got 'left' of": lambda: to_hssm(

@@ -111,7 +111,8 @@ def test_show_says_whose_noise_it_is(capsys):
 @pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate"])
 def test_run_command(capsys, tmp_path, engine):
     table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
-    options = ["--edits.neurons", 30, "--trials", 6, "--t-max", 4, "--seed", 3, "--channels", 3]
+    options = ["--trials", 6, "--t-max", 4, "--seed", 3, "--channels", 3]
+    options += ["--edits.neurons", 30] if engine == "ensemble" else []
     assert run("run", table, "--engine", engine, "--rates", rates, *options) == 0
     assert "6 trials, accuracy" in capsys.readouterr().out
     first = pd.read_csv(table, comment="#")

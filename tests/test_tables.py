@@ -41,6 +41,15 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, trials, monkeypatch):
         write_table(trials.head(1), path)
     assert path.read_bytes() == before
 
+    def half(table, partial, **given):
+        partial.write_text("half")
+        raise OSError("no space")
+
+    monkeypatch.setattr(pd.DataFrame, "to_csv", half)
+    with pytest.raises(OSError, match="no space"):
+        write_table(trials, tmp_path / "u.csv")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["t.parquet"]
+
 
 def test_trial_table_names_undecided_trials(trials):
     undecided = trials["undecided"]
@@ -143,6 +152,17 @@ def test_a_users_columns_come_back_and_the_result_joins_by_id_and_by_row():
     assert "eye_x" not in found
 
 
+def test_some_of_the_trials_keep_their_own_columns():
+    table, _ = ragged(np.random.default_rng(5))
+    trials = trials_from_table(table)
+    chosen = np.arange(40) % 3 == 1
+    some = trials.where(chosen)
+    assert some.columns["rt"].tolist() == trials.columns["rt"][chosen].tolist()
+    assert some.evidence.trial_numbers.tolist() == np.flatnonzero(chosen).tolist()
+    found = trial_table(first_crossing(Msprt().run(some.evidence), 0.3), some, model="m")
+    assert found["row"].tolist() == trials.columns["row"][chosen].tolist()
+
+
 def test_a_forced_trial_of_a_table_is_decided_by_its_own_readings():
     """The plain oracle: sums of a trial's rows, up to its own last one."""
     table, _ = ragged(np.random.default_rng(6))
@@ -172,6 +192,7 @@ def test_a_forced_trial_of_a_table_is_decided_by_its_own_readings():
         (["1", "", "3"], "text"),
         (["99999999999999999999", "1", "2"], "text"),
         (["1e5", "2", "3"], "text"),
+        (["-1", "9223372036854775809", "2"], "text"),
         (["True", "False", "True"], "text"),
     ],
 )
@@ -205,7 +226,7 @@ BAD = {
     "trial is missing in row 4": lambda good: good.assign(
         trial=good["trial"].where(good.index != 4)
     ),
-    "ll_a must be a finite number, got abc at trial 0, step 1": lambda good: good.astype(
+    "ll_a must be a finite number within .* got abc at trial 0, step 1": lambda good: good.astype(
         {"ll_a": object}
     ).assign(ll_a=lambda t: t["ll_a"].where(t.index != 1, "abc")),
     r"ll_b must be .* got nan at trial 0, step 0 \(28 such": changed("ll_b", np.nan),
@@ -224,6 +245,13 @@ BAD = {
     "'trial ' is not 'trial'": changed("trial ", 1),
     "ll_a twice": lambda good: good.rename(columns={"ll_b": "ll_a"}),
     "the column row is the result's own": changed("row", 1),
+    "ll_a must be a finite number within .* got 2000000.0": changed("ll_a", 2e6),
+    "ll_a must hold numbers, got bool": changed("ll_a", True),
+    r"step must hold numbers, got datetime64": changed("step", pd.Timestamp("2026-01-01")),
+    "the column rt is the result's own": lambda good: good.assign(rt=1, given_rt=2),
+    "truth must be one of .* got .'1.0', 'nan'": lambda good: good.assign(
+        truth=np.where(good["trial"] == 0, np.nan, 1.0)
+    ),
     "column 'note' can't be compared": lambda good: good.assign(note=[[1]] * len(good)),
 }
 
@@ -241,7 +269,9 @@ def test_bad_tables_get_one_clear_sentence(says):
     ("text", "says"),
     [
         ("trial,step,ll_a,ll_a\n0,0,1,2\n", "the header has ll_a twice"),
-        ("trial,step,ll_a,ll_b\n0,0,1,2,3\n", "can't be read as .csv"),
+        ("trial,step,ll_a,ll_b\n0,0,1,2,3\n", "a row has more cells than the header"),
+        ("\ntrial,step,ll_a,ll_b\n007,0,1,2\n", "the first line is blank"),
+        ("\ufeff\r\ntrial,step,ll_a,ll_b\r\n007,0,1,2\r\n", "the first line is blank"),
         ("trial;step;ll_a;ll_b\n0;0;1;2\n", "needs the columns trial, step"),
         ("", "can't be read as .csv"),
         ("trial,step,ll_a,ll_b\n", "at least one trial"),

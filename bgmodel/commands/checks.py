@@ -82,18 +82,16 @@ def check_outputs(command: Writes) -> None:
     ``force``, and its folder must be one that can be written.
     """
     check_apart(_paths(command))
-    for path in _outputs_of(command):
-        files.check_new(path, force=command.force)
+    outputs = [getattr(command, name) for name in OUTPUTS if getattr(command, name, None)]
+    for path in [*outputs, *command.more_outputs()]:
+        # What nobody named is written over only where it is a result.
+        named = path in outputs or files.is_result(path)
+        files.check_new(path, force=command.force and named)
         files.check_writable(path.parent)
-
-
-def _outputs_of(command: Writes) -> Iterator[Path]:
-    """Go through the files that a command will write, but for provenance beside a ``.csv``."""
-    for field in fields(command):
-        value = getattr(command, field.name)
-        if field.name in OUTPUTS and value is not None:
-            yield value
-    yield from command.more_outputs()
+    folders = [path.resolve() for _, path in _paths(command) if path.is_dir()]
+    for path in outputs:
+        if any(folder in path.resolve().parents for folder in folders):
+            raise ValueError(f"{str(path)!r} lies in a folder that is read: give another place")
 
 
 def check_apart(paths: Iterable[tuple[str, Path]]) -> None:

@@ -67,7 +67,9 @@ class Show(Writes):
             with files.replacing(self.drawing) as beside:
                 figure.savefig(beside, format=self.drawing.suffix[1:], bbox_inches="tight")
         print(text(table))
-        if self.rest:
+        if self.rest and not any(row.spiking for row in table.populations):
+            print("\nthere are no cells that spike")
+        elif self.rest:
             from bgmodel.circuit_study import at_rest
 
             print("\nwithout evidence, 4 trials of 5 s:")
@@ -184,6 +186,7 @@ class Run(Writes):
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         check_ending("output", self.output, ".parquet", ".csv")
+        self.edits.check_engine(self.engine)
         self.stimuli.check()
         check_whole(workers=self.workers)
         if self.stimuli.evidence is None:

@@ -21,7 +21,7 @@ from bgmodel.commands.checks import (
 from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
-from bgmodel.rivals import RIVALS
+from bgmodel.rivals import NEED_ZERO, RIVALS
 from bgmodel.stimuli import Stimuli
 
 if TYPE_CHECKING:
@@ -73,8 +73,8 @@ class Compare(Comparison):
 
         model, evidence = _model(self)
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
-        # Elsewhere the zero of the evidence means nothing, and a race has none to run.
-        rivals = [name for name in RIVALS if gaussian or name != "race"]
+        # Elsewhere the zero of the evidence means nothing.
+        rivals = [name for name in RIVALS if gaussian or name not in NEED_ZERO]
         say_before(model, evidence, model.batch(evidence))
         table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
         files.write_table(
@@ -132,12 +132,13 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel import basal_ganglia
     from bgmodel.circuit_study import usual_gain
-    from bgmodel.comparison import check_trials
+    from bgmodel.comparison import MARGIN, check_trials
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")
     stimuli.check(MANY)
     check_whole(workers=asked_for.workers)
+    asked_for.edits.check_engine(asked_for.engine)
     if not asked_for.accuracies:
         raise ValueError("accuracies must hold one number or more")
     for accuracy in asked_for.accuracies:
@@ -148,7 +149,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
         print(trials.said())
     evidence = trials.evidence
     check_trials(evidence.trials)
-    if min(asked_for.accuracies) <= 1 / evidence.hypotheses:
+    if min(asked_for.accuracies) <= 1 / evidence.hypotheses + MARGIN:
         raise ValueError(
             f"accuracies must lie above chance, {1 / evidence.hypotheses:.3g}, got "
             f"{min(asked_for.accuracies)}"

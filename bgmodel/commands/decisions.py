@@ -118,7 +118,12 @@ class Decide(Writes):
         if self.posterior is not None and self.delta is not None:
             raise ValueError("delta and posterior are two ways to say one thing: give one of them")
         threshold_from_gap(self._gap())
+        stream(self.seed)
         if self.evidence is None:
+            if self.onset_ms:
+                raise ValueError("onset_ms is for a table of your own, say --evidence")
+            if self.task == "same-different" and self.orientations != Decide.orientations:
+                raise ValueError("orientations is for --task orientation")
             check_whole(trials=self.trials, t_max=self.t_max)
             hypotheses = 2 if self.task == "same-different" else self.orientations
             check_evidence_memory(self.trials, self.t_max, hypotheses)

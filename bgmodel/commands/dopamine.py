@@ -89,6 +89,14 @@ class Learn(Writes):
             f"{evidence.trials} trials at {self.levels} levels, {levels[0]:.3f} to {levels[-1]:.3f}"
         )
         met = body(model, evidence, levels, threshold_nats)
+        late = [share > 0.5 for share in met.forced]
+        if all(late):
+            raise ValueError(
+                "the deadline decides most trials at every level: there is nothing to learn, give "
+                "more readings"
+            )
+        if any(late):
+            say(f"the deadline decides most trials at {sum(late)} of {len(levels)} levels")
         behind: dict[str, Any] = {"seed": self.seed, "command": options_of(self)}
         try:
             learned = learn_level(
@@ -117,6 +125,7 @@ class Learn(Writes):
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         check_ending("output", self.output, ".parquet", ".csv")
+        self.edits.check_engine(self.engine)
         self.stimuli.check(TOUCHED)
         check_whole(runs=self.runs)
         check_learning_memory(self.runs, self.learner.episodes)

@@ -50,6 +50,7 @@ class Run(Writes):
             experiment = replace(experiment, task=replace(experiment.task, trials=self.trials))
         if self.seed is not None:
             experiment = replace(experiment, seed=self.seed)
+        experiment.check_differs()
         self._check_apart(experiment.task.evidence)
         done = experiments.run_experiment(experiment, workers=self.workers)
         table = done.measures
