@@ -43,6 +43,11 @@ if __name__ == "__main__":
 WHOLE = {"fig3.pdf": b"a half and a half", "fig3.png": b"a half and a half"}
 
 
+# Recordings may be named by a path that is another one in another place.
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "BGMODEL_RECORDINGS"}
+ENVIRONMENT["PYTHONPATH"] = str(ROOT)
+
+
 class Checkout:
     """The `figures` folder alone, in another place, with a figure 3 that can be held by half."""
 
@@ -58,7 +63,7 @@ class Checkout:
         process = psutil.Popen(
             [*COMMAND, "figures", "fig3", "--fast"],
             cwd=self.folder,
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            env=ENVIRONMENT,
             stdout=subprocess.DEVNULL,
             stderr=(self.folder / f"said{len(self.started)}").open("w"),
             start_new_session=True,
@@ -212,7 +217,6 @@ def test_what_is_no_figure_is_refused_before_snakemake_starts(monkeypatch, capsy
 
 def test_a_file_of_a_figure_can_be_asked_for(checkout):
     command = [*COMMAND, "figures", "figures/fast/fig3.png", "--fast"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, cwd=checkout.folder, env=environment, check=False)
+    done = subprocess.run(command, cwd=checkout.folder, env=ENVIRONMENT, check=False)
     assert done.returncode == 0
     assert checkout.files() == WHOLE
