@@ -404,6 +404,14 @@ def test_a_group_of_commands_is_one_level_more(capsys):
         assert "Of circuits." in capsys.readouterr().out
 
 
+def test_the_package_runs_as_the_command_does():
+    done = subprocess.run(
+        [sys.executable, "-m", "bgmodel", "decide"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("bgmodel: Missing from bgmodel decide")
+
+
 def test_help_has_examples_and_starts_quickly_without_torch():
     code = (
         "import sys, bgmodel.cli as c\n"

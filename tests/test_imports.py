@@ -54,6 +54,7 @@ LEVELS = [
     },
     {"bgmodel.commands.comparing", "bgmodel.commands.dopamine"},
     {"bgmodel.cli"},
+    {"bgmodel.__main__"},
 ]
 TACTILE_MAY = {"bgmodel.evidence", "bgmodel.files", "bgmodel.seeds", "bgmodel.data"}
 
