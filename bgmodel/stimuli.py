@@ -9,9 +9,10 @@ from typing import Any, Literal
 import numpy as np
 
 from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence_tables import read_trials
 from bgmodel.memory import check_evidence_memory
 from bgmodel.seeds import stream
-from bgmodel.tables import Trials, read_trials
+from bgmodel.tables import Trials
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ LEVELS = [
     {"bgmodel.empirical"},
     {"bgmodel.decision", "bgmodel.first_passage"},
     {"bgmodel.sprt", "bgmodel.tables", "bgmodel.theory"},
+    {"bgmodel.evidence_tables"},
     {"bgmodel"},
     {"bgmodel.learning", "bgmodel.basal_ganglia", "bgmodel.rivals", "bgmodel.comparison"},
     {

@@ -18,6 +18,7 @@ from bgmodel.commands.checks import (
     say_of_trials,
 )
 from bgmodel.decision import first_crossing
+from bgmodel.evidence_tables import read_trials
 from bgmodel.learning import Learner
 from bgmodel.memory import check_evidence_memory, check_learning_memory
 from bgmodel.policies import BernoulliPolicy, GaussianPolicy
@@ -147,7 +148,7 @@ class Decide(Writes):
 
     def _trials(self) -> tables.Trials:
         if self.evidence is not None:
-            return tables.read_trials(
+            return read_trials(
                 self.evidence,
                 prior=self.prior,
                 onset_ms=self.onset_ms,

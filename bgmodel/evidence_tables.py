@@ -1,0 +1,289 @@
+"""A user's own evidence, read from a table: every trial, every id, every column."""
+
+from __future__ import annotations
+
+import csv
+import re
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.evidence import Evidence
+from bgmodel.files import read_table
+from bgmodel.memory import check_evidence_memory
+from bgmodel.tables import RESULT, Trials
+
+KEYS = ("participant_id", "trial")
+"""Columns that tell trials apart, the first one if a table has it."""
+OURS = (*KEYS, "step", "truth")
+"""Columns of an evidence table that mean something, beside ``ll_<hypothesis>``."""
+MOST_NATS = 1e6
+"""Beyond, sums of log-likelihoods lose what tells hypotheses apart."""
+
+
+def read_trials(
+    path: str | Path,
+    *,
+    prior: Sequence[float] | None = None,
+    onset_ms: float = 0.0,
+    step_ms: float = 1.0,
+) -> Trials:
+    """Read a user's evidence from a file; see ``trials_from_table`` for what it holds.
+
+    Cells of a ``.csv`` are kept as they are written: a column is taken for numbers only where each
+    of them would be written just so again (an id "007" stays that).
+
+    Parameters
+    ----------
+    path : path
+        ``.csv`` or ``.parquet``.
+    prior, onset_ms, step_ms :
+        As in ``Evidence``.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the file's name.
+    """
+    path = Path(path)
+    table = _read_csv(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
+    try:
+        return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from None
+
+
+def trials_from_table(
+    table: pd.DataFrame,
+    *,
+    prior: Sequence[float] | None = None,
+    onset_ms: float = 0.0,
+    step_ms: float = 1.0,
+) -> Trials:
+    """Return the trials of a user's table of evidence.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row per reading: ``trial``, an id of any kind; ``step``, 0, 1, 2, ... or 1, 2, 3, ... in
+        each trial; and a column ``ll_<name>`` for each hypothesis, holding
+        ``log p(reading | hypothesis)`` in nats. Optionally ``truth``, a hypothesis's name, and
+        ``participant_id``: trials of two participants are two, whatever their ids. Trials may
+        differ in length, and rows may come in any order. Other columns come back with the results.
+    prior, onset_ms, step_ms :
+        As in ``Evidence``.
+
+    Raises
+    ------
+    ValueError
+        If columns are absent, written twice or nearly but not quite as above; if an id is missing,
+        a step is missing or there twice, a value is no finite number, or a truth is none of the
+        hypotheses.
+    """
+    columns = _hypotheses(table)
+    if len(table) == 0:
+        raise ValueError("an evidence table needs at least one trial, got 0 rows")
+    keys = [name for name in KEYS if name in table.columns]
+    trial, first_row = _numbered(table, keys)
+    step = _steps(table, trial, keys)
+    lengths = np.bincount(trial)
+    shape = (len(first_row), int(lengths.max()), len(columns))
+    check_evidence_memory(*shape)
+    values = np.zeros(shape)
+    values[trial, step] = _numbers(table, columns)
+    names = [name[3:] for name in columns]
+    truth = _truth_of(table, names, trial, first_row) if "truth" in table.columns else None
+    prior_array = None if prior is None else np.asarray(prior, dtype=np.float64)
+    evidence = Evidence(
+        values,
+        truth,
+        prior_array,  # type: ignore[arg-type]
+        onset_ms,
+        step_ms,
+        lengths,
+    )
+    own = [name for name in table.columns if name not in (*columns, "step", "truth")]
+    varying = [name for name in own if not _constant(table[name], trial, first_row)]
+    kept = table[[name for name in own if name not in varying]].iloc[first_row]
+    for name in kept:
+        if name == "row" or (name in RESULT and f"given_{name}" in kept):
+            raise ValueError(f"the column {name} is the result's own: call it otherwise")
+    kept = kept.reset_index(drop=True).assign(row=first_row)
+    return Trials(evidence, names, kept, [str(name) for name in varying])
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    """Return a table of text, but for the log-likelihoods and for what are plain numbers."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            header = next(csv.reader(stream), [])
+        if not any(header):
+            raise ValueError("the first line is blank, it must name the columns")
+        twice = sorted({name for name in header if name and header.count(name) > 1})
+        if twice:
+            raise ValueError(f"the header has {', '.join(twice)} twice")
+        # What pandas calls a column without a name.
+        names = [name or f"Unnamed: {k}" for k, name in enumerate(header)]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pd.errors.DtypeWarning)
+            # More cells in a row than in the header would be lost.
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            table = pd.read_csv(
+                path,
+                dtype={name: str for name in names if not name.startswith("ll_")},
+                keep_default_na=False,
+                index_col=False,
+                encoding="utf-8-sig",
+            )
+    except pd.errors.ParserWarning:
+        raise ValueError(f"{str(path)!r}: a row has more cells than the header names") from None
+    except (OSError, ValueError, csv.Error) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise ValueError(f"{str(path)!r} can't be read as .csv: {reason}") from None
+    texts = [name for name in table.columns if not str(name).startswith("ll_")]
+    return table.assign(**{name: _typed(table[name]) for name in texts})
+
+
+def _typed(column: pd.Series) -> pd.Series:
+    """Return a column of text as numbers where each is written as Python writes it; else as is."""
+    codes, texts = pd.factorize(column.astype(object))
+    for kind in (int, float):
+        try:
+            numbers = np.array([kind(text) for text in texts])
+        except (ValueError, OverflowError):
+            continue
+        same = all(str(kind(text)) == text for text in texts)
+        # Whole numbers of mixed sign and size would become floats.
+        fits = numbers.dtype.kind in ("iu" if kind is int else "f")
+        if same and fits and np.isfinite(numbers).all():
+            return pd.Series(numbers[codes], index=column.index)
+    return column.astype(object)
+
+
+def _hypotheses(table: pd.DataFrame) -> list[str]:
+    """Return the columns of log-likelihoods; ValueError where a column's name misleads."""
+    names = [str(name) for name in table.columns]
+    if len(set(names)) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise ValueError(f"an evidence table has each column once, got {', '.join(twice)} twice")
+    for name in names:
+        meant = name.strip().lower()
+        if meant in OURS and meant != name:
+            raise ValueError(f"column {name!r} is not {meant!r}: write it so, or call it otherwise")
+        if re.fullmatch(r"ll(\W.*|_.*)?", meant, re.DOTALL) and not _is_hypothesis(name):
+            raise ValueError(
+                f"column {name!r} is no hypothesis: these are ll_<name>, lower case, no blank "
+                "around the name"
+            )
+    columns = [name for name in names if _is_hypothesis(name)]
+    absent = [name for name in ("trial", "step") if name not in names]
+    if absent or len(columns) < 2:
+        raise ValueError(
+            "an evidence table needs the columns trial, step and at least two ll_<hypothesis>, "
+            f"got {names}"
+        )
+    return columns
+
+
+def _is_hypothesis(name: str) -> bool:
+    called = name.removeprefix("ll_")
+    return called != name and called != "" and called == called.strip()
+
+
+def _numbered(
+    table: pd.DataFrame, keys: list[str]
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return the number of each row's trial, in the order of the table, and their first rows."""
+    for name in keys:
+        missing = table[name].isna() | (table[name].astype(object) == "")
+        if missing.any():
+            raise ValueError(
+                f"{name} is missing in row {int(np.argmax(missing))} ({missing.sum()})"
+            )
+    try:
+        trial = table.groupby(keys, sort=False).ngroup().to_numpy()
+    except TypeError as error:
+        raise ValueError(f"{' and '.join(keys)} must hold ids: {error}") from None
+    return trial.astype(np.intp), np.unique(trial, return_index=True)[1]
+
+
+def _steps(
+    table: pd.DataFrame, trial: npt.NDArray[np.intp], keys: list[str]
+) -> npt.NDArray[np.intp]:
+    """Return the place of each row in its trial, from 0; ValueError unless steps follow on."""
+    _check_numeric(table["step"])
+    step = pd.to_numeric(table["step"], errors="coerce").to_numpy(dtype=np.float64)
+    wrong = ~(np.isfinite(step) & (step == np.floor(step)))
+    if wrong.any():
+        bad = table["step"].iloc[int(np.argmax(wrong))]
+        raise ValueError(f"step must be a whole number, got {bad!s} in row {int(np.argmax(wrong))}")
+    order = np.lexsort((step, trial))
+    ordered, of = step[order], trial[order]
+    begins = np.append(True, of[1:] != of[:-1])
+    start = ordered[begins].min()
+    jump = np.append(0.0, np.diff(ordered))
+    wrong = np.where(begins, ordered != start, jump != 1)
+    if start not in (0, 1) or wrong.any():
+        at = int(np.argmax(wrong)) if wrong.any() else 0
+        which = " ".join(f"{name} {table[name].iloc[order[at]]}" for name in keys)
+        if not begins[at] and jump[at] == 0:
+            hint = "" if len(keys) > 1 else " (two participants? give participant_id)"
+            raise ValueError(f"{which} has step {ordered[at]:g} twice{hint}")
+        came = "starts with" if begins[at] else f"goes from {ordered[at - 1]:g} to"
+        raise ValueError(
+            "steps count readings, 0, 1, 2, ... or 1, 2, 3, ... in every trial: "
+            f"{which} {came} {ordered[at]:g}"
+        )
+    return (step - start).astype(np.intp)
+
+
+def _numbers(table: pd.DataFrame, columns: list[str]) -> np.ndarray:
+    for name in columns:
+        _check_numeric(table[name])
+    values = table[columns].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
+    wrong = ~(np.abs(values) <= MOST_NATS)
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        trial, step, value = (table[name].iloc[row] for name in ("trial", "step", columns[column]))
+        raise ValueError(
+            f"{columns[column]} must be a finite number within +-{MOST_NATS:.0e} nats, got "
+            f"{value!s} at trial {trial}, step {step} ({wrong.sum()} such values)"
+        )
+    return values
+
+
+def _check_numeric(column: pd.Series) -> None:
+    """Raise ValueError for a column of times or of true and false: they are no numbers."""
+    if column.dtype.kind in "mMb":
+        raise ValueError(f"{column.name} must hold numbers, got {column.dtype}")
+
+
+def _constant(
+    column: pd.Series, trial: npt.NDArray[np.intp], first_row: npt.NDArray[np.intp]
+) -> bool:
+    """Whether a column has one value in all rows of each trial."""
+    try:
+        codes = pd.factorize(column)[0]
+    except TypeError as error:
+        raise ValueError(f"column {column.name!r} can't be compared: {error}") from None
+    return bool((codes == codes[first_row][trial]).all())
+
+
+def _truth_of(
+    table: pd.DataFrame,
+    names: list[str],
+    trial: npt.NDArray[np.intp],
+    first_row: npt.NDArray[np.intp],
+) -> np.ndarray:
+    truth = table["truth"].map(str).astype(object)
+    unknown = sorted(set(truth) - set(names))
+    if unknown or not _constant(truth, trial, first_row):
+        raise ValueError(
+            f"truth must be one of {names} and the same in all rows of a trial, "
+            f"got {unknown[:5] or 'several in one trial'}"
+        )
+    return pd.Index(names).get_indexer(pd.Index(truth.iloc[first_row]))
