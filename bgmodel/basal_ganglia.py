@@ -297,8 +297,8 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
         )
     if threshold_nats < low:
         raise ValueError(
-            f"{circuit.name} reads no OUT below {low:.3g}, the threshold is "
-            f"{threshold_nats:.2f} nats"
+            f"{circuit.name} reads no OUT below {low:.3g} nats, a posterior of {np.exp(-low):.3f}; "
+            f"the threshold is {threshold_nats:.2f} nats, one of {np.exp(-threshold_nats):.3f}"
         )
 
 

@@ -17,11 +17,14 @@ def behaviour(table: pd.DataFrame) -> str:
         As from ``variants``.
     """
     fixed = table[table["kind"] == "fixed"]
-    wide = fixed.pivot_table("value", ["variant", "accuracy"], "measure", sort=False)
-    blind, late = wide.pop("without_evidence") > 0, wide["forced"] > MOST_FORCED
-    said = np.select([blind, late], ["without evidence", "mostly at the deadline"], "by evidence")
-    wide.insert(0, "decides", said)
-    return wide.rename_axis(columns=None).to_string(float_format=lambda value: f"{value:.3f}")
+    rows = fixed.drop_duplicates(["variant", "accuracy"])[["variant", "accuracy"]]
+    wide = fixed.pivot(index=["variant", "accuracy"], columns="measure", values="value")
+    wide = wide.loc[list(rows.itertuples(index=False, name=None))]
+    blind, late = wide.pop("without_evidence"), wide["forced"] > MOST_FORCED
+    said = ["not reached", "without evidence", "mostly at the deadline"]
+    wide.insert(0, "decides", np.select([blind.isna(), blind > 0, late], said, "by evidence"))
+    wide = wide.rename_axis(columns=None)
+    return wide.to_string(float_format=lambda value: f"{value:.3f}", na_rep="-")
 
 
 def page(table: pd.DataFrame) -> str:
@@ -40,7 +43,9 @@ def page(table: pd.DataFrame) -> str:
         same = equivalent(part)
         columns = {f"at {accuracy:g}": _column(part, accuracy, same) for accuracy in same.index}
         what = ", ".join(map(str, names))
-        parts.append(f"{what}: {late} ms later, and {slope} of the reference's time")
+        parts.append(
+            f"{what}: {late} ms later, and {slope} of the reference's time (at .85 to .98)"
+        )
         parts.append(pd.DataFrame(columns).fillna("").to_string() + "\n")
     return "\n".join(parts).rstrip()
 

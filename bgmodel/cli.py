@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import sys
 import warnings
@@ -53,6 +54,9 @@ def main(arguments: list[str] | None = None) -> int:
             check_outputs(command)
         with _plain_warnings():
             command()
+    except BrokenPipeError:  # whoever read has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (ValueError, ImportError, OSError) as error:
         print(f"bgmodel: {error}", file=sys.stderr)
         return 2
@@ -121,7 +125,7 @@ def _sentence(box: str) -> str:
     kept = [parts[0].split("Got errors:")[0], *(p for p in parts[1:] if "Available" in p)]
     said = re.sub(r"(__tyro-dummy-inner__\.)+", "--", " ".join(kept))
     said = re.sub(r"\s+", " ", said).strip().rstrip(".")
-    return f"{said} (bgmodel --help tells what there is)"
+    return f"{said} (bgmodel COMMAND --help lists the options)"
 
 
 @contextmanager

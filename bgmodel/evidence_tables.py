@@ -202,7 +202,7 @@ def _numbered(
         missing = table[name].isna() | (table[name].astype(object) == "")
         if missing.any():
             raise ValueError(
-                f"{name} is missing in row {int(np.argmax(missing))} ({missing.sum()})"
+                f"{name} is missing in row {int(np.argmax(missing))} ({missing.sum()} rows)"
             )
     try:
         trial = table.groupby(keys, sort=False).ngroup().to_numpy()
@@ -251,7 +251,7 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> np.ndarray:
         trial, step, value = (table[name].iloc[row] for name in ("trial", "step", columns[column]))
         raise ValueError(
             f"{columns[column]} must be a finite number within +-{MOST_NATS:.0e} nats, got "
-            f"{value!s} at trial {trial}, step {step} ({wrong.sum()} such values)"
+            f"{str(value)!r} at trial {trial}, step {step} ({wrong.sum()} such values)"
         )
     return values
 

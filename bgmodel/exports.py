@@ -27,7 +27,7 @@ def to_pyddm(
         Name of the response that is 1, the other one is 0; 1 for correct and 0 for an error if left
         out.
     conditions : names
-        Columns that PyDDM shall take for conditions.
+        Columns that PyDDM shall take for conditions; those that are blank everywhere are left out.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def to_pyddm(
     """
     choice = _coded(table, upper, conditions)
     columns = {"rt": table["rt"].where(choice.notna()), "choice": choice}
-    return pd.DataFrame(columns | {name: table[name] for name in conditions})
+    return pd.DataFrame(columns | _conditions(table, conditions))
 
 
 def to_hssm(
@@ -73,7 +73,12 @@ def to_hssm(
         "rt": table["rt"].where(choice.notna(), MISSING_RT),
         "response": np.where(choice == 1, 1, -1),
     }
-    return pd.DataFrame(columns | {name: table[name] for name in conditions})
+    return pd.DataFrame(columns | _conditions(table, conditions))
+
+
+def _conditions(table: pd.DataFrame, names: Sequence[str]) -> dict[str, pd.Series]:
+    """Return the columns of conditions; one that is blank everywhere is none."""
+    return {name: table[name] for name in names if (_texts(table[name]) != "").any()}
 
 
 def _coded(table: pd.DataFrame, upper: str | None, needed: Sequence[str]) -> pd.Series:

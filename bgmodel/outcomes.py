@@ -19,7 +19,7 @@ from bgmodel.experiment import (
 VERDICTS = {
     AGREES: "agrees",
     DISAGREES: "disagrees",
-    OPEN: "does not decide it",
+    OPEN: "leaves it open",
     WITHOUT: "decides without evidence, which is no agreement",
 }
 """What a page says of the model."""

@@ -79,10 +79,10 @@ def trial_table(
     -------
     DataFrame
         Columns participant_id, trial, rt (seconds from onset; NaN where undecided), response and
-        stimulus (names of hypotheses, empty where there is none), correct (1, 0, or NA without
-        truth), undecided, forced, premature, steps (readings taken, whole or in part; no more than
-        there are), condition, seed, model; then the other columns
-        of the user's table. One of these with a name of ours comes back as ``given_<name>``, but
+        stimulus (names of hypotheses, empty where there is none), correct (1, 0, or NA where
+        undecided or without truth), undecided, forced, premature, steps (readings taken, whole or
+        in part; no more than there are), condition, seed, model; then the other columns of the
+        user's table. One of these with a name of ours comes back as ``given_<name>``, but
         for participant_id, trial and, where none is given here, condition: these are the user's.
 
     Raises
@@ -98,6 +98,10 @@ def trial_table(
     labels = np.array([*trials.names, ""], dtype=object)
     truth = evidence.truth
     known = truth is not None
+    correct = np.full(evidence.trials, None, dtype=object)
+    if truth is not None:
+        decided = decision.choice >= 0
+        correct[decided] = (decision.choice == truth)[decided].astype(int)
     table = pd.DataFrame(
         {
             "participant_id": "model",
@@ -105,10 +109,7 @@ def trial_table(
             "rt": decision.time_ms / 1000,
             "response": labels[decision.choice],
             "stimulus": labels[truth] if known else "",
-            "correct": pd.array(
-                (decision.choice == truth).astype(int) if known else [None] * evidence.trials,
-                dtype="Int8",
-            ),
+            "correct": pd.array(correct, dtype="Int8"),
             "undecided": decision.choice < 0,
             "forced": decision.forced,
             "premature": decision.premature,

@@ -379,9 +379,11 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
     assert run("compare", tmp_path / "a.csv", *given) == 0
     assert "not reached" in capsys.readouterr().out
     assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
-    small = ("--trials", 100, "--t-max", 6, "--engine", "algebra", "--accuracies", 0.9)
-    assert run("circuit", "lesion", tmp_path / "b.csv", "GPe", *small, "--d-prime", 1) == 0
+    small = ("--trials", 100, "--engine", "algebra", "--accuracies", 0.9, "--d-prime", 1)
+    assert run("circuit", "lesion", tmp_path / "b.csv", "GPe", *small, "--t-max", 40) == 0
     assert re.search(r"GPe +0.9 +mostly at the deadline", capsys.readouterr().out)
+    assert run("circuit", "lesion", tmp_path / "d.csv", "GPe", *small, "--t-max", 2) == 0
+    assert re.search(r"intact +0.9 +not reached", capsys.readouterr().out)
     little = ("--trials", 20, "--t-max", 1, "--levels", 2, "--period-mm", 1)
     assert run("circuit", "learn", tmp_path / "c.csv", *little) == 2
     assert "the deadline decides most trials at every level" in capsys.readouterr().err

@@ -57,7 +57,8 @@ def test_trial_table_names_undecided_trials(trials):
     assert 0 < undecided.sum() < len(trials)
     assert trials.loc[undecided, "rt"].isna().all()
     assert (trials.loc[undecided, "response"] == "").all()
-    assert (trials.loc[undecided, "correct"] == 0).all()
+    assert trials.loc[undecided, "correct"].isna().all()
+    assert trials.loc[~undecided, "correct"].notna().all()
 
 
 def long_table(evidence, truth=True):
@@ -227,10 +228,10 @@ BAD = {
     "trial is missing in row 4": lambda good: good.assign(
         trial=good["trial"].where(good.index != 4)
     ),
-    "ll_a must be a finite number within .* got abc at trial 0, step 1": lambda good: good.astype(
+    "ll_a must be a finite number within .* got 'abc' at trial 0, step 1": lambda good: good.astype(
         {"ll_a": object}
     ).assign(ll_a=lambda t: t["ll_a"].where(t.index != 1, "abc")),
-    r"ll_b must be .* got nan at trial 0, step 0 \(28 such": changed("ll_b", np.nan),
+    r"ll_b must be .* got 'nan' at trial 0, step 0 \(28 such": changed("ll_b", np.nan),
     "truth must be one of": changed("truth", "z"),
     "same in all rows of a trial, got several": lambda good: good.assign(
         truth=np.where(good.index == 1, "b", "a")
@@ -246,7 +247,7 @@ BAD = {
     "'trial ' is not 'trial'": changed("trial ", 1),
     "ll_a twice": lambda good: good.rename(columns={"ll_b": "ll_a"}),
     "the column row is the result's own": changed("row", 1),
-    "ll_a must be a finite number within .* got 2000000.0": changed("ll_a", 2e6),
+    "ll_a must be a finite number within .* got '2000000.0'": changed("ll_a", 2e6),
     "ll_a must hold numbers, got bool": changed("ll_a", True),
     r"step must hold numbers, got datetime64": changed("step", pd.Timestamp("2026-01-01")),
     "the column rt is the result's own": lambda good: good.assign(rt=1, given_rt=2),

@@ -75,6 +75,8 @@ class Compare(Comparison):
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
         # Elsewhere the zero of the evidence means nothing.
         rivals = [name for name in RIVALS if gaussian or name not in NEED_ZERO]
+        if not gaussian:
+            say(f"{' and '.join(NEED_ZERO)} are left out: the zero of this evidence means nothing")
         say_before(model, evidence, model.batch(evidence))
         table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
         files.write_table(

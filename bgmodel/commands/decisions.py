@@ -94,8 +94,11 @@ class Decide(Writes):
         if self.evidence is not None:
             print(trials.said())
         say_of_trials(table, criterion="--posterior" if self.posterior else "--delta")
-        known = evidence.truth is not None
-        accuracy = f"accuracy {table['correct'].mean():.3f}" if known else "no truth given"
+        accuracy = "no truth given"
+        if evidence.truth is not None:
+            of = "" if self.forced else " of those decided"
+            right = table["correct"].dropna().astype(float)
+            accuracy = f"accuracy {right.mean():.3f}{of}" if len(right) else "no trial decided"
         print(
             f"{len(table)} trials, {accuracy}, mean readings {table['steps'].mean():.2f}, forced "
             f"{table['forced'].sum()}, undecided {table['undecided'].sum()} -> {self.output}"
