@@ -207,7 +207,7 @@ class BasalGanglia:
             )
 
     def batch(self, evidence: Evidence) -> int:
-        """Return how many trials ``batches`` runs at a time."""
+        """Return the number of trials in a batch of ``batches``."""
         if self.options.get("rates", True):
             return BATCH
         samples = evidence.steps * evidence.step_ms / self.options.get("sample_ms", 1.0)

@@ -100,7 +100,7 @@ def write_table(
 
 
 def provenance_path(path: str | Path) -> Path:
-    """Return where the provenance of a ``.csv`` goes: the whole name and ``.json``."""
+    """Return the path of the provenance of a ``.csv``: the whole name and ``.json``."""
     path = Path(path)
     return path.with_name(path.name + ".json")
 

@@ -203,7 +203,7 @@ def cell_factors(circuit: Circuit, name: str, channel: int) -> Array:
 
 
 def spike_hz(neurons: Any, dt_ms: float) -> Any:
-    """Return what one spike in a tick adds to the rate of so many neurons, Hz."""
+    """Return the rate, Hz, that one spike in a tick gives to a population of so many neurons."""
     mantissa, exponent = np.frexp(1000 / (np.maximum(neurons, 1) * dt_ms))
     return np.ldexp(np.round(np.ldexp(mantissa, SPIKE_BITS)), exponent - SPIKE_BITS)
 
@@ -252,7 +252,7 @@ def jitter(cell: Phase, factors: Any) -> Any:
 def starting_state(
     cell: object, factors: Any, stream: int, neurons: int, dt_ms: float
 ) -> npt.NDArray[np.float32]:
-    """Return where each cell starts, (neurons,): mV from the reset for a Lif, or a phase."""
+    """Return the first state of each cell, (neurons,): mV from the reset for a Lif, or a phase."""
     start = noise.uniform(stream, noise.START_TICK, neurons).astype(np.float32)
     if isinstance(cell, Lif):
         constants = lif_tick(cell, factors, dt_ms)

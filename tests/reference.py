@@ -81,7 +81,7 @@ class Cells:
         return free & (words < -np.expm1(-mean * self.factors[0]) * 2.0**32)
 
     def ones(self, k):
-        """Return how many of the 8 bits of each cell at tick k are one."""
+        """Return the number of ones among the 8 bits of each cell at tick k."""
         return np.rint(noise.bits8(self.stream, k, self.neurons) * np.sqrt(2) + 4)
 
 

@@ -72,7 +72,7 @@ class Checkout:
         return process
 
     def said(self):
-        """Return what the last call has said on stderr."""
+        """Return the text of the last call on stderr."""
         return (self.folder / f"said{len(self.started) - 1}").read_text()
 
     def held(self):

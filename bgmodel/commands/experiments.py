@@ -74,7 +74,7 @@ class Run(Writes):
         check_apart([*inputs, *outputs, *(("trials", path) for path in self.more_outputs())])
 
     def more_outputs(self) -> list[Path]:
-        """Return what is written beside the output."""
+        """Return the table of trials, which goes beside the output."""
         return [] if self.output is None else [self._trials_path()]
 
     def _trials_path(self) -> Path:
