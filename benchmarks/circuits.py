@@ -59,7 +59,7 @@ def cells_of(circuit: Any) -> int:
 
 def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) -> dict[str, float]:
     """Measure the compiled engine; the mean of so many times."""
-    from circuits import ensemble as engine
+    from circuits.engines.ensemble import run as engine
 
     circuit = circuit_of(**which)
     given = {"step_ms": STEP_MS, "seed": 1, "settle_ms": SETTLE_MS, "workers": workers}
@@ -75,7 +75,7 @@ def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) 
 
 def brian2(trials: int = 20, target: str = "standalone", **which: Any) -> dict[str, float]:
     """Measure the Brian2 engine, all trials in one network."""
-    from circuits import spiking
+    from circuits.engines.brian2 import run as spiking
 
     circuit = circuit_of(**which)
     given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}

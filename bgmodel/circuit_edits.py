@@ -119,7 +119,7 @@ def out_shift(
     out_nats : array (...)
         ``-ln P`` before, at which it is asked; the result has its shape.
     laws : str
-        "table", "cells" or "finite", as for ``circuits.algebra``.
+        "table", "cells" or "finite", as for ``circuits.engines.algebra``.
     """
     n = circuit.channels
     out = np.asarray(out_nats, dtype=np.float64)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from circuits.algebra import solve, wired
+from circuits.fixed_point import solve, wired
 from circuits.fluctuation import FREQUENCIES_HZ, extra_rates, linear
 from circuits.mean_field import settled
 from circuits.spec import Circuit

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from circuits.algebra import parts, solve, wired
+from circuits.fixed_point import parts, solve, wired
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring
 

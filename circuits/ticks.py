@@ -28,9 +28,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise
-from circuits.algebra import rest
 from circuits.cells import Lif, Phase
 from circuits.checks import check_time
+from circuits.fixed_point import rest
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring, ticks, wire
 

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from bgmodel.basal_ganglia import Circuit, circuit
 from bgmodel.basal_ganglia import draw as draw_circuit
 from bgmodel.files import read_table, write_table
-from circuits import ensemble
+from circuits.engines.ensemble import run as ensemble
 from circuits.firing import lif_rate_hz
 from figures.common import Settings, letter, run
 

@@ -7,8 +7,8 @@ import pandas as pd
 
 from circuits import noise
 from circuits.activity import Activity, checked_drive
-from circuits.algebra import wired
 from circuits.cells import Escape, Lif
+from circuits.fixed_point import wired
 from circuits.ticks import (
     Clock,
     Scheme,

@@ -11,9 +11,10 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 from scipy.special import lambertw, logsumexp
 
-from circuits import algebra, anatomy
+from circuits import anatomy, fixed_point
 from circuits.activity import total_nats
 from circuits.cells import Integrator
+from circuits.engines import algebra
 
 CLOSE = 1e-9
 REFERENCE = 3.0
@@ -288,17 +289,19 @@ def test_twenty_alternatives_take_seconds_not_minutes():
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
 def test_the_fixed_point_is_one(name):
     circuit = anatomy.circuit(name, 4)
-    wiring = algebra.wired(circuit)
+    wiring = fixed_point.wired(circuit)
     drive = 0.6 * evidence(4)
-    x = algebra.solve(wiring, drive)
+    x = fixed_point.solve(wiring, drive)
     units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
     still = np.where(wiring.leakless, 0, x)
     assert np.abs(wiring.inputs(units) + wiring.drive(drive) - still).max() < 1e-12
 
 
 def test_parts_come_upstream_first_and_say_which_loop():
-    wiring = algebra.wired(anatomy.appendix_b(3))
-    found = [({wiring.row(b).name for b in blocks}, loop) for blocks, loop in algebra.parts(wiring)]
+    wiring = fixed_point.wired(anatomy.appendix_b(3))
+    found = [
+        ({wiring.row(b).name for b in blocks}, loop) for blocks, loop in fixed_point.parts(wiring)
+    ]
     order = {name: i for i, (names, _) in enumerate(found) for name in names}
     assert ({"STN", "GPe"}, True) in found
     assert [loop for names, loop in found if len(names) == 1] == [False] * 4

@@ -8,7 +8,9 @@ from bgmodel.circuit_edits import steady_shifts
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.seeds import stream
-from circuits import anatomy, ensemble, spiking
+from circuits import anatomy
+from circuits.engines.brian2 import run as spiking
+from circuits.engines.ensemble import run as ensemble
 
 pytestmark = pytest.mark.validate
 

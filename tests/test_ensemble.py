@@ -7,8 +7,10 @@ import numpy.testing as npt
 import pytest
 from reference import run as run_reference
 
-from circuits import anatomy, ensemble, kernel, lanes, noise
+from circuits import anatomy, noise
 from circuits.cells import Escape, Integrator
+from circuits.engines.ensemble import kernel, lanes
+from circuits.engines.ensemble import run as ensemble
 from circuits.ticks import cell_factors, lif_tick, spike_hz
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
@@ -283,7 +285,7 @@ def test_phase_and_escape_loops_against_numpy():
 
 
 def test_compiled_code_is_kept_under_a_hash_of_all_sources():
-    from circuits import compiling
+    from circuits.engines.ensemble import compiling
 
     for function in (kernel.trial, lanes.lif_alike):
         assert compiling.STATE in function.stats.cache_path

@@ -7,8 +7,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import erfcx
 
-from circuits import algebra, anatomy, ensemble
+from circuits import anatomy, fixed_point
 from circuits.cells import Escape, Phase, Rate
+from circuits.engines import algebra
+from circuits.engines.ensemble import run as ensemble
 from circuits.firing import lif_rate_hz
 from circuits.fluctuation import extra_rates
 from circuits.mean_field import settled
@@ -22,9 +24,9 @@ SLOW, FAST = [1e-3], [3000.0]
 
 def state(circuit):
     """Return the wiring and the state at rest with the cells' own laws."""
-    wiring = algebra.wired(circuit)
+    wiring = fixed_point.wired(circuit)
     silence = np.zeros((1, circuit.channels))
-    return wiring, settled(wiring, silence, algebra.solve(wiring, silence))[0]
+    return wiring, settled(wiring, silence, fixed_point.solve(wiring, silence))[0]
 
 
 def fed(*, cells, gain=1.0, tau_ms=5.0):

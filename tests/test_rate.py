@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from circuits import algebra, anatomy, rate, stability
+from circuits import anatomy, stability
 from circuits.activity import total_nats
-from circuits.algebra import wired
+from circuits.engines import algebra, rate
+from circuits.fixed_point import wired
 from circuits.ticks import Clock, Scheme
 
 MEMBERS = {

@@ -10,8 +10,9 @@ import pytest
 
 from bgmodel.cli import main
 from bgmodel.commands.circuit import Name, Run
-from circuits import anatomy, ensemble, show
+from circuits import anatomy, show
 from circuits.engines import ENGINES
+from circuits.engines.ensemble import run as ensemble
 from circuits.spec import GABA, Population, Projection
 
 

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from circuits import algebra, anatomy, rate
+from circuits import anatomy
 from circuits.activity import checked_drive
 from circuits.cells import Integrator, Lif, Rate
+from circuits.engines import algebra, rate
 from circuits.spec import Circuit, Population, Projection
 from circuits.ticks import Clock, Scheme
 from circuits.wiring import fan_in, ticks, wire

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from circuits import anatomy, ensemble, rate
+from circuits import anatomy
 from circuits.cells import Escape
+from circuits.engines import rate
+from circuits.engines.ensemble import run as ensemble
 from circuits.spec import Circuit, Population
 from circuits.stability import growth, onset, roots
 

@@ -12,8 +12,11 @@ import pytest
 import reference
 from scipy.special import log_softmax
 
-from circuits import anatomy, brian_noise, brian_text, noise, spiking
+from circuits import anatomy, noise
 from circuits.cells import Escape, Integrator, Lif, Phase
+from circuits.engines.brian2 import noise as brian_noise
+from circuits.engines.brian2 import run as spiking
+from circuits.engines.brian2 import text as brian_text
 from circuits.spec import GABA, Circuit, Population, Projection
 
 # Brian2 2.9 calls pyparsing by its old names.
@@ -238,8 +241,8 @@ def test_auto_takes_what_is_done_first(monkeypatch):
 
 def test_import_is_light_and_errors_stay_ours():
     code = (
-        "import sys, circuits.spiking; print('brian2' in sys.modules);"
-        "from circuits.brian_noise import load_brian; hook = sys.excepthook; load_brian();"
+        "import sys, circuits.engines.brian2.run; print('brian2' in sys.modules);"
+        "from circuits.engines.brian2.noise import load_brian; hook = sys.excepthook; load_brian();"
         "print(sys.excepthook is hook)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

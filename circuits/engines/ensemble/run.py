@@ -1,7 +1,7 @@
 """The ensemble engine: thousands of spiking trials, compiled from the same table.
 
 The scheme is that of ``circuits.ticks``, the noise that of ``circuits.noise``, and the spikes are
-those of ``circuits.spiking``. Two exceptions: sparse connections, and Escape cells with a spread.
+those of the Brian2 engine. Two exceptions: sparse connections, and Escape cells with a spread.
 There inputs are rounded in another order, so that now and then a spike comes a tick early or late;
 from that spike on the two runs differ.
 """
@@ -17,11 +17,12 @@ import numpy.typing as npt
 import pandas as pd
 from tqdm import tqdm
 
-from circuits import kernel, noise
+from circuits import noise
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
-from circuits.algebra import wired
 from circuits.checks import is_whole
-from circuits.plan import plan, workspace
+from circuits.engines.ensemble import kernel
+from circuits.engines.ensemble.plan import plan, workspace
+from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import Clock
 from circuits.wiring import Wiring

@@ -11,7 +11,7 @@ cell has a unit of its own (a socket) that hears spikes through Brian2's synapse
 lies and what it starts from, ``brian_network`` builds it, ``brian_noise`` is the noise,
 ``brian_standalone`` the program in C++.
 
-Its spikes are those of ``circuits.ensemble``: cells are single precision in both, and sums over
+Its spikes are those of the ensemble engine: cells are single precision in both, and sums over
 populations are taken in one order. What may differ by a rounding is the exponential of two
 libraries; a rate that it changes is rounded to single precision, nearly always to the same number.
 
@@ -28,11 +28,11 @@ import numpy.typing as npt
 
 from circuits import noise
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.algebra import wired
-from circuits.brian_layout import Layout
-from circuits.brian_network import Network
-from circuits.brian_noise import load_brian
-from circuits.brian_standalone import Standalone, exact_sums, need_compiler
+from circuits.engines.brian2.layout import Layout
+from circuits.engines.brian2.network import Network
+from circuits.engines.brian2.noise import load_brian
+from circuits.engines.brian2.standalone import Standalone, exact_sums, need_compiler
+from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
 

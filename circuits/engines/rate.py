@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from circuits import transfer
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.algebra import wired
+from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
 from circuits.wiring import Array, Index, Wiring

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits import kernel, lanes, records
 from circuits.cells import Escape, Lif, Phase
+from circuits.engines.ensemble import kernel, lanes, records
 from circuits.spec import Circuit
 from circuits.ticks import (
     NO_SPREAD,

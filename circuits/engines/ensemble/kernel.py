@@ -3,8 +3,8 @@
 What arrives in the next ticks, up to the least delay, is known before they begin. So each block in
 turn goes through such a window of ticks; the read-out follows. No tick knows the difference.
 
-Sums over populations are double precision, in the order of ``circuits.brian_text``; cells, in
-``circuits.lanes``, are single precision.
+Sums over populations are double precision, in the order of the Brian2 engine; cells, in
+``lanes``, are single precision.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import math
 import numba
 import numpy as np
 
-from circuits import lanes, noise
-from circuits.compiling import compiled
+from circuits import noise
+from circuits.engines.ensemble import lanes
+from circuits.engines.ensemble.compiling import compiled
 from circuits.transfer import EXP_MOST
 
 RATE, INTEGRATOR, LIF, ESCAPE, PHASE = range(5)

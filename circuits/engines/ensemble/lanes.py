@@ -32,7 +32,7 @@ from numba.cpython.unsafe.tuple import tuple_setitem
 from numba.extending import intrinsic
 
 from circuits import noise
-from circuits.compiling import compiled
+from circuits.engines.ensemble.compiling import compiled
 
 LANES = 64
 """Populations are filled up to a multiple of this many cells."""

@@ -15,6 +15,8 @@ from typing import Any
 import numba
 import platformdirs
 
+import circuits
+
 OPTIONS = {
     # Not "reassoc": it would add in an order that depends on the loop around an expression. Not
     # "contract": a product would be rounded before it is added, or not, as the machine has it.
@@ -25,7 +27,9 @@ OPTIONS = {
     "nogil": True,
     "cache": True,
 }
-SOURCES = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+SOURCES = b"".join(
+    path.read_bytes() for path in sorted(Path(circuits.__file__).parent.rglob("*.py"))
+)
 STATE = hashlib.sha256(SOURCES).hexdigest()[:16]
 
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits import brian_text, noise
+from circuits import noise
+from circuits.engines.brian2 import text as brian_text
 from circuits.spec import Projection
 from circuits.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
 from circuits.wiring import Array, Index, Wiring, fan_in

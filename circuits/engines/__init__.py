@@ -18,7 +18,12 @@ ENGINES = {
     "brian2": "spikes in Brian2, the readable reference",
 }
 """Names of the engines, and what each is."""
-MODULES = {"algebra": "algebra", "rate": "rate", "ensemble": "ensemble", "brian2": "spiking"}
+MODULES = {
+    "algebra": "algebra",
+    "rate": "rate",
+    "ensemble": "ensemble.run",
+    "brian2": "brian2.run",
+}
 """Where each engine's ``run`` is; one that is not asked for is not imported."""
 SPIKING = ("ensemble", "brian2")
 DROPPING = ("rate", "ensemble")
@@ -58,7 +63,7 @@ def run(
     """
     if engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
-    module = importlib.import_module(f"circuits.{MODULES[engine]}")
+    module = importlib.import_module(f"circuits.engines.{MODULES[engine]}")
     known = inspect.signature(module.run).parameters
     given: dict[str, Any] = {"step_ms": step_ms, **options}
     if engine in SPIKING:

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.algebra import wired
-from circuits.brian_layout import Layout
-from circuits.brian_network import Network
-from circuits.brian_noise import load_brian
+from circuits.engines.brian2.layout import Layout
+from circuits.engines.brian2.network import Network
+from circuits.engines.brian2.noise import load_brian
+from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
 

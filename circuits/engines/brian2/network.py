@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from circuits import brian_text, noise
+from circuits import noise
 from circuits.activity import Activity, spike_table
-from circuits.brian_layout import Columns, Layout, Values
-from circuits.brian_noise import functions, load_brian
+from circuits.engines.brian2 import text as brian_text
+from circuits.engines.brian2.layout import Columns, Layout, Values
+from circuits.engines.brian2.noise import functions, load_brian
 from circuits.ticks import Clock
 from circuits.wiring import Array
 

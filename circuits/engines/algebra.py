@@ -1,0 +1,65 @@
+"""The algebraic engine: the fixed point of the table, solved to rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.checks import check_time
+from circuits.fixed_point import solve, wired
+from circuits.fluctuation import extra_rates
+from circuits.mean_field import own_rates, settled
+from circuits.spec import Circuit
+from circuits.wiring import Array, Wiring
+
+TRIALS_AT_ONCE = 512
+LAWS = ("table", "cells", "finite")
+
+
+def run(
+    circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0, laws: str = "table"
+) -> Activity:
+    """Return the fixed point of the circuit for every reading: no time passes.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    drive : array (trials, steps, channels), nats
+        Accumulated evidence; 0 is rest.
+    step_ms : float
+        Time between readings, ms; only stated.
+    laws : str
+        "table", whose populations follow lines; "cells", whose own f-I laws bend away from those;
+        or "finite": the cells' laws, and the noise of the row's number of cells goes round the
+        circuit and moves the means (``circuits.fluctuation``).
+
+    Raises
+    ------
+    ValueError
+        If the drive does not fit the circuit, the circuit has no fixed point, or a law is unknown.
+    """
+    if laws not in LAWS:
+        raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {laws!r}")
+    check_time("step_ms", step_ms)
+    drive = checked_drive(circuit, drive)
+    warn_beyond_range(circuit, drive)
+    wiring = wired(circuit)
+    flat = drive.reshape(-1, drive.shape[-1])
+    some = [flat[i : i + TRIALS_AT_ONCE] for i in range(0, len(flat), TRIALS_AT_ONCE)]
+    hz = np.concatenate([_rates(wiring, part, laws) for part in some])
+    rates = hz.reshape(*drive.shape[:2], wiring.blocks)
+    time = step_ms * np.arange(drive.shape[1], dtype=np.float64)
+    return Activity.from_blocks(wiring, rates, time, engine="algebra")
+
+
+def _rates(wiring: Wiring, drive: Array, laws: str) -> Array:
+    x = solve(wiring, drive)
+    if laws == "table":
+        return wiring.rates(x)
+    x = settled(wiring, drive, x)
+    if laws == "cells":
+        return own_rates(wiring, x)
+    extra = extra_rates(wiring, x)
+    return own_rates(wiring, settled(wiring, drive, x, extra)) + extra

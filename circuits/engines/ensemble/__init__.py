@@ -1,0 +1,1 @@
+"""The ensemble engine: thousands of spiking trials, compiled."""
