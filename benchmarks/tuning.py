@@ -21,7 +21,7 @@ from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
 from bgmodel.circuit_page import page
 from bgmodel.circuit_study import at_rest, usual_gain, variants
 from bgmodel.evidence import Evidence, gaussian_evidence
-from circuits.firing import fit_current
+from circuits.laws.firing import fit_current
 
 TUNING_SEEDS = (1001, 1002, 1003)
 ACCURACIES = (0.90, 0.93, 0.95, 0.97)

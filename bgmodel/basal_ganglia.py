@@ -23,10 +23,10 @@ try:
     from circuits.cost import cells, ensemble_s, memory_bytes
     from circuits.engines import DROPPING, ENGINES, SPIKING
     from circuits.engines import run as run_engine
+    from circuits.laws.spectra import out_variance
     from circuits.nwb import write_nwb
     from circuits.show import draw, text
     from circuits.spec import Circuit, Population, Projection
-    from circuits.spectra import out_variance
 except ImportError as error:
     if not (error.name or "").startswith("circuits"):
         raise

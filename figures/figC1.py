@@ -19,7 +19,7 @@ from bgmodel.basal_ganglia import Circuit, circuit
 from bgmodel.basal_ganglia import draw as draw_circuit
 from bgmodel.files import read_table, write_table
 from circuits.engines.ensemble import run as ensemble
-from circuits.firing import lif_rate_hz
+from circuits.laws.firing import lif_rate_hz
 from figures.common import Settings, letter, run
 
 CIRCUIT = circuit("spiking_msprt")

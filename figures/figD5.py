@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
 from bgmodel.files import read_table, write_table
-from circuits.stability import roots
+from circuits.laws.stability import roots
 from figures.common import Settings, letter, run
 
 NUCLEI = ("STN", "GPe")

@@ -10,7 +10,7 @@ from scipy.special import erfc
 
 from circuits import anatomy, noise
 from circuits.cells import Escape, Lif
-from circuits.firing import fit_current, lif_mean_mv, lif_rate_hz
+from circuits.laws.firing import fit_current, lif_mean_mv, lif_rate_hz
 from circuits.ticks import refractory_ticks
 
 SPIKING = anatomy.spiking_msprt()

@@ -11,12 +11,12 @@ from circuits import anatomy, fixed_point
 from circuits.cells import Escape, Phase, Rate
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
-from circuits.firing import lif_rate_hz
-from circuits.fluctuation import extra_rates
-from circuits.mean_field import settled
-from circuits.response import lif_response, phase_spectrum
+from circuits.laws.firing import lif_rate_hz
+from circuits.laws.fluctuation import extra_rates
+from circuits.laws.mean_field import settled
+from circuits.laws.response import lif_response, phase_spectrum
+from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.spec import Circuit, Population, Projection
-from circuits.spectra import out_variance, rate_spectrum
 
 TABLE = anatomy.spiking_msprt()
 SLOW, FAST = [1e-3], [3000.0]

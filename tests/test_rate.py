@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from circuits import anatomy, stability
+from circuits import anatomy
 from circuits.activity import total_nats
 from circuits.engines import algebra, rate
 from circuits.fixed_point import wired
+from circuits.laws import stability
 from circuits.ticks import Clock, Scheme
 
 MEMBERS = {

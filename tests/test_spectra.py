@@ -9,8 +9,8 @@ from circuits import anatomy
 from circuits.cells import Escape
 from circuits.engines import rate
 from circuits.engines.ensemble import run as ensemble
+from circuits.laws.stability import growth, onset, roots
 from circuits.spec import Circuit, Population
-from circuits.stability import growth, onset, roots
 
 
 def test_independent_spikes_have_twice_their_rate_over_their_number():

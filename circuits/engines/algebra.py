@@ -8,8 +8,8 @@ import numpy.typing as npt
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.checks import check_time
 from circuits.fixed_point import solve, wired
-from circuits.fluctuation import extra_rates
-from circuits.mean_field import own_rates, settled
+from circuits.laws.fluctuation import extra_rates
+from circuits.laws.mean_field import own_rates, settled
 from circuits.spec import Circuit
 from circuits.wiring import Array, Wiring
 
@@ -33,7 +33,7 @@ def run(
     laws : str
         "table", whose populations follow lines; "cells", whose own f-I laws bend away from those;
         or "finite": the cells' laws, and the noise of the row's number of cells goes round the
-        circuit and moves the means (``circuits.fluctuation``).
+        circuit and moves the means (``circuits.laws.fluctuation``).
 
     Raises
     ------

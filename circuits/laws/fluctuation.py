@@ -3,8 +3,8 @@
 Each population's spikes are its cells' own renewal noise, shared by all that hear them. It goes
 round the circuit as small modulations do; where cells bend, what arrives moves the mean rate.
 To first order in 1/n (Brunel & Hakim 1999 for loops, Lindner, Doiron & Longtin 2005 for spectra;
-cells by ``circuits.response``), but for what a Lif cell's own spikes bring back to it before it
-fires again, and for a rectified unit near its kink.
+cells by ``circuits.laws.response``). Neglected: a Lif cell's own spikes that reach it again before
+its next spike, and a rectified unit near its kink.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.cells import Escape, Lif, Phase
-from circuits.response import Complex, lif_response, phase_spectrum
+from circuits.laws.response import Complex, lif_response, phase_spectrum
 from circuits.wiring import Array, Index, Wiring
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])

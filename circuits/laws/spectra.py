@@ -1,6 +1,6 @@
 """Power of rates and the noise of OUT in closed form, for cells that are alike.
 
-Linear noise about the fixed point of a finite number of cells (``circuits.fluctuation``): what
+Linear noise about the fixed point of a finite number of cells (``circuits.laws.fluctuation``): what
 ``Activity.spectrum`` and the scatter of OUT from trial to trial measure.
 """
 
@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.fixed_point import solve, wired
-from circuits.fluctuation import FREQUENCIES_HZ, extra_rates, linear
-from circuits.mean_field import settled
+from circuits.laws.fluctuation import FREQUENCIES_HZ, extra_rates, linear
+from circuits.laws.mean_field import settled
 from circuits.spec import Circuit
 from circuits.wiring import Array, Wiring
 

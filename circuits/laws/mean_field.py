@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import root
 
 from circuits.cells import Escape, Lif
-from circuits.firing import lif_rate_hz
+from circuits.laws.firing import lif_rate_hz
 from circuits.wiring import Array, Wiring
 
 TOLERANCE = 1e-10

@@ -1,0 +1,1 @@
+"""Theory of the table: cells' own laws, the noise of a finite number of cells, stability."""
