@@ -61,3 +61,9 @@ _KINDS = {
         lambda value: isinstance(value, (tuple, list)) and all(map(is_number, value)),
     ),
 }
+
+
+def check_channels(channels: int) -> None:
+    """Raise ValueError, before anything is computed from it, for what is no number of channels."""
+    if not is_whole(channels) or channels < 2:
+        raise ValueError(f"channels must be a whole number >= 2, got {channels!r}")

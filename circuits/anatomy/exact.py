@@ -1,0 +1,110 @@
+"""The exact tables of Bogacz & Gurney 2007, where OUT = -ln P, and one whose GPe is linear."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from circuits.cells import Rate
+from circuits.checks import check_channels
+from circuits.spec import GABA, Circuit, Population, Projection
+
+BG2007 = "Bogacz & Gurney 2007"
+APPENDIX_B = "Bogacz & Gurney 2007, appendix B"
+
+
+def bogacz_gurney(channels: int = 2) -> Circuit:
+    """Return the exact circuit: OUT = -ln P (Bogacz & Gurney 2007, sections 3 and 4)."""
+    return appendix_b(channels, w_gpe_stn=1.0, w_d2_gpe=0.0)
+
+
+def appendix_b(
+    channels: int = 2,
+    *,
+    w_gpe_stn: float = 0.7,
+    w_gpe_snr: float | None = None,
+    w_d2_gpe: float = 0.5,
+    w_d1_snr: float | None = None,
+) -> Circuit:
+    """Return a member of the exact family with all pathways (Bogacz & Gurney 2007, appendix B).
+
+    Parameters
+    ----------
+    channels : int
+        Alternatives.
+    w_gpe_stn, w_gpe_snr : float
+        Magnitudes of GPe's weights, 0..1; they add to 1.
+    w_d2_gpe, w_d1_snr : float
+        Magnitudes of the striatal weights; ``w_d1_snr = 1 + w_d2_gpe``.
+
+    Raises
+    ------
+    ValueError
+        If the weights break either constraint.
+    """
+    check_channels(channels)
+    w_gpe_snr = 1 - w_gpe_stn if w_gpe_snr is None else w_gpe_snr
+    w_d1_snr = 1 + w_d2_gpe if w_d1_snr is None else w_d1_snr
+    if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
+        raise ValueError(
+            "w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got "
+            f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
+        )
+    if not math.isclose(w_d1_snr, 1 + w_d2_gpe):
+        raise ValueError(f"w_d1_snr must be 1 + w_d2_gpe = {1 + w_d2_gpe}, got {w_d1_snr}")
+    simple = w_gpe_snr == 0 and w_d2_gpe == 0
+    cite = BG2007 if simple else APPENDIX_B
+    signed, unit = Rate(signed=True), Rate()
+    # The source is algebraic: what only dynamics and Hz need is ours.
+    weight, cite = cite + "; delay assumed", cite + "; tau and gain in Hz assumed"
+    nuclei = [
+        Population("ctx", signed, 0, 10, cite="y = g* Y, " + BG2007 + "; gain in Hz assumed"),
+        # The direct leg lasts as long as the one through STN: only so OUT has no dip in passing.
+        Population("D1", signed, 0, 10, GABA, tau_ms=5, receptor="D1", cite=cite),
+        Population("D2", signed, 0, 10, GABA, tau_ms=10, receptor="D2", cite=cite),
+        Population("STN", unit, 0, 8, transfer="exp", tau_ms=5, cite=cite),
+        Population("GPe", signed, 0, 15, GABA, pooled=simple, tau_ms=10, cite=cite),
+        Population("SNr", unit, 0, 30, GABA, tau_ms=5, cite=cite),
+    ]
+    paths = [
+        Projection("ctx", "D1", 1, delay_ms=3, cite=weight),
+        Projection("ctx", "D2", 1, delay_ms=5, cite=weight),
+        Projection("ctx", "STN", 1, delay_ms=3, cite=weight),
+        Projection("D1", "SNr", -w_d1_snr, delay_ms=2, cite=weight),
+        Projection("D2", "GPe", -w_d2_gpe, delay_ms=4, cite=weight),
+        Projection("STN", "GPe", 1, "diffuse", 2, transfer="s_minus_log_s", cite=weight),
+        Projection("STN", "SNr", 1, "diffuse", 2, cite=weight),
+        Projection("GPe", "STN", -w_gpe_stn, delay_ms=2, cite=weight),
+        Projection("GPe", "SNr", -w_gpe_snr, delay_ms=2, cite=weight),
+    ]
+    if simple:
+        nuclei = [row for row in nuclei if row.name != "D2"]
+        paths = [p for p in paths if "D2" not in p.name and p.name != "GPe->SNr"]
+    return Circuit(
+        name="bogacz_gurney" if simple else "appendix_b",
+        populations=tuple(nuclei),
+        projections=tuple(paths),
+        channels=channels,
+        drive_gain=1 / (1 + w_gpe_stn * w_d2_gpe),
+        exact=True,
+        range_nats=(0.0, 5.0),
+        about=f"OUT = -ln P exactly; {BG2007 if simple else APPENDIX_B}",
+    )
+
+
+def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
+    """Return the circuit whose GPe is linear, ``GPe = slope * Sigma``; Bogacz & Gurney 2007.
+
+    Their figure's best is slope .84 with the evidence scaled by .4.
+    """
+    if not slope > 0:
+        raise ValueError(f"slope must be > 0, got {slope}")
+    exact = bogacz_gurney(channels)
+    linear = exact.changed("STN->GPe", transfer="linear", weight=slope, cite=BG2007)
+    # Up to a loop gain slope * Sigma of 4, as the exact circuit: it oscillates from 4.5.
+    high = 4 + math.log(4 / slope)
+    return _renamed(linear, "linear_gpe", "GPe linear in its input; Bogacz & Gurney 2007", high)
+
+
+def _renamed(row: Circuit, name: str, about: str, high: float) -> Circuit:
+    return replace(row, name=name, about=about, range_nats=(0.0, high), exact=False)
