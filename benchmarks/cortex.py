@@ -19,10 +19,17 @@ import numpy as np
 from benchmarks.filters import ACCURACIES
 from benchmarks.tuning import TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_study import CIRCUIT, OWN, msprt_sweeps, sweeps, thresholds_about, usual_gain
-from bgmodel.comparison import compare
+from bgmodel.comparison.circuits import (
+    CIRCUIT,
+    OWN,
+    msprt_sweeps,
+    sweeps,
+    thresholds_about,
+    usual_gain,
+)
+from bgmodel.comparison.compare import compare
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
 
 TIMES = 6
 CODES = ((1.6, 27), (1.9, 27), (2.2, 20), (2.2, 30), (2.5, 25))

@@ -17,7 +17,7 @@ import pandas as pd
 
 from bgmodel import stream, threshold_from_gap
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.learning import exhaustive_search
+from bgmodel.learning.reinforce import exhaustive_search
 
 D, T_MAX, TRIALS = 0.5, 30, 1_400_000
 DELTAS = np.linspace(0, 8, 81)

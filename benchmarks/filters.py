@@ -21,11 +21,11 @@ from scipy.signal import lfilter
 
 from benchmarks.tuning import STEP_MS, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_study import OWN, msprt_sweeps, thresholds_about, usual_gain
-from bgmodel.comparison import compare, sweep
+from bgmodel.comparison.circuits import OWN, msprt_sweeps, thresholds_about, usual_gain
+from bgmodel.comparison.compare import compare, sweep
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
 
 Array = npt.NDArray[np.float64]
 ACCURACIES = tuple(np.arange(0.885, 0.98, 0.01).round(3))

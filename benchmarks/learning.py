@@ -19,20 +19,20 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.comparison import Sweep, sweep
+from bgmodel.comparison.compare import Sweep, sweep
 from bgmodel.dopamine import Body, knob
-from bgmodel.dopamine_study import (
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.learning.level import (
     COARSE,
     THRESHOLD_NATS,
     learn_level,
     playable_levels,
     regret,
 )
-from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.files import write_table
-from bgmodel.learning import Learner
-from bgmodel.sprt import Msprt
+from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from figures import figD2
 

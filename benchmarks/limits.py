@@ -14,10 +14,10 @@ from collections.abc import Iterator
 import pandas as pd
 
 from benchmarks.scoring import OUT, SCORING_SEED, conditions
-from bgmodel.basal_ganglia import SPIKING, BasalGanglia, Circuit
-from bgmodel.circuit_page import page
-from bgmodel.circuit_study import OWN, against, usual_gain
+from bgmodel.comparison.circuits import OWN, against, usual_gain
+from bgmodel.comparison.page import page
 from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import SPIKING, BasalGanglia, Circuit
 
 TIMES = 6
 """So many times the cells."""

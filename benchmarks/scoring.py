@@ -18,13 +18,13 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_page import page
-from bgmodel.circuit_study import OWN, against, usual_gain
 from bgmodel.commands.comparing import sample_ms
+from bgmodel.comparison.circuits import OWN, against, usual_gain
+from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.rivals import RIVALS
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.rivals import RIVALS
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
 
 OUT = Path(__file__).parent / "out"

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.circuit_edits import perturbed
-from bgmodel.circuit_study import usual_gain, variants
+from bgmodel.comparison.circuits import usual_gain, variants
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from circuits.controls import perturbed
 
 OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_004

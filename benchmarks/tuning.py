@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_page import page
-from bgmodel.circuit_study import at_rest, usual_gain, variants
+from bgmodel.comparison.circuits import at_rest, usual_gain, variants
+from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
 from circuits.laws.firing import fit_current
 
 TUNING_SEEDS = (1001, 1002, 1003)

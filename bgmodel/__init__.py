@@ -6,14 +6,14 @@ reward moves the threshold.  Importing this package loads neither torch, brian2 
 
 from bgmodel.decision import Decision, Trace, first_crossing, tally
 from bgmodel.evidence import Evidence
-from bgmodel.seeds import stream
-from bgmodel.sprt import (
+from bgmodel.integrators.sprt import (
     Msprt,
     Sprt,
     criterion_from_gap,
     criterion_from_posterior,
     threshold_from_gap,
 )
+from bgmodel.seeds import stream
 
 __version__ = "0.1.0"
 

@@ -15,7 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from bgmodel.basal_ganglia import (
+from bgmodel.comparison.circuits import CIRCUIT, sweeps
+from bgmodel.comparison.compare import Sweep
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import (
     NOISE_SHARE,
     SPIKING,
     BasalGanglia,
@@ -23,10 +26,7 @@ from bgmodel.basal_ganglia import (
     run_engine,
     share_crossed,
 )
-from bgmodel.circuit_study import CIRCUIT, sweeps
-from bgmodel.comparison import Sweep
-from bgmodel.evidence import Evidence
-from bgmodel.learning import Environment, check_xi
+from bgmodel.learning.reinforce import Environment, check_xi
 
 Array = npt.NDArray[np.float64]
 ALLOWED = (0.0, 2.0)

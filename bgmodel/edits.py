@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bgmodel.basal_ganglia import Circuit
+    from bgmodel.integrators.basal_ganglia import Circuit
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from typing import Any, Literal
 import numpy as np
 
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.evidence_tables import read_trials
 from bgmodel.memory import check_evidence_memory
 from bgmodel.seeds import stream
-from bgmodel.tables import Trials
+from bgmodel.tables.evidence import read_trials
+from bgmodel.tables.trials import Trials
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table
-from bgmodel.learning import smoothed
+from bgmodel.learning.reinforce import smoothed
 from bgmodel.plots import speed_accuracy
 from figures.common import COLOUR, Settings, run
 

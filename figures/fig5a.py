@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
+from bgmodel.learning.gap import learn_folds
 from bgmodel.plots import acquisition
-from bgmodel.study import learn_folds
 from figures.common import COLOUR, Settings, letter, run
 
 STARTS = (0.5, 7.5)
@@ -20,7 +20,7 @@ KEPT = 250
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     """Learn on six folds, several repeats each, from a narrow and from a wide gap."""
-    from bgmodel.learning import Learner
+    from bgmodel.learning.reinforce import Learner
 
     table = read_table(taps)
     learner = Learner(episodes=settings.episodes)

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from bgmodel import Sprt, stream, threshold_from_gap
 from bgmodel.decision import crossing_of_each
 from bgmodel.files import read_table, write_table
-from bgmodel.learning import reward
-from bgmodel.study import fold_sources, search_folds
+from bgmodel.learning.gap import fold_sources, search_folds
+from bgmodel.learning.reinforce import reward
 from figures.common import COLOUR, Settings, letter, run
 
 DOTS = 1500

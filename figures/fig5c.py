@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
-from bgmodel.study import fold_sources, increments
-from bgmodel.theory import sprt
+from bgmodel.learning.gap import fold_sources, increments
+from bgmodel.theory.sprt import sprt
 from figures.common import COLOUR, Settings, letter, run
 
 

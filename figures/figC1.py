@@ -15,9 +15,9 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.basal_ganglia import Circuit, circuit
-from bgmodel.basal_ganglia import draw as draw_circuit
 from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import Circuit, circuit
+from bgmodel.integrators.basal_ganglia import draw as draw_circuit
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.firing import lif_rate_hz
 from figures.common import Settings, letter, run

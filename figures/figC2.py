@@ -19,9 +19,9 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.ndimage import gaussian_filter1d
 
 from bgmodel import Decision, Evidence, Msprt, Trace, first_crossing, stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit, drive_of
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, drive_of
 from bgmodel.plots import channel_lines, raster
 from figures.common import GAIN, Settings, letter, run
 

@@ -11,8 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.circuit_study import (
+from bgmodel.comparison.circuits import (
     CIRCUIT,
     DECODER,
     FULL,
@@ -22,10 +21,11 @@ from bgmodel.circuit_study import (
     thresholds_about,
     usual_gain,
 )
-from bgmodel.comparison import Sweep, compare, curve, sweep
+from bgmodel.comparison.compare import Sweep, compare, curve, sweep
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.rivals import MaxVsAverage, Race
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.rivals import MaxVsAverage, Race
 from bgmodel.tactile.task import SameDifferent, source
 from figures.common import Settings, letter, run
 

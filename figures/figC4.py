@@ -10,16 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit, out_variance
-from bgmodel.circuit_edits import (
-    correlated,
-    linear_stn,
-    out_shift,
-    perturbed,
-    shuffled_stn,
-    steady_out,
-)
-from bgmodel.circuit_study import (
+from bgmodel.comparison.circuits import (
     CIRCUIT,
     DECODER,
     OWN,
@@ -28,9 +19,12 @@ from bgmodel.circuit_study import (
     thresholds_about,
     variants,
 )
-from bgmodel.comparison import compare
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.steady import out_shift, steady_out
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, out_variance
+from circuits.controls import correlated, linear_stn, perturbed, shuffled_stn
 from figures.common import BRIEF, GAIN, Settings, letter, run
 
 NEURONS = (30, 100, 300, 1000, 3000)

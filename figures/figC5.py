@@ -10,11 +10,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.circuit_edits import steady_shifts
-from bgmodel.circuit_study import variants
+from bgmodel.comparison.circuits import variants
+from bgmodel.comparison.steady import steady_shifts
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
 from figures.common import BRIEF, GAIN, Settings, letter, run
 
 CHANNELS = 4

@@ -15,10 +15,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.dopamine_study import COARSE, body, learn_level, playable_levels, regret
 from bgmodel.files import read_table, write_table
-from bgmodel.learning import Learner, smoothed
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.learning.level import COARSE, body, learn_level, playable_levels, regret
+from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
 from figures.common import COLOUR, GAIN, Settings, letter, run
 

@@ -10,12 +10,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.circuit_study import FULL, msprt_sweeps
+from bgmodel.comparison.circuits import FULL, msprt_sweeps
 from bgmodel.dopamine import criterion, knob, working_range
-from bgmodel.dopamine_study import COARSE, knob_table, levels_between
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.learning.level import COARSE, knob_table, levels_between
 from figures.common import GAIN, Settings, letter, run
 
 STEPS = {2: 120, 4: 160}

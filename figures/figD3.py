@@ -14,15 +14,15 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit
 from bgmodel.dopamine import switching
-from bgmodel.dopamine_study import COARSE, after_errors, body, learn_level, playable_levels
 from bgmodel.files import read_table, write_table
-from bgmodel.learning import Environment, Learned, Learner, learn, smoothed, trials_of
-from bgmodel.policies import GaussianPolicy
-from bgmodel.study import increments
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.learning.gap import increments
+from bgmodel.learning.level import COARSE, after_errors, body, learn_level, playable_levels
+from bgmodel.learning.policies import GaussianPolicy
+from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed, trials_of
 from bgmodel.tactile.task import SameDifferent, Source, source
-from bgmodel.theory import optimal_delta
+from bgmodel.theory.sprt import optimal_delta
 from figures.common import GAIN, Settings, letter, run
 
 STEP_MS = 50.0

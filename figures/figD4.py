@@ -14,10 +14,10 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.comparison import shown
-from bgmodel.experiment import AGREES, DISAGREES, WITHOUT, run_experiment, shipped
+from bgmodel.comparison.compare import shown
+from bgmodel.experiments.experiment import AGREES, DISAGREES, WITHOUT, run_experiment, shipped
+from bgmodel.experiments.outcomes import outcomes
 from bgmodel.files import read_table, write_table
-from bgmodel.outcomes import outcomes
 from figures.common import FULL, Settings, run
 
 COLOUR = {AGREES: "C2", DISAGREES: "C1", WITHOUT: "C3"}

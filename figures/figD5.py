@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.basal_ganglia import BasalGanglia, Circuit, circuit
 from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
 from circuits.laws.stability import roots
 from figures.common import Settings, letter, run
 

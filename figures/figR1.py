@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.files import read_table, write_table
-from bgmodel.learning import exhaustive_search
+from bgmodel.learning.reinforce import exhaustive_search
 from bgmodel.plots import speed_accuracy
 from bgmodel.tactile.decoder import EDGE, train
 from bgmodel.tactile.likelihood import Pool, fit_likelihood

@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
+from bgmodel.learning.gap import fold_sources
 from bgmodel.plots import reliability
-from bgmodel.study import fold_sources
 from bgmodel.tactile.likelihood import Density, calibration
 from figures.common import Settings, letter, run
 

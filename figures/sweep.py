@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from bgmodel.files import read_table, write_table
-from bgmodel.study import fold_sources, search_folds
+from bgmodel.learning.gap import fold_sources, search_folds
 from figures.common import Settings, run
 
 

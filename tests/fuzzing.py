@@ -17,11 +17,11 @@ import pandas as pd
 from scipy.special import log_softmax, logsumexp
 
 from bgmodel import first_crossing
-from bgmodel.evidence_tables import trials_from_table
-from bgmodel.experiment import read_experiment
+from bgmodel.experiments.experiment import read_experiment
 from bgmodel.files import read_table
-from bgmodel.sprt import Msprt
-from bgmodel.tables import trial_table
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.tables.evidence import trials_from_table
+from bgmodel.tables.trials import trial_table
 from circuits import anatomy
 from circuits.cells import Escape, Phase, Rate
 from circuits.engines import run

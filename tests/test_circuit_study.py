@@ -12,18 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from bgmodel import Msprt, basal_ganglia, circuit_study, first_crossing, stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit, decoded_input, drive_of
-from bgmodel.circuit_edits import (
-    correlated,
-    out_shift,
-    perturbed,
-    shuffled_stn,
-    steady_out,
-    steady_shifts,
-)
-from bgmodel.circuit_page import behaviour, page
-from bgmodel.circuit_study import (
+from bgmodel import Msprt, first_crossing, stream
+from bgmodel.cli import main
+from bgmodel.comparison import circuits as circuit_study
+from bgmodel.comparison.circuits import (
     CIRCUIT,
     DECODER,
     FULL,
@@ -36,11 +28,15 @@ from bgmodel.circuit_study import (
     usual_gain,
     variants,
 )
-from bgmodel.cli import main
-from bgmodel.comparison import compare
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.page import behaviour, page
+from bgmodel.comparison.steady import out_shift, steady_out, steady_shifts
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import provenance_path
-from bgmodel.tables import Trials, trial_table
+from bgmodel.integrators import basal_ganglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, decoded_input, drive_of
+from bgmodel.tables.trials import Trials, trial_table
+from circuits.controls import correlated, perturbed, shuffled_stn
 
 SEED, GAIN = 51, 0.5
 TABLE = circuit("spiking_msprt", 4)
@@ -131,7 +127,7 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
 def test_trials_do_not_depend_on_their_batch(monkeypatch):
     given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[OWN])
     whole = sweeps(MODEL, EVIDENCE[:30], given)
-    monkeypatch.setattr("bgmodel.basal_ganglia.BATCH", 7)
+    monkeypatch.setattr("bgmodel.integrators.basal_ganglia.BATCH", 7)
     parts = sweeps(MODEL, EVIDENCE[:30], given)
     for name in (CIRCUIT, DECODER):
         assert np.array_equal(whole[name].time_ms, parts[name].time_ms)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bgmodel.basal_ganglia import BasalGanglia, drive_of
-from bgmodel.circuit_edits import steady_shifts
+from bgmodel.comparison.steady import steady_shifts
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import gaussian_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.seeds import stream
 from circuits import anatomy
 from circuits.engines.brian2 import run as spiking

@@ -361,8 +361,8 @@ def test_options_say_what_they_are():
     """Every field of every parameter class has a docstring, with a source or "assumed"."""
     import inspect
 
-    from bgmodel.learning import Learner
-    from bgmodel.policies import BernoulliPolicy, GaussianPolicy
+    from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
+    from bgmodel.learning.reinforce import Learner
     from bgmodel.tactile.decoder import Training
     from bgmodel.tactile.likelihood import Density
     from bgmodel.tactile.pressing import LibraryPlan

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison import compare, curve, equivalent, levels, sweep
+from bgmodel.comparison.compare import compare, curve, equivalent, levels, sweep
 from bgmodel.decision import Trace
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.rivals import MaxVsAverage, Race
+from bgmodel.integrators.rivals import MaxVsAverage, Race
 
 EVIDENCE = gaussian_evidence(800, 60, 0.5, rng=stream(1, "comparison"), hypotheses=4, step_ms=50.0)
 TRACE = Msprt().run(EVIDENCE)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
-from bgmodel.basal_ganglia import BasalGanglia, circuit
-from bgmodel.circuit_edits import linear_stn, shuffled_stn
-from bgmodel.circuit_study import variants
-from bgmodel.comparison import compare, sweep
+from bgmodel.comparison.circuits import variants
+from bgmodel.comparison.compare import compare, sweep
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.rivals import MaxVsAverage
-from bgmodel.sprt import Msprt
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.rivals import MaxVsAverage
+from bgmodel.integrators.sprt import Msprt
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from circuits.controls import linear_stn, shuffled_stn
 
 pytestmark = pytest.mark.validate
 SCORING_SEED = 40_002

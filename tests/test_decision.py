@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bgmodel import Evidence, Msprt, Sprt, Trace, first_crossing, stream, tally
 from bgmodel.decision import crossing_of_each
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.sprt import (
+from bgmodel.integrators.sprt import (
     Stream,
     criterion_from_gap,
     criterion_from_posterior,
@@ -280,7 +280,7 @@ def test_bad_input_gets_one_clear_sentence(call, says):
 
 def test_sums_equal_up_to_rounding_are_equal():
     """Evidence of +-0.1 nats: bounds and ties are hit exactly, though floats miss them."""
-    from bgmodel.theory import Empirical, sprt
+    from bgmodel.theory.sprt import Empirical, sprt
 
     rng = stream(9, "rounding")
     trials, steps = 40_000, 30

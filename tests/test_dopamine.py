@@ -7,9 +7,8 @@ import pytest
 from scipy.stats import norm
 
 from bgmodel import Msprt, first_crossing, stream
-from bgmodel.basal_ganglia import BasalGanglia, circuit, share_crossed
 from bgmodel.cli import main
-from bgmodel.comparison import Sweep, sweep
+from bgmodel.comparison.compare import Sweep, sweep
 from bgmodel.dopamine import (
     Body,
     criterion,
@@ -19,7 +18,10 @@ from bgmodel.dopamine import (
     usable_range,
     working_range,
 )
-from bgmodel.dopamine_study import (
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import read_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, share_crossed
+from bgmodel.learning.level import (
     THRESHOLD_NATS,
     after_errors,
     body,
@@ -29,10 +31,8 @@ from bgmodel.dopamine_study import (
     playable_levels,
     regret,
 )
-from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.files import read_table
-from bgmodel.learning import Learned, Learner, LearningStopped, learn
-from bgmodel.policies import GaussianPolicy
+from bgmodel.learning.policies import GaussianPolicy
+from bgmodel.learning.reinforce import Learned, Learner, LearningStopped, learn
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 
 XI, SEED, GAIN = 50.0, 61, 0.5

@@ -10,12 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import stream
-from bgmodel.basal_ganglia import BasalGanglia
-from bgmodel.behaviour import DIFFUSION_S, MEASURES, ez_diffusion, mean, median
 from bgmodel.cli import main
 from bgmodel.edits import Edits
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.experiment import (
+from bgmodel.experiments.experiment import (
     AGREES,
     DISAGREES,
     OPEN,
@@ -27,8 +25,10 @@ from bgmodel.experiment import (
     run_experiment,
     shipped,
 )
+from bgmodel.experiments.measures import DIFFUSION_S, MEASURES, ez_diffusion, mean, median
+from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.files import provenance_path, read_provenance
-from bgmodel.outcomes import outcomes, page
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
 

@@ -6,8 +6,8 @@ import pytest
 
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.exports import to_hssm, to_pyddm
-from bgmodel.tables import Trials, trial_table
+from bgmodel.tables.exports import to_hssm, to_pyddm
+from bgmodel.tables.trials import Trials, trial_table
 
 
 @pytest.fixture

@@ -12,46 +12,52 @@ ROOT = Path(__file__).parents[1]
 # Each module may import only from modules on lower levels.
 LEVELS = [
     {
-        "bgmodel.seeds",
-        "bgmodel.files",
-        "bgmodel.policies",
+        "bgmodel.comparison",
         "bgmodel.crossing",
-        "bgmodel.evidence",
         "bgmodel.data",
-        "bgmodel.toml_files",
+        "bgmodel.evidence",
+        "bgmodel.experiments",
+        "bgmodel.experiments.toml_files",
+        "bgmodel.files",
+        "bgmodel.integrators",
+        "bgmodel.learning",
+        "bgmodel.learning.policies",
         "bgmodel.memory",
-        "bgmodel.exports",
-    },
-    {"bgmodel.empirical"},
-    {"bgmodel.decision", "bgmodel.first_passage"},
-    {"bgmodel.sprt", "bgmodel.tables", "bgmodel.theory"},
-    {"bgmodel.evidence_tables"},
-    {"bgmodel"},
-    {"bgmodel.learning", "bgmodel.basal_ganglia", "bgmodel.rivals", "bgmodel.comparison"},
-    {
         "bgmodel.plots",
-        "bgmodel.study",
-        "bgmodel.circuit_edits",
-        "bgmodel.circuit_page",
-        "bgmodel.behaviour",
+        "bgmodel.seeds",
+        "bgmodel.tables",
+        "bgmodel.tables.exports",
+        "bgmodel.theory",
+        "bgmodel.theory.empirical",
+    },
+    {"bgmodel.decision", "bgmodel.theory.first_passage"},
+    {"bgmodel.integrators.sprt", "bgmodel.tables.trials", "bgmodel.theory.sprt"},
+    {"bgmodel"},
+    {
+        "bgmodel.comparison.compare",
+        "bgmodel.integrators.basal_ganglia",
+        "bgmodel.integrators.rivals",
+        "bgmodel.learning.reinforce",
+        "bgmodel.tables.evidence",
+    },
+    {
+        "bgmodel.comparison.page",
+        "bgmodel.comparison.steady",
         "bgmodel.edits",
+        "bgmodel.experiments.measures",
+        "bgmodel.learning.gap",
         "bgmodel.stimuli",
     },
-    {"bgmodel.circuit_study"},
-    {"bgmodel.experiment", "bgmodel.dopamine"},
-    {"bgmodel.dopamine_study"},
-    {"bgmodel.outcomes"},
+    {"bgmodel.comparison.circuits"},
+    {"bgmodel.dopamine", "bgmodel.experiments.experiment"},
+    {"bgmodel.experiments.outcomes", "bgmodel.learning.level"},
+    {"bgmodel.commands", "bgmodel.commands.checks", "bgmodel.commands.one_run"},
     {
-        "bgmodel.commands",
-        "bgmodel.commands.checks",
-        "bgmodel.commands.one_run",
-    },
-    {
-        "bgmodel.commands.taps",
-        "bgmodel.commands.decisions",
-        "bgmodel.commands.experiments",
         "bgmodel.commands.circuit",
+        "bgmodel.commands.decisions",
         "bgmodel.commands.figures",
+        "bgmodel.commands.taps",
+        "bgmodel.commands.experiments",
     },
     {"bgmodel.commands.comparing", "bgmodel.commands.dopamine"},
     {"bgmodel.cli"},
@@ -90,13 +96,13 @@ def test_bgmodel_imports_downwards_only(name, path):
         root = imported.split(".")[0]
         assert root != "figures"
         if root == "circuits":
-            assert name == "bgmodel.basal_ganglia"
+            assert name == "bgmodel.integrators.basal_ganglia"
         if root != "bgmodel":
             continue
         if name.startswith("bgmodel.tactile"):
             assert imported.startswith("bgmodel.tactile") or imported in TACTILE_MAY, imported
         elif imported.startswith("bgmodel.tactile"):
-            assert level(name) >= level("bgmodel.study"), f"{name} imports {imported}"
+            assert level(name) >= level("bgmodel.learning.gap"), f"{name} imports {imported}"
         else:
             assert level(name) is not None, f"{name} has no level"
             assert level(imported) < level(name), f"{name} imports {imported}"
@@ -108,15 +114,18 @@ def test_circuits_know_nothing_of_bgmodel(name, path):
 
 
 def test_every_package_is_shipped():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    data = settings["tool"]["setuptools"]["package-data"]["bgmodel.data"]
-    shipped = {path for pattern in data for path in (ROOT / "bgmodel" / "data").glob(pattern)}
-    held = (ROOT / "bgmodel" / "data").rglob("*.*")
-    assert shipped == {path for path in held if path.suffix not in (".py", ".pyc")}
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    shipped = set()
+    for package, patterns in settings["package-data"].items():
+        folder = ROOT.joinpath(*package.split("."))
+        shipped |= {path for pattern in patterns for path in folder.glob(pattern)}
+    held = {path for package in ("bgmodel", "circuits") for path in (ROOT / package).rglob("*.*")}
+    code = {".py", ".pyc", ".nbi", ".nbc"}
+    assert shipped == {path for path in held if path.suffix not in code}
     found = {
         n for p in ("bgmodel", "circuits") for n, path in modules(p) if "__init__" in path.name
     }
-    assert set(settings["tool"]["setuptools"]["packages"]) == found
+    assert set(settings["packages"]) == found
 
 
 def test_import_is_light():

@@ -7,7 +7,8 @@ from scipy.stats import norm
 from bgmodel import Sprt, first_crossing, stream, threshold_from_gap
 from bgmodel.decision import crossing_of_each
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.learning import (
+from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
+from bgmodel.learning.reinforce import (
     Learner,
     exhaustive_search,
     learn,
@@ -16,8 +17,7 @@ from bgmodel.learning import (
     smoothed,
     trials_of,
 )
-from bgmodel.policies import BernoulliPolicy, GaussianPolicy
-from bgmodel.theory import gaussian_pair, optimal_delta, reward_curve
+from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve
 
 D, XI, T_MAX = 1.0, 25.0, 40
 # In gaussian_evidence, two unit-variance channels: d of the ratio is sqrt 2 times theirs.

@@ -5,9 +5,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
-from bgmodel.comparison import curve, sweep
+from bgmodel.comparison.compare import curve, sweep
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.rivals import RIVALS, Lca, MaxVsAverage, MaxVsNext, Race
+from bgmodel.integrators.rivals import RIVALS, Lca, MaxVsAverage, MaxVsNext, Race
 
 
 def drawn(trials=300, steps=20, hypotheses=4, separation=0.5, seed=1):

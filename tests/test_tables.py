@@ -6,10 +6,10 @@ import pytest
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.evidence_tables import read_trials, trials_from_table
 from bgmodel.files import read_provenance, read_table, write_table
 from bgmodel.seeds import stream
-from bgmodel.tables import Trials, trial_table
+from bgmodel.tables.evidence import read_trials, trials_from_table
+from bgmodel.tables.trials import Trials, trial_table
 
 
 @pytest.fixture

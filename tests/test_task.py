@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Msprt, Sprt, stream, tally, threshold_from_gap
-from bgmodel.study import fold_sources, increments, regret_on_fresh_trials, search_folds
+from bgmodel.learning.gap import fold_sources, increments, regret_on_fresh_trials, search_folds
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
-from bgmodel.theory import optimal_delta, reward_curve, sprt
+from bgmodel.theory.sprt import optimal_delta, reward_curve, sprt
 
 TAPS = held_out_taps()
 

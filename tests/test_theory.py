@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.special import ndtr, ndtri
 
-from bgmodel.theory import (
+from bgmodel.theory.sprt import (
     Empirical,
     Gaussian,
     gaussian_pair,

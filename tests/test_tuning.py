@@ -8,7 +8,7 @@ import pytest
 from benchmarks.cortex import coded
 from benchmarks.filters import Run
 from benchmarks.tuning import tuning_evidence
-from bgmodel.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
 
 SEED, GAIN = 7, 0.7
 

@@ -11,12 +11,12 @@ import pytest
 
 from bgmodel import Msprt, Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.learning import Learner, learn, trials_of
-from bgmodel.policies import GaussianPolicy
-from bgmodel.sprt import Stream
-from bgmodel.study import fold_sources, increments, regret_on_fresh_trials
+from bgmodel.integrators.sprt import Stream
+from bgmodel.learning.gap import fold_sources, increments, regret_on_fresh_trials
+from bgmodel.learning.policies import GaussianPolicy
+from bgmodel.learning.reinforce import Learner, learn, trials_of
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, tap_pool
-from bgmodel.theory import gaussian_pair, optimal_delta, reward_curve, sprt
+from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve, sprt
 
 pytestmark = pytest.mark.validate
 XI, T_MAX = 50.0, 30

@@ -13,8 +13,8 @@ from bgmodel import files
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bgmodel.basal_ganglia import BasalGanglia
     from bgmodel.evidence import Evidence
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
 
 COMPILES = "the first run of a kind of circuit compiles: half a minute or less"
 """What a command says before it runs the ensemble engine."""

@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 from tyro.conf import Positional
 
-from bgmodel import files, tables
+from bgmodel import files
 from bgmodel.commands.checks import (
     Writes,
     check_ending,
@@ -24,8 +24,9 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.decision import first_crossing
 from bgmodel.edits import Edits
-from bgmodel.sprt import criterion_from_posterior
+from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
+from bgmodel.tables import trials as tables
 
 Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
 
@@ -52,12 +53,12 @@ class Show(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.basal_ganglia import circuit, text
+        from bgmodel.integrators.basal_ganglia import circuit, text
 
         table = self.edits.of(circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
-            from bgmodel.basal_ganglia import draw
+            from bgmodel.integrators.basal_ganglia import draw
 
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
             import matplotlib.pyplot as plt
@@ -70,7 +71,7 @@ class Show(Writes):
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthere are no cells that spike")
         elif self.rest:
-            from bgmodel.circuit_study import at_rest
+            from bgmodel.comparison.circuits import at_rest
 
             print("\nwithout evidence, 4 trials of 5 s:")
             found = at_rest(table, seed=0)
@@ -81,7 +82,7 @@ class Show(Writes):
 
 def _scatter(table: Any, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
-    from bgmodel.basal_ganglia import out_variance
+    from bgmodel.integrators.basal_ganglia import out_variance
 
     # Between the readable OUTs, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
@@ -136,8 +137,8 @@ class Run(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel import basal_ganglia
-        from bgmodel.circuit_study import usual_gain
+        from bgmodel.comparison.circuits import usual_gain
+        from bgmodel.integrators import basal_ganglia
 
         self._check()
         trials = self.stimuli.draw(self.seed, "circuit run")

@@ -21,11 +21,11 @@ from bgmodel.commands.checks import (
 from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
-from bgmodel.rivals import NEED_ZERO, RIVALS
+from bgmodel.integrators.rivals import NEED_ZERO, RIVALS
 from bgmodel.stimuli import Stimuli
 
 if TYPE_CHECKING:
-    from bgmodel.basal_ganglia import BasalGanglia
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
 
 LESIONS = ("STN=0.2", "GPe=0.2", "D2", "ctx->STN=0.9", "D1->SNr=0.9")
 """Edits of `circuit lesion` where none is given."""
@@ -68,8 +68,8 @@ class Compare(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.circuit_page import page
-        from bgmodel.circuit_study import against
+        from bgmodel.comparison.circuits import against
+        from bgmodel.comparison.page import page
 
         model, evidence = _model(self)
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
@@ -103,8 +103,8 @@ class Lesion(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.circuit_page import behaviour, page
-        from bgmodel.circuit_study import variants
+        from bgmodel.comparison.circuits import variants
+        from bgmodel.comparison.page import behaviour, page
 
         model, evidence = _model(self)
         edited = {}
@@ -132,9 +132,9 @@ def sample_ms(step_ms: float) -> float:
 
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
-    from bgmodel import basal_ganglia
-    from bgmodel.circuit_study import usual_gain
-    from bgmodel.comparison import MARGIN, check_trials
+    from bgmodel.comparison.circuits import usual_gain
+    from bgmodel.comparison.compare import MARGIN, check_trials
+    from bgmodel.integrators import basal_ganglia
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from tyro.conf import Positional
 
-from bgmodel import files, tables
+from bgmodel import files
 from bgmodel.commands.checks import (
     Writes,
     check_ending,
@@ -18,12 +18,13 @@ from bgmodel.commands.checks import (
     say_of_trials,
 )
 from bgmodel.decision import first_crossing
-from bgmodel.evidence_tables import read_trials
-from bgmodel.learning import Learner
+from bgmodel.integrators.sprt import Msprt, Sprt, criterion_from_posterior, threshold_from_gap
+from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
+from bgmodel.learning.reinforce import Learner
 from bgmodel.memory import check_evidence_memory, check_learning_memory
-from bgmodel.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.seeds import stream
-from bgmodel.sprt import Msprt, Sprt, criterion_from_posterior, threshold_from_gap
+from bgmodel.tables import trials as tables
+from bgmodel.tables.evidence import read_trials
 from bgmodel.tactile.likelihood import Density
 
 GAP_NATS = 4.0
@@ -199,7 +200,7 @@ class Learn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.study import learn_grating
+        from bgmodel.learning.gap import learn_grating
 
         check_ending("output", self.output, ".parquet", ".csv")
         check_whole(runs=self.runs, t_max=self.t_max)

@@ -13,9 +13,9 @@ from bgmodel import files
 from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
 from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
-from bgmodel.learning import Learner
+from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.learning.reinforce import Learner
 from bgmodel.memory import check_learning_memory, check_memory
-from bgmodel.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 
 TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=500, t_max=30)
@@ -57,8 +57,8 @@ class Learn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.basal_ganglia import BasalGanglia, circuit
-        from bgmodel.dopamine_study import (
+        from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+        from bgmodel.learning.level import (
             COARSE,
             body,
             learn_level,
@@ -66,7 +66,7 @@ class Learn(Writes):
             playable_levels,
             regret,
         )
-        from bgmodel.learning import LearningStopped
+        from bgmodel.learning.reinforce import LearningStopped
 
         self._check()
         trials = self.stimuli.draw(self.seed, "learn")

@@ -37,8 +37,8 @@ class Run(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel import experiment as experiments
-        from bgmodel.outcomes import outcomes, page
+        from bgmodel.experiments import experiment as experiments
+        from bgmodel.experiments.outcomes import outcomes, page
 
         if not self.file:
             for name, one in experiments.shipped().items():

@@ -15,19 +15,19 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pandas as pd
 
-from bgmodel import toml_files
-from bgmodel.basal_ganglia import BATCH, BasalGanglia, check_threshold, circuit
-from bgmodel.behaviour import MEASURES, Behaviour
-from bgmodel.circuit_study import CIRCUIT, sweeps
-from bgmodel.comparison import RESAMPLES, check_trials, interval, reads_nothing, resampled
+from bgmodel.comparison.circuits import CIRCUIT, sweeps
+from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
+from bgmodel.experiments import toml_files
+from bgmodel.experiments.measures import MEASURES, Behaviour
+from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia, check_threshold, circuit
+from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
-from bgmodel.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
-from bgmodel.tables import Trials, trial_table
+from bgmodel.tables.trials import Trials, trial_table
 
-SHIPPED = resources("bgmodel.data") / "experiments"
+SHIPPED = resources("bgmodel.experiments") / "shipped"
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"
 WITHOUT = "decides without evidence"
 """The outcome, whatever was predicted, where the manipulated circuit reads nothing."""

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.learning import (
+from bgmodel.learning.policies import DELTA_RANGE, Policy
+from bgmodel.learning.reinforce import (
     Learned,
     Learner,
     exhaustive_search,
@@ -18,11 +19,10 @@ from bgmodel.learning import (
     smoothed,
     trials_of,
 )
-from bgmodel.policies import DELTA_RANGE, Policy
 from bgmodel.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source
-from bgmodel.theory import Empirical, Optimum, optimal_delta, reward_curve, sprt
+from bgmodel.theory.sprt import Empirical, Optimum, optimal_delta, reward_curve, sprt
 
 FRESH_TRIALS = 100_000
 

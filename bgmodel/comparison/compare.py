@@ -19,7 +19,7 @@ from scipy.stats import rankdata
 
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.sprt import Msprt
+from bgmodel.integrators.sprt import Msprt
 
 Array = npt.NDArray[np.float64]
 

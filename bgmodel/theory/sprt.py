@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bgmodel.empirical import Array, Empirical, require
-from bgmodel.first_passage import Gaussian, Increments, Walk, gaussian_pair, walk
+from bgmodel.theory.empirical import Array, Empirical, require
+from bgmodel.theory.first_passage import Gaussian, Increments, Walk, gaussian_pair, walk
 
 __all__ = [
     "Empirical",

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from bgmodel.decision import Decision, Tally, Trace, crossing_of_each, tally
 from bgmodel.evidence import Evidence
-from bgmodel.policies import GaussianPolicy, Policy
-from bgmodel.sprt import Sprt, threshold_from_gap
+from bgmodel.integrators.sprt import Sprt, threshold_from_gap
+from bgmodel.learning.policies import GaussianPolicy, Policy
 
 FloatArray = npt.NDArray[np.float64]
 

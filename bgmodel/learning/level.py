@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.basal_ganglia import BasalGanglia, Circuit
-from bgmodel.comparison import Sweep, curve, interval, resampled
+from bgmodel.comparison.compare import Sweep, curve, interval, resampled
 from bgmodel.dopamine import Body, criterion, knob, usable_range, working_range
 from bgmodel.evidence import Evidence
-from bgmodel.learning import Learned, Learner, learn
-from bgmodel.policies import GaussianPolicy
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit
+from bgmodel.learning.policies import GaussianPolicy
+from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.seeds import stream
 
 Array = npt.NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison import MARGIN, MOST_FORCED, equivalent, shown
+from bgmodel.comparison.compare import MARGIN, MOST_FORCED, equivalent, shown
 
 
 def behaviour(table: pd.DataFrame) -> str:

@@ -13,8 +13,8 @@ from scipy.signal import lfilter
 
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.sprt import Msprt, totals
 from bgmodel.memory import check_memory
-from bgmodel.sprt import Msprt, totals
 
 try:
     from circuits.activity import checked_drive, warn_beyond_range

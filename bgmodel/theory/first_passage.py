@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bgmodel.empirical import Array, Empirical, check_size, empirical_chain, require
+from bgmodel.theory.empirical import Array, Empirical, check_size, empirical_chain, require
 
 
 @dataclass(frozen=True)

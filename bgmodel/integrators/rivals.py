@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
-from bgmodel.sprt import at_readings, totals
+from bgmodel.integrators.sprt import at_readings, totals
 
 Array = npt.NDArray[np.float64]
 

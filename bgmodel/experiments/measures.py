@@ -1,7 +1,7 @@
 """What decisions at one threshold look like: the measures that experiments report.
 
 Every measure is an expression in weights of trials, so that one call gives the value and its
-bootstrap resamples, as in ``bgmodel.comparison``.
+bootstrap resamples, as in ``bgmodel.comparison.compare``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.comparison import Sweep
+from bgmodel.comparison.compare import Sweep
 from bgmodel.decision import UNDECIDED, Decision
 
 Array = npt.NDArray[np.float64]

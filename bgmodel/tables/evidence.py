@@ -15,7 +15,7 @@ import pandas as pd
 from bgmodel.evidence import Evidence
 from bgmodel.files import read_table
 from bgmodel.memory import check_evidence_memory
-from bgmodel.tables import RESULT, Trials
+from bgmodel.tables.trials import RESULT, Trials
 
 KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""

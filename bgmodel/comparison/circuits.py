@@ -9,17 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.basal_ganglia import (
-    DROPPING,
-    SPIKING,
-    BasalGanglia,
-    Circuit,
-    deciding_thresholds,
-    decoded_input,
-    rest_out,
-)
-from bgmodel.circuit_edits import out_shift
-from bgmodel.comparison import (
+from bgmodel.comparison.compare import (
     ACCURACIES,
     MARGIN,
     RESAMPLES,
@@ -28,10 +18,20 @@ from bgmodel.comparison import (
     compare,
     sweep,
 )
+from bgmodel.comparison.steady import out_shift
 from bgmodel.evidence import Evidence
-from bgmodel.rivals import RIVALS
+from bgmodel.integrators.basal_ganglia import (
+    DROPPING,
+    SPIKING,
+    BasalGanglia,
+    Circuit,
+    deciding_thresholds,
+    decoded_input,
+    rest_out,
+)
+from bgmodel.integrators.rivals import RIVALS
+from bgmodel.integrators.sprt import Msprt
 from bgmodel.seeds import stream
-from bgmodel.sprt import Msprt
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
 OWN, FULL = "MSPRT at its gain", "MSPRT"

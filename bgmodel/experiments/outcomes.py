@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from bgmodel.behaviour import OF_DECIDED
-from bgmodel.comparison import reads_nothing, shown
-from bgmodel.experiment import (
+from bgmodel.comparison.compare import reads_nothing, shown
+from bgmodel.experiments.experiment import (
     AGREES,
     CONDITIONS,
     DISAGREES,
@@ -15,6 +14,7 @@ from bgmodel.experiment import (
     WITHOUT,
     Experiment,
 )
+from bgmodel.experiments.measures import OF_DECIDED
 
 VERDICTS = {
     AGREES: "agrees",

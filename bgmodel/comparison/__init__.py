@@ -1,0 +1,1 @@
+"""A circuit held against the abstract test, decision by decision."""

@@ -1,0 +1,112 @@
+"""What an edit does to OUT under steady evidence: by theory, and measured in spikes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.stats import ttest_1samp
+
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit
+
+SETTLE_MS = 1500
+"""Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""
+
+
+def out_shift(
+    circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike, *, laws: str = "table"
+) -> npt.NDArray[np.float64]:
+    """Return what an edit adds to the winner's OUT at the fixed point, nats.
+
+    Where any OUT that is asked for has no fixed point, or none that is known, all are NaN.
+
+    Parameters
+    ----------
+    circuit, edited : Circuit
+        Before and after.
+    out_nats : array (...)
+        ``-ln P`` before, at which it is asked; the result has its shape.
+    laws : str
+        "table", "cells" or "finite", as for ``circuits.engines.algebra``.
+    """
+    n = circuit.channels
+    out = np.asarray(out_nats, dtype=np.float64)
+    drive = np.zeros((out.size, 1, n))
+    drive[:, 0, 0] = (np.log(n - 1) - np.log(np.expm1(out))).ravel()
+    drive -= drive.mean(axis=2, keepdims=True)
+    try:
+        before, after = (
+            BasalGanglia(c, options={"laws": laws}).at(drive, step_ms=1.0).output_nats
+            for c in (circuit, edited)
+        )
+    except ValueError:
+        return np.full_like(out, np.nan)
+    return (after - before)[:, 0, 0].reshape(out.shape)
+
+
+def steady_out(
+    circuit: Circuit, log_odds: npt.ArrayLike, *, seed: int, trials: int, mean_ms: int = 1000
+) -> npt.NDArray[np.float64]:
+    """Return the favoured channel's OUT under constant evidence, (log odds, trials) nats.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        One of spiking cells.
+    log_odds : array
+        Of the favoured channel against each other one, in the circuit's nats.
+    seed, trials : int
+        Noise; trial t has the same in every circuit.
+    mean_ms : int
+        The time that is averaged, after ``SETTLE_MS``.
+    """
+    odds = np.asarray(log_odds, dtype=np.float64)
+    drive = np.zeros((len(odds) * trials, 1, circuit.channels))
+    drive[:, 0, 0] = np.repeat(odds, trials)
+    drive -= drive.mean(axis=2, keepdims=True)
+    model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})
+    out = model.at(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
+    found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
+    return found.reshape(len(odds), trials)
+
+
+def steady_shifts(
+    circuit: Circuit,
+    edited: Mapping[str, Circuit],
+    log_odds: npt.ArrayLike,
+    *,
+    seed: int,
+    trials: int = 40,
+) -> pd.DataFrame:
+    """Measure what edits add to OUT in the spiking circuit, beside its fixed point.
+
+    Returns
+    -------
+    DataFrame
+        One row a variant and log odds: variant, log_odds, out_nats (as it is), exact_nats (the
+        shift of the algebraic fixed point), own_laws_nats and finite_nats (the same with the cells'
+        own f-I laws, and with the noise of their finite number), value, low, high (the
+        measured shift and its 95 % interval, trials paired by their noise).
+    """
+    odds = np.asarray(log_odds, dtype=np.float64)
+    out = np.log1p((circuit.channels - 1) * np.exp(-odds))
+    before = steady_out(circuit, odds, seed=seed, trials=trials)
+    parts = []
+    for name, table in edited.items():
+        shift = steady_out(table, odds, seed=seed, trials=trials) - before
+        interval = ttest_1samp(shift, 0.0, axis=1).confidence_interval()
+        columns = {
+            "variant": name,
+            "log_odds": odds,
+            "out_nats": before.mean(axis=1),
+            "exact_nats": out_shift(circuit, table, out),
+            "own_laws_nats": out_shift(circuit, table, out, laws="cells"),
+            "finite_nats": out_shift(circuit, table, out, laws="finite"),
+            "value": shift.mean(axis=1),
+            "low": interval.low,
+            "high": interval.high,
+        }
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)

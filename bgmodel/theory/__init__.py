@@ -1,0 +1,1 @@
+"""What a sequential test must do: closed forms, first passages, exact recursions."""

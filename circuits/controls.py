@@ -1,0 +1,95 @@
+"""Edits that a circuit must, or must not, stand: controls beside the table they start from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+
+import numpy as np
+
+from circuits.cells import Escape, Rate
+from circuits.fixed_point import rest_rates, wired
+from circuits.spec import Circuit, Population, Projection
+
+OF_POPULATIONS = ("baseline_hz", "gain_hz_per_nat", "bias_nats", "tau_ms")
+OF_PROJECTIONS = ("weight", "delay_ms", "tau_ms")
+SPARE_NATS = 0.6
+
+
+def perturbed(circuit: Circuit, fraction: float = 0.2) -> dict[str, Circuit]:
+    """Return the circuit with one number changed by +-fraction, for every number of its tables.
+
+    Delays are rounded to whole ticks of .1 ms. Numbers that are 0 stay out, and so do those that
+    only say what they are: transmitters, names, numbers of cells.
+    """
+    changed: dict[str, Circuit] = {}
+
+    def put(name: str, values: Mapping[str, float]) -> None:
+        for field, value in values.items():
+            for sign in (1, -1):
+                new = value * (1 + sign * fraction)
+                new = round(new, 1) if field == "delay_ms" else new
+                key = f"{name} {field} {sign * fraction:+.0%}"
+                changed[key] = circuit.changed(name, **{field: new})
+
+    for row in circuit.populations:
+        cell = {f.name: getattr(row.cell, f.name) for f in fields(row.cell)}
+        own = {name: getattr(row, name) for name in OF_POPULATIONS}
+        put(row.name, {k: v for k, v in (own | cell).items() if v and not isinstance(v, bool)})
+    for p in circuit.projections:
+        values = {name: getattr(p, name) for name in OF_PROJECTIONS}
+        put(p.name, {k: v for k, v in values.items() if v})
+    for sign in (1, -1):
+        tau_ms = circuit.readout_tau_ms * (1 + sign * fraction)
+        key = f"read-out tau_ms {sign * fraction:+.0%}"
+        changed[key] = replace(circuit, readout_tau_ms=tau_ms)
+    return changed
+
+
+def correlated(
+    circuit: Circuit, noise_nats: float, *, cells: int = 20, tau_ms: float = 20
+) -> Circuit:
+    """Return the circuit with noise that all cortical cells of a channel share.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        One with cells.
+    noise_nats : float
+        Standard deviation of the shared input, nats.
+    cells, tau_ms : int, float
+        It comes from this many Poisson cells of 20 Hz, filtered with this time constant (ms); their
+        mean input is taken off.
+    """
+    rate_hz = 20.0
+    # Shot noise through an exponential filter (Campbell): variance = rate / (2 tau cells).
+    sd_hz = np.sqrt(rate_hz / (2 * tau_ms / 1000 * cells))
+    gain = sd_hz / noise_nats
+    shared = Population("shared", Escape(), rate_hz, gain, neurons=cells, cite="assumed")
+    path = Projection("shared", circuit.input, 1, delay_ms=1, tau_ms=tau_ms, cite="assumed")
+    return circuit.with_rows(shared, path)
+
+
+def linear_stn(circuit: Circuit) -> Circuit:
+    """Return the circuit whose STN is linear: its exponential's tangent at rest.
+
+    At rest a channel's activity is Sigma / N = a; there ``e^u`` is about ``a (u + 1 - ln a)``. It
+    has no floor, for a line that stops at 0 is still convex, and no noise, which favours it. OUT is
+    then the average less the winner, as far as cortex is not silent. It falls further than -ln P:
+    SNr gets ``SPARE_NATS`` more tonic drive, or it would fall silent before a decision at .95.
+    """
+    wiring = wired(circuit)
+    rates = rest_rates(wiring)[wiring.blocks_of("STN")]
+    rest = float(wiring.activity(rates, "STN").mean())
+    bias = circuit.population("STN").bias_nats + 1 - float(np.log(rest))
+    spare = circuit.population("SNr").bias_nats + SPARE_NATS
+    edited = circuit.changed("STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias)
+    for target in ("common", "GPe", "SNr"):
+        edited = edited.scaled("STN", target, rest)
+    return edited.changed("SNr", bias_nats=spare)
+
+
+def shuffled_stn(circuit: Circuit) -> Circuit:
+    """Return the circuit where SNr hears N times the next channel's STN in place of STN's sum."""
+    weight = circuit.channels * circuit.projection("STN", "SNr").weight
+    return circuit.changed("STN->SNr", pattern="neighbour", weight=weight)
