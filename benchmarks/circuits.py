@@ -73,21 +73,13 @@ def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) 
     return _cost(cells_of(circuit), trials, cpu / times, wall / times)
 
 
-def brian2(trials: int = 20, target: str = "standalone", **which: Any) -> dict[str, float]:
+def brian2(trials: int = 20, **which: Any) -> dict[str, float]:
     """Measure the Brian2 engine, all trials in one network."""
     from circuits.engines.brian2 import run as spiking
 
     circuit = circuit_of(**which)
     given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}
     evidence = drive(trials, circuit.channels)
-    if target == "standalone":
-        with spiking.Standalone(circuit, trials, steps=STEPS, **given) as built:
-            built.run(evidence, seed=1)
-            cpu = _children()
-            wall = time.perf_counter()
-            built.run(evidence, seed=2)
-            return _cost(cells_of(circuit), trials, _children() - cpu, time.perf_counter() - wall)
-    given["target"] = target
     spiking.run(circuit, evidence[:, :1], seed=1, **given)
     one = _timed(lambda: spiking.run(circuit, evidence[:, :1], seed=1, **given))
     more = _timed(lambda: spiking.run(circuit, evidence, seed=1, **given))
@@ -141,11 +133,6 @@ def _timed(work: Any) -> float:
     return time.process_time() - start
 
 
-def _children() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
 def _cost(
     cells: int,
     trials: int,
@@ -170,8 +157,7 @@ SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
     ("ensemble, 10 % spread", "ensemble", {"trials": 300, "spread": 0.1}),
     ("ensemble, 25 % connections", "ensemble", {"trials": 300, "connections": 0.25}),
     ("ensemble, both", "ensemble", {"trials": 300, "spread": 0.1, "connections": 0.25}),
-    ("Brian2 engine, standalone", "brian2", {"target": "standalone"}),
-    ("Brian2 engine, NumPy", "brian2", {"target": "numpy"}),
+    ("Brian2 engine", "brian2", {}),
     ("vanilla Brian2, standalone", "vanilla", {"target": "standalone"}),
     ("vanilla Brian2, cython", "vanilla", {"target": "cython"}),
     ("nengo, its own network", "nengo", {}),

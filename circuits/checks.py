@@ -47,6 +47,16 @@ def check_time(what: str, value: Any, *, zero: bool = False) -> None:
         raise ValueError(f"{what} must be {'>= 0' if zero else '> 0'} and finite, got {value}")
 
 
+def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
+    """Return a time as a number of ticks; raises ValueError if it is no multiple of dt."""
+    if not dt_ms > 0:
+        raise ValueError(f"dt_ms must be > 0, got {dt_ms}")
+    count = round(time_ms / dt_ms)
+    if abs(count * dt_ms - time_ms) > 1e-9 * max(1.0, time_ms):
+        raise ValueError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}")
+    return count
+
+
 def _is_bool(value: Any) -> bool:
     return type(value).__name__ in ("bool", "bool_")
 

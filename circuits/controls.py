@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from circuits.cells import Escape, Rate
+from circuits.cells import Phase, Rate
 from circuits.fixed_point import rest_rates, wired
 from circuits.spec import Circuit, Population, Projection
 
@@ -65,7 +65,7 @@ def correlated(
     # Shot noise through an exponential filter (Campbell): variance = rate / (2 tau cells).
     sd_hz = np.sqrt(rate_hz / (2 * tau_ms / 1000 * cells))
     gain = sd_hz / noise_nats
-    shared = Population("shared", Escape(), rate_hz, gain, neurons=cells, cite="assumed")
+    shared = Population("shared", Phase(1.0), rate_hz, gain, neurons=cells, cite="assumed")
     path = Projection("shared", circuit.input, 1, delay_ms=1, tau_ms=tau_ms, cite="assumed")
     return circuit.with_rows(shared, path)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from circuits.engines import ENGINES, SPIKING
 from circuits.spec import Circuit
 
-CELL_BYTES = {"ensemble": 40.0, "brian2": 100.0}
+CELL_BYTES = {"ensemble": 40.0, "brian2": 100.0, "plain": 100.0}
 """Memory of a cell: in each thread of the compiled engine, in each trial of Brian2; measured."""
 CELL_TICK_S = 1e-9
 """Time that the compiled engine takes for a cell and tick, at most; measured."""

@@ -57,11 +57,7 @@ def solve(wiring: Wiring, drive: Array) -> Array:
 
 
 def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
-    """Return the blocks of populations that settle together, upstream first, and whether they loop.
-
-    An integrator counts as a loop: where it stands still is not given by its input alone. A
-    lesioned one may stand anywhere.
-    """
+    """Return the blocks that settle together, upstream first, and whether they are a loop."""
     reach = (wiring.weight != 0) @ (wiring.deliver != 0)
     target, source = (wiring.owner[blocks] for blocks in np.nonzero(reach))
     rows = len(wiring.circuit.populations)
@@ -71,8 +67,7 @@ def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
     for t, s in zip(label[target], label[source], strict=True):
         if t != s:
             order.add(int(t), int(s))
-    kept = wiring.leakless & (wiring.column("intact") > 0)
-    looped = set(target[target == source]) | set(wiring.owner[kept])
+    looped = set(target[target == source])
     result = []
     for part in order.static_order():
         members = np.flatnonzero(label == part)
@@ -92,14 +87,13 @@ def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Inde
     within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
     weight, deliver = wiring.weight[blocks][:, within], wiring.deliver[within][:, blocks]
     slow = np.array([wiring.row(b).transfer == "exp" for b in blocks])
-    leak = np.where(wiring.leakless, 0.0, 1.0)[blocks]
     for _ in range(MOST_STEPS):
         here = x[:, blocks]
         units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
-        error = (outside + wiring.inputs(units))[:, blocks] - leak * here
+        error = (outside + wiring.inputs(units))[:, blocks] - here
         size = np.abs(error).max(axis=1)
         gain = weight * wiring.units_slope(units)[:, None, within]
-        jacobian = gain @ (deliver * wiring.rates_slope(x)[:, None, blocks]) - np.diag(leak)
+        jacobian = gain @ (deliver * wiring.rates_slope(x)[:, None, blocks]) - np.eye(len(blocks))
         jacobian -= np.minimum(size, MOST_DAMPING)[:, None, None] * np.eye(len(blocks))
         try:
             move = np.linalg.solve(jacobian, -error[..., None])[..., 0]

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import transfer
-from circuits.cells import SPIKING, Cell, Integrator, Lif
+from circuits.cells import Cell
+from circuits.cells.cell import check_cell
 from circuits.checks import check_types
 
 GLUTAMATE, GABA = "glutamate", "GABA"
@@ -30,10 +31,9 @@ def _one_to_one(targets: int, sources: int) -> npt.NDArray[np.float64]:
 PATTERNS = {
     "channel": _one_to_one,
     "diffuse": lambda targets, sources: np.ones((targets, sources)),
-    "average": lambda targets, sources: np.full((targets, sources), 1 / sources),
     "neighbour": lambda targets, sources: np.roll(_one_to_one(targets, sources), 1, axis=0),
 }
-"""Which channels reach which: to its own, the sum or the mean of all to all, to the wrong one."""
+"""Which channels reach which: to its own, the sum of all to all, to the wrong one."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Population:
     bias_nats : float
         Constant input.
     tau_ms : float
-        Time constant of the input's filter (of an Integrator: its time), ms; a Lif has its own.
+        Time constant of the input's filter, ms; cells that hear nats have their own.
     receptor : str
         "D1" or "D2" where dopamine raises or lowers the cortical gain.
     pivot_nats : float
@@ -93,16 +93,14 @@ class Population:
     def __post_init__(self) -> None:
         _check_name(self.name)
         check_types(self, self.name)
-        if not isinstance(self.cell, Cell):
-            raise ValueError(f"{self.name}: cell must be a cell type, got {self.cell!r}")
+        check_cell(self.name, self.cell)
         transfer.named(self.transfer)
         _one_of("transmitter", self.transmitter, SIGNS)
         _one_of("receptor", self.receptor, RECEPTORS)
         self._check_ranges()
-        if isinstance(self.cell, Integrator) and not self.tau_ms:
-            raise ValueError(f"{self.name}: tau_ms of an Integrator must be > 0, got {self.tau_ms}")
-        if isinstance(self.cell, Lif) and self.tau_ms:
-            raise ValueError(f"{self.name}: tau_ms is that of the Lif cell, leave it 0 here")
+        if self.cell.hears == "nats" and self.tau_ms:
+            kind = type(self.cell).__name__
+            raise ValueError(f"{self.name}: tau_ms is that of the {kind} cell, leave it 0 here")
 
     def _check_ranges(self) -> None:
         if self.neurons < 1:
@@ -127,7 +125,7 @@ class Population:
     @property
     def spiking(self) -> bool:
         """Whether its cells spike."""
-        return isinstance(self.cell, SPIKING)
+        return self.cell.spikes
 
 
 @dataclass(frozen=True)

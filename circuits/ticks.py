@@ -3,8 +3,8 @@
 At tick k, with every rate of earlier ticks known:
 
 1. units: ``u = D u + (1 - D) deliver r[k - delay]``; the filtered activity is ``u + constant``;
-2. blocks: ``input = bias + weight g(u + constant) + drive``, then ``x = A x + (1 - A) input``, or
-   ``x += input dt/tau`` without a leak; an integrate-and-fire cell filters in its membrane instead;
+2. blocks: ``input = bias + weight g(u + constant) + drive``, then ``x = A x + (1 - A) input``; a
+   cell that hears nats filters in its membrane instead;
 3. cells: units of rate pass ``r[k] = rates(x)`` on; spiking ones ``r[k] = spikes / (neurons dt)``;
 4. read-out: ``o = R o + (1 - R) r[k]``.
 
@@ -28,11 +28,11 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise
-from circuits.cells import Lif, Phase
-from circuits.checks import check_time
+from circuits.cells.cell import Cell, Constants
+from circuits.checks import check_time, whole_ticks
 from circuits.fixed_point import rest
 from circuits.spec import Circuit
-from circuits.wiring import Array, Index, Wiring, ticks, wire
+from circuits.wiring import Array, Index, Wiring, wire
 
 SPIKE_BITS = 40
 """Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""
@@ -76,7 +76,7 @@ class Clock:
         for name in ("step_ms", "sample_ms", "settle_ms"):
             value = getattr(self, name)
             check_time(name, value, zero=name == "settle_ms")
-            ticks(name, value, self.dt_ms)
+            whole_ticks(name, value, self.dt_ms)
         if self.step_ticks % self.sample_ticks:
             raise ValueError(
                 f"step_ms must be a multiple of sample_ms, got {self.step_ms} and {self.sample_ms}"
@@ -85,17 +85,17 @@ class Clock:
     @property
     def step_ticks(self) -> int:
         """Ticks from reading to reading."""
-        return ticks("step_ms", self.step_ms, self.dt_ms)
+        return whole_ticks("step_ms", self.step_ms, self.dt_ms)
 
     @property
     def sample_ticks(self) -> int:
         """Ticks from sample to sample."""
-        return ticks("sample_ms", self.sample_ms, self.dt_ms)
+        return whole_ticks("sample_ms", self.sample_ms, self.dt_ms)
 
     @property
     def settle_ticks(self) -> int:
         """Ticks before the first reading."""
-        return ticks("settle_ms", self.settle_ms, self.dt_ms)
+        return whole_ticks("settle_ms", self.settle_ms, self.dt_ms)
 
     @property
     def ticks(self) -> int:
@@ -143,19 +143,18 @@ class Scheme:
     def unit_delay(self) -> Index:
         """Delay of each unit, ticks, at least 1."""
         rows = [self.wiring.projection(u) for u in range(self.wiring.units)]
-        delays = [ticks(f"the delay of {p.name}", p.delay_ms, self.dt_ms) for p in rows]
+        delays = [whole_ticks(f"the delay of {p.name}", p.delay_ms, self.dt_ms) for p in rows]
         return np.maximum(np.array(delays, dtype=np.intp), 1)
 
     @cached_property
     def block_decay(self) -> Array:
-        """A of each block: of the membrane for a Lif; 1 for a block without leak."""
-        return np.where(self.wiring.leakless, 1.0, _decay(self.dt_ms, self.wiring.tau_ms))
+        """A of each block's own filter; 0 where cells filter in their membrane."""
+        return _decay(self.dt_ms, self.wiring.column("tau_ms"))
 
     @cached_property
-    def block_gain(self) -> Array:
-        """Factor on each block's input: 1 - A, or dt/tau without a leak."""
-        tau = np.where(self.wiring.leakless, self.wiring.tau_ms, 1.0)
-        return np.where(self.wiring.leakless, self.dt_ms / tau, 1 - self.block_decay)
+    def rate_decay(self) -> Array:
+        """A of each block where rates stand for cells: of its filter, or of its membrane."""
+        return _decay(self.dt_ms, self.wiring.tau_ms)
 
     @cached_property
     def readout_decay(self) -> float:
@@ -181,19 +180,14 @@ class Scheme:
         return self.wiring.deliver @ rates, x, rates
 
 
-def refractory_ticks(refractory_ms: float, dt_ms: float) -> int:
-    """Return for how many ticks a cell is held after a spike."""
-    return ticks("refractory_ms", refractory_ms, dt_ms)
-
-
 def cell_factors(circuit: Circuit, name: str, channel: int) -> Array:
     """Return the factors (3, neurons) of each cell's constants; 1 where the spread is 0.
 
-    For a Lif: of its time constant, its mv_per_nat and the way from reset to threshold. For the
-    others the first is that of its rate. They belong to the circuit's ``wiring_seed``, not to a
-    trial. Their mean over a channel's cells is 1 (but for the few that would fall below
-    ``SPREAD_LEAST``): cells differ, channels hardly do. A channel of 300 would otherwise lie off
-    the next by up to .03 nats of OUT for good, as a prior does. One cell alone is the row's.
+    What each of the three multiplies is for ``Cell.constants`` to say. They belong to the
+    circuit's ``wiring_seed``, not to a trial. Their mean over a channel's cells is 1 (but for the
+    few that would fall below ``SPREAD_LEAST``): cells differ, channels hardly do. A channel of 300
+    would otherwise lie off the next by up to .03 nats of OUT for good, as a prior does. One cell
+    alone is the row's.
     """
     row = circuit.population(name)
     key = noise.stream_key(circuit.wiring_seed, 0, f"{name}/{channel}")
@@ -208,56 +202,13 @@ def spike_hz(neurons: Any, dt_ms: float) -> Any:
     return np.ldexp(np.round(np.ldexp(mantissa, SPIKE_BITS)), exponent - SPIKE_BITS)
 
 
-def lif_tick(cell: Lif, factors: Any, dt_ms: float) -> dict[str, Any]:
-    """Return the constants of ``v = keep v + (rest + slope nats + kick ones)``, a tick of a Lif.
-
-    v is in mV from the reset, in units in which all cells of the population have its threshold;
-    ``ones`` of 8 bits are the noise, and ``rest`` makes up for their mean of 4.
-
-    Parameters
-    ----------
-    cell : Lif
-        The population's.
-    factors : array (3,) or (3, neurons)
-        Of ``cell_factors``.
-    dt_ms : float
-        One tick.
-
-    Returns
-    -------
-    dict
-        ``keep``, ``rest``, ``slope``, ``kick``, ``unit`` and ``threshold``, in single precision.
-    """
-    tau, slope, top = factors
-    keep = np.exp(-dt_ms / (cell.tau_ms * tau))
-    bit = cell.step_mv(dt_ms, tau) / np.sqrt(2)
-    threshold = cell.sampled_threshold_mv(dt_ms) - cell.reset_mv
-    unit = threshold / (cell.sampled_threshold_mv(dt_ms, tau, top) - cell.reset_mv)
-    constants = {
-        "keep": keep,
-        "rest": unit * ((cell.rest_mv - cell.reset_mv) * (1 - keep) - 4 * bit),
-        "slope": unit * cell.mv_per_nat * slope * (1 - keep),
-        "kick": unit * bit,
-        "unit": unit,
-        "threshold": threshold,
-    }
-    return {name: np.float32(value) for name, value in constants.items()}
-
-
-def jitter(cell: Phase, factors: Any) -> Any:
-    """Return the noise of a bit of a Phase, over the root of its population's mean advance."""
-    return np.float32(cell.cv * np.sqrt(factors[0] / 2))
-
-
 def starting_state(
-    cell: object, factors: Any, stream: int, neurons: int, dt_ms: float
-) -> npt.NDArray[np.float32]:
-    """Return the first state of each cell, (neurons,): mV from the reset for a Lif, or a phase."""
-    start = noise.uniform(stream, noise.START_TICK, neurons).astype(np.float32)
-    if isinstance(cell, Lif):
-        constants = lif_tick(cell, factors, dt_ms)
-        return np.asarray(start * constants["threshold"] * constants["unit"], dtype=np.float32)
-    return start if isinstance(cell, Phase) else np.zeros_like(start)
+    cell: Cell, constants: Constants, stream: int, neurons: int
+) -> tuple[npt.NDArray[np.float32], ...]:
+    """Return the first value of each of a cell type's variables, (neurons,) each."""
+    begin = cell.begin or cell.lacks("begin", "engines that spike")
+    begun = begin(noise.uniform(stream, noise.START_TICK, neurons), *constants.values())
+    return tuple(np.broadcast_to(np.float32(value), neurons).copy() for value in begun)
 
 
 def _decay(dt_ms: float, tau_ms: Array) -> Array:

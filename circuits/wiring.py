@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise, transfer
-from circuits.cells import Integrator, Lif, Rate
 from circuits.spec import Circuit, Population, Projection
 
 Array = npt.NDArray[np.float64]
@@ -95,23 +94,18 @@ class Wiring:
         return self.column("gain_hz_per_nat")
 
     @cached_property
-    def leakless(self) -> npt.NDArray[np.bool_]:
-        """Which blocks integrate without a leak."""
-        return np.array([isinstance(self.row(b).cell, Integrator) for b in range(self.blocks)])
-
-    @cached_property
     def tau_ms(self) -> Array:
-        """Time constant of each block's input filter, ms; the membrane's for a Lif."""
-        cells = [self.row(b).cell for b in range(self.blocks)]
-        membrane = [cell.tau_ms if isinstance(cell, Lif) else 0.0 for cell in cells]
+        """Time constant with which each block's rate follows its input, ms: filter or membrane.
+
+        Raises ValueError for a cell type that has no single one.
+        """
+        membrane = [self.row(b).cell.membrane_ms() for b in range(self.blocks)]
         return self.column("tau_ms") + np.array(membrane)
 
     @cached_property
     def floor_hz(self) -> Array:
         """Lowest rate of each block, Hz: 0, or none where the rate stands for a difference."""
-        cells = [self.row(b).cell for b in range(self.blocks)]
-        signed = [isinstance(cell, Rate | Integrator) and cell.signed for cell in cells]
-        return np.where(signed, -np.inf, 0.0)
+        return np.array([self.row(b).cell.lowest_hz for b in range(self.blocks)])
 
     def drive(self, drive: Array) -> Array:
         """Return the input (..., blocks) that a drive (..., channels) in nats adds."""
@@ -219,16 +213,6 @@ def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
         weight=np.array(weights).reshape(shape).T,
         bias=bias,
     )
-
-
-def ticks(name: str, time_ms: float, dt_ms: float) -> int:
-    """Return a time as a number of ticks; raises ValueError if it is no multiple of dt."""
-    if not dt_ms > 0:
-        raise ValueError(f"dt_ms must be > 0, got {dt_ms}")
-    count = round(time_ms / dt_ms)
-    if abs(count * dt_ms - time_ms) > 1e-9 * max(1.0, time_ms):
-        raise ValueError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}")
-    return count
 
 
 def fan_in(circuit: Circuit, p: Projection, target: int, source: int) -> npt.NDArray[np.int64]:

@@ -23,7 +23,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.tables.evidence import trials_from_table
 from bgmodel.tables.trials import trial_table
 from circuits import anatomy
-from circuits.cells import Escape, Phase, Rate
+from circuits.cells import Phase, Rate
 from circuits.engines import run
 from circuits.rows import Population, Projection
 
@@ -623,7 +623,7 @@ GOOD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
     "spread": lambda c, rng: c.with_spread(rng.uniform(0, 0.3)),
     "wires": lambda c, rng: c.with_connections(rng.uniform(0.1, 1)),
     "row": lambda c, rng: c.with_rows(
-        Population("TRN", pick(rng, Rate(), Escape(), Phase(0.3)), 10.0),
+        Population("TRN", pick(rng, Rate(), Phase(1.0), Phase(0.3)), 10.0),
         Projection("STN", "TRN", rng.uniform(0, 2), delay_ms=2),
     ),
     "cite": lambda c, rng: c.changed("STN", cite="mine"),

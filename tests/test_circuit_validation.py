@@ -54,7 +54,7 @@ def test_rates_of_the_two_spiking_engines_agree_on_independent_noise():
     drive = drive_of(evidence(trials), GAIN)
     given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}
     fast = ensemble.run(circuit, drive, seed=5, workers=2, **given)
-    slow = spiking.run(circuit, drive, seed=6, target="standalone", **given)
+    slow = spiking.run(circuit, drive, seed=6, **given)
     for name in NUCLEI:
         a, b = (activity.rates_hz[name].mean() for activity in (fast, slow))
         print(f"{name}: {a:.2f} and {b:.2f} Hz")

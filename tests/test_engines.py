@@ -6,7 +6,7 @@ import pytest
 from scipy.special import log_softmax
 
 from circuits import anatomy
-from circuits.cells import Escape
+from circuits.cells import Phase
 from circuits.engines import DROPPING, ENGINES, SPIKING, run
 from circuits.spec import Projection
 
@@ -129,12 +129,12 @@ def test_an_edit_of_one_channel_acts_on_every_engine(engine):
 @pytest.mark.parametrize("circuit", [TABLE, ONE], ids=["as it is", "one channel"])
 @pytest.mark.parametrize("engine", SPIKING)
 def test_same_input_same_noise_same_spikes(engine, circuit):
-    from reference import run as run_reference
+    from circuits.engines.plain import run as run_plain
 
     drive = np.repeat(CENTRED[:, None, :], 1, axis=1)
     given = {"settle_ms": 30, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
     fast = all_of(circuit, drive, engine, **given)
-    plain = run_reference(circuit, drive, step_ms=100, seed=SEED, **given)
+    plain = run_plain(circuit, drive, step_ms=100, seed=SEED, **given)
     for name, table in plain.spikes.items():
         order = ["time_ms", "trial", "channel", "neuron"]
         a, b = (t.round(3).sort_values(order)[order].to_numpy() for t in (fast.spikes[name], table))
@@ -160,7 +160,7 @@ def edited(number):
     return [
         circuit.with_rows(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
         circuit.without("STN", 0.4, replaced=True),
-        circuit.changed("STN", cell=Escape(1.0)),
+        circuit.changed("STN", cell=Phase(0.9)),
         circuit.with_spread(0.2),
     ][number % 4]
 
@@ -168,14 +168,14 @@ def edited(number):
 @pytest.mark.parametrize(
     "circuit",
     [FULL, FULL.with_rows(LOOP), FULL.dopamine(1.1), *map(edited, range(4))],
-    ids=["shipped", "GPe->D2", "dopamine", "loop", "lesion", "escape", "spread"],
+    ids=["shipped", "GPe->D2", "dopamine", "loop", "lesion", "irregular", "spread"],
 )
 def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
     walk = np.random.default_rng(2).normal(0, 0.4, (8, 3, circuit.channels)).cumsum(axis=1)
     names = tuple(row.name for row in circuit.populations if row.spiking)
     given = {"step_ms": 50, "settle_ms": 0, "seed": 1, "spikes": names}
     fast = run(circuit, walk, engine="ensemble", **given)
-    plain = run(circuit, walk, engine="brian2", target="numpy", **given)
+    plain = run(circuit, walk, engine="brian2", **given)
     order = ["trial", "channel", "time_ms", "neuron"]
     for name in names:
         a, b = (each.spikes[name].sort_values(order)[order] for each in (fast, plain))

@@ -5,17 +5,16 @@ from dataclasses import replace
 import numpy as np
 import numpy.testing as npt
 import pytest
-from reference import run as run_reference
 
 from circuits import anatomy, noise
-from circuits.cells import Escape, Integrator
+from circuits.engines import plain as plain_engine
 from circuits.engines.ensemble import kernel, lanes
 from circuits.engines.ensemble import run as ensemble
-from circuits.ticks import cell_factors, lif_tick, spike_hz
+from circuits.spec import Projection
+from circuits.ticks import cell_factors, spike_hz
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)
-ESCAPE = BASE.changed("STN", cell=Escape(1.0))
 
 
 def ramp(trials, steps, channels=2, top=1.4):
@@ -32,20 +31,19 @@ def spike_set(table):
 
 def both(circuit, drive, **options):
     given = {"step_ms": 40, "seed": 7, "settle_ms": 60, "spikes": NAMES} | options
-    return ensemble.run(circuit, drive, **given), run_reference(circuit, drive, **given)
+    return ensemble.run(circuit, drive, **given), plain_engine.run(circuit, drive, **given)
 
 
 @pytest.mark.parametrize(
     "circuit",
     [
         BASE,
-        ESCAPE,
         BASE.without("GPe", 0.5, replaced=True),
         BASE.scaled("STN", "GPe", 0.5),
         BASE.with_spread(0.1),
         BASE.with_spread(0.3),
     ],
-    ids=["plain", "escape", "lesion", "scaled", "spread", "wide spread"],
+    ids=["plain", "lesion", "scaled", "spread", "wide spread"],
 )
 def test_cells_spike_as_in_the_plain_scheme(circuit):
     fast, plain = both(circuit, ramp(4, 2), settle_ms=0)
@@ -61,12 +59,10 @@ def test_cells_spike_as_in_the_plain_scheme(circuit):
         BASE.with_connections(0.25),
         BASE.with_connections(0.25).scaled("ctx", "D1", 0.9, 0).scaled("STN", "GPe", 0, 1),
         BASE.with_spread(0.1).with_connections(0.25),
-        ESCAPE.with_spread(0.1),
-        ESCAPE.with_spread(0.1).with_connections(0.25),
     ],
-    ids=["sparse", "one channel", "both", "escape", "escape, both"],
+    ids=["sparse", "one channel", "both"],
 )
-def test_sparse_inputs_and_escape_cells_that_differ_spike_so_up_to_single_precision(circuit):
+def test_sparse_inputs_make_cells_spike_so_up_to_single_precision(circuit):
     fast, plain = both(circuit, ramp(2, 3))
     for name in NAMES:
         a, b = spike_set(fast.spikes[name]), spike_set(plain.spikes[name])
@@ -112,7 +108,7 @@ def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
 
 
 @pytest.mark.parametrize(
-    "circuit", [BASE, ESCAPE, BASE.with_spread(0.1), ESCAPE.with_spread(0.1).with_connections(0.25)]
+    "circuit", [BASE, BASE.with_spread(0.1), BASE.with_spread(0.1).with_connections(0.25)]
 )
 def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
     given = {"step_ms": 20.1, "sample_ms": 0.3, "seed": 3, "settle_ms": 20.3}
@@ -238,7 +234,7 @@ def test_a_tick_of_a_lif_is_the_exact_solution_of_its_equation():
     cell = BASE.population("GPe").cell
     factors = np.random.default_rng(3).uniform(0.7, 1.3, (3, 50))
     tau, slope, top = factors
-    c = lif_tick(cell, factors, 0.1)
+    c = cell.constants(factors, 0.1)
     npt.assert_allclose(
         c["threshold"] / c["unit"], cell.sampled_threshold_mv(0.1, tau, top) - 3, rtol=1e-6
     )
@@ -260,7 +256,7 @@ def test_the_rate_of_a_tick_is_exact_in_whatever_order_spikes_are_added(neurons)
     npt.assert_array_equal(one_by_one, each * np.arange(1, neurons + 1))
 
 
-def test_phase_and_escape_loops_against_numpy():
+def test_phase_loop_against_numpy():
     rng = np.random.default_rng(2)
     v = rng.uniform(0, 1.05, 128).astype(np.float32)
     counts = rng.integers(0, 9, 128).astype(np.uint32)
@@ -271,17 +267,6 @@ def test_phase_and_escape_loops_against_numpy():
         fired = lanes.phase_alike(x, counts, 0, 128, lanes.SINGLE, push, kick, marks)
         npt.assert_allclose(x, expected, rtol=1e-5)
         assert (fired[0] if marks is None else marks.sum()) == (expected >= 1).sum() > 0
-
-    state = np.array([0.0, -1.0, -10.0, 1.0] * 32, np.float32)
-    stream = noise.stream_key(1, 2, "STN")
-    keys, limit = (whole_key(stream, 9),) * 4, (np.uint32(2**31),) * 4
-    words = noise.words(stream, 9, 128)
-    spike = (words < 2**31) & (state >= 0)
-    expected = np.where(spike, -10, np.minimum(state + 1, 0))
-    hold = np.float32(-10)
-    fired = lanes.escape_alike(state, 0, 128, lanes.SINGLE, keys, limit, hold, None)
-    assert fired[0] == spike.sum() > 0
-    npt.assert_array_equal(state, expected)
 
 
 def test_compiled_code_is_kept_under_a_hash_of_all_sources():
@@ -297,6 +282,6 @@ def test_strong_inhibition_is_not_taken_for_a_refractory_period():
 
 
 def test_an_edit_without_a_state_of_rest_warns():
-    unheld = BASE.changed("common", cell=Integrator()).without("STN")
+    runaway = BASE.with_rows(Projection("STN", "STN", 3.0, "diffuse"))
     with pytest.warns(UserWarning, match="as edited has no state of rest"):
-        ensemble.run(unheld, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
+        ensemble.run(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)

@@ -9,9 +9,9 @@ from scipy.optimize import linprog
 from scipy.special import erfc
 
 from circuits import anatomy, noise
-from circuits.cells import Escape, Lif
+from circuits.cells import Lif
+from circuits.checks import whole_ticks
 from circuits.laws.firing import fit_current, lif_mean_mv, lif_rate_hz
-from circuits.ticks import refractory_ticks
 
 SPIKING = anatomy.spiking_msprt()
 # Population: the rates over which its current is fitted, and the largest departure from its line.
@@ -29,17 +29,17 @@ def counted(cell, drive, dt_ms, run_ms, rest_ms=0.0, shift_mv=0.0):
 
     Parameters
     ----------
-    cell : Lif, Escape or Phase
+    cell : Lif or Phase
     drive : array (cells,)
         Mean potential, mV, or rate, Hz.
     shift_mv : float
         Added to the threshold.
     """
     stream = noise.stream_key(11, 0, f"{cell.kind} {dt_ms}")
-    step = {"lif": lif_step, "phase": phase_step, "escape": escape_step}[cell.kind]
+    step = {"lif": lif_step, "phase": phase_step}[cell.kind]
     state = noise.uniform(stream, noise.START_TICK, drive.size) * (cell.kind == "phase")
     ready = np.zeros(drive.size, dtype=int)
-    held = refractory_ticks(getattr(cell, "refractory_ms", 0.0), dt_ms)
+    held = whole_ticks("refractory_ms", getattr(cell, "refractory_ms", 0.0), dt_ms)
     spikes = np.zeros(drive.size, dtype=int)
     advance = step(cell, drive, dt_ms, shift_mv)
     first = round(rest_ms / dt_ms)
@@ -77,11 +77,6 @@ def phase_step(cell, rate_hz, dt_ms, _):
         return fired
 
     return advance
-
-
-def escape_step(cell, rate_hz, dt_ms, _):
-    chance = -np.expm1(-rate_hz * dt_ms / 1000)
-    return lambda _, stream, k, free: free & (noise.uniform(stream, k, chance.size) < chance)
 
 
 def measured_hz(cell, drive, neurons, *args, **times):
@@ -204,27 +199,7 @@ def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated():
     assert counts.var() / counts.mean() == pytest.approx(cell.cv**2, rel=0.1)
 
 
-def test_escape_cells_are_exponential_over_six_nats():
-    """The refractory period saturates them: r/(1 + r refractory), within 5 % to 118 Hz."""
-    cell = Escape(refractory_ms=1.0)
-    nats = np.linspace(np.log(0.1), np.log(0.1) + 7.2, 100)
-    hazard = np.exp(nats)
-    law = hazard / (1 + hazard * cell.refractory_ms / 1000)
-    print(f"escape cells, {law[0]:.1f} to {law[-1]:.0f} Hz: {off_an_exponential(nats, law):.3f}")
-    assert off_an_exponential(nats, law) < 0.05
-    beyond = nats + 1.5
-    high = np.exp(beyond)
-    assert off_an_exponential(beyond, high / (1 + high / 1000)) > 0.05
-
-    nats = np.log(0.25) + np.arange(7)
-    hazard = np.exp(nats)
-    neurons = np.maximum(2500 / hazard, 100).astype(int)
-    found, error = measured_hz(cell, hazard, neurons, 0.1, 1500.0)
-    assert (np.abs(found - hazard / (1 + hazard / 1000)) < Z_LIMIT * error).all()
-    assert off_an_exponential(nats, found) < 0.05
-
-
-def test_integrate_and_fire_cells_are_not():
+def test_integrate_and_fire_cells_are_no_exponential():
     """Negative control: noise makes them exponential over some two nats only."""
     cell = SPIKING.population("GPe").cell
     for nats, within in ((1.5, True), (3.0, False), (5.0, False)):

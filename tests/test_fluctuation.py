@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.special import erfcx
 
 from circuits import anatomy, fixed_point
-from circuits.cells import Escape, Phase, Rate
+from circuits.cells import Phase, Rate
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.firing import lif_rate_hz
@@ -30,9 +30,9 @@ def state(circuit):
 
 
 def fed(*, cells, gain=1.0, tau_ms=5.0):
-    """Return a Poisson population that drives an exponential one through two filters."""
+    """Return an irregular population that drives an exponential one through two filters."""
     rows = (
-        Population("source", Escape(), 40.0, 20.0, neurons=cells),
+        Population("source", Phase(1.0), 40.0, 20.0, neurons=cells),
         Population("target", Rate(), 0.0, 10.0, transfer="exp", tau_ms=tau_ms),
     )
     path = Projection("source", "target", gain, delay_ms=2, tau_ms=4.0)
@@ -235,7 +235,6 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
         (TABLE.with_spread(0.1), "those of ctx differ by 10%"),
         (TABLE.with_connections(0.25), "ctx->D1 connects 25%"),
         (TABLE.changed("STN->GPe", transfer="rectified"), "STN->GPe is rectified"),
-        (TABLE.changed("STN", cell=Escape(2.0)), "those of STN have a hazard and are refractory"),
         (TABLE.changed("STN->GPe", delay_ms=20).changed("GPe->STN", delay_ms=20), "is unstable"),
     ],
 )

@@ -44,7 +44,7 @@ def by_the_scheme(circuit, drive, clock):
         inputs = wiring.inputs(units + wiring.constant)
         if step >= 0:
             inputs = inputs + wiring.drive(drive[step])
-        x = scheme.block_decay * x + scheme.block_gain * inputs
+        x = scheme.rate_decay * x + (1 - scheme.rate_decay) * inputs
         rates.append(wiring.rates(x))
         seen = rates[k][wiring.blocks_of(circuit.readout)]
         out = scheme.readout_decay * out + (1 - scheme.readout_decay) * seen

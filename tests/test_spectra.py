@@ -6,26 +6,28 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.cells import Escape
+from circuits.cells import Phase
 from circuits.engines import rate
 from circuits.engines.ensemble import run as ensemble
+from circuits.laws.response import phase_spectrum
 from circuits.laws.stability import growth, onset, roots
 from circuits.spec import Circuit, Population
 
 
 def test_independent_spikes_have_twice_their_rate_over_their_number():
-    """Poisson: the one-sided density is 2 r / n at every frequency."""
+    """The one-sided density of n cells is twice the power of one over n, at every frequency."""
     hz, cells = 40.0, 300
-    row = Population("source", Escape(refractory_ms=0.0), hz, 1.0, neurons=cells)
+    row = Population("source", Phase(1.0), hz, 1.0, neurons=cells)
     alone = Circuit("alone", (row,), (), 2, input="source", readout="source")
     alone = replace(alone, reference_nats=np.log(2))
     found = ensemble.run(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
     frequency, power = found.spectrum("source", from_ms=500)
     inside = (frequency > 5) & (frequency < 480)
     # Two channels are averaged: their number is that of both.
-    assert power[inside].mean() == pytest.approx(2 * hz / (2 * cells), rel=0.03)
-    half = frequency < 240
-    assert power[inside & half].mean() == pytest.approx(power[inside & ~half].mean(), rel=0.05)
+    law = 2 * phase_spectrum(Phase(1.0), [hz], frequency[inside])[0] / (2 * cells)
+    assert power[inside].mean() == pytest.approx(law.mean(), rel=0.03)
+    half = frequency[inside] < 50
+    assert power[inside][half].mean() == pytest.approx(law[half].mean(), rel=0.1)
 
 
 @pytest.mark.filterwarnings("ignore:S runs from")

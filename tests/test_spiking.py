@@ -1,22 +1,19 @@
-"""The Brian2 engine: the spikes of the plain reference, whatever it is compiled to."""
+"""The Brian2 engine: the spikes of the plain one."""
 
-import shutil
 import subprocess
 import sys
-import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.testing as npt
 import pytest
-import reference
 from scipy.special import log_softmax
 
 from circuits import anatomy, noise
-from circuits.cells import Escape, Integrator, Lif, Phase
+from circuits.cells import Lif, Phase, Rate
+from circuits.engines import plain
 from circuits.engines.brian2 import noise as brian_noise
 from circuits.engines.brian2 import run as spiking
-from circuits.engines.brian2 import text as brian_text
 from circuits.spec import GABA, Circuit, Population, Projection
 
 # Brian2 2.9 calls pyparsing by its old names.
@@ -27,15 +24,15 @@ WHOLE = anatomy.spiking_msprt().with_neurons(12)
 
 
 def small():
-    """Return three kinds of cells, a unit of rate and a unit without leak: quick to compile."""
+    """Return two kinds of cells and a unit of rate, with every kind of pathway."""
     cell = Lif(10, 4, 15, 3, 2, rest_mv=11, mv_per_nat=6)
     neurons = {"neurons": 10}
     return Circuit(
         name="small",
         populations=(
             Population("ctx", Phase(0.5), 20, 20, transfer="rectified", tau_ms=5, **neurons),
-            Population("slow", Integrator(), 0, 1, GABA, pooled=True, bias_nats=-4, tau_ms=50),
-            Population("STN", Escape(1.0), 5, 20, tau_ms=3, spread=0.2, **neurons),
+            Population("slow", Rate(signed=True), 0, 1, GABA, pooled=True, bias_nats=-4, tau_ms=50),
+            Population("STN", Phase(0.8), 5, 20, tau_ms=3, spread=0.2, **neurons),
             Population("SNr", cell, 30, 60, GABA, **neurons),
         ),
         projections=(
@@ -67,11 +64,11 @@ def assert_same(a, b):
     npt.assert_allclose(a.time_ms, b.time_ms)
 
 
-def both(circuit, drive=DRIVE, target="numpy", **options):
+def both(circuit, drive=DRIVE, **options):
     given = STEPS | {"seed": 5, "spikes": cells_of(circuit)} | options
-    fast = spiking.run(circuit, drive, target=target, **given)
+    fast = spiking.run(circuit, drive, **given)
     given.pop("explicit", None)
-    return fast, reference.run(circuit, drive, **given)
+    return fast, plain.run(circuit, drive, **given)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +106,7 @@ def test_any_grid_of_time():
 
 
 def test_a_trial_has_its_noise_whatever_runs_beside_it():
-    given = STEPS | {"seed": 5, "spikes": ("SNr",), "target": "numpy"}
+    given = STEPS | {"seed": 5, "spikes": ("SNr",)}
     two = spiking.run(small(), DRIVE, **given)
     one = spiking.run(small(), DRIVE[1:], first_trial=1, **given)
     npt.assert_array_equal(one.output_nats[0], two.output_nats[1])
@@ -121,44 +118,9 @@ def test_a_trial_has_its_noise_whatever_runs_beside_it():
 def test_a_table_of_rates_settles_at_the_log_posterior():
     y = np.array([0.6, -0.4, 0.1])
     drive = np.tile(y, (1, 25, 1))
-    out = spiking.run(anatomy.bogacz_gurney(3), drive, step_ms=10, seed=1, target="numpy")
+    out = spiking.run(anatomy.bogacz_gurney(3), drive, step_ms=10, seed=1)
     npt.assert_allclose(out.output_nats[0, -1], -log_softmax(y), atol=1e-6)
     assert out.spikes is None
-
-
-def test_one_program_runs_many_times():
-    given = {"spikes": cells_of(small()), "steps": 3} | STEPS
-    with spiking.Standalone(small(), 2, **given) as program:
-        for seed in (1, 2):
-            expected = reference.run(small(), DRIVE, seed=seed, spikes=given["spikes"], **STEPS)
-            assert_same(program.run(DRIVE, seed=seed), expected)
-        # Brian2 is where it was between two runs of a program.
-        npt.assert_allclose(
-            spiking.run(small(), DRIVE, seed=2, target="numpy", **STEPS).output_nats,
-            expected.output_nats,
-        )
-        weights = {"ctx->SNr": 0.6, "SNr->SNr": -0.3}
-        heavier = small().changed("ctx->SNr", weight=0.6).changed("SNr->SNr", weight=-0.3)
-        ran = program.run(-DRIVE, seed=2, first_trial=7, weights=weights)
-        assert ran.circuit == heavier
-        options = STEPS | {"spikes": given["spikes"], "first_trial": 7}
-        assert_same(ran, reference.run(heavier, -DRIVE, seed=2, **options))
-        with pytest.raises(ValueError, match="2 trials of 3 steps, got"):
-            program.run(DRIVE[:1], seed=1)
-        with pytest.raises(ValueError, match="GABA"):
-            program.run(DRIVE, seed=1, weights={"SNr->SNr": 0.3})
-        assert program.directory.exists()
-    assert not program.directory.exists()
-
-
-@pytest.mark.validate
-@pytest.mark.parametrize(
-    ("target", "circuit"),
-    [("cython", small()), ("standalone", WHOLE.with_connections(0.3).with_spread(0.1))],
-    ids=["cython", "standalone"],
-)
-def test_compiled_spikes_are_those_of_the_reference(target, circuit):
-    assert_same(*both(circuit, target=target))
 
 
 def test_noise_is_that_of_every_engine():
@@ -170,37 +132,13 @@ def test_noise_is_that_of_every_engine():
             cells = np.arange(50)
             words = brian_noise.random_word(cells, key)
             npt.assert_array_equal(words.view(np.uint32), noise.words(int(stream), tick // 4, 50))
-            npt.assert_array_equal(brian_noise.chance(words), words.view(np.uint32) / 2.0**32)
-            gauss = brian_noise.gauss(brian_noise.byte_counts(cells, key), np.array([tick]))
-            npt.assert_array_equal(gauss, noise.bits8(int(stream), tick, 50))
-
-
-def test_a_cell_type_of_your_own(monkeypatch):
-    """A cell that fires by the clock: its rate is exact, its phase the seed's."""
-
-    @dataclass(frozen=True)
-    class Clockwork(Phase):
-        cv: float = 0.0
-
-    row = Population("ctx", Clockwork(), 40, 20, tau_ms=5, neurons=10)
-    circuit = replace(small(), populations=(row, *small().populations[1:]))
-    given = STEPS | {"seed": 1, "target": "numpy"}
-    with pytest.raises(
-        ValueError, match="ctx: CELL_TEXT has no Clockwork, only Lif, Phase, Escape"
-    ):
-        spiking.run(circuit, DRIVE, **given)
-    tick = "phi = phi + hz*dt_s"
-    text = replace(brian_text.CELL_TEXT[Phase], tick=tick)
-    monkeypatch.setitem(brian_text.CELL_TEXT, Clockwork, text)
-    ran = spiking.run(circuit, DRIVE, **given)
-    phase = replace(small(), populations=(replace(row, cell=Phase(0)), *small().populations[1:]))
-    npt.assert_array_equal(ran.output_nats, spiking.run(phase, DRIVE, **given).output_nats)
+            ones = brian_noise.ones(brian_noise.byte_counts(cells, key), np.array([tick]))
+            npt.assert_array_equal(ones, noise.ones8(int(stream), tick, 50))
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"target": "gpu"}, "target must be one of auto, standalone, cython, numpy, got 'gpu'"),
         ({"spikes": ("slow",)}, "slow has no cells that spike"),
         ({"spikes": ("STNN",)}, "no nucleus 'STNN'"),
         ({"settle_ms": 0.05}, "settle_ms of 0.05 ms is no multiple of dt_ms"),
@@ -209,34 +147,7 @@ def test_a_cell_type_of_your_own(monkeypatch):
 )
 def test_what_does_not_fit_is_said_at_once(options, message):
     with pytest.raises(ValueError, match=message):
-        spiking.run(small(), DRIVE, **STEPS | {"seed": 1, "target": "numpy"} | options)
-
-
-def test_without_a_compiler(monkeypatch):
-    monkeypatch.setattr(shutil, "which", lambda name: None)
-    for target in ("standalone", "cython"):
-        with pytest.raises(OSError, match=f"target '{target}' needs a C\\+\\+ compiler") as e:
-            spiking.run(small(), DRIVE, seed=1, target=target, **STEPS)
-        assert "\n" not in str(e.value)
-    given = STEPS | {"seed": 1}
-    with warnings.catch_warnings():
-        warnings.filterwarnings("error", message=".*compiler")
-        quick = spiking.run(small(), DRIVE, **given)
-    monkeypatch.setattr(spiking, "COMPILE_S", 0)
-    with pytest.warns(UserWarning, match="needs a C\\+\\+ compiler.*NumPy it is"):
-        slow = spiking.run(small(), DRIVE, **given)
-    npt.assert_array_equal(quick.output_nats, slow.output_nats)
-
-
-def test_auto_takes_what_is_done_first(monkeypatch):
-    took = []
-    monkeypatch.setattr(spiking.Standalone, "__init__", lambda *_, **given: took.append(given))
-    monkeypatch.setattr(spiking.Standalone, "run", lambda *_, **given: took.append(given))
-    monkeypatch.setattr(spiking.Standalone, "close", lambda _: None)
-    monkeypatch.setattr(spiking, "need_compiler", lambda _: None)
-    long = np.zeros((50, 100, 2))
-    spiking.run(anatomy.spiking_msprt(), long, seed=1, step_ms=10)
-    assert [took[0]["steps"], took[1]["seed"]] == [100, 1]
+        spiking.run(small(), DRIVE, **STEPS | {"seed": 1} | options)
 
 
 def test_import_is_light_and_errors_stay_ours():

@@ -19,7 +19,7 @@ from bgmodel.memory import check_memory
 try:
     from circuits.activity import checked_drive, warn_beyond_range
     from circuits.anatomy import CIRCUITS, circuit
-    from circuits.cells import Escape, Rate
+    from circuits.cells import Rate
     from circuits.cost import cells, ensemble_s, memory_bytes
     from circuits.engines import DROPPING, ENGINES, SPIKING
     from circuits.engines import run as run_engine
@@ -58,7 +58,6 @@ __all__ = [
     "SPIKING",
     "BasalGanglia",
     "Circuit",
-    "Escape",
     "Population",
     "Projection",
     "Rate",

@@ -15,7 +15,8 @@ ENGINES = {
     "algebra": "the fixed point, exact",
     "rate": "rates with time constants and delays",
     "ensemble": "spikes, compiled, for thousands of trials",
-    "brian2": "spikes in Brian2, the readable reference",
+    "brian2": "spikes in Brian2",
+    "plain": "spikes in plain NumPy, the readable reference",
 }
 """Names of the engines, and what each is."""
 MODULES = {
@@ -23,9 +24,10 @@ MODULES = {
     "rate": "rate",
     "ensemble": "ensemble.run",
     "brian2": "brian2.run",
+    "plain": "plain",
 }
 """Where each engine's ``run`` is; one that is not asked for is not imported."""
-SPIKING = ("ensemble", "brian2")
+SPIKING = ("ensemble", "brian2", "plain")
 DROPPING = ("rate", "ensemble")
 """Engines that can drop a trial once it is decided, and can leave rates out."""
 

@@ -116,8 +116,8 @@ class _Loop:
         units, x, rates = (start[:, None] for start in scheme.start)
         self.wiring, self.units, self.x, self.tick = wiring, units, x, 0
         self.deliver, self.weight = csr_array(wiring.deliver), csr_array(wiring.weight)
-        self.unit_decay, self.block_decay = scheme.unit_decay[:, None], scheme.block_decay[:, None]
-        self.block_gain = scheme.block_gain[:, None, None]
+        self.unit_decay, self.block_decay = scheme.unit_decay[:, None], scheme.rate_decay[:, None]
+        self.block_gain = 1 - scheme.rate_decay[:, None, None]
         self.constant, self.bias = wiring.constant[:, None, None], wiring.bias[:, None]
         self.bent = _bent(wiring)
         self.readout = wiring.blocks_of(wiring.circuit.readout)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.special import erfcx
 
-from circuits.cells import Lif
+if TYPE_CHECKING:
+    from circuits.cells import Lif
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(120)
 

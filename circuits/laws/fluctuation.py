@@ -9,14 +9,13 @@ its next spike, and a rectified unit near its kink.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from circuits.cells import Escape, Lif, Phase
-from circuits.laws.response import Complex, lif_response, phase_spectrum
-from circuits.wiring import Array, Index, Wiring
+from circuits.cells.cell import Complex, Line
+from circuits.wiring import Array, Wiring
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
 """Where power is summed. Below, cells' answers would cancel to nothing; above, synapses filter."""
@@ -25,7 +24,7 @@ FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
 class Linear(NamedTuple):
     """A circuit's small fluctuations about its states.
 
-    An input is what comes out of the block's own filter; a Lif's membrane is part of its answer.
+    An input is what comes out of the block's own filter; a membrane is part of a cell's answer.
 
     Parameters
     ----------
@@ -49,8 +48,8 @@ def linear(wiring: Wiring, x: Array, frequency_hz: npt.ArrayLike) -> Linear:
     Raises
     ------
     ValueError
-        If cells differ or have a refractory hazard, connections are sparse or a pathway bends: then
-        it is not known.
+        If cells differ or their type has no ``response``, connections are sparse or a pathway
+        bends: then it is not known.
     """
     _check(wiring)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
@@ -59,8 +58,7 @@ def linear(wiring: Wiring, x: Array, frequency_hz: npt.ArrayLike) -> Linear:
     paths = [wiring.projection(u) for u in range(wiring.units)]
     delay, tau = (np.array([getattr(p, k) for p in paths]) for k in ("delay_ms", "tau_ms"))
     synapse = np.exp(-turn * delay) / (1 + turn * tau)
-    leak = np.where(wiring.leakless, 0.0, 1.0)
-    block = 1 / (leak + turn * wiring.column("tau_ms"))
+    block = 1 / (1 + turn * wiring.column("tau_ms"))
     heard = (block[:, :, None] * wiring.weight) @ (synapse[:, :, None] * wiring.deliver)
     one = np.eye(wiring.blocks)
     loops = one - heard * gain[:, :, None, :]
@@ -86,26 +84,15 @@ def extra_rates(wiring: Wiring, x: Array) -> Array:
 def _cells(wiring: Wiring, x: Array, frequency_hz: Array) -> tuple[Complex, Array, Array]:
     """Return the blocks' gain (Hz/nat), bend and own noise, each (trials, F, blocks)."""
     shape = (len(x), len(frequency_hz), wiring.blocks)
-    gain = np.broadcast_to(wiring.rates_slope(x)[:, None], shape).astype(np.complex128)
-    bend = np.broadcast_to(wiring.rates_curvature(x)[:, None] / 2, shape).copy()
-    own = np.zeros(shape)
-    hz = wiring.rates(x)
+    gain, bend, own = np.empty(shape, np.complex128), np.empty(shape), np.empty(shape)
+    laws = [law(x) for law in (wiring.rates, wiring.rates_slope, wiring.rates_curvature)]
     for row in wiring.circuit.populations:
-        blocks, cell = wiring.blocks_of(row.name), row.cell
-        flat = x[:, blocks].ravel()
-
-        def put(kept: Any, values: Any, blocks: Index = blocks) -> None:
-            kept[..., blocks] = values.reshape(len(x), len(blocks), -1).swapaxes(1, 2)
-
-        if isinstance(cell, Lif):
-            found = lif_response(cell, cell.rest_mv + cell.mv_per_nat * flat, frequency_hz)
-            put(gain, cell.mv_per_nat * found.gain)
-            put(bend, cell.mv_per_nat**2 * found.bend)
-            put(own, found.spectrum)
-        elif isinstance(cell, Phase):
-            put(own, phase_spectrum(cell, hz[:, blocks].ravel(), frequency_hz))
-        elif isinstance(cell, Escape):
-            own[..., blocks] = hz[:, None, blocks]
+        blocks = wiring.blocks_of(row.name)
+        line = Line(*(law[:, blocks].ravel() for law in laws))
+        found = row.cell.response(x[:, blocks].ravel(), line, frequency_hz)
+        for kept, values in zip((gain, bend, own), found, strict=True):
+            wide = np.broadcast_to(values, (len(x) * len(blocks), len(frequency_hz)))
+            kept[..., blocks] = wide.reshape(len(x), len(blocks), -1).swapaxes(1, 2)
         # A lesion takes from what is delivered, not from the cells that are simulated.
         own[..., blocks] /= row.neurons
     return gain, bend, own
@@ -128,8 +115,6 @@ def _check(wiring: Wiring) -> None:
     for row in spiking:
         if row.spread:
             reasons.append(f"those of {row.name} differ by {row.spread:.0%}")
-        if isinstance(row.cell, Escape) and row.cell.refractory_ms:
-            reasons.append(f"those of {row.name} have a hazard and are refractory")
     for p in wiring.circuit.projections:
         if p.source in names and p.transfer != "linear":
             reasons.append(f"{p.name} is {p.transfer}")

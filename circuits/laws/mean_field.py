@@ -9,25 +9,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import root
 
-from circuits.cells import Escape, Lif
-from circuits.laws.firing import lif_rate_hz
 from circuits.wiring import Array, Wiring
 
 TOLERANCE = 1e-10
 
 
 def own_rates(wiring: Wiring, x: Array) -> Array:
-    """Return the rates (trials, blocks) of states in nats, Hz: Siegert's for a Lif.
+    """Return the rates (trials, blocks) of states in nats by the cells' own laws, Hz.
 
-    They are those of an input that does not fluctuate.
+    They are those of an input that does not fluctuate. Raises ValueError for a type without a law.
     """
     hz = wiring.rates(x)
     for b in range(wiring.blocks):
-        cell = wiring.row(b).cell
-        if isinstance(cell, Lif):
-            hz[:, b] = lif_rate_hz(cell, cell.rest_mv + cell.mv_per_nat * x[:, b])
-        elif isinstance(cell, Escape):
-            hz[:, b] /= 1 + hz[:, b] * cell.refractory_ms / 1000
+        hz[:, b] = wiring.row(b).cell.rate_hz(x[:, b], hz[:, b])
     return hz
 
 
@@ -58,8 +52,7 @@ def settled(wiring: Wiring, drive: Array, start: Array, extra_hz: Array | float 
             hz = own_rates(wiring, x[None]) + extra[t]
             units = hz @ wiring.deliver.T + wiring.constant
             fed = (outside[t : t + 1] + wiring.inputs(units))[0]
-            # Without a leak a block settles where its input is 0.
-            return np.where(wiring.leakless, fed, fed - x)
+            return np.asarray(fed - x)
 
         solution = root(missing, start[t], tol=TOLERANCE)
         if not solution.success:

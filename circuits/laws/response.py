@@ -7,12 +7,13 @@ equation as in Richardson 2007, Phys Rev E 76, 021919).
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from circuits.cells import Lif, Phase
+if TYPE_CHECKING:
+    from circuits.cells import Lif, Phase
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -25,7 +26,7 @@ DEEPEST = 9.0
 """How many sd below threshold a mean counts at most: from there on a cell is silent."""
 
 
-class Response(NamedTuple):
+class LifResponse(NamedTuple):
     """What a cell does about a small fluctuation of its mean potential, (..., frequencies).
 
     Parameters
@@ -43,7 +44,7 @@ class Response(NamedTuple):
     spectrum: Array
 
 
-def lif_response(cell: Lif, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Response:
+def lif_response(cell: Lif, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> LifResponse:
     """Return how a leaky integrate-and-fire cell answers about its mean potentials.
 
     Parameters
@@ -77,7 +78,7 @@ def lif_response(cell: Lif, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike)
     push, _ = membrane.pushed(2 * first.real)
     (second,) = membrane.solve(np.zeros(1), push)
     bend = -rate * membrane.area(second) / 2
-    return Response(gain, bend, _renewal(rate, interval))
+    return LifResponse(gain, bend, _renewal(rate, interval))
 
 
 class _Membrane:

@@ -139,7 +139,7 @@ def _linear(wiring: Wiring, x: Array, blocks: Index) -> tuple[Array, Array]:
     b, u = len(blocks), len(units)
     size = b + u + NODES * np.count_nonzero(delay)
     flow, lag = np.zeros((size, size)), np.zeros(size)
-    flow[:b, :b] = -np.diag(np.where(wiring.leakless[blocks], 0.0, 1.0))
+    flow[:b, :b] = -np.eye(b)
     flow[:b, b : b + u] = inward
     lag[:b] = wiring.tau_ms[blocks]
     flow[b : b + u, b : b + u] = -np.eye(u)

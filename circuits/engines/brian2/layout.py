@@ -185,8 +185,9 @@ class Layout:
 
     def constants(self, block: int) -> dict[str, Any]:
         """Return the constants of a block's cells: numbers, or (neurons,) where they vary."""
-        row, factors = self.wiring.row(block), self._factors(block)
-        return brian_text.cell_text(row).constants(row.cell, factors, self.scheme.dt_ms)
+        cell = self.wiring.row(block).cell
+        constants = cell.constants(self._factors(block), self.scheme.dt_ms)
+        return {name: np.float64(value) for name, value in constants.items()}
 
     def _factors(self, block: int) -> Array:
         row, circuit = self.wiring.row(block), self.wiring.circuit
@@ -201,17 +202,25 @@ class Layout:
         values = self._units() | self._blocks()
         values["blocks", "stream"] = streams.ravel().astype(np.int64)
         for name in self.populations:
-            row = w.circuit.population(name)
-            begin = [
-                starting_state(row.cell, self._factors(b), int(key), row.neurons, self.scheme.dt_ms)
-                for one in streams
-                for b, key in zip(w.blocks_of(name), one[w.blocks_of(name)], strict=True)
-            ]
-            values[name, brian_text.cell_text(row).begins] = np.concatenate(begin).astype(float)
+            values |= self._cells_start(name, streams)
         if self.line:
             line = np.repeat(self.scheme.start[2][list(self.line)], list(self.line.values()))
             values["line", "value_hz"] = np.tile(line, self.trials)
         return values
+
+    def _cells_start(self, name: str, streams: npt.NDArray[np.uint64]) -> Values:
+        """Return the first value of each variable of a population's cells, trial after trial."""
+        row, blocks = self.wiring.circuit.population(name), self.wiring.blocks_of(name)
+        constants = {b: row.cell.constants(self._factors(b), self.scheme.dt_ms) for b in blocks}
+        begun = [
+            starting_state(row.cell, constants[b], int(one[b]), row.neurons)
+            for one in streams
+            for b in blocks
+        ]
+        return {
+            (name, variable): np.concatenate([state[i] for state in begun]).astype(np.float64)
+            for i, variable in enumerate(row.cell.state)
+        }
 
     def unit_laws(self, group: str) -> list[str]:
         """Return the name of the transfer of each unit of a trial."""
@@ -241,20 +250,17 @@ class Layout:
     def _blocks(self) -> Values:
         scheme, w = self.scheme, self.wiring
         rows = [w.row(b) for b in range(w.blocks)]
-        texts = [brian_text.cell_text(row) if row.spiking else None for row in rows]
-        raw = np.array([text is not None and text.hears == "nats" for text in texts])
         one: dict[str, Any] = {
             "x": scheme.start[1],
             "rate_hz": scheme.start[2],
             "out_hz": scheme.start[2],
             "bias": w.bias,
-            "decay": np.where(raw, 0.0, scheme.block_decay),
-            "gain": np.where(raw, 1.0, scheme.block_gain),
+            "decay": scheme.block_decay,
+            "gain": 1 - scheme.block_decay,
             "baseline_hz": w.baseline_hz,
             "gain_hz_per_nat": w.gain_hz_per_nat,
             "lowest_hz": np.maximum(w.floor_hz, -1e300),
             "spiking": np.array([row.spiking for row in rows]) * 1.0,
-            "word_ticks": [text.word_ticks if text else 1 for text in texts],
             **brian_text.law_marks(self.block_laws),
         }
         return {("blocks", name): np.tile(value, self.trials) for name, value in one.items()}

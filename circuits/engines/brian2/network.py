@@ -43,7 +43,7 @@ class Network:
     Raises
     ------
     ValueError
-        If one has no cells, or a cell no text.
+        If one has no cells, or a cell type no Brian2 text.
     """
 
     def __init__(self, layout: Layout, clock: Clock, spikes: Iterable[str] = ()) -> None:
@@ -64,6 +64,7 @@ class Network:
             "sample_ticks": clock.sample_ticks,
             "out_decay": layout.scheme.readout_decay,
             "dt_s": clock.dt_ms / 1000,
+            "word_ticks": noise.TICKS_A_WORD,
         }
         self.objects: list[Any] = []
         self.groups: dict[str, Any] = {}
@@ -172,11 +173,12 @@ class Network:
         text, block = brian_text.cell_text(row), layout.wiring.blocks_of(name)[0]
         constants = layout.constants(block)
         names = {n: v for n, v in constants.items() if not np.ndim(v)}
-        state = [brian_text.CELL_STATE, text.state, f"{text.hears} : 1"]
+        hears = row.cell.hears
+        state = [brian_text.CELL_STATE, f"{hears} : 1", *(f"{n} : 1" for n in row.cell.state)]
         state += [f"{n} : 1 (constant)" for n in constants if n not in names]
-        hear, own = brian_text.HEAR[text.hears], layout.sockets_to_cells(name)
+        hear, own = brian_text.HEAR[hears], layout.sockets_to_cells(name)
         if own:
-            hear = brian_text.OWN_HEAR[text.hears].format(law=brian_text.law([row.transfer]))
+            hear = brian_text.OWN_HEAR[hears].format(law=brian_text.law([row.transfer]))
             state.append(brian_text.OWN_STATE)
             names["decay"] = layout.scheme.block_decay[block]
             names |= {n: getattr(row, n) for n in ("baseline_hz", "gain_hz_per_nat")}
@@ -185,8 +187,7 @@ class Network:
         cells = self._group(name, "\n".join(state), names, threshold=text.spike, reset=text.reset)
         self._link(cells, "key", "blocks", "key", "block")
         self._link(cells, f"block_{heard}", "blocks", heard, "block")
-        clock = self.word_tick if text.word_ticks > 1 else self.tick
-        self._every_tick(cells, f"word = {text.word}(cell, key)", "word", clock=clock)
+        self._every_tick(cells, "word = byte_counts(cell, key)", "word", clock=self.word_tick)
         # The gather by itself: within the tick it would keep the compiler from vectors.
         self._every_tick(cells, hear, "hear", order=1)
         self._every_tick(cells, text.tick, "tick", order=2)

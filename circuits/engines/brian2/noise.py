@@ -1,4 +1,4 @@
-"""``circuits.noise`` as functions of Brian2, for arrays of keys: in NumPy and in C, bit by bit."""
+"""``circuits.noise`` as functions of Brian2, for arrays of keys."""
 
 from __future__ import annotations
 
@@ -10,63 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise
+from circuits import single as arithmetic
 
 Ints = npt.NDArray[Any]
-
-_WORD = """
-    unsigned int x = (unsigned int)cell * 0x9E3779B1U + (unsigned int)(key >> 32);
-    x ^= x >> 16;
-    x = x * 0x21F0AAADU + (unsigned int)key;
-    x ^= x >> 15;
-    x *= 0x735A2D97U;
-    x ^= x >> 15;
-"""
-
-_C = {
-    "tick_key": (
-        "long long tick_key(long long stream, long long tick)",
-        """
-    unsigned long long z = (unsigned long long)stream
-        + ((unsigned long long)tick + 1ULL) * 0x9E3779B97F4A7C15ULL;
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-    return (long long)(z ^ (z >> 31));
-""",
-    ),
-    "random_word": ("int random_word(int cell, long long key)", _WORD + "    return (int)x;\n"),
-    "byte_counts": (
-        "int byte_counts(int cell, long long key)",
-        _WORD
-        + """
-    x = x - ((x >> 1) & 0x55555555U);
-    x = (x & 0x33333333U) + ((x >> 2) & 0x33333333U);
-    return (int)((x + (x >> 4)) & 0x0F0F0F0FU);
-""",
-    ),
-    "ones": (
-        "double ones(int word, long long tick)",
-        "\n    return (double)(((unsigned int)word >> (8 * (int)(tick & 3))) & 15U);\n",
-    ),
-    "gauss": (
-        "double gauss(int word, long long tick)",
-        """
-    int ones = (int)(((unsigned int)word >> (8 * (int)(tick & 3))) & 15U);
-    return (ones - 4) / 1.4142135623730951;
-""",
-    ),
-    "chance": (
-        "double chance(int word)",
-        "\n    return (double)(unsigned int)word / 4294967296.0;\n",
-    ),
-    "single": (
-        "double single(double x)",
-        "\n    return (double)(float)x;\n",
-    ),
-    "chosen": (
-        "double chosen(int test, double a, double b)",
-        "\n    return test ? a : b;\n",
-    ),
-}
 
 
 def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
@@ -103,32 +49,32 @@ def ones(counts: Ints, tick: Ints) -> npt.NDArray[np.float64]:
     return ((_u32(counts) >> shift) & np.uint32(15)).astype(np.float64)
 
 
-def gauss(counts: Ints, tick: Ints) -> npt.NDArray[np.float64]:
-    """Return ``noise.bits8`` at a tick."""
-    return (ones(counts, tick) - 4) / np.sqrt(2)
-
-
 def single(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Round to single precision."""
-    return np.asarray(x, dtype=np.float32).astype(np.float64)
+    """Round to single precision; Brian2 holds that in double."""
+    return np.asarray(arithmetic.single(x), dtype=np.float64)
 
 
-def chance(word: Ints) -> npt.NDArray[np.float64]:
-    """Return the number in [0, 1) that a word stands for."""
-    return _u32(word) / 2.0**32
+def fused(a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return ``a b + c`` of single-precision numbers, rounded once."""
+    return np.asarray(arithmetic.fused(a, b, c), dtype=np.float64)
 
 
-_NUMPY = {
-    "tick_key": tick_key,
-    "random_word": random_word,
-    "byte_counts": byte_counts,
-    "ones": ones,
-    "gauss": gauss,
-    "chance": chance,
-    "single": single,
-    "chosen": np.where,
+def exponential(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the single-precision exponential."""
+    return np.asarray(arithmetic.exponential(x), dtype=np.float64)
+
+
+_INT, _FLOAT = "integer", "float"
+FUNCTIONS: dict[str, tuple[Any, tuple[str, ...], str]] = {
+    "tick_key": (tick_key, (_INT, _INT), _INT),
+    "byte_counts": (byte_counts, (_INT, _INT), _INT),
+    "ones": (ones, (_INT, _INT), _FLOAT),
+    "single": (single, (_FLOAT,), _FLOAT),
+    "fused": (fused, (_FLOAT, _FLOAT, _FLOAT), _FLOAT),
+    "exponential": (exponential, (_FLOAT,), _FLOAT),
+    "chosen": (np.where, ("boolean", _FLOAT, _FLOAT), _FLOAT),
 }
-_KINDS = {"int": "integer", "long": "integer", "double": "float"}
+"""What the texts may call: function, types of its arguments, type of its result."""
 
 
 def load_brian() -> ModuleType:
@@ -143,19 +89,14 @@ def load_brian() -> ModuleType:
 def functions() -> dict[str, Any]:
     """Return what the texts call, as Brian2 functions by name."""
     made = {}
-    for name, (declared, body) in _C.items():
-        arguments = [part.split()[0] for part in declared.split("(")[1].split(", ")]
-        types = [_KINDS[kind] for kind in arguments]
+    for name, (function, arguments, result) in FUNCTIONS.items():
         f = load_brian().Function(
-            _NUMPY[name],
-            arg_units=[1] * len(types),
+            function,
+            arg_units=[1] * len(arguments),
             return_unit=1,
-            arg_types=["boolean", *types[1:]] if name == "chosen" else types,
-            return_type=_KINDS[declared.split()[0]],
+            arg_types=list(arguments),
+            return_type=result,
         )
-        code = f"static inline {declared} {{{body}}}\n"
-        cython = f'cdef extern from *:\n    """\n{code}    """\n    {declared} nogil\n'
-        for target, text in (("numpy", _NUMPY[name]), ("cython", cython), ("cpp", code)):
-            f.implementations.add_implementation(target, text)
+        f.implementations.add_implementation("numpy", function)
         made[name] = f
     return made

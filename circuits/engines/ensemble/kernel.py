@@ -19,8 +19,8 @@ from circuits.engines.ensemble import lanes
 from circuits.engines.ensemble.compiling import compiled
 from circuits.transfer import EXP_MOST
 
-RATE, INTEGRATOR, LIF, ESCAPE, PHASE = range(5)
-KINDS = {"rate": RATE, "integrator": INTEGRATOR, "lif": LIF, "escape": ESCAPE, "phase": PHASE}
+RATE, LIF, PHASE, OWN = range(4)
+"""Loops over cells: none, those of two types, or one compiled from a type's own tick."""
 LINEAR, RECTIFIED, EXP, S_MINUS_LOG_S = range(4)
 TRANSFERS = {"linear": LINEAR, "rectified": RECTIFIED, "exp": EXP, "s_minus_log_s": S_MINUS_LOG_S}
 # Whether a block's cells are alike, differ in their constants, or in their inputs as well.
@@ -105,13 +105,13 @@ def _common(block, first, window, clock, inputs, passed, drive, common):
 def _receive(block, b, first, window, dt_s, work):
     """Turn a block's input into its rates, or into what its cells need."""
     common, push, kick, mask = work.common, work.push, work.kick, work.ring.shape[1] - 1
-    if block.kind == LIF:
-        if block.apart != ALIKE:
-            for t in range(window):
-                push[t] = common[t]
-            return
+    if block.kind == LIF and block.apart == ALIKE:
         for t in range(window):
             push[t] = lanes.fused(block.slope, np.float32(common[t]), block.rest)
+        return
+    if block.nats:
+        for t in range(window):
+            push[t] = common[t]
         return
     if block.apart == WIRED:
         return
@@ -121,14 +121,13 @@ def _receive(block, b, first, window, dt_s, work):
         rate = max(block.baseline + block.gain * _law(block.law, x), block.floor)
         mean = rate * dt_s
         work.ring[b, (first + t) & mask] = rate
-        if block.apart == SPREAD:
+        if block.kind == OWN:
+            common[t] = mean
+        elif block.apart == SPREAD:
             push[t], kick[t] = mean, math.sqrt(mean)
         elif block.kind == PHASE:
             each = np.float32(math.sqrt(mean)) * block.jitter
             push[t], kick[t] = np.float32(mean) - lanes.HALF_BITS * each, each
-        elif block.kind == ESCAPE:
-            limit = math.ceil(-math.expm1(-mean) * 4294967296.0)
-            work.limit[t] = np.uint32(min(limit, 4294967295.0))
     work.state[b] = x
 
 
@@ -205,57 +204,74 @@ def _inputs_apart(p, work, block, t, k, ticks):
     """Fill x with each cell's own inputs in some ticks, or its expected numbers of spikes."""
     for i in range(ticks):
         _wired(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
-        if block.kind != LIF:
+        if not block.nats:
             _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants)
 
 
 @numba.njit(inline="always")
-def _cells(p, work, block, t, k, stream, ticks, marks):
+def _cells(p, work, block, t, ticks, marks):
     """Advance the cells of a block by some ticks; return how many fired in each, or mark them."""
+    if block.kind == OWN:
+        return _own(p, work, block, t, ticks, marks)
     if block.apart == ALIKE:
-        return _alike(work, block, t, k, stream, ticks, marks)
+        return _alike(work, block, t, ticks, marks)
     if block.apart == SPREAD:
-        return _apart(p, work, block, t, k, stream, ticks, None, marks)
-    return _apart(p, work, block, t, k, stream, ticks, work.x, marks)
+        return _apart(p, work, block, t, ticks, None, marks)
+    return _apart(p, work, block, t, ticks, work.x, marks)
 
 
 @numba.njit(inline="always")
-def _keys(stream, k):
-    return (
-        _tick_key(stream, k), _tick_key(stream, k + 1), _tick_key(stream, k + 2),
-        _tick_key(stream, k + 3),
-    )  # fmt: skip
-
-
-@numba.njit(inline="always")
-def _alike(work, block, t, k, stream, ticks, marks):
+def _alike(work, block, t, ticks, marks):
     """Advance cells that differ in noise alone."""
-    v, counts, first, cells = work.v, work.counts, block.start, block.filled
+    v, counts, first, cells, push = work.v, work.counts, block.start, block.filled, work.push
     if block.kind == LIF:
-        push, threshold, hold = _four(work.push, t), block.threshold, block.hold
+        push, threshold, hold = _four(push, t), block.threshold, block.hold
         return lanes.lif_alike(
             v, counts, first, cells, ticks, block.keep, push, block.kick, threshold, hold, marks
         )
-    if block.kind == PHASE:
-        push, kick = _four(work.push, t), _four(work.kick, t)
-        return lanes.phase_alike(v, counts, first, cells, ticks, push, kick, marks)
-    keys, limit = _keys(stream, k), _four(work.limit, t)
-    return lanes.escape_alike(v, first, cells, ticks, keys, limit, block.hold, marks)
+    # Phases: ``plan`` gives no other kind.
+    push, kick = _four(push, t), _four(work.kick, t)
+    return lanes.phase_alike(v, counts, first, cells, ticks, push, kick, marks)
 
 
 @numba.njit(inline="always")
-def _apart(p, work, block, t, k, stream, ticks, x, marks):
+def _apart(p, work, block, t, ticks, x, marks):
     """Advance cells that differ in their constants and, with x, in their inputs."""
     v, counts, first, cells, own = work.v, work.counts, block.start, block.filled, p.constants
     common = _four(work.push, t)
     if block.kind == LIF:
         top, hold = block.threshold, block.hold
         return lanes.lif_apart(v, counts, first, cells, ticks, common, x, own, top, hold, marks)
-    if block.kind == PHASE:
-        root, each = _four(work.kick, t), block.jitter
-        return lanes.phase_apart(v, counts, first, cells, ticks, common, root, x, own, each, marks)
-    keys = _keys(stream, k)
-    return lanes.escape_apart(v, first, cells, ticks, keys, common, x, own, block.hold, marks)
+    root, each = _four(work.kick, t), block.jitter
+    return lanes.phase_apart(v, counts, first, cells, ticks, common, root, x, own, each, marks)
+
+
+@compiled
+def _own_marked(p, work, block, t, ticks, marks):
+    """Advance cells by the compiled tick of their own type."""
+    heard, fired = work.heard, work.fired
+    for i in range(len(ticks)):
+        fired[i] = 0
+        for j in range(block.cells):
+            if block.apart == WIRED:
+                heard[i, j] = np.float64(work.x[i, j])
+            else:
+                heard[i, j] = work.common[t + i]
+    for j in range(block.filled):
+        marks[j] = 0
+    lanes.advance(
+        block.advance, work.states, p.own, block.start, work.counts, heard, block.cells,
+        len(ticks), marks, fired,
+    )  # fmt: skip
+    return fired[0], fired[1], fired[2], fired[3]
+
+
+@compiled
+def _own(p, work, block, t, ticks, marks):
+    """Advance cells by their own type's tick, with marks or without."""
+    if marks is None:
+        return _own_marked(p, work, block, t, ticks, work.noted)
+    return _own_marked(p, work, block, t, ticks, marks)
 
 
 @numba.njit(inline="always")
@@ -296,9 +312,9 @@ def _sample(clock, i, total, low_pass, rates, out):
 
 
 @numba.njit(inline="always")
-def _fire(p, work, block, b, t, k, stream):
+def _fire(p, work, block, b, t, k):
     """Advance the cells of a block by the ticks of a word of noise, or by one."""
-    fired = _cells(p, work, block, t, k, stream, p.ticks, work.marks)
+    fired = _cells(p, work, block, t, p.ticks, work.marks)
     if work.marks is not None:
         fired = _list(p, work, block, b, k)
     for i in range(WORD):
@@ -320,16 +336,15 @@ def _advance(p, work, b, first, window, drive, stream):
     clock, block = p.clock[0], p.blocks[b]
     _common(block, first, window, clock, p.inputs, work.passed, drive, work.common)
     _receive(block, b, first, window, clock.dt_s, work)
-    if block.kind < LIF:
+    if block.kind == RATE:
         return
     for t in range(0, window, WORD):
         k = first + t
-        if block.kind != ESCAPE:
-            _noise(work, block, k, stream)
+        _noise(work, block, k, stream)
         if block.apart == WIRED:
             _inputs_apart(p, work, block, t, k, min(WORD, window - t))
         # Ticks beyond the last of the run are computed, and read by nobody.
-        _fire(p, work, block, b, t, k, stream)
+        _fire(p, work, block, b, t, k)
 
 
 @numba.njit(inline="always")
@@ -355,6 +370,8 @@ def _at_rest(p, work, streams):
             work.own[j] = block.rest_x
         if block.kind == LIF and block.apart != ALIKE:
             lanes.in_own_units(work.v, block.start, block.filled, p.constants)
+        if block.kind == OWN:
+            lanes.place(block.place, work.states, p.own, block.start, key, block.cells)
     for c in range(len(p.readout)):
         work.low_pass[c] = p.blocks[p.readout[c]].rest_hz
     for q in range(len(p.units)):

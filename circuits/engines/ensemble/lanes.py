@@ -54,6 +54,72 @@ _I32 = ir.IntType(32)
 _F32 = ir.FloatType()
 
 
+def _data(context, builder, kind, array, place=None):
+    """Return the pointer to an array's data, or to one of its elements."""
+    data = context.make_array(kind)(context, builder, array).data
+    return data if place is None else builder.gep(data, [place])
+
+
+def _row(context, builder, kind, array):
+    """Return the length of the rows of a two-dimensional array."""
+    shape = context.make_array(kind)(context, builder, array).shape
+    return builder.extract_value(shape, 1)
+
+
+def _call(builder, address, *values):
+    """Call a function of no result by its address."""
+    kind = ir.FunctionType(ir.VoidType(), [value.type for value in values])
+    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
+
+
+@intrinsic
+def advance(typing, address, states, own, start, counts, heard, cells, ticks, marks, fired):
+    """Call a cell type's compiled ``advance`` (see ``cells``) on a block."""
+
+    def build(context, builder, signature, arguments):
+        address, states, own, start, counts, heard, cells, ticks, marks, fired = arguments
+        of = dict(zip(("states", "own", "counts", "heard", "marks", "fired"),
+                      (signature.args[i] for i in (1, 2, 4, 5, 8, 9)), strict=True))  # fmt: skip
+        _call(
+            builder,
+            address,
+            _data(context, builder, of["states"], states, start),
+            _data(context, builder, of["own"], own, start),
+            _row(context, builder, of["states"], states),
+            _data(context, builder, of["counts"], counts, start),
+            _data(context, builder, of["heard"], heard),
+            _row(context, builder, of["heard"], heard),
+            cells,
+            ticks,
+            _data(context, builder, of["marks"], marks),
+            _data(context, builder, of["fired"], fired),
+        )
+
+    whole = types.int64
+    return types.void(whole, states, own, whole, counts, heard, whole, whole, marks, fired), build
+
+
+@intrinsic
+def place(typing, address, states, own, start, key, cells):
+    """Call a cell type's compiled ``place`` on a block."""
+
+    def build(context, builder, signature, arguments):
+        address, states, own, start, key, cells = arguments
+        _, of_states, of_own, *_ = signature.args
+        _call(
+            builder,
+            address,
+            _data(context, builder, of_states, states, start),
+            _data(context, builder, of_own, own, start),
+            _row(context, builder, of_states, states),
+            key,
+            cells,
+        )
+
+    whole = types.int64
+    return types.void(whole, states, own, whole, types.uint64, whole), build
+
+
 def _const(value: int) -> ir.Constant:
     return ir.Constant(_I32, value)
 
@@ -168,16 +234,6 @@ def add_bits(typing, sums, place, word):
         builder.store(total, pointer, align=8)
 
     return types.void(sums, types.uint64, types.uint64), build
-
-
-@intrinsic
-def below32(typing, word, limit):
-    """Return whether an unsigned word lies below a limit."""
-
-    def build(context, builder, signature, arguments):
-        return builder.icmp_unsigned("<", *arguments)
-
-    return types.boolean(types.uint32, types.uint32), build
 
 
 @intrinsic
@@ -348,53 +404,6 @@ def phase_apart(v, counts, start, cells, ticks, mean, root, x, constants, each, 
             width = root[t] * kick[j] if x is None else each * np.sqrt(m)
             push = fused(width, ones_at(word, t), m - HALF_BITS * width)
             y, spike = _phase(y, push)
-            fired, mark = _noted(fired, mark, t, spike, marks)
-        v[j] = y
-        if marks is not None:
-            marks[c] = mark
-    return fired
-
-
-@numba.njit(inline="always")
-def _escape(old, drawn, hold):
-    """Return the waiting ticks of an escape cell, and whether it fires."""
-    spike = drawn & (old >= ZERO)
-    return choose(spike, hold, min(old + ONE, ZERO)), spike
-
-
-@compiled
-def escape_alike(v, start, cells, ticks, keys, limit, hold, marks):
-    """Advance escape cells that share a hazard; v counts waiting ticks up to 0."""
-    fired = NOBODY
-    for i in range(cells & WHOLE):
-        j, mark = np.uint64(start + i), UNMARKED
-        x = v[j]
-        for t in range(len(ticks)):
-            x, spike = _escape(x, below32(word32(i, keys[t]), limit[t]), hold)
-            fired, mark = _noted(fired, mark, t, spike, marks)
-        v[j] = x
-        if marks is not None:
-            marks[np.uint64(i)] = mark
-    return fired
-
-
-@compiled
-def escape_apart(v, start, cells, ticks, keys, mean, x, constants, hold, marks):
-    """Advance escape cells with an expected number of spikes each, as ``phase_apart``."""
-    if constants is None:
-        return NOBODY
-    fired, factor = NOBODY, constants[FACTOR]
-    for i in range(cells & WHOLE):
-        c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
-        y = v[j]
-        for t in range(len(ticks)):
-            word = np.float32(word32(i, keys[t])) * np.float32(2.0**-32)
-            # 1 - exp(-m) by its series: the difference would lose the small rates' bits.
-            m = min(mean[t] * factor[j] if x is None else x[t, c], ONE)
-            chance = m * (
-                ONE - m * (np.float32(1 / 2) - m * (np.float32(1 / 6) - m * np.float32(1 / 24)))
-            )
-            y, spike = _escape(y, word < chance, hold)
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = y
         if marks is not None:

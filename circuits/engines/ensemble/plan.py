@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from circuits.cells import Escape, Lif, Phase
 from circuits.engines.ensemble import kernel, lanes, records
-from circuits.spec import Circuit
-from circuits.ticks import (
-    NO_SPREAD,
-    Clock,
-    Scheme,
-    cell_factors,
-    jitter,
-    lif_tick,
-    refractory_ticks,
-    spike_hz,
-)
+from circuits.engines.ensemble.cells import OWN, Entry, entry
+from circuits.spec import Circuit, Population, Projection
+from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz
 from circuits.wiring import Array, Wiring, fan_in
-
-LIF = ("keep", "rest", "slope", "kick", "threshold")
-"""Constants of a Lif's tick that all cells of a block share, if they are alike."""
 
 
 def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.Plan:
@@ -41,123 +31,103 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     Raises
     ------
     ValueError
-        If the circuit uses a cell type or a transfer that the compiled engine does not know.
+        If a cell type lacks what the compiled engine needs, or it knows no such transfer.
     """
-    circuit, dt = wiring.circuit, clock.dt_ms
-    scheme = Scheme(wiring, dt)
-    rows = [wiring.row(b) for b in range(wiring.blocks)]
-    units = [wiring.projection(q) for q in range(wiring.units)]
-    for law in [row.transfer for row in rows] + [q.transfer for q in units]:
-        if law not in kernel.TRANSFERS:
-            raise ValueError(f"the ensemble engine knows no transfer {law!r}: use brian2")
-    for row in rows:
-        if row.cell.kind not in kernel.KINDS:
-            raise ValueError(f"the ensemble engine knows no cell {row.cell.kind!r}: use brian2")
-    sparse = np.array([_sparse(circuit, q) for q in units], dtype=bool)
-    unit_rest, rest_x, rest_hz = scheme.start
-    targets = [np.flatnonzero(wiring.weight[:, q]) for q in range(wiring.units)]
-    apart = np.array(
-        [kernel.SPREAD if row.spiking and row.spread else kernel.ALIKE for row in rows]
-    )
-    for q in np.flatnonzero(sparse):
-        apart[targets[q]] = kernel.WIRED
-
-    cells = np.array([row.neurons if row.spiking else 0 for row in rows])
-    filled = -(-cells // lanes.LANES) * lanes.LANES
-    start = np.concatenate([[0], np.cumsum(filled)[:-1]]).astype(np.int64)
-
-    weight = np.where(sparse[None, :], 0.0, wiring.weight)
-    delays = scheme.unit_delay
-    known = min(int(delays.min(initial=kernel.WINDOW)), kernel.WINDOW)
-    window = known // kernel.WORD * kernel.WORD or 1
-    ring = 1 << (int(delays.max(initial=1)) + window + kernel.WORD).bit_length()
-    strands, fibres, wires, needs = _strands(wiring, scheme, sparse, filled, targets)
+    places = _Places(Scheme(wiring, clock.dt_ms))
+    strands, fibres, wires, needs = _strands(places)
+    window, ring = _window(places.scheme)
     # Ticks taken one by one are rare: to list their spikes saves compiling more loops.
     listing = bool((kept | needs).any() or window == 1)
     source_from, sources = _edges(wiring.deliver)
-    input_from, inputs = _edges(weight)
-    strand_from = np.searchsorted(strands["target"], np.arange(wiring.blocks + 1))
-    drives = np.full(wiring.blocks, -1)
-    drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
-    lif = [
-        lif_tick(row.cell, NO_SPREAD, dt) if isinstance(row.cell, Lif) else dict.fromkeys(LIF, 0.0)
-        for row in rows
-    ]
-    readout = circuit.population(circuit.readout)
+    input_from, inputs = _edges(places.weight)
     return records.Plan(
-        clock=_records(
-            records.CLOCK,
-            1,
-            ticks=clock.ticks,
-            settle=clock.settle_ticks,
-            step=clock.step_ticks,
-            sample=clock.sample_ticks,
-            ring=ring,
-            window=window,
-            listing=listing,
-            dt_s=dt / 1000,
-            readout_decay=scheme.readout_decay,
-            readout_baseline=readout.baseline_hz,
-            readout_gain=readout.gain_hz_per_nat,
-        ),
-        blocks=_records(
-            records.BLOCK,
-            wiring.blocks,
-            kind=[kernel.KINDS[row.cell.kind] for row in rows],
-            law=[kernel.TRANSFERS[row.transfer] for row in rows],
-            drive=drives,
-            input=input_from[:-1],
-            inputs=input_from[1:],
-            strand=strand_from[:-1],
-            strands=strand_from[1:],
-            start=start,
-            cells=cells,
-            spike_hz=spike_hz(cells, dt),
-            filled=filled,
-            apart=apart,
-            kept=kept,
-            baseline=wiring.baseline_hz,
-            gain=wiring.gain_hz_per_nat,
-            floor=wiring.floor_hz,
-            decay=scheme.block_decay,
-            push=scheme.block_gain,
-            # What a sparse unit always delivers is the same for all cells.
-            bias=wiring.bias + (wiring.weight - weight) @ wiring.constant,
-            drive_gain=circuit.drive_gain,
-            rest_x=rest_x,
-            rest_hz=rest_hz,
-            jitter=[
-                jitter(row.cell, NO_SPREAD) if isinstance(row.cell, Phase) else 0.0 for row in rows
-            ],
-            **{name: [constants[name] for constants in lif] for name in LIF},
-            hold=[_hold(row.cell, dt) for row in rows],
-            begin=[_begin(row.cell, dt)[0] for row in rows],
-            begin_span=[_begin(row.cell, dt)[1] for row in rows],
-        ),
-        units=_records(
-            records.UNIT,
-            wiring.units,
-            law=[kernel.TRANSFERS[q.transfer] for q in units],
-            delay=scheme.unit_delay,
-            source=source_from[:-1],
-            sources=source_from[1:],
-            decay=scheme.unit_decay,
-            constant=wiring.constant,
-            rest=unit_rest,
-        ),
+        clock=_clock(places, clock, window, ring, listing),
+        blocks=_blocks(places, kept, input_from, strands),
+        units=_units(places, source_from),
         sources=sources,
         inputs=inputs,
         strands=strands,
         fibres=fibres,
         wires=wires,
-        readout=wiring.blocks_of(circuit.readout),
+        readout=wiring.blocks_of(wiring.circuit.readout),
         ticks=lanes.SINGLE if window == 1 else lanes.FOUR,
-        constants=_constants(wiring, start, filled, apart, dt),
+        constants=_constants(places),
+        own=_own_constants(places),
     )
 
 
+@dataclass(frozen=True)
+class _Places:
+    """Where blocks and cells lie, and what they are."""
+
+    scheme: Scheme
+
+    @property
+    def wiring(self) -> Wiring:
+        return self.scheme.wiring
+
+    @property
+    def circuit(self) -> Circuit:
+        return self.wiring.circuit
+
+    @cached_property
+    def rows(self) -> list[Population]:
+        return [self.wiring.row(b) for b in range(self.wiring.blocks)]
+
+    @cached_property
+    def projections(self) -> list[Projection]:
+        return [self.wiring.projection(q) for q in range(self.wiring.units)]
+
+    @cached_property
+    def entries(self) -> list[Entry]:
+        return [entry(row.cell) for row in self.rows]
+
+    @cached_property
+    def sparse(self) -> npt.NDArray[np.bool_]:
+        """Which units every target cell sums for itself."""
+        return np.array([_sparse(self.circuit, p) for p in self.projections], dtype=bool)
+
+    @cached_property
+    def targets(self) -> list[npt.NDArray[np.intp]]:
+        """Blocks that each unit reaches."""
+        return [np.flatnonzero(self.wiring.weight[:, q]) for q in range(self.wiring.units)]
+
+    @cached_property
+    def weight(self) -> Array:
+        """Weights of what is the same for all cells of a block."""
+        return np.where(self.sparse[None, :], 0.0, self.wiring.weight)
+
+    @cached_property
+    def apart(self) -> npt.NDArray[np.int64]:
+        """In what the cells of each block differ."""
+        spread = [row.spiking and row.spread for row in self.rows]
+        apart = np.where(spread, kernel.SPREAD, kernel.ALIKE)
+        for q in np.flatnonzero(self.sparse):
+            apart[self.targets[q]] = kernel.WIRED
+        return apart
+
+    @cached_property
+    def cells(self) -> npt.NDArray[np.int64]:
+        return np.array([row.neurons if row.spiking else 0 for row in self.rows])
+
+    @cached_property
+    def filled(self) -> npt.NDArray[np.int64]:
+        """Cells of each block with those that only fill up."""
+        return -(-self.cells // lanes.LANES) * lanes.LANES
+
+    @cached_property
+    def start(self) -> npt.NDArray[np.int64]:
+        """Each block's first cell."""
+        return np.concatenate([[0], np.cumsum(self.filled)[:-1]]).astype(np.int64)
+
+    def factors(self, block: int) -> Array:
+        """Return the factors of a block's cells' constants."""
+        name = self.rows[block].name
+        return cell_factors(self.circuit, name, int(self.wiring.channel[block]))
+
+
 def _records(dtype: np.dtype, count: int, /, **columns: Any) -> Any:
-    """Return a record array with one column a keyword."""
+    """Return a record array with one column per keyword."""
     table = np.zeros(count, dtype)
     assert set(columns) == set(dtype.names or ())
     for name, values in columns.items():
@@ -165,71 +135,155 @@ def _records(dtype: np.dtype, count: int, /, **columns: Any) -> Any:
     return table
 
 
-def _sparse(circuit: Circuit, p: Any) -> bool:
+def _sparse(circuit: Circuit, p: Projection) -> bool:
     between = circuit.population(p.source).spiking and circuit.population(p.target).spiking
     return bool(p.probability < 1 and between)
 
 
-def _hold(cell: object, dt_ms: float) -> float:
-    """Return what the state of a cell is set to by a spike."""
-    if isinstance(cell, Lif):
-        return -float(lanes.WAIT) * refractory_ticks(cell.refractory_ms, dt_ms)
-    if isinstance(cell, Escape):
-        return -float(refractory_ticks(cell.refractory_ms, dt_ms))
-    return 0.0
+def _window(scheme: Scheme) -> tuple[int, int]:
+    """Return how many ticks are known before they begin, and how many rates are remembered."""
+    delays = scheme.unit_delay
+    known = min(int(delays.min(initial=kernel.WINDOW)), kernel.WINDOW)
+    window = known // kernel.WORD * kernel.WORD or 1
+    return window, 1 << (int(delays.max(initial=1)) + window + kernel.WORD).bit_length()
 
 
-def _constants(
-    wiring: Wiring, start: Any, filled: Any, apart: Any, dt_ms: float
-) -> npt.NDArray[np.float32] | None:
+def _clock(places: _Places, clock: Clock, window: int, ring: int, listing: bool) -> Any:
+    readout = places.circuit.population(places.circuit.readout)
+    return _records(
+        records.CLOCK,
+        1,
+        ticks=clock.ticks,
+        settle=clock.settle_ticks,
+        step=clock.step_ticks,
+        sample=clock.sample_ticks,
+        ring=ring,
+        window=window,
+        listing=listing,
+        dt_s=clock.dt_ms / 1000,
+        readout_decay=places.scheme.readout_decay,
+        readout_baseline=readout.baseline_hz,
+        readout_gain=readout.gain_hz_per_nat,
+    )
+
+
+def _blocks(places: _Places, kept: Any, input_from: Any, strands: Any) -> Any:
+    """Return one record per block; fields that its cell type leaves out are 0."""
+    wiring, circuit, scheme = places.wiring, places.circuit, places.scheme
+    _, rest_x, rest_hz = scheme.start
+    strand_from = np.searchsorted(strands["target"], np.arange(wiring.blocks + 1))
+    drives = np.full(wiring.blocks, -1)
+    drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
+    pairs = zip(places.entries, places.rows, strict=True)
+    own = [made.columns(row.cell, scheme.dt_ms) for made, row in pairs]
+    of_type = {name: [columns.get(name, 0) for columns in own] for name in records.OF_TYPE}
+    return _records(
+        records.BLOCK,
+        wiring.blocks,
+        kind=[made.kind for made in places.entries],
+        nats=[row.cell.hears == "nats" for row in places.rows],
+        law=[_law(row.transfer) for row in places.rows],
+        drive=drives,
+        input=input_from[:-1],
+        inputs=input_from[1:],
+        strand=strand_from[:-1],
+        strands=strand_from[1:],
+        start=places.start,
+        cells=places.cells,
+        spike_hz=spike_hz(places.cells, scheme.dt_ms),
+        filled=places.filled,
+        apart=places.apart,
+        kept=kept,
+        baseline=wiring.baseline_hz,
+        gain=wiring.gain_hz_per_nat,
+        floor=wiring.floor_hz,
+        decay=scheme.block_decay,
+        push=1 - scheme.block_decay,
+        # What a sparse unit always delivers is the same for all cells.
+        bias=wiring.bias + (wiring.weight - places.weight) @ wiring.constant,
+        drive_gain=circuit.drive_gain,
+        rest_x=rest_x,
+        rest_hz=rest_hz,
+        **of_type,
+    )
+
+
+def _units(places: _Places, source_from: Any) -> Any:
+    return _records(
+        records.UNIT,
+        places.wiring.units,
+        law=[_law(p.transfer) for p in places.projections],
+        delay=places.scheme.unit_delay,
+        source=source_from[:-1],
+        sources=source_from[1:],
+        decay=places.scheme.unit_decay,
+        constant=places.wiring.constant,
+        rest=places.scheme.start[0],
+    )
+
+
+def _law(name: str) -> int:
+    if name not in kernel.TRANSFERS:
+        raise ValueError(
+            f"the ensemble engine knows the transfers {', '.join(kernel.TRANSFERS)}, not {name!r}: "
+            "use brian2 or plain"
+        )
+    return kernel.TRANSFERS[name]
+
+
+def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
     """Return the constants of each cell where cells differ; None if none do."""
-    if not apart.any():
+    if not places.apart.any():
         return None
-    constants = np.zeros((5, int(filled.sum())), np.float32)
-    for b in np.flatnonzero(apart):
-        row = wiring.row(b)
-        here = slice(start[b], start[b] + row.neurons)
-        factors = cell_factors(wiring.circuit, row.name, int(wiring.channel[b]))
-        constants[lanes.FACTOR, here] = factors[0]
-        if isinstance(row.cell, Phase):
-            constants[lanes.KICK, here] = jitter(row.cell, factors)
-        if isinstance(row.cell, Lif):
-            own = lif_tick(row.cell, factors, dt_ms)
-            constants[:, here] = [own[name] for name in ("keep", "rest", "slope", "kick", "unit")]
+    constants = np.zeros((5, int(places.filled.sum())), np.float32)
+    for b in np.flatnonzero(places.apart):
+        here = slice(places.start[b], places.start[b] + places.cells[b])
+        cell, dt_ms = places.rows[b].cell, places.scheme.dt_ms
+        constants[:, here] = places.entries[b].apart(cell, places.factors(b), dt_ms)
     return constants
 
 
-def _strands(
-    wiring: Wiring, scheme: Scheme, sparse: Any, filled: Any, targets: list[Any]
-) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
+def _own_constants(places: _Places) -> npt.NDArray[np.float32]:
+    """Return the constants of the cells of types without loops of their own."""
+    found = {}
+    for b in [b for b, made in enumerate(places.entries) if made is OWN]:
+        factors = places.factors(b) if places.rows[b].spread else NO_SPREAD
+        constants = places.rows[b].cell.constants(factors, places.scheme.dt_ms)
+        found[b] = list(constants.values())
+    own = np.zeros((max(map(len, found.values()), default=1), int(places.filled.sum())), np.float32)
+    for b, values in found.items():
+        for k, value in enumerate(values):
+            own[k, places.start[b] : places.start[b] + places.cells[b]] = value
+    return own
+
+
+def _strands(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
     """Lay out connections cell by cell: strands, fibres, wires, and whose spikes they need."""
-    circuit = wiring.circuit
+    wiring, scheme, filled = places.wiring, places.scheme, places.filled
     strands: list[tuple[Any, ...]] = []
     fibres: list[tuple[Any, ...]] = []
     wires = [np.zeros(0, np.uint64)]
     size = cells = 0
     needs = np.zeros(wiring.blocks, dtype=bool)
-    for q in np.flatnonzero(sparse):
+    for q in np.flatnonzero(places.sparse):
         p = wiring.projection(q)
         sources = np.flatnonzero(wiring.deliver[q])
         gains = wiring.deliver[q, sources]
         if len(sources) and not np.allclose(gains, gains[0]):
             raise ValueError(f"{p.name}: sparse connections need one weight for all channels")
         needs[sources] = True
-        for b in targets[q]:
+        for b in places.targets[q]:
             first, degree = len(fibres), 1
             for source in sources:
-                who = fan_in(circuit, p, int(wiring.channel[b]), int(wiring.channel[source]))
+                who = fan_in(wiring.circuit, p, int(wiring.channel[b]), int(wiring.channel[source]))
                 degree = who.shape[1]
-                table = np.zeros((circuit.population(p.source).neurons, filled[b]), np.uint8)
-                table[who.ravel(), np.repeat(np.arange(len(who)), degree)] = 1
+                wires.append(_bits(who, wiring.circuit.population(p.source).neurons, filled[b]))
                 fibres.append((source, size))
-                wires.append(_bits(table))
                 size += len(wires[-1])
             decay = scheme.unit_decay[q]
             jump = (1 - decay) * gains.sum() / max(len(gains), 1) / (degree * scheme.dt_ms / 1000)
-            places = (b, cells, scheme.unit_delay[q], first, len(fibres))
-            strands.append((*places, decay, jump, wiring.weight[b, q], scheme.start[0][q]))
+            at = (b, cells, scheme.unit_delay[q], first, len(fibres))
+            strands.append((*at, decay, jump, wiring.weight[b, q], scheme.start[0][q]))
             cells += int(filled[b])
     strands.sort(key=lambda strand: strand[0])
     return (
@@ -240,9 +294,19 @@ def _strands(
     )
 
 
-def _bits(table: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint64]:
-    """Return rows of 0 and 1 as bits, in the order that ``lanes.add_row`` reads."""
-    groups = table.reshape(len(table), -1, 8, 8)
+def _bits(who: npt.NDArray[np.int64], sources: int, targets: int) -> npt.NDArray[np.uint64]:
+    """Return which targets each source reaches as bits, in the order of ``lanes.add_row``.
+
+    Parameters
+    ----------
+    who : array (target cells, in-degree)
+        Source cells that reach each target cell.
+    sources, targets : int
+        Cells there are, of targets with those that only fill up.
+    """
+    table = np.zeros((sources, targets), np.uint8)
+    table[who.ravel(), np.repeat(np.arange(len(who)), who.shape[1])] = 1
+    groups = table.reshape(sources, -1, 8, 8)
     return np.packbits(groups, axis=2, bitorder="little").ravel().view(np.uint64)
 
 
@@ -253,8 +317,16 @@ def _edges(matrix: Array) -> tuple[Any, Any]:
     return starts, _records(records.EDGE, len(rows), index=columns, weight=matrix[rows, columns])
 
 
-def workspace(p: records.Plan) -> records.Work:
-    """Return the memory that one trial at a time runs in."""
+def workspace(p: records.Plan, variables: int = 1) -> records.Work:
+    """Return the memory that one trial at a time runs in.
+
+    Parameters
+    ----------
+    p : Plan
+        The circuit.
+    variables : int
+        Most variables of a cell type without loops of its own.
+    """
     blocks, units, clock = len(p.blocks), len(p.units), p.clock[0]
     ring, window = int(clock["ring"]), max(int(clock["window"]), kernel.WORD)
     cells = int(p.blocks["filled"].sum())
@@ -272,7 +344,10 @@ def workspace(p: records.Plan) -> records.Work:
         common=np.zeros(window),
         push=np.zeros(window, np.float32),
         kick=np.zeros(window, np.float32),
-        limit=np.zeros(window, np.uint32),
+        states=np.zeros((variables, cells), np.float32),
+        heard=np.zeros((kernel.WORD, widest)),
+        noted=np.zeros(widest, np.uint8),
+        fired=np.zeros(kernel.WORD, np.int32),
         unit=np.zeros(units),
         passed=np.zeros((units, window)),
         strand=np.zeros(connected, np.float32),
@@ -284,10 +359,3 @@ def workspace(p: records.Plan) -> records.Work:
         found_n=np.zeros(ring * blocks, np.int32),
         low_pass=np.zeros(len(p.readout)),
     )
-
-
-def _begin(cell: object, dt_ms: float) -> tuple[float, float]:
-    """Return where a cell may start, as the lanes hold it: the least, and the span."""
-    if isinstance(cell, Lif):
-        return 0.0, float(lif_tick(cell, NO_SPREAD, dt_ms)["threshold"])
-    return (0.0, 1.0) if isinstance(cell, Phase) else (0.0, 0.0)

@@ -19,10 +19,16 @@ CLOCK = _record(
     f8="dt_s readout_decay readout_baseline readout_gain",
 )
 BLOCK = _record(
-    i8="kind law drive input inputs strand strands start cells filled apart kept",
+    i8="kind nats law drive input inputs strand strands start cells filled apart kept "
+    "advance place",
     f8="spike_hz baseline gain floor decay push bias drive_gain rest_x rest_hz",
     f4="keep rest slope kick threshold jitter hold begin begin_span",
 )
+OF_TYPE = (
+    "keep", "rest", "slope", "kick", "threshold", "jitter", "hold", "begin", "begin_span",
+    "advance", "place",
+)  # fmt: skip
+"""Fields of a block that its cell type sets; see ``cells.Entry``."""
 UNIT = _record(i8="law delay source sources", f8="decay constant rest")
 EDGE = _record(i8="index", f8="weight")
 STRAND = _record(i8="target start delay fibre fibres", f4="decay jump weight rest")
@@ -57,6 +63,8 @@ class Plan(NamedTuple):
         decay, rest (which makes up for the mean of the noise), slope, kick, unit of potential; for
         the others the last is a factor on the rate, and the kick is that of a Phase, cv times the
         root of half of it.
+    own : array (most constants, cells) float32
+        Constants of the ticks of types without loops of their own.
     """
 
     clock: Any
@@ -70,6 +78,7 @@ class Plan(NamedTuple):
     readout: Any
     ticks: Any
     constants: Any
+    own: Any
 
 
 class Work(NamedTuple):
@@ -85,10 +94,14 @@ class Work(NamedTuple):
         Rates of the last ticks, Hz.
     state, total : arrays (blocks,)
         Filtered inputs, nats; sums of rates over a sample.
-    common, push, kick, limit : arrays (window,)
+    common, push, kick : arrays (window,)
         Input of all cells of one block, nats; what it does to a cell's state, and the noise of a
-        bit; or the word below which a cell fires. Where cells have constants of their own push is
-        that input (of a Lif) or the mean advance, and kick its root.
+        bit. Where cells have constants of their own push is that input (of a Lif) or the mean
+        advance, and kick its root.
+    states : array (most variables, cells)
+        Variables of cells of types without loops of their own.
+    heard, noted, fired : arrays (4, most cells of a block), (most cells of a block,), (4,)
+        What those cells hear, marks of those that fire, and how many do.
     unit, passed : arrays (units,), (units, window)
         Filtered activity before and after the transfer.
     strand, scale : arrays (strand cells,), (strands,)
@@ -114,7 +127,10 @@ class Work(NamedTuple):
     common: Any
     push: Any
     kick: Any
-    limit: Any
+    states: Any
+    heard: Any
+    noted: Any
+    fired: Any
     unit: Any
     passed: Any
     strand: Any

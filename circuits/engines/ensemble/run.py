@@ -1,9 +1,9 @@
 """The ensemble engine: thousands of spiking trials, compiled from the same table.
 
 The scheme is that of ``circuits.ticks``, the noise that of ``circuits.noise``, and the spikes are
-those of the Brian2 engine. Two exceptions: sparse connections, and Escape cells with a spread.
-There inputs are rounded in another order, so that now and then a spike comes a tick early or late;
-from that spike on the two runs differ.
+those of the plain and the Brian2 engine, but for sparse connections: there inputs are rounded in
+another order, so that now and then a spike comes a tick early or late; from that spike on the two
+runs differ.
 """
 
 from __future__ import annotations
@@ -89,6 +89,7 @@ def run(
     names = circuit.spiking(spikes)
     written = np.array([wiring.row(b).name in names for b in range(wiring.blocks)])
     level = -np.inf if drop_below is None else float(drop_below)
+    variables = max((len(row.cell.state) for row in circuit.populations), default=1) or 1
     p = plan(wiring, clock, kept=written)
     streams = noise.stream_keys(seed, first_trial + np.arange(trials), wiring.names)
     out = np.empty((trials, clock.samples, circuit.channels))
@@ -98,7 +99,7 @@ def run(
 
     def task(first: int) -> int:
         room = np.empty((FIRST_CAPACITY if names else 0, 3), np.int32)
-        work = workspace(p)
+        work = workspace(p, variables)
         for t in range(first, min(first + TRIALS_A_TASK, trials)):
             while True:
                 given = (p, work, drive[t], streams[t], level, out[t], kept[t])

@@ -1,0 +1,147 @@
+"""The adaptive exponential integrate-and-fire cell (Brette & Gerstner 2005)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from circuits.cells.cell import Array, BrianText, Cell, Constants, register
+from circuits.checks import check_types, whole_ticks
+from circuits.single import ONE, ZERO, choose, exponential, fused, single
+
+
+def _begin(
+    uniform: Any,
+    keep: Any, rest: Any, slope: Any, kick: Any, sharp: Any, knee: Any, lift: Any, pull: Any,
+    fade: Any, follow: Any, tail: Any, peak: Any, jump: Any, held: Any, height: Any,
+) -> tuple[Any, ...]:  # fmt: skip
+    return single(uniform) * height, held * ZERO, held * ZERO
+
+
+def _tick(
+    heard: Any, ones: Any, v: Any, w: Any, wait: Any,
+    keep: Any, rest: Any, slope: Any, kick: Any, sharp: Any, knee: Any, lift: Any, pull: Any,
+    fade: Any, follow: Any, tail: Any, peak: Any, jump: Any, held: Any, height: Any,
+) -> tuple[Any, ...]:  # fmt: skip
+    push = fused(kick, ones, fused(slope, single(heard), rest))
+    push = fused(lift, exponential(fused(sharp, v, knee)), push)
+    moved = choose(wait > ZERO, v, fused(keep, v, fused(pull, w, push)))
+    drawn = fused(fade, w, fused(follow, v, tail))
+    fired = moved >= peak
+    left = choose(wait > ZERO, wait - ONE, ZERO)
+    return (
+        fired,
+        choose(fired, ZERO, moved),
+        choose(fired, drawn + jump, drawn),
+        choose(fired, held, left),
+    )
+
+
+@register
+@dataclass(frozen=True)
+class AdEx(Cell):
+    """Adaptive exponential cell with white membrane noise (Brette & Gerstner 2005, equations 1-3).
+
+    ``tau dV/dt = rest_mv + mv_per_nat x - V + sharpness_mv exp((V - knee_mv)/sharpness_mv) - W +
+    noise_mv sqrt(2 tau) xi`` and ``tau_w dW/dt = adaptation (V - leak_mv) - W``; V and W in mV, W
+    being the adaptation current over the leak conductance. At ``peak_mv`` it spikes: V goes to the
+    reset, W up by ``jump_mv``. A tick is exact in what is linear and takes the upstroke as it was.
+
+    The paper's cell (table 1, over a leak of 30 nS, mV as they are): ``AdEx(tau_ms=9.37,
+    noise_mv=..., knee_mv=-50.4, sharpness_mv=2, peak_mv=20, reset_mv=-70.6, refractory_ms=0,
+    rest_mv=-70.6, mv_per_nat=..., tau_w_ms=144, adaptation=4/30, jump_mv=2.68, leak_mv=-70.6)``.
+
+    Parameters
+    ----------
+    tau_ms, tau_w_ms, refractory_ms : float
+        Time constants of membrane and adaptation, and absolute refractory period, ms.
+    noise_mv : float
+        Standard deviation of the linear membrane, mV.
+    knee_mv, sharpness_mv : float
+        Where the upstroke begins (V_T), and over how many mV (Delta_T).
+    peak_mv, reset_mv, leak_mv : float
+        Where a spike is counted, where V goes, and from where adaptation is measured (E_L), mV.
+    rest_mv, mv_per_nat : float
+        Mean potential of the linear membrane at x = 0, and its slope.
+    adaptation, jump_mv : float
+        W in the steady state per mV of V, a / g_L; what a spike adds to it, b / g_L, mV.
+    """
+
+    tau_ms: float
+    noise_mv: float
+    knee_mv: float
+    sharpness_mv: float
+    peak_mv: float
+    reset_mv: float
+    refractory_ms: float
+    rest_mv: float
+    mv_per_nat: float
+    tau_w_ms: float
+    adaptation: float
+    jump_mv: float
+    leak_mv: float
+    hears: ClassVar[str] = "nats"
+    state: ClassVar[tuple[str, ...]] = ("v", "w", "wait")
+    begin = staticmethod(_begin)
+    tick = staticmethod(_tick)
+    brian: ClassVar[BrianText | None] = BrianText(
+        tick="""
+            push = fused(kick, ones(word, t_in_timesteps), fused(slope, nats, rest))
+            push = fused(lift, exponential(fused(sharp, v, knee)), push)
+            drawn = fused(fade, w, fused(follow, v, tail))
+            v = chosen(wait > 0, v, fused(keep, v, fused(pull, w, push)))
+            w = drawn
+            wait = clip(wait - 1, 0, inf)
+        """,
+        spike="v >= peak",
+        reset="""
+            v = 0
+            w = single(w + jump)
+            wait = held
+        """,
+    )
+
+    def __post_init__(self) -> None:
+        check_types(self, "an AdEx cell")
+        if not all(np.isfinite(value) for value in vars(self).values()):
+            raise ValueError(f"constants of an AdEx cell must be finite, got {vars(self)}")
+        for name in ("tau_ms", "tau_w_ms", "noise_mv", "sharpness_mv"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} of an AdEx cell must be > 0, got {getattr(self, name)}")
+        if not self.refractory_ms >= 0:
+            raise ValueError(f"refractory_ms must be >= 0, got {self.refractory_ms}")
+        if not self.reset_mv < self.knee_mv < self.peak_mv:
+            raise ValueError(
+                "reset_mv must lie below knee_mv, and that below peak_mv, got "
+                f"{self.reset_mv}, {self.knee_mv} and {self.peak_mv}"
+            )
+
+    def constants(self, factors: Array, dt_ms: float) -> Constants:
+        """Return the constants of a tick, v in mV from the reset.
+
+        Factors are those of the time constant, of mv_per_nat and of the way from reset to knee.
+        """
+        tau, slope, top = factors
+        keep, fade = np.exp(-dt_ms / (self.tau_ms * tau)), np.exp(-dt_ms / self.tau_w_ms)
+        bit = self.noise_mv * np.sqrt((1 - keep**2) / 2)
+        way = (self.knee_mv - self.reset_mv) * top
+        found = {
+            "keep": keep,
+            "rest": (self.rest_mv - self.reset_mv) * (1 - keep) - 4 * bit,
+            "slope": self.mv_per_nat * slope * (1 - keep),
+            "kick": bit,
+            "sharp": 1 / self.sharpness_mv,
+            "knee": -way / self.sharpness_mv,
+            "lift": self.sharpness_mv * (1 - keep),
+            "pull": keep - 1,
+            "fade": fade,
+            "follow": self.adaptation * (1 - fade),
+            "tail": self.adaptation * (self.reset_mv - self.leak_mv) * (1 - fade),
+            "peak": self.peak_mv - self.reset_mv,
+            "jump": self.jump_mv,
+            "held": whole_ticks("refractory_ms", self.refractory_ms, dt_ms),
+            "height": way,
+        }
+        return {name: np.float32(value) for name, value in found.items()}

@@ -1,0 +1,191 @@
+"""What every part of the package asks of a cell type, and the list of the types there are.
+
+An input ``x`` arrives in nats; a population's row says which rate that stands for, its *line*
+``rate_hz = baseline_hz + gain_hz_per_nat * f(x)``. A cell that hears "hz" fires at that rate by
+construction; one that hears "nats" turns x into a potential and fires as its membrane decides.
+
+Each question below has one answer per cell type. What a type does not answer raises one sentence
+that names the type and what it lacks: nothing is taken for something else.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple, NoReturn, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Constants = dict[str, Any]
+
+HEARS = ("nats", "hz")
+
+
+class Line(NamedTuple):
+    """A population's line at some inputs, each (S,): Hz, Hz/nat, Hz/nat^2."""
+
+    hz: Array
+    slope: Array
+    curvature: Array
+
+
+class Response(NamedTuple):
+    """What a cell does about a small fluctuation of its input; each broadcasts to (S, F).
+
+    Parameters
+    ----------
+    gain : array, Hz/nat
+        Modulation of the rate per nat of modulation; complex where it lags.
+    bend : array, Hz/nat^2
+        What a variance at this frequency adds to the mean rate.
+    spectrum : array, Hz
+        Two-sided power of a cell's spikes without any fluctuation.
+    """
+
+    gain: npt.NDArray[Any]
+    bend: Array
+    spectrum: Array
+
+
+class BrianText(NamedTuple):
+    """A cell's tick as Brian2 text, in the names of its ``state`` and its ``constants``.
+
+    Parameters
+    ----------
+    tick : str
+        Code of one tick. It may use ``nats`` or ``hz``, whichever the cell hears, and ``dt_s``;
+        ``ones(word, t_in_timesteps)``, the number of ones among 8 random bits, mean 4, variance 2;
+        and ``single``, ``fused``, ``exponential`` of ``circuits.single`` with
+        ``chosen(test, yes, no)``.
+    spike, reset : str
+        Condition of a spike, and what follows.
+    """
+
+    tick: str
+    spike: str
+    reset: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """A cell type: a frozen dataclass of constants, and its answers.
+
+    Attributes
+    ----------
+    spikes : bool
+        Whether it spikes; if not, it passes the rate of its line on.
+    hears : str
+        "nats", its input, which it filters for itself; or "hz", the rate of its line.
+    state : tuple of str
+        Variables of a cell that spikes.
+    brian : BrianText
+        Its tick as Brian2 text.
+    """
+
+    spikes: ClassVar[bool] = True
+    hears: ClassVar[str] = "hz"
+    state: ClassVar[tuple[str, ...]] = ()
+    brian: ClassVar[BrianText | None] = None
+
+    @property
+    def kind(self) -> str:
+        """Its name in tables that are shown."""
+        return type(self).__name__.lower()
+
+    @property
+    def lowest_hz(self) -> float:
+        """Lowest rate that its line may stand for."""
+        return 0.0
+
+    # ---- laws
+
+    def membrane_ms(self) -> float:
+        """Return the time constant with which its rate follows its input, for rates and stability.
+
+        Cells that hear a rate have none: 0.
+        """
+        if self.hears == "hz":
+            return 0.0
+        return self.lacks("membrane_ms", "rates with time constants and stability")
+
+    def rate_hz(self, x: Array, line_hz: Array) -> Array:
+        """Return the stationary rate at steady inputs x (S,), nats: its own f-I law, Hz."""
+        if self.hears == "hz":
+            return line_hz
+        return self.lacks("rate_hz", 'laws="cells"')
+
+    def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
+        """Return how it answers small fluctuations about inputs x (S,), at frequencies (F,)."""
+        return self.lacks("response", 'laws="finite"')
+
+    # ---- spikes
+
+    def constants(self, factors: Array, dt_ms: float) -> Constants:
+        """Return the constants of a tick by name, in single precision.
+
+        Parameters
+        ----------
+        factors : array (3,) or (3, neurons)
+            Of the cells' constants, where cells differ; see ``ticks.cell_factors``.
+        dt_ms : float
+            One tick.
+        """
+        return self.lacks("constants", "engines that spike")
+
+    begin: ClassVar[Callable[..., tuple[Any, ...]] | None] = None
+    """``(uniform, *constants) -> state``: where a cell starts, from a number in [0, 1)."""
+    tick: ClassVar[Callable[..., tuple[Any, ...]] | None] = None
+    """``(heard, ones, *state, *constants) -> (fired, *state)``, written in ``circuits.single``.
+
+    ``heard`` is its input in nats, or its expected number of spikes per tick, in double precision.
+    NumPy runs it on arrays, the compiled engine on one cell: no branches, no literals.
+    """
+
+    def lacks(self, answer: str, user: str) -> NoReturn:
+        """Raise the one sentence about an answer that a type does not give."""
+        name = type(self).__name__
+        raise ValueError(f"{user} needs {name}.{answer}, and {name} cells do not have it")
+
+
+CELLS: dict[str, type[Cell]] = {}
+"""All cell types by name."""
+
+C = TypeVar("C", bound=type[Cell])
+
+
+def register(kind: C) -> C:
+    """Enter a cell type into ``CELLS``: a class decorator, above ``@dataclass(frozen=True)``.
+
+    Raises
+    ------
+    ValueError
+        If it is no frozen dataclass of type ``Cell``, hears something unknown, has no state
+        although it spikes, or if another type has its name.
+    """
+    name = getattr(kind, "__name__", repr(kind))
+    if not (isinstance(kind, type) and issubclass(kind, Cell)):
+        raise ValueError(f"a cell type is a subclass of circuits.cells.Cell, got {name}")
+    settings = vars(kind).get("__dataclass_params__")
+    if settings is None or not settings.frozen:
+        raise ValueError(f"the cell type {name} must be a dataclass with frozen=True")
+    if kind.hears not in HEARS:
+        raise ValueError(f"{name}.hears must be one of {', '.join(HEARS)}, got {kind.hears!r}")
+    if kind.spikes and not kind.state:
+        raise ValueError(f"{name} spikes, so {name}.state must name its variables")
+    if name in CELLS and CELLS[name].__module__ != kind.__module__:
+        raise ValueError(f"there is a cell type {name} already, in {CELLS[name].__module__}")
+    CELLS[name] = kind
+    return kind
+
+
+def check_cell(owner: str, cell: object) -> None:
+    """Raise ValueError if what a population's row calls its cell is of no registered type."""
+    if type(cell) not in CELLS.values():
+        known = ", ".join(CELLS)
+        raise ValueError(
+            f"{owner}: cell must be one of {known}, got {cell!r}; circuits.cells.register enters "
+            "a type of your own"
+        )

@@ -1,0 +1,157 @@
+"""The leaky integrate-and-fire cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from circuits.cells.cell import Array, BrianText, Cell, Constants, Line, Response, register
+from circuits.checks import check_types, whole_ticks
+from circuits.single import ONE, ZERO, choose, fused, single
+
+OVERSHOOT = 0.5825971579390107
+"""-zeta(1/2)/sqrt(2 pi): how far, in steps, a sampled walk overshoots a bound (Siegmund 1985)."""
+
+
+def _begin(
+    uniform: Any, keep: Any, rest: Any, slope: Any, kick: Any, unit: Any, threshold: Any, held: Any
+) -> tuple[Any, ...]:
+    return single(uniform) * threshold * unit, held * ZERO
+
+
+def _tick(
+    heard: Any, ones: Any, v: Any, wait: Any,
+    keep: Any, rest: Any, slope: Any, kick: Any, unit: Any, threshold: Any, held: Any,
+) -> tuple[Any, ...]:  # fmt: skip
+    push = fused(kick, ones, fused(slope, single(heard), rest))
+    moved = choose(wait > ZERO, v, fused(keep, v, push))
+    fired = moved >= threshold
+    left = choose(wait > ZERO, wait - ONE, ZERO)
+    return fired, choose(fired, ZERO, moved), choose(fired, held, left)
+
+
+@register
+@dataclass(frozen=True)
+class Lif(Cell):
+    """Leaky integrate-and-fire cell with white membrane noise, in mV above a reference.
+
+    ``tau dV/dt = rest_mv + mv_per_nat x - V + noise_mv sqrt(2 tau) xi``. The threshold is lowered
+    by the overshoot of a sampled path (Broadie, Glasserman & Kou 1997), so that the rate is that of
+    continuous time to first order in the tick.
+
+    Parameters
+    ----------
+    tau_ms, refractory_ms : float
+        Membrane time constant and absolute refractory period, ms.
+    noise_mv : float
+        Standard deviation of the membrane without a threshold, mV.
+    threshold_mv, reset_mv : float
+        mV above the reference.
+    rest_mv, mv_per_nat : float
+        Mean potential at x = 0, and its slope. ``firing.fit_current`` finds both for a wanted line.
+    """
+
+    tau_ms: float
+    noise_mv: float
+    threshold_mv: float
+    reset_mv: float
+    refractory_ms: float
+    rest_mv: float
+    mv_per_nat: float
+    hears: ClassVar[str] = "nats"
+    state: ClassVar[tuple[str, ...]] = ("v", "wait")
+    begin = staticmethod(_begin)
+    tick = staticmethod(_tick)
+    brian: ClassVar[BrianText | None] = BrianText(
+        tick="""
+            push = fused(kick, ones(word, t_in_timesteps), fused(slope, nats, rest))
+            v = chosen(wait > 0, v, fused(keep, v, push))
+            wait = clip(wait - 1, 0, inf)
+        """,
+        spike="v >= threshold",
+        reset="""
+            v = 0
+            wait = held
+        """,
+    )
+
+    def __post_init__(self) -> None:
+        check_types(self, "a Lif cell")
+        if not all(np.isfinite(value) for value in vars(self).values()):
+            raise ValueError(f"constants of a Lif cell must be finite, got {vars(self)}")
+        for name in ("tau_ms", "noise_mv"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} of a Lif cell must be > 0, got {getattr(self, name)}")
+        if not self.refractory_ms >= 0:
+            raise ValueError(f"refractory_ms must be >= 0, got {self.refractory_ms}")
+        if not self.reset_mv < self.threshold_mv:
+            raise ValueError(
+                f"reset_mv must lie below threshold_mv, got {self.reset_mv} and {self.threshold_mv}"
+            )
+
+    def step_mv(self, dt_ms: float, tau: Any = 1.0) -> Any:
+        """Return the sd of a tick's noise, mV; ``tau`` is a factor on the time constant."""
+        return self.noise_mv * np.sqrt(-np.expm1(-2 * dt_ms / (self.tau_ms * tau)))
+
+    def sampled_threshold_mv(self, dt_ms: float, tau: Any = 1.0, height: Any = 1.0) -> Any:
+        """Return the threshold for a path sampled every dt, mV.
+
+        Parameters
+        ----------
+        dt_ms : float
+            One tick, ms.
+        tau, height : float or arrays (neurons,)
+            Factors, cell by cell, on the time constant and on the way from reset to threshold.
+        """
+        way = (self.threshold_mv - self.reset_mv) * height
+        return self.reset_mv + way - OVERSHOOT * self.step_mv(dt_ms, tau)
+
+    # ---- laws
+
+    def membrane_ms(self) -> float:
+        """Return the membrane's time constant."""
+        return self.tau_ms
+
+    def mean_mv(self, x: Array) -> Array:
+        """Return the mean potential without a threshold at inputs x in nats, mV."""
+        return self.rest_mv + self.mv_per_nat * x
+
+    def rate_hz(self, x: Array, line_hz: Array) -> Array:
+        """Return Siegert's rate at steady inputs x in nats, Hz."""
+        from circuits.laws.firing import lif_rate_hz  # scipy, only where it is asked for
+
+        return lif_rate_hz(self, self.mean_mv(x))
+
+    def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
+        """Return its answer from the Fokker-Planck equation; the membrane is part of it."""
+        from circuits.laws.response import lif_response  # scipy, only where it is asked for
+
+        found = lif_response(self, self.mean_mv(x), frequency_hz)
+        gain, bend = self.mv_per_nat * found.gain, self.mv_per_nat**2 * found.bend
+        return Response(gain, bend, found.spectrum)
+
+    # ---- spikes
+
+    def constants(self, factors: Array, dt_ms: float) -> Constants:
+        """Return the constants of ``v = keep v + (rest + slope nats + kick ones)``, a tick.
+
+        v is in mV from the reset, in units in which all cells of the population have its
+        threshold; ``ones`` of 8 bits are the noise, and ``rest`` makes up for their mean of 4.
+        """
+        tau, slope, top = factors
+        keep = np.exp(-dt_ms / (self.tau_ms * tau))
+        bit = self.step_mv(dt_ms, tau) / np.sqrt(2)
+        threshold = self.sampled_threshold_mv(dt_ms) - self.reset_mv
+        unit = threshold / (self.sampled_threshold_mv(dt_ms, tau, top) - self.reset_mv)
+        found = {
+            "keep": keep,
+            "rest": unit * ((self.rest_mv - self.reset_mv) * (1 - keep) - 4 * bit),
+            "slope": unit * self.mv_per_nat * slope * (1 - keep),
+            "kick": unit * bit,
+            "unit": unit,
+            "threshold": threshold,
+            "held": whole_ticks("refractory_ms", self.refractory_ms, dt_ms),
+        }
+        return {name: np.float32(value) for name, value in found.items()}

@@ -1,0 +1,76 @@
+"""A renewal source of a given irregularity: a pacemaker, or a cortical cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from circuits.cells.cell import Array, BrianText, Cell, Constants, Line, Response, register
+from circuits.checks import check_types
+from circuits.single import ONE, ZERO, choose, fused, single
+
+FOUR = np.float32(4)
+
+
+def _begin(uniform: Any, kick: Any, factor: Any) -> tuple[Any, ...]:
+    return (single(uniform),)
+
+
+def _tick(heard: Any, ones: Any, phi: Any, kick: Any, factor: Any) -> tuple[Any, ...]:
+    width = kick * single(np.sqrt(heard))
+    push = factor * single(heard) - FOUR * width
+    moved = phi + fused(width, ones, push)
+    fired = moved >= ONE
+    return fired, moved - choose(fired, ONE, ZERO)
+
+
+@register
+@dataclass(frozen=True)
+class Phase(Cell):
+    """A phase that diffuses: ``dphi = r dt + cv sqrt(r) dW``, a spike at every whole phi.
+
+    Its intervals are inverse Gaussian with mean 1/r and coefficient of variation cv; its rate is
+    exact. A pacemaker for cv well below 1, a cortical source near .5, nearly Poisson over times
+    longer than an interval at 1.
+
+    Parameters
+    ----------
+    cv : float
+        Coefficient of variation of the intervals, 0..1.
+    """
+
+    cv: float
+    state: ClassVar[tuple[str, ...]] = ("phi",)
+    begin = staticmethod(_begin)
+    tick = staticmethod(_tick)
+    brian: ClassVar[BrianText | None] = BrianText(
+        tick="""
+            width = single(kick*single(sqrt(hz*dt_s)))
+            push = single(single(factor*single(hz*dt_s)) - 4*width)
+            phi = single(phi + fused(width, ones(word, t_in_timesteps), push))
+        """,
+        spike="phi >= 1",
+        reset="phi = phi - 1",
+    )
+
+    def __post_init__(self) -> None:
+        check_types(self, "a Phase cell")
+        if not 0 <= self.cv <= 1:
+            raise ValueError(f"cv must lie in 0..1, got {self.cv}")
+
+    def constants(self, factors: Array, dt_ms: float) -> Constants:
+        """Return the noise of a bit over the root of a tick's mean advance, and the rate's factor.
+
+        The first of the factors is that of the rate.
+        """
+        kick = np.float32(self.cv * np.sqrt(factors[0] / 2))
+        return {"kick": kick, "factor": np.float32(factors[0])}
+
+    def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
+        """Return the slopes of its line, which it follows at once, and its own power."""
+        from circuits.laws.response import phase_spectrum  # scipy, only where it is asked for
+
+        own = phase_spectrum(self, line.hz, frequency_hz)
+        return Response(line.slope[:, None], line.curvature[:, None] / 2, own)

@@ -1,0 +1,258 @@
+"""What the compiled engine needs of each cell type.
+
+The three types of the shipped tables have loops of their own (``lanes``), each an entry of
+``ENTRIES``. Every other type that spikes runs through ``loops``, which compiles the type's ``tick``
+as it stands. The loop is called by its address, so that the kernel need not be compiled anew.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numba import types
+from numba.cpython.unsafe.tuple import tuple_setitem
+from numba.extending import overload
+
+from circuits import single
+from circuits.cells import Cell, Lif, Phase
+from circuits.engines.ensemble import kernel, lanes
+from circuits.engines.ensemble.compiling import OPTIONS
+from circuits.ticks import NO_SPREAD
+
+Columns = dict[str, float]
+"""Fields of a block's record."""
+
+
+class Entry(NamedTuple):
+    """What the compiled engine needs of a cell type that has loops of its own.
+
+    Parameters
+    ----------
+    kind : int
+        Which loops.
+    columns : callable
+        (cell, dt_ms) -> fields of its record, for cells that are alike.
+    apart : callable
+        (cell, factors, dt_ms) -> rows (5, neurons) of ``Plan.constants``.
+    """
+
+    kind: int
+    columns: Callable[[Any, float], Columns]
+    apart: Callable[[Any, Any, float], Any]
+
+
+def _lif_columns(cell: Lif, dt_ms: float) -> Columns:
+    constants = cell.constants(NO_SPREAD, dt_ms)
+    names = ("keep", "rest", "slope", "kick", "threshold")
+    return {name: constants[name] for name in names} | {
+        "hold": -float(lanes.WAIT) * float(constants["held"]),
+        "begin_span": constants["threshold"],
+    }
+
+
+def _lif_apart(cell: Lif, factors: Any, dt_ms: float) -> Any:
+    own = cell.constants(factors, dt_ms)
+    return [own[name] for name in ("keep", "rest", "slope", "kick", "unit")]
+
+
+def _phase_columns(cell: Phase, dt_ms: float) -> Columns:
+    return {"jitter": cell.constants(NO_SPREAD, dt_ms)["kick"], "begin_span": 1.0}
+
+
+def _phase_apart(cell: Phase, factors: Any, dt_ms: float) -> Any:
+    own = cell.constants(factors, dt_ms)
+    none = np.zeros_like(own["factor"])
+    return [none, none, none, own["kick"], own["factor"]]
+
+
+ENTRIES: dict[type[Cell], Entry] = {
+    Lif: Entry(kernel.LIF, _lif_columns, _lif_apart),
+    Phase: Entry(kernel.PHASE, _phase_columns, _phase_apart),
+}
+_UNIT = Entry(kernel.RATE, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 0.0)
+
+
+def _own_apart(cell: Cell, factors: Any, dt_ms: float) -> Any:
+    none = np.zeros(np.shape(factors)[1:])
+    return [none, none, none, none, none + 1]
+
+
+def _own_columns(cell: Cell, dt_ms: float) -> Columns:
+    made = loops(type(cell))
+    return {"advance": made.advance.address, "place": made.place.address}
+
+
+OWN = Entry(kernel.OWN, _own_columns, _own_apart)
+"""Of every type without loops of its own."""
+
+
+def entry(cell: Cell) -> Entry:
+    """Return the entry of a cell; its exact type counts, for a subclass may tick otherwise."""
+    return ENTRIES.get(type(cell), OWN if cell.spikes else _UNIT)
+
+
+# ---- a tick as it stands
+
+
+@overload(single.single, strict=False)
+def _single(x):
+    return lambda x: np.float32(x)
+
+
+@overload(single.fused, strict=False)
+def _fused(a, b, c):
+    return (lambda a, b, c: lanes.fused(a, b, c)) if _singles(a, b, c) else None
+
+
+@overload(single.choose, strict=False)
+def _choose(test, yes, no):
+    return (lambda test, yes, no: lanes.choose(test, yes, no)) if _singles(yes, no) else None
+
+
+@overload(single.exponential, strict=False)
+def _exponential(x):
+    return (lambda x: lanes.exp32(x)) if _singles(x) else None
+
+
+def _singles(*kinds: Any) -> bool:
+    """Whether all are single precision: what is not would be rounded where NumPy does not."""
+    return all(kind == types.float32 for kind in kinds)
+
+
+def _kept(x: Any) -> Any:
+    """Return a variable of a cell, which must be single precision: nothing is rounded unasked."""
+    return x
+
+
+@overload(_kept)
+def _kept_single(x):
+    return (lambda x: x) if _singles(x) else None
+
+
+class Loops(NamedTuple):
+    """A cell type's compiled loops, called by address; keep this for as long as they are used."""
+
+    advance: Any
+    place: Any
+
+
+ADVANCE = types.void(
+    types.CPointer(types.float32),  # state: variable after variable
+    types.CPointer(types.float32),  # constants: one after the other
+    types.int64,  # from a cell's variable or constant to the next
+    types.CPointer(types.uint32),  # noise
+    types.CPointer(types.float64),  # heard: tick after tick
+    types.int64,  # from a cell's input to that of the next tick
+    types.int64,  # cells
+    types.int64,  # ticks
+    types.CPointer(types.uint8),  # marks
+    types.CPointer(types.int32),  # how many fired, per tick
+)
+PLACE = types.void(
+    types.CPointer(types.float32),
+    types.CPointer(types.float32),
+    types.int64,
+    types.uint64,
+    types.int64,
+)
+
+
+def names_of(kind: type[Cell]) -> tuple[str, ...]:
+    """Return the names of a type's constants, in order; ValueError if its functions disagree."""
+    tick, begin = (
+        getattr(kind, name) or Cell.lacks(object.__new__(kind), name, "the ensemble engine")
+        for name in ("tick", "begin")
+    )
+    first = tuple(inspect.signature(begin).parameters)[1:]
+    second = tuple(inspect.signature(tick).parameters)[2:]
+    if second != kind.state + first:
+        raise ValueError(
+            f"{kind.__name__}.tick must take (heard, ones, *state, *constants), with the constants "
+            f"of {kind.__name__}.begin, {', '.join(first)}; it takes {', '.join(second)}"
+        )
+    return first
+
+
+def loops(kind: type[Cell]) -> Loops:
+    """Compile a cell type's ``tick`` and ``begin``: once per process, for seconds.
+
+    Raises
+    ------
+    ValueError
+        If the type has none, or they use what cannot be compiled.
+    """
+    if kind not in _LOOPS:
+        _LOOPS[kind] = _compiled_loops(kind)
+    return _LOOPS[kind]
+
+
+_LOOPS: dict[type[Cell], Loops] = {}
+
+
+def _compiled_loops(kind: type[Cell]) -> Loops:
+    count, size = len(names_of(kind)), len(kind.state)
+    options = {name: value for name, value in OPTIONS.items() if name != "cache"}
+    tick, begin = (numba.njit(**options)(function) for function in (kind.tick, kind.begin))
+    for_c = {name: value for name, value in options.items() if name != "nogil"}
+    try:
+        return Loops(
+            numba.cfunc(ADVANCE, **for_c)(_advance(tick, size, count)),
+            numba.cfunc(PLACE, **for_c)(_place(begin, size, count)),
+        )
+    except numba.errors.TypingError as error:
+        raise ValueError(
+            f"{kind.__name__}.tick and .begin must be compiled: they may use +, -, *, comparisons, "
+            "constants of np.float32 and the functions of circuits.single, on numbers in single "
+            f"precision ({_reason(error)})"
+        ) from error
+
+
+@numba.njit(inline="always")
+def _gathered(values, like, stride, i):
+    """Return a cell's numbers, one from each row, as a tuple like another."""
+    for k in range(len(like)):
+        like = tuple_setitem(like, k, values[k * stride + i])
+    return like
+
+
+def _advance(tick, size, count):
+    """Return the loop that takes cells through ticks; arguments as in ``ADVANCE``."""
+    no_state, no_constants = (np.float32(0),) * size, (np.float32(0),) * count
+
+    def advance(state, constants, stride, noise, heard, width, cells, ticks, marks, fired):
+        for t in range(ticks):
+            for i in range(cells):
+                given = (heard[t * width + i], lanes.ones_at(noise[i], t))
+                old = _gathered(state, no_state, stride, i)
+                moved = tick(*(given + old + _gathered(constants, no_constants, stride, i)))
+                fired[t] += moved[0]
+                marks[i] |= moved[0] << t
+                new = moved[1:]
+                for k in range(size):
+                    state[k * stride + i] = _kept(new[k])
+
+    return advance
+
+
+def _place(begin, size, count):
+    """Return the loop that places cells as a trial begins; arguments as in ``PLACE``."""
+    no_constants = (np.float32(0),) * count
+
+    def place(state, constants, stride, key, cells):
+        for i in range(cells):
+            uniform = (lanes.word32(i, key) * 2.0**-32,)
+            begun = begin(*(uniform + _gathered(constants, no_constants, stride, i)))
+            for k in range(size):
+                state[k * stride + i] = _kept(begun[k])
+
+    return place
+
+
+def _reason(error: Exception) -> str:
+    """Return the line of a compiler's message that says most."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return next((line for line in lines if "No implementation" in line), lines[0])

@@ -1,0 +1,237 @@
+"""The plain engine: the tick scheme of ``circuits.ticks`` written out in NumPy, one trial a time.
+
+It is slow and short: the place to read what the other spiking engines do, and what tests hold them
+to. Its spikes are those of the Brian2 and of the ensemble engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from circuits import noise
+from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
+from circuits.fixed_point import wired
+from circuits.spec import Circuit
+from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
+from circuits.wiring import Array, fan_in
+
+Fired = dict[int, npt.NDArray[np.bool_]]
+"""Which cells of each block fired in a tick."""
+
+
+def run(
+    circuit: Circuit,
+    drive: npt.ArrayLike,
+    *,
+    step_ms: float,
+    seed: int,
+    dt_ms: float = 0.1,
+    sample_ms: float = 1.0,
+    settle_ms: float = 300.0,
+    first_trial: int = 0,
+    spikes: Iterable[str] = (),
+) -> Activity:
+    """Run a circuit of spiking cells in NumPy.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    drive : array (trials, steps, channels), nats
+        Accumulated evidence; 0 is rest.
+    step_ms : float
+        Time from one reading to the next, ms.
+    seed : int
+        Key of all noise; trial t has the noise of (seed, first_trial + t), whatever runs beside it.
+    dt_ms, sample_ms, settle_ms : float
+        As in ``Clock``.
+    first_trial : int
+        Number of the first trial.
+    spikes : names
+        Populations whose spikes are written down.
+
+    Raises
+    ------
+    ValueError
+        If the drive, a time or a name does not fit the circuit, or a cell type has no tick.
+    """
+    drive = checked_drive(circuit, drive)
+    noise.stream_key(seed, first_trial, "")  # says at once if they are out of range
+    clock = Clock(drive.shape[1], step_ms, dt_ms, sample_ms, settle_ms)
+    names = circuit.spiking(spikes)
+    warn_beyond_range(circuit, drive)
+    scheme = Scheme(wired(circuit), dt_ms)
+    kept = np.concatenate([[], *(scheme.wiring.blocks_of(name) for name in names)]).astype(int)
+    rates, outputs, tables = [], [], []
+    channel = scheme.wiring.channel
+    for t, given in enumerate(drive):
+        trial = _Trial(scheme, clock, seed, first_trial + t)
+        ticks = (trial.tick(k, given) for k in range(clock.ticks))
+        fired = [[now[b] for b in kept] for now in ticks]
+        late, every = clock.settle_ticks, clock.sample_ticks
+        sampled = trial.rates[late:].reshape(clock.samples, every, -1)
+        rates.append(sampled.mean(axis=1))
+        outputs.append(trial.outputs[late + every - 1 :: every])
+        for i, b in enumerate(kept):
+            written = [np.flatnonzero(now[i]) for now in fired[late:]]
+            tables.append((scheme.wiring.row(b).name, _table(written, t, channel[b], dt_ms)))
+    return Activity.from_blocks(
+        scheme.wiring,
+        np.array(rates),
+        clock.time_ms,
+        engine="plain",
+        output_hz=np.array(outputs),
+        spikes=_by_name(tables) if names else None,
+        about={
+            "seed": int(seed),
+            "first_trial": first_trial,
+            "dt_ms": dt_ms,
+            "settle_ms": settle_ms,
+        },
+    )
+
+
+class _Trial:
+    """The state of one trial; ``tick`` moves it on by the four lines of the scheme."""
+
+    def __init__(self, scheme: Scheme, clock: Clock, seed: int, trial: int) -> None:
+        w = scheme.wiring
+        self.scheme, self.clock, self.w = scheme, clock, w
+        self.cells = {
+            b: _Cells(scheme, b, noise.stream_key(seed, trial, w.names[b]))
+            for b in range(w.blocks)
+            if w.row(b).spiking
+        }
+        self.own, weight = _own_connections(scheme)
+        self.common = replace(w, weight=weight)
+        self.units, self.x, self.rest = scheme.start
+        self.readout = w.blocks_of(w.circuit.readout)
+        self.output = self.rest[self.readout]
+        self.rates = np.tile(self.rest, (clock.ticks, 1))
+        self.outputs = np.zeros((clock.ticks, len(self.readout)))
+        self.fired: list[Fired] = []
+        self.longest = int(scheme.unit_delay.max(initial=1))
+
+    def tick(self, k: int, drive: Array) -> Fired:
+        """Take tick k under a drive (steps, channels); return who fired."""
+        scheme, w = self.scheme, self.w
+        # 1. units
+        past = [self.rates[k - d] if k >= d else self.rest for d in scheme.unit_delay]
+        arrived = np.einsum("ub,ub->u", w.deliver, np.array(past).reshape(w.units, w.blocks))
+        self.units = scheme.unit_decay * self.units + (1 - scheme.unit_decay) * arrived
+        # 2. blocks
+        step = self.clock.step_of(k)
+        reading = drive[step] if step >= 0 else np.zeros(w.circuit.channels)
+        nats = self.common.inputs(self.units + w.constant) + w.drive(reading)
+        self.x = scheme.block_decay * self.x + (1 - scheme.block_decay) * nats
+        self.rates[k] = w.rates(self.x)
+        # 3. cells
+        fired: Fired = {}
+        for b, cells in self.cells.items():
+            own = sum((path.tick(k, self.fired) for path in self.own[b]), np.float64(0.0))
+            fired[b] = cells.tick(k, nats[b] + own)
+            self.rates[k, b] = fired[b].sum() * spike_hz(cells.neurons, self.clock.dt_ms)
+        self.fired.append(fired)
+        if k >= self.longest:
+            self.fired[k - self.longest] = {}  # heard by nobody any more
+        # 4. read-out
+        low = scheme.readout_decay
+        self.output = low * self.output + (1 - low) * self.rates[k, self.readout]
+        self.outputs[k] = self.output
+        return fired
+
+
+class _Cells:
+    """The cells of one block in one trial."""
+
+    def __init__(self, scheme: Scheme, block: int, stream: int) -> None:
+        w = scheme.wiring
+        self.row, self.stream, self.dt_s = w.row(block), stream, scheme.dt_ms / 1000
+        self.wiring, self.block, self.neurons = w, block, self.row.neurons
+        self.decay = scheme.block_decay[block]
+        cell, factors = self.row.cell, NO_SPREAD
+        if self.row.spread:
+            factors = cell_factors(w.circuit, self.row.name, int(w.channel[block]))
+        constants = cell.constants(factors, scheme.dt_ms)
+        self.step = cell.tick or cell.lacks("tick", "the plain engine")
+        self.constants = list(constants.values())
+        self.state: tuple[Any, ...] = starting_state(cell, constants, stream, self.neurons)
+        self.x = np.full(self.neurons, scheme.start[1][block])
+
+    def tick(self, k: int, nats: Any) -> npt.NDArray[np.bool_]:
+        """Return which cells fire at tick k under an input, nats, of all or of each."""
+        heard = nats if self.row.cell.hears == "nats" else self._expected(nats)
+        ones = noise.ones8(self.stream, k, self.neurons)
+        fired, *state = self.step(heard, ones, *self.state, *self.constants)
+        self.state = tuple(state)
+        return np.asarray(fired)
+
+    def _expected(self, nats: Any) -> Array:
+        """Return each cell's expected number of spikes in a tick, its input filtered."""
+        self.x = self.decay * self.x + (1 - self.decay) * nats
+        inputs = np.zeros((self.neurons, self.wiring.blocks))
+        inputs[:, self.block] = self.x
+        return self.wiring.rates(inputs)[:, self.block] * self.dt_s
+
+
+class _OwnConnections:
+    """What the cells of one block get through one projection of their own connections."""
+
+    def __init__(self, scheme: Scheme, path: int, channel: int) -> None:
+        w = scheme.wiring
+        p = w.circuit.projections[path]
+        place = np.unique(w.circuit.pattern(p), axis=0, return_inverse=True)[1].ravel()
+        unit = np.flatnonzero(w.path == path)[place[channel]]
+        self.weight, self.constant = p.weight, w.constant[unit]
+        self.delay, self.decay = scheme.unit_delay[unit], scheme.unit_decay[unit]
+        self.jump = w.deliver[unit] / (scheme.dt_ms / 1000)
+        self.rest = scheme.start[0][unit]
+        self.u = np.full(w.circuit.population(p.target).neurons, self.rest)
+        sources = np.flatnonzero(w.deliver[unit])
+        self.fan = {int(b): fan_in(w.circuit, p, channel, int(w.channel[b])) for b in sources}
+
+    def tick(self, k: int, fired: list[Fired]) -> Array:
+        """Return the input (neurons,), nats, at tick k, given who fired in all earlier ones."""
+        arrived = np.full(len(self.u), self.rest)
+        if k >= self.delay:
+            arrived = np.zeros(len(self.u))
+            for b, fan in self.fan.items():
+                arrived += self.jump[b] * fired[k - self.delay][b][fan].mean(axis=1)
+        self.u = self.decay * self.u + (1 - self.decay) * arrived
+        return np.asarray(self.weight * (self.u + self.constant))
+
+
+def _own_connections(scheme: Scheme) -> tuple[dict[int, list[_OwnConnections]], Array]:
+    """Return each block's sparse pathways, and the weights that are left for whole blocks."""
+    w, circuit = scheme.wiring, scheme.wiring.circuit
+    own: dict[int, list[_OwnConnections]] = {b: [] for b in range(w.blocks)}
+    weight = w.weight.copy()
+    for i, p in enumerate(circuit.projections):
+        ends = circuit.population(p.source), circuit.population(p.target)
+        if p.probability < 1 and all(end.spiking for end in ends):
+            weight[:, w.path == i] = 0
+            for channel, b in enumerate(w.blocks_of(p.target)):
+                own[int(b)].append(_OwnConnections(scheme, i, channel))
+    return own, weight
+
+
+def _table(
+    written: list[npt.NDArray[np.intp]], trial: int, channel: int, dt_ms: float
+) -> pd.DataFrame:
+    """Return the spikes of a block in a trial from the cells that fired in each tick."""
+    tick = np.repeat(np.arange(len(written)), [len(cells) for cells in written])
+    return spike_table(trial, channel, np.concatenate(written), tick, dt_ms)
+
+
+def _by_name(tables: list[tuple[str, pd.DataFrame]]) -> dict[str, pd.DataFrame]:
+    names = dict.fromkeys(name for name, _ in tables)
+    return {
+        name: pd.concat([table for of, table in tables if of == name], ignore_index=True)
+        for name in names
+    }
