@@ -21,9 +21,9 @@ from benchmarks.tuning import TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
 from bgmodel.comparison.circuits import (
     CIRCUIT,
-    OWN,
+    MSPRT_AT_GAIN,
+    decide_at_thresholds,
     msprt_sweeps,
-    sweeps,
     thresholds_about,
     usual_gain,
 )
@@ -79,9 +79,11 @@ def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
 
 def scored(table: Circuit, evidence: Evidence, gain: float, seed: int) -> tuple[np.ndarray, float]:
     """Return r at each of the accuracies, and the offset in ms."""
-    test = msprt_sweeps(evidence, gain)[OWN]
+    test = msprt_sweeps(evidence, gain)[MSPRT_AT_GAIN]
     model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
-    own = sweeps(model, evidence, thresholds_about(test), decoder_tau_ms=None)[CIRCUIT]
+    own = decide_at_thresholds(model, evidence, thresholds_about(test), decoder_tau_ms=None)[
+        CIRCUIT
+    ]
     rng = stream(0, "unused")
     found = compare(test, own, rng=rng, accuracies=ACCURACIES, resamples=2)
     values = found.set_index("measure")["value"]

@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 
 from benchmarks.tuning import STEP_MS, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import OWN, msprt_sweeps, thresholds_about, usual_gain
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_sweeps, thresholds_about, usual_gain
 from bgmodel.comparison.compare import compare, sweep
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
@@ -43,7 +43,7 @@ class Run:
 
     def __init__(self, table: Circuit, evidence: Evidence, gain: float, seed: int) -> None:
         self.evidence = evidence
-        self.test = msprt_sweeps(evidence, gain)[OWN]
+        self.test = msprt_sweeps(evidence, gain)[MSPRT_AT_GAIN]
         self.thresholds = thresholds_about(self.test)
         kept: dict[str, list[Array]] = {"D1": [], "STN": [], "SNr": []}
         model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})

@@ -1,4 +1,4 @@
-"""Dopamine as the knob of the threshold, scored: make score.
+"""Levels of dopamine as thresholds, scored: make score.
 
 Figure D2 on a seed that tuned nothing: the posterior at each level of dopamine, and accuracy in
 equal time beside the MSPRT and the MSPRT at the circuit's gain.
@@ -55,7 +55,7 @@ def summary(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Score the knob of both circuits and engines."""
+    """Score both circuits and engines."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=2000)
     given = parser.parse_args()

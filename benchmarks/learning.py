@@ -20,7 +20,7 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.comparison.compare import Sweep, sweep
-from bgmodel.dopamine import Body, knob
+from bgmodel.dopamine import LevelOutcomes, decide_at_levels
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
@@ -46,7 +46,7 @@ better."""
 STARTS = (1, -2)
 """Where learning starts: the lowest but one and the highest but one of the levels."""
 LEVELS = {"rate": 31, "ensemble": 16}
-MET = {"rate": 10_000, "ensemble": 2000}
+LEARNED_ON = {"rate": 10_000, "ensemble": 2000}
 """Trials learned on, drawn again and again; others are scored on."""
 NEAR = 0.06
 """Levels this much worse than the best, as a share, are not searched on fresh trials; the regret
@@ -74,13 +74,13 @@ def swept(
     """Return decisions at every level on trials of their own stream."""
     rng = stream(SCORING_SEED, "learning", name)
     evidence = draw(trials, T_MAX, rng=rng, step_ms=STEP_MS)
-    return knob(model, evidence, levels, THRESHOLD_NATS), evidence
+    return decide_at_levels(model, evidence, levels, THRESHOLD_NATS), evidence
 
 
-def near(body: Body) -> Any:
+def near(outcomes: LevelOutcomes) -> Any:
     """Return the levels within ``NEAR`` of the best, and one more on both sides."""
-    inside = np.flatnonzero(regret(body.levels, body, XI) < NEAR)
-    return body.levels[max(inside[0] - 1, 0) : inside[-1] + 2]
+    inside = np.flatnonzero(regret(outcomes.levels, outcomes, XI) < NEAR)
+    return outcomes.levels[max(inside[0] - 1, 0) : inside[-1] + 2]
 
 
 def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
@@ -88,11 +88,13 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
     options: dict[str, Any] = COARSE if engine == "rate" else {"workers": 1}
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, SCORING_SEED, options)
     levels = playable_levels(model, LEVELS[engine])
-    learned_on = Body.of(*swept(model, levels, draw, min(MET[engine], fresh), f"{kind} learned"))
+    learned_on = LevelOutcomes.of(
+        *swept(model, levels, draw, min(LEARNED_ON[engine], fresh), f"{kind} learned")
+    )
     # Fresh trials, and fresh noise. What is far from the best need not be searched again.
     again = replace(model, seed=SCORING_SEED + 1)
     found, evidence = swept(again, near(learned_on), draw, fresh, f"{kind} scored")
-    scored = Body.of(found, evidence)
+    scored = LevelOutcomes.of(found, evidence)
     best, own = scored.best(XI)
     if best in scored.levels[[0, -1]] and best not in levels[[0, -1]]:
         raise RuntimeError(f"the best level, {best:.3f}, lies at the edge of what was searched")
@@ -114,7 +116,7 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
         )
         for after in AFTER:
             last = slice(after - Learner.last, after)
-            ends = learned.mean_gap[:, last].mean(axis=1)
+            ends = learned.mean_played[:, last].mean(axis=1)
             searched = (ends >= scored.levels[0]) & (ends <= scored.levels[-1])
             reached = np.where(searched, scored.expected(ends, XI), np.nan)
             rows.append(

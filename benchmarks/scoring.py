@@ -19,7 +19,7 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.commands.comparing import sample_ms
-from bgmodel.comparison.circuits import OWN, against, usual_gain
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt, usual_gain
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
@@ -117,7 +117,7 @@ def main() -> None:
             write_table(found, path, seed=SCORING_SEED, **behind)
         print(f"\n=== {name}, {evidence.trials} trials")
         scored = read_table(path)
-        own = scored["reference"] == OWN
+        own = scored["reference"] == MSPRT_AT_GAIN
         print(page(scored[own | scored["model"].isin(RIVALS)]), flush=True)
 
 
@@ -126,7 +126,7 @@ def _score(
 ) -> pd.DataFrame:
     options: dict[str, Any] = {"workers": workers, "sample_ms": sample_ms(evidence.step_ms)}
     model = BasalGanglia(table, "ensemble", gain, SCORING_SEED, options)
-    return against(model, evidence, seed=SCORING_SEED, rivals=rivals)
+    return compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=rivals)
 
 
 if __name__ == "__main__":

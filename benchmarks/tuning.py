@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import at_rest, usual_gain, variants
+from bgmodel.comparison.circuits import at_rest, compare_edits, usual_gain
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
@@ -102,7 +102,7 @@ def main() -> None:
     for seed in TUNING_SEEDS:
         evidence = tuning_evidence(given.trials, given.channels, given.d_prime, seed)
         model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
-        found = variants(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
+        found = compare_edits(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
         print(f"\nseed {seed}, N = {given.channels}, d' {given.d_prime:g}, {given.trials} trials")
         print(page(found[found["kind"] == "value"].drop(columns="kind")))
 

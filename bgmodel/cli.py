@@ -17,16 +17,21 @@ import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from bgmodel.commands.checks import Writes, check_outputs
-from bgmodel.commands.circuit import Run, Show
-from bgmodel.commands.comparing import Compare, Lesion
-from bgmodel.commands.decisions import Decide, Learn
-from bgmodel.commands.dopamine import Learn as Dopamine
-from bgmodel.commands.experiments import Run as Experiment
+from bgmodel.commands.circuit import CircuitRun, CircuitShow
+from bgmodel.commands.comparing import CircuitLesion, Compare
+from bgmodel.commands.decisions import Decide, GapLearn
+from bgmodel.commands.dopamine import CircuitLearn
+from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.taps import Decode, Simulate, Train
 
 ABOUT = "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw."
-CIRCUIT = {"show": Show, "run": Run, "lesion": Lesion, "learn": Dopamine}
+CIRCUIT = {
+    "show": CircuitShow,
+    "run": CircuitRun,
+    "lesion": CircuitLesion,
+    "learn": CircuitLearn,
+}
 # A name and its command, or a name and a group: what it is about, and a table like this one with
 # two commands or more.
 COMMANDS: dict[str, Any] = {
@@ -34,14 +39,14 @@ COMMANDS: dict[str, Any] = {
     "train": Train,
     "decode": Decode,
     "decide": Decide,
-    "learn": Learn,
+    "learn": GapLearn,
     "circuit": (
         "A basal ganglia circuit: show its table, let it decide, lesion it, let dopamine learn. "
         "Example: bgmodel circuit show",
         CIRCUIT,
     ),
     "compare": Compare,
-    "experiment": Experiment,
+    "experiment": ExperimentRun,
     "figures": Figures,
 }
 

@@ -1,4 +1,4 @@
-"""Dopamine as the knob of the threshold: what its level does to a circuit, and learning by it.
+"""Dopamine moves the threshold: the effect of its level on a circuit, and learning of a level.
 
 The read-out's threshold stays where it is. A level of dopamine moves D1's and D2's cortical gain in
 opposite directions and with them OUT, so the circuit stops at another posterior. The learner is
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from bgmodel.comparison.circuits import CIRCUIT, sweeps
+from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Sweep
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
@@ -104,10 +104,9 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
 def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level that a learner should play.
 
-    Where the fixed point decides by evidence, ``MARGIN`` away from where it stops to (no margin is
-    left where the most that is allowed ends it). With spikes
-    it also ends where noise decides: where OUT at rest meets the threshold in more than
-    ``NOISE_SHARE`` of 200 trials of half a second, in the compiled engine.
+    The working range, shrunk by ``MARGIN`` at both ends (not at a level of 2). With spikes its
+    upper end also lies below the level at which noise alone decides: at which OUT at rest meets the
+    threshold in more than ``NOISE_SHARE`` of 200 trials of half a second, in the compiled engine.
 
     Raises
     ------
@@ -173,7 +172,7 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
     return float(1 / (1 + (circuit.channels - 1) * np.exp(-found / gain)))
 
 
-def knob(
+def decide_at_levels(
     model: BasalGanglia, evidence: Evidence, levels: npt.ArrayLike, threshold_nats: float
 ) -> Sweep:
     """Let a circuit decide at several levels of dopamine, its threshold fixed.
@@ -192,7 +191,7 @@ def knob(
     Returns
     -------
     Sweep
-        Whose ``thresholds`` are the levels, highest first.
+        Its ``settings`` are the levels, highest first.
     """
     falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]
     low, high = ALLOWED
@@ -201,7 +200,7 @@ def knob(
     if not (falling[-1] >= low and falling[0] <= high):
         raise ValueError(f"levels must lie in {low:g}..{high:g}, got {levels!r}")
     rows = [
-        sweeps(
+        decide_at_thresholds(
             replace(model, circuit=model.circuit.dopamine(float(level))),
             evidence,
             [threshold_nats],
@@ -214,8 +213,8 @@ def knob(
 
 
 @dataclass(frozen=True)
-class Body:
-    """A circuit as a learner meets it: its decisions at each level, on the same trials.
+class LevelOutcomes:
+    """Outcomes of a circuit's decisions at each level of dopamine, on the same trials.
 
     Parameters
     ----------
@@ -245,7 +244,7 @@ class Body:
             raise ValueError(f"levels must rise, got {self.levels}")
 
     @classmethod
-    def of(cls, found: Sweep, evidence: Evidence) -> Body:
+    def of(cls, found: Sweep, evidence: Evidence) -> LevelOutcomes:
         """Build from decisions and the truth."""
         if evidence.truth is None:
             raise ValueError("reward needs the truth of each trial")
@@ -254,7 +253,7 @@ class Body:
         steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
         correct = found.choice == evidence.truth
         forced = found.forced.mean(axis=1)
-        return cls(found.thresholds[::-1], correct[::-1], steps[::-1], forced[::-1])
+        return cls(found.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
 
     def rewards(self, xi: float) -> Array:
         """Return ``r = xi W - T`` of each level and trial, (K, trials)."""

@@ -13,11 +13,11 @@ from bgmodel import stream
 from bgmodel.comparison.circuits import (
     CIRCUIT,
     DECODER,
-    OWN,
+    MSPRT_AT_GAIN,
+    compare_edits,
+    decide_at_thresholds,
     msprt_sweeps,
-    sweeps,
     thresholds_about,
-    variants,
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.steady import out_shift, steady_out
@@ -48,12 +48,14 @@ def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: fl
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
     evidence = gaussian(settings, "neurons", 2 * settings.varied_trials, 2, 0.5)
-    test = msprt_sweeps(evidence, GAIN)[OWN]
+    test = msprt_sweeps(evidence, GAIN)[MSPRT_AT_GAIN]
     parts = []
     for count in (n for n in NEURONS if n <= settings.most_neurons):
         table = circuit("spiking_msprt").with_neurons(count)
         model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
-        for name, found in sweeps(model, evidence, thresholds_about(test, HIGHEST)).items():
+        for name, found in decide_at_thresholds(
+            model, evidence, thresholds_about(test, HIGHEST)
+        ).items():
             rng = stream(settings.seed, "bootstrap")
             measured = compare(test, found, rng=rng, truth=evidence.truth, accuracies=(AT,))
             parts.append(measured.assign(model=name, neurons=count))
@@ -81,7 +83,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
     }
     model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST}
-    found = variants(model, edited, evidence, seed=settings.seed, **given)
+    found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
@@ -95,7 +97,7 @@ def numbers(settings: Settings, *, output: Path) -> None:
     edited = {name: every[name] for name in names}
     model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
-    found = variants(model, edited, evidence, seed=settings.seed, **given)
+    found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
     write_table(found.assign(of=len(every)), output, seed=settings.seed, settings=settings)
 
 

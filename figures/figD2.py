@@ -1,4 +1,4 @@
-"""Figure D2: dopamine as the knob of the threshold: level to posterior, and speed to accuracy."""
+"""Figure D2: dopamine moves the threshold: level to posterior, and speed to accuracy."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import FULL, msprt_sweeps
-from bgmodel.dopamine import criterion, knob, working_range
+from bgmodel.comparison.circuits import MSPRT, msprt_sweeps
+from bgmodel.dopamine import criterion, decide_at_levels, working_range
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
-from bgmodel.learning.level import COARSE, knob_table, levels_between
+from bgmodel.learning.level import COARSE, level_table, levels_between
 from figures.common import GAIN, Settings, letter, run
 
 STEPS = {2: 120, 4: 160}
@@ -38,7 +38,7 @@ def compute(settings: Settings, *, output: Path) -> None:
 
 
 def measured(seed: int, trials: int) -> pd.DataFrame:
-    """Return ``knob_table`` of both circuits and engines, beside the curve of each test.
+    """Return ``level_table`` of both circuits and engines, beside the curve of each test.
 
     The rows of a test have its posterior as level, and its mean time as value.
     """
@@ -55,8 +55,8 @@ def measured(seed: int, trials: int) -> pd.DataFrame:
         for engine in ENGINES:
             options = COARSE if engine == "rate" else {}
             model = BasalGanglia(table, engine, GAIN, seed, options)
-            found = knob_table(
-                knob(model, evidence, levels, threshold),
+            found = level_table(
+                decide_at_levels(model, evidence, levels, threshold),
                 tests,
                 circuit=table,
                 gain=GAIN,
@@ -105,7 +105,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
     found = rows[(rows["engine"] == engine) & (rows["measure"] == measure)]
-    return found[found["reference"].isin(["", FULL])].set_index("level")
+    return found[found["reference"].isin(["", MSPRT])].set_index("level")
 
 
 def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
@@ -133,7 +133,7 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
 
 
 def _tradeoff(ax, rows: pd.DataFrame, colour: str) -> None:
-    line = rows[(rows["measure"] == "curve") & (rows["reference"] == FULL)]
+    line = rows[(rows["measure"] == "curve") & (rows["reference"] == MSPRT)]
     ax.plot(line["value"] / 1000, line["level"], lw=0.8, color=colour)
     for engine, mark in (("rate", "o"), ("ensemble", "s")):
         time, known = (_points(rows, engine, name) for name in ("mean_ms", "criterion"))

@@ -52,7 +52,7 @@ def compute(settings: Settings, *, output: Path) -> None:
     parts = []
     for name, table in edits(circuit("spiking_msprt")).items():
         model = BasalGanglia(table, "ensemble", seed=settings.seed)
-        activity = model.at(drive, step_ms=1000.0)
+        activity = model.run_drive(drive, step_ms=1000.0)
         root = _root(table)
         for nucleus in NUCLEI:
             frequency, power = activity.spectrum(nucleus, from_ms=1000.0)

@@ -422,13 +422,13 @@ def test_conditions_that_say_nothing_are_refused(small, capsys):
 def test_foreperiods_have_noise_of_their_own(monkeypatch):
     """Their trials are numbered after those with evidence."""
     asked = []
-    plain = BasalGanglia.at
+    plain = BasalGanglia.run_drive
 
-    def at(model, drive, step_ms, first_trial=0):
+    def run_drive(model, drive, step_ms, first_trial=0):
         asked.append((len(drive), first_trial))
         return plain(model, drive, step_ms, first_trial)
 
-    monkeypatch.setattr(BasalGanglia, "at", at)
+    monkeypatch.setattr(BasalGanglia, "run_drive", run_drive)
     model = BasalGanglia(anatomy.spiking_msprt(2).with_neurons(20), "ensemble", 0.5, 3)
     evidence = gaussian_evidence(30, 2, 1.0, rng=stream(1, "foreperiod"), step_ms=50.0)
     behaviour_of(model, evidence, 0.3, 20.0)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.cli import main
-from bgmodel.commands.circuit import Name, Run
+from bgmodel.commands.circuit import CircuitRun, Name
 from circuits import anatomy, show
 from circuits.engines import ENGINES
 from circuits.engines.ensemble import run as ensemble
@@ -80,7 +80,7 @@ def test_nwb_reads_back(tmp_path):
 
 def test_the_command_names_all_circuits_and_engines():
     assert set(get_args(Name)) == set(anatomy.CIRCUITS)
-    assert set(get_args(get_type_hints(Run)["engine"])) == set(ENGINES)
+    assert set(get_args(get_type_hints(CircuitRun)["engine"])) == set(ENGINES)
 
 
 def run(*arguments):

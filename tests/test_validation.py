@@ -96,7 +96,7 @@ def test_learning_ends_within_two_per_cent_of_the_exact_optimum(period, start):
         rngs=[stream(seed, *name, "explore") for seed in SCORING_SEEDS],
         policy=policy,
         learner=learner,
-    ).delta
+    ).learned
     regrets = [
         regret_on_fresh_trials(
             delta[[i]], readings, optimum, xi=XI, t_max=T_MAX, seed=seed, name=name

@@ -32,7 +32,7 @@ Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
 
 
 @dataclass(frozen=True)
-class Show(Writes):
+class CircuitShow(Writes):
     """Print a circuit's table, as edited; draw it if a file is given.
 
     Examples: bgmodel circuit show spiking_msprt;
@@ -107,7 +107,7 @@ def _scatter(table: Any, posterior: float) -> str:
 
 
 @dataclass(frozen=True)
-class Run(Writes):
+class CircuitRun(Writes):
     """Let a circuit decide, on Gaussian or tactile evidence or on a table of your own.
 
     Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;

@@ -68,7 +68,7 @@ class Compare(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import against
+        from bgmodel.comparison.circuits import compare_with_msprt
         from bgmodel.comparison.page import page
 
         model, evidence = _model(self)
@@ -78,7 +78,9 @@ class Compare(Comparison):
         if not gaussian:
             say(f"{' and '.join(NEED_ZERO)} are left out: the zero of this evidence means nothing")
         say_before(model, evidence, model.batch(evidence))
-        table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
+        table = compare_with_msprt(
+            model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies
+        )
         files.write_table(
             table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
         )
@@ -87,7 +89,7 @@ class Compare(Comparison):
 
 
 @dataclass(frozen=True)
-class Lesion(Comparison):
+class CircuitLesion(Comparison):
     """Compare edited circuits with the circuit as it is, on the same evidence and noise.
 
     Each edit is a circuit of its own: a nucleus to lesion, whole ("STN") or by a fraction
@@ -103,7 +105,7 @@ class Lesion(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import variants
+        from bgmodel.comparison.circuits import compare_edits
         from bgmodel.comparison.page import behaviour, page
 
         model, evidence = _model(self)
@@ -114,7 +116,7 @@ class Lesion(Comparison):
         if self.lesions == LESIONS:
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         say_before(model, evidence, model.batch(evidence))
-        table = variants(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
+        table = compare_edits(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
         files.write_table(
             table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
         )

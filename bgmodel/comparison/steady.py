@@ -38,7 +38,7 @@ def out_shift(
     drive -= drive.mean(axis=2, keepdims=True)
     try:
         before, after = (
-            BasalGanglia(c, options={"laws": laws}).at(drive, step_ms=1.0).output_nats
+            BasalGanglia(c, options={"laws": laws}).run_drive(drive, step_ms=1.0).output_nats
             for c in (circuit, edited)
         )
     except ValueError:
@@ -67,7 +67,7 @@ def steady_out(
     drive[:, 0, 0] = np.repeat(odds, trials)
     drive -= drive.mean(axis=2, keepdims=True)
     model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})
-    out = model.at(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
+    out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
     found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
     return found.reshape(len(odds), trials)
 

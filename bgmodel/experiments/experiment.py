@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.circuits import CIRCUIT, sweeps
+from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
@@ -235,7 +235,7 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
     models = [experiment.model(c, evidence.hypotheses, workers) for c in conditions]
     thresholds = [experiment.threshold_nats(c, evidence.hypotheses) for c in conditions]
     check_threshold(models[0].circuit, thresholds[0])
-    models[0].warn_of(evidence)
+    models[0].warn_beyond_range(evidence)
     models[0].warn_of_noise(thresholds[0])
     weights = resampled(evidence.trials, RESAMPLES, stream(experiment.seed, "bootstrap"))
     found: list[dict[str, Any]] = []
@@ -287,12 +287,12 @@ def behaviour_of(
     model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
 ) -> Behaviour:
     """Let a circuit decide at one threshold, and wait through a foreperiod without evidence."""
-    whole = sweeps(model, evidence, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
+    whole = decide_at_thresholds(model, evidence, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
     responded = []
     for first in range(0, evidence.trials, BATCH):
         silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
         # Trials of their own: their noise is no other trial's.
-        waited = model.at(silence, foreperiod_ms, evidence.trials + first).output_nats
+        waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
         responded.append(np.asarray((waited <= threshold_nats).any(axis=(1, 2))))
     truth = np.asarray(evidence.truth)
     return Behaviour(whole, np.concatenate(responded), truth, evidence.hypotheses)

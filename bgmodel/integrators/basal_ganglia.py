@@ -139,9 +139,9 @@ class BasalGanglia:
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
         """Return all that the circuit did; trial t has the noise of ``first_trial + t``."""
-        return self.at(self.drive(evidence), evidence.step_ms, first_trial)
+        return self.run_drive(self.drive(evidence), evidence.step_ms, first_trial)
 
-    def at(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
+    def run_drive(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
         """Return what the circuit does under a drive (trials, steps, channels) in its own nats."""
         trials, steps, _ = checked_drive(self.circuit, drive).shape
         self.check_memory(trials, steps, step_ms)
@@ -181,7 +181,7 @@ class BasalGanglia:
         kept = {"rates": self.options.get("rates", True), "workers": self.options.get("workers", 1)}
         return memory_bytes(self.circuit, self.engine, trials, samples, **kept)
 
-    def warn_of(self, evidence: Evidence) -> None:
+    def warn_beyond_range(self, evidence: Evidence) -> None:
         """Warn if the evidence leaves the range in which the circuit works."""
         warn_beyond_range(self.circuit, self.drive(evidence))
 
@@ -190,7 +190,7 @@ class BasalGanglia:
         silence = np.zeros((trials, 1, self.circuit.channels))
         kept = {k: v for k, v in self.options.items() if k in ("dt_ms", "settle_ms", "workers")}
         quiet = replace(self, engine="ensemble", options={**kept, "rates": False})
-        return np.asarray(quiet.at(silence, step_ms=500.0).output_nats)
+        return np.asarray(quiet.run_drive(silence, step_ms=500.0).output_nats)
 
     def warn_of_noise(self, threshold_nats: float) -> None:
         """Warn if noise alone crosses a threshold."""
@@ -226,7 +226,7 @@ class BasalGanglia:
         for first in range(0, evidence.trials, batch):
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
-                # A part at a time it would be said many times: ``warn_of`` says it once.
+                # A part at a time it would be said many times: ``warn_beyond_range`` says it once.
                 warnings.filterwarnings("ignore", message="S runs from")
                 activity = self.activity(part, first_trial + first)
             yield part, activity

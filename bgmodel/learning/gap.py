@@ -172,13 +172,13 @@ def learn_folds(
         **options,
     )
     episodes = np.linspace(0, learner.episodes - 1, keep).round().astype(int)
-    curves = smoothed(learned.mean_gap, window)[:, episodes]
+    curves = smoothed(learned.mean_played, window)[:, episodes]
     rows = []
     for fold, readings in enumerate(sources):
         own = slice(fold * repeats, (fold + 1) * repeats)
         pair = increments(readings)
         optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
-        regret = regret_on_fresh_trials(learned.delta[own], readings, optimum, **options)
+        regret = regret_on_fresh_trials(learned.learned[own], readings, optimum, **options)
         start_cost = -float(reward_curve(*pair, start_delta, xi, t_max=t_max))
         runs = pd.DataFrame(
             {
@@ -186,7 +186,7 @@ def learn_folds(
                 "start_delta": start_delta,
                 "fold": fold,
                 "repeat": np.arange(repeats),
-                "learned_delta": learned.delta[own],
+                "learned_delta": learned.learned[own],
                 "regret": regret,
                 "optimal_delta": optimum.delta,
                 "optimal_cost": optimum.cost,
@@ -241,21 +241,21 @@ def learn_grating(
         learner=learner,
     )
     regret = regret_on_fresh_trials(
-        learned.delta, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
+        learned.learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
     )
-    episodes = learned.gap.shape[1]
+    episodes = learned.played.shape[1]
     table = pd.DataFrame(
         {
             "run": np.repeat(np.arange(runs), episodes),
             "episode": np.tile(np.arange(episodes), runs),
-            "mean_delta": learned.mean_gap.ravel(),
-            "delta": learned.gap.ravel(),
+            "mean_delta": learned.mean_played.ravel(),
+            "delta": learned.played.ravel(),
             "reward": learned.reward.ravel(),
             "dopamine": learned.prediction_error.ravel(),
         }
     )
     summary = {
-        "learned_delta": learned.delta.tolist(),
+        "learned_delta": learned.learned.tolist(),
         "regret": regret.tolist(),
         "optimal_delta": optimum.delta,
         "optimal_cost": optimum.cost,

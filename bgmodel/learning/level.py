@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.comparison.compare import Sweep, curve, interval, resampled
-from bgmodel.dopamine import Body, criterion, knob, usable_range, working_range
+from bgmodel.dopamine import LevelOutcomes, criterion, decide_at_levels, usable_range, working_range
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit
 from bgmodel.learning.policies import GaussianPolicy
@@ -39,7 +39,7 @@ def playable_levels(
     return levels_between(*usable_range(model, threshold_nats), count)
 
 
-def knob_table(
+def level_table(
     swept: Sweep,
     tests: Mapping[str, Sweep],
     *,
@@ -55,11 +55,11 @@ def knob_table(
     Parameters
     ----------
     swept : Sweep
-        As from ``dopamine.knob``.
+        As from ``dopamine.decide_at_levels``.
     tests : mapping of Sweep
-        By name, as from ``circuit_study.msprt_sweeps``, on the same evidence.
+        By name, as from ``comparison.circuits.msprt_sweeps``, on the same evidence.
     circuit, gain, threshold_nats :
-        What was swept.
+        The circuit that was swept.
     latency_ms : float
         What is no decision time: known from elsewhere, not fitted to what is judged by it.
     rng : numpy.random.Generator
@@ -90,7 +90,7 @@ def knob_table(
         values["extra_ms", name] = took - _between(reached, known, time)
     low, high = working_range(circuit, threshold_nats)
     rows = []
-    for k, level in enumerate(swept.thresholds):
+    for k, level in enumerate(swept.settings):
         inside = low < level < high
         exact = criterion(circuit, float(level), threshold_nats, gain) if inside else np.nan
         rows.append((level, "fixed_point", exact, np.nan, np.nan, ""))
@@ -103,18 +103,18 @@ def _between(at: Array, x: Array, y: Array) -> Array:
     return np.array([np.interp(*row, np.nan, np.nan) for row in zip(at, x, y, strict=True)])
 
 
-def body(
+def level_outcomes(
     model: BasalGanglia,
     evidence: Evidence,
     levels: npt.ArrayLike,
     threshold_nats: float = THRESHOLD_NATS,
-) -> Body:
-    """Return a circuit as a learner meets it: its decisions at each level of dopamine."""
-    return Body.of(knob(model, evidence, levels, threshold_nats), evidence)
+) -> LevelOutcomes:
+    """Return the outcomes of a circuit's decisions at each level of dopamine."""
+    return LevelOutcomes.of(decide_at_levels(model, evidence, levels, threshold_nats), evidence)
 
 
 def learn_level(
-    met: Body,
+    outcomes: LevelOutcomes,
     *,
     xi: float,
     start_level: float,
@@ -128,7 +128,7 @@ def learn_level(
 
     Parameters
     ----------
-    met : Body
+    outcomes : LevelOutcomes
         The circuit; the learner sees its rewards alone.
     xi : float
         Cost of an error in readings.
@@ -139,21 +139,21 @@ def learn_level(
     seed, name :
         Of the streams.
     policy, learner :
-        A ``GaussianPolicy`` on the body's levels, its last exploration ``LAST_SHARE``, and the
-        learner of the abstract test.
+        A ``GaussianPolicy`` on the levels of the outcomes, its last exploration ``LAST_SHARE``, and
+        the learner of the abstract test.
 
     Returns
     -------
     Learned
-        Whose ``gap`` is the level of each trial, ``mean_gap`` the tonic level, and
+        ``played`` is the level of each trial, ``mean_played`` the tonic level, and
         ``prediction_error`` phasic dopamine.
 
     Raises
     ------
     ValueError
-        If the start or what is played lies beyond the body's levels, or there is no run.
+        If the start or what is played lies beyond the levels of the outcomes, or there is no run.
     """
-    low, high = float(met.levels[0]), float(met.levels[-1])
+    low, high = float(outcomes.levels[0]), float(outcomes.levels[-1])
     policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
     if not low <= policy.bounds[0] < policy.bounds[1] <= high:
         raise ValueError(f"what is played must lie in {low:.3f}..{high:.3f}, got {policy.bounds}")
@@ -165,7 +165,7 @@ def learn_level(
     trials = [stream(seed, "dopamine", name, run, "trials") for run in range(runs)]
     explored = [stream(seed, "dopamine", name, run, "explored") for run in range(runs)]
     return learn(
-        met.environment(xi, trials),
+        outcomes.environment(xi, trials),
         start_level,
         rngs=explored,
         policy=policy,
@@ -182,27 +182,27 @@ def learned_table(learned: Learned) -> pd.DataFrame:
         One row a trial of a run: run, episode, tonic (the mean level), level (what was played),
         reward, phasic (the reward prediction error).
     """
-    runs, episodes = learned.gap.shape
+    runs, episodes = learned.played.shape
     return pd.DataFrame(
         {
             "run": np.repeat(np.arange(runs), episodes),
             "episode": np.tile(np.arange(episodes), runs),
-            "tonic": learned.mean_gap.ravel(),
-            "level": learned.gap.ravel(),
+            "tonic": learned.mean_played.ravel(),
+            "level": learned.played.ravel(),
             "reward": learned.reward.ravel(),
             "phasic": learned.prediction_error.ravel(),
         }
     )
 
 
-def regret(level: npt.ArrayLike, fresh: Body, xi: float) -> Array:
+def regret(level: npt.ArrayLike, fresh: LevelOutcomes, xi: float) -> Array:
     """Return how much more a level costs than the best one, as a share of the least cost.
 
     Parameters
     ----------
     level : array
         Levels of dopamine.
-    fresh : Body
+    fresh : LevelOutcomes
         The circuit on trials that were not learned from.
     xi : float
         Cost of an error in readings.

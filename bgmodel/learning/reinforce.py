@@ -99,18 +99,27 @@ class Learner:
 
 @dataclass(frozen=True)
 class Learned:
-    """What learning did: arrays (runs, episodes) of gap, mean gap, reward, prediction error.
+    """The course of learning in several runs: what is played is a gap or a level of dopamine.
 
-    ``delta`` (runs,) is the learned value. The prediction error, reward minus its learned
-    baseline, is what phasic dopamine is taken to report. Where a level of dopamine is played
-    instead of a gap, its mean is the tonic level.
+    Parameters
+    ----------
+    played : array (runs, episodes)
+        Gap (nats) or level in each trial.
+    mean_played : array (runs, episodes)
+        Its mean before exploration; of levels the tonic level.
+    reward : array (runs, episodes), readings
+        Reward of each trial.
+    prediction_error : array (runs, episodes), readings
+        Reward minus its learned baseline: what phasic dopamine is taken to report.
+    learned : array (runs,)
+        The learned gap or level: ``mean_played`` over the last trials.
     """
 
-    gap: FloatArray
-    mean_gap: FloatArray
+    played: FloatArray
+    mean_played: FloatArray
     reward: FloatArray
     prediction_error: FloatArray
-    delta: FloatArray
+    learned: FloatArray
 
 
 class LearningStopped(ValueError):
@@ -126,21 +135,21 @@ Environment = Callable[[int, FloatArray], FloatArray]
 
 def learn(
     environment: Environment,
-    start_delta: npt.ArrayLike,
+    start: npt.ArrayLike,
     *,
     rngs: list[np.random.Generator],
     policy: Policy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
-    """Learn the gap in several independent runs, side by side.
+    """Learn a gap or a level of dopamine in several independent runs, side by side.
 
     Parameters
     ----------
     environment : callable
-        ``environment(episode, gaps (runs,)) -> rewards (runs,)``; see ``trials_of``, and
-        ``dopamine.Body`` for a circuit, which is played by levels of dopamine.
-    start_delta : float
-        Mean of what is played at the start.
+        ``environment(episode, played (runs,)) -> rewards (runs,)``; see ``trials_of``, which is
+        played by gaps, and ``LevelOutcomes`` for a circuit, which is played by levels.
+    start : float
+        Mean of what is played at the start: a gap (nats) or a level of dopamine.
     rngs : list of numpy.random.Generator
         One a run, for its exploration alone: a run's course does not depend on its neighbours.
     policy, learner :
@@ -154,20 +163,20 @@ def learn(
     policy, learner = policy or GaussianPolicy(), learner or Learner()
     runs, episodes = len(rngs), learner.episodes
     noise = np.stack([rng.standard_normal((episodes, policy.noise)) for rng in rngs], axis=1)
-    parameters = policy.start(runs, float(np.asarray(start_delta)))
-    gap, mean_gap, rewards, errors = (np.empty((runs, episodes)) for _ in range(4))
+    parameters = policy.start(runs, float(np.asarray(start)))
+    played, mean, rewards, errors = (np.empty((runs, episodes)) for _ in range(4))
     baseline, share = np.zeros(runs), np.zeros(runs)
     for k in range(episodes):
-        mean_gap[:, k] = policy.mean(parameters)
+        mean[:, k] = policy.mean(parameters)
         # What is carried over is no exploration: it gets no credit.
         carried = learner.carried * share[:, None]
-        gap[:, k], _ = policy.sample(parameters, noise[k] + carried, k)
+        played[:, k], _ = policy.sample(parameters, noise[k] + carried, k)
         _, gradient = policy.sample(parameters, noise[k], k)
-        r = environment(k, gap[:, k])
+        r = environment(k, played[:, k])
         if not (np.isfinite(r).all() and np.isfinite(parameters).all()):
             what = "a reward" if not np.isfinite(r).all() else "what is learned"
-            last = mean_gap[:, max(k - 1, 0)]
-            done = Learned(gap[:, :k], mean_gap[:, :k], rewards[:, :k], errors[:, :k], last)
+            last = mean[:, max(k - 1, 0)]
+            done = Learned(played[:, :k], mean[:, :k], rewards[:, :k], errors[:, :k], last)
             raise LearningStopped(f"{what} is not finite in episode {k}", done)
         error = r - baseline if k else np.zeros(runs)
         scale = baseline  # of earlier trials alone, so that the gradient stays unbiased
@@ -177,7 +186,7 @@ def learn(
             rate = policy.pace * learner.rate / (1 + k / learner.half_episodes)
             parameters = policy.bounded(parameters + rate * share[:, None] * gradient)
         rewards[:, k], errors[:, k] = r, error
-    return Learned(gap, mean_gap, rewards, errors, mean_gap[:, -learner.last :].mean(axis=1))
+    return Learned(played, mean, rewards, errors, mean[:, -learner.last :].mean(axis=1))
 
 
 def trials_of(
