@@ -20,7 +20,7 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.comparison.compare import Sweep, sweep
-from bgmodel.dopamine import LevelOutcomes, decide_at_levels
+from bgmodel.dopamine import decide_at_levels
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
@@ -33,6 +33,8 @@ from bgmodel.learning.level import (
     regret,
 )
 from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.reward import reward_of
+from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from figures import figD2
 
@@ -102,7 +104,7 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
     test = sweep(Msprt(GAIN).run(evidence), evidence)
     steps = (np.maximum(test.time_ms, 0) + LATENCY_MS) / STEP_MS
     steps = np.minimum(steps, T_MAX + 1)
-    algorithm = float((-XI * (test.choice != evidence.truth) - steps).mean(axis=1).max())
+    algorithm = float(reward_of(test.choice != evidence.truth, steps, XI).mean(axis=1).max())
     rows = []
     for start in levels[list(STARTS)].tolist():
         learned = learn_level(

@@ -23,7 +23,9 @@ from bgmodel.commands.decisions import Decide, GapLearn
 from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
+from bgmodel.commands.names import Name
 from bgmodel.commands.taps import Decode, Simulate, Train
+from bgmodel.ours import explained
 
 ABOUT = "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw."
 CIRCUIT = {
@@ -62,7 +64,10 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read has read enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ValueError, ImportError, OSError) as error:
+    except ImportError as error:
+        print(f"bgmodel: {explained(error)}", file=sys.stderr)
+        return 2
+    except (ValueError, OSError) as error:
         print(f"bgmodel: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as stop:
@@ -93,7 +98,7 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
 
 
 def _registry() -> ConstructorRegistry:
-    """Return tyro's rules and one more: a whole number may be written 1e5."""
+    """Return tyro's rules and two more: a whole number may be written 1e5; names are listed."""
     registry = ConstructorRegistry()
 
     @registry.primitive_rule
@@ -105,6 +110,19 @@ def _registry() -> ConstructorRegistry:
             metavar="INT",
             instance_from_str=lambda given: _whole(given[0]),
             is_instance=lambda value: isinstance(value, int) and not isinstance(value, bool),
+            str_from_instance=lambda value: [str(value)],
+        )
+
+    @registry.primitive_rule
+    def listed(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Name] | None:
+        kind = info.type
+        if not (isinstance(kind, type) and issubclass(kind, Name)):
+            return None
+        return PrimitiveConstructorSpec(
+            nargs=1,
+            metavar=f"{{{','.join(kind.known())}}}",
+            instance_from_str=lambda given: kind.parse(given[0]),
+            is_instance=lambda value: isinstance(value, str),
             str_from_instance=lambda value: [str(value)],
         )
 

@@ -8,8 +8,7 @@ its own perturbations of the level, no gap, no evidence and no test.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +16,7 @@ from scipy.optimize import brentq
 
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Sweep
+from bgmodel.decision import any_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
     NOISE_SHARE,
@@ -24,9 +24,7 @@ from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
     Circuit,
     run_engine,
-    share_crossed,
 )
-from bgmodel.learning.reinforce import Environment, check_xi
 
 Array = npt.NDArray[np.float64]
 ALLOWED = (0.0, 2.0)
@@ -119,7 +117,7 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
 
     def noisy(level: float) -> bool:
         edited = replace(model, circuit=model.circuit.dopamine(level))
-        return share_crossed(edited.out_at_rest(200), threshold_nats) > NOISE_SHARE
+        return bool(any_crossing(edited.out_at_rest(200), threshold_nats).mean() > NOISE_SHARE)
 
     if model.engine in SPIKING and noisy(high):
         quiet = low
@@ -210,91 +208,3 @@ def decide_at_levels(
     ]
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     return Sweep(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))
-
-
-@dataclass(frozen=True)
-class LevelOutcomes:
-    """Outcomes of a circuit's decisions at each level of dopamine, on the same trials.
-
-    Parameters
-    ----------
-    levels : array (K,)
-        Dopamine, rising.
-    correct : bool array (K, trials)
-        Whether the choice was right.
-    steps : array (K, trials)
-        Time of the decision in readings, all latencies included.
-    forced : array (K,)
-        Share of trials that the deadline decided.
-    """
-
-    levels: Array
-    correct: npt.NDArray[np.bool_]
-    steps: Array
-    forced: Array
-
-    def __post_init__(self) -> None:
-        shape = (len(self.levels), self.correct.shape[-1])
-        if self.correct.shape != shape or self.steps.shape != shape:
-            raise ValueError(
-                f"correct and steps must be (levels, trials) = {shape}, got {self.correct.shape} "
-                f"and {self.steps.shape}"
-            )
-        if not np.all(np.diff(self.levels) > 0):
-            raise ValueError(f"levels must rise, got {self.levels}")
-
-    @classmethod
-    def of(cls, found: Sweep, evidence: Evidence) -> LevelOutcomes:
-        """Build from decisions and the truth."""
-        if evidence.truth is None:
-            raise ValueError("reward needs the truth of each trial")
-        if evidence.trials != found.trials:
-            raise ValueError(f"decisions of {found.trials} trials, evidence of {evidence.trials}")
-        steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
-        correct = found.choice == evidence.truth
-        forced = found.forced.mean(axis=1)
-        return cls(found.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
-
-    def rewards(self, xi: float) -> Array:
-        """Return ``r = xi W - T`` of each level and trial, (K, trials)."""
-        check_xi(xi)
-        return -xi * ~self.correct - self.steps
-
-    def expected(self, level: npt.ArrayLike, xi: float) -> Array:
-        """Return the mean reward at levels, linear between those that were run."""
-        means: Array = self.rewards(xi).mean(axis=1)
-        return np.interp(np.asarray(level, dtype=np.float64), self.levels, means)
-
-    def best(self, xi: float) -> tuple[float, float]:
-        """Return the level with the highest mean reward, and that reward: exhaustive search."""
-        means: Array = self.rewards(xi).mean(axis=1)
-        return float(self.levels[means.argmax()]), float(means.max())
-
-    def environment(self, xi: float, rngs: Sequence[np.random.Generator]) -> Environment:
-        """Return the world of a learner: it plays levels, one a run, and gets rewards.
-
-        Each run draws its trials at random from those that were simulated. A level between two
-        that were run is one of both by chance, so that the mean reward is linear between them.
-        """
-        table = self.rewards(xi)
-        count, trials = table.shape
-        where = np.arange(count, dtype=np.float64)
-
-        def rewards(episode: int, played: Array) -> Array:
-            place = np.interp(played, self.levels, where)
-            chance = np.array([rng.random(2) for rng in rngs])
-            row = np.minimum(np.floor(place + chance[:, 0]).astype(np.intp), count - 1)
-            return table[row, (chance[:, 1] * trials).astype(np.intp)]
-
-        return rewards
-
-
-def switching(worlds: Sequence[Environment], every: int) -> Environment:
-    """Return a world that changes: ``every`` trials of each in turn, again and again."""
-    if not worlds or every < 1:
-        raise ValueError(f"worlds must hold one or more, every >= 1, got {len(worlds)}, {every}")
-
-    def rewards(episode: int, played: Array) -> Array:
-        return worlds[(episode // every) % len(worlds)](episode, played)
-
-    return rewards

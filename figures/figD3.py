@@ -14,7 +14,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.dopamine import switching
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
 from bgmodel.learning.gap import increments
@@ -26,7 +25,8 @@ from bgmodel.learning.level import (
     playable_levels,
 )
 from bgmodel.learning.policies import GaussianPolicy
-from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed, trials_of
+from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed
+from bgmodel.learning.worlds import switching, trials_of
 from bgmodel.tactile.task import SameDifferent, Source, source
 from bgmodel.theory.sprt import optimal_delta
 from figures.common import GAIN, Settings, letter, run

@@ -102,6 +102,11 @@ def test_a_file_says_what_is_run(small):
             "posterior must lie between chance, 0.5 with 2 hypotheses, and 1, got 1.5",
         ),
         ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be > 0, got 0"),
+        (
+            '"algebra"',
+            '"pen"',
+            "engine must be one of algebra, rate, .*got 'pen'",
+        ),
         ("[task]", "truth = 2\n[task]", "truth must lie in 0..1, got 2"),
         ("[task]", "[task", "small.toml is no TOML: "),
         ('["STN=0.2"]', '["GPi=0.2"]', "has no nucleus 'GPi': ctx, common"),

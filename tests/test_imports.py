@@ -23,6 +23,7 @@ LEVELS = [
         "bgmodel.learning",
         "bgmodel.learning.policies",
         "bgmodel.memory",
+        "bgmodel.ours",
         "bgmodel.plots",
         "bgmodel.seeds",
         "bgmodel.tables",
@@ -31,6 +32,7 @@ LEVELS = [
         "bgmodel.theory.empirical",
     },
     {"bgmodel.decision", "bgmodel.theory.first_passage"},
+    {"bgmodel.learning.reward"},
     {"bgmodel.integrators.sprt", "bgmodel.tables.trials", "bgmodel.theory.sprt"},
     {"bgmodel"},
     {
@@ -45,13 +47,19 @@ LEVELS = [
         "bgmodel.comparison.steady",
         "bgmodel.edits",
         "bgmodel.experiments.measures",
-        "bgmodel.learning.gap",
+        "bgmodel.learning.worlds",
         "bgmodel.stimuli",
     },
+    {"bgmodel.learning.gap"},
     {"bgmodel.comparison.circuits"},
     {"bgmodel.dopamine", "bgmodel.experiments.experiment"},
     {"bgmodel.experiments.outcomes", "bgmodel.learning.level"},
-    {"bgmodel.commands", "bgmodel.commands.checks", "bgmodel.commands.one_run"},
+    {
+        "bgmodel.commands",
+        "bgmodel.commands.checks",
+        "bgmodel.commands.names",
+        "bgmodel.commands.one_run",
+    },
     {
         "bgmodel.commands.circuit",
         "bgmodel.commands.decisions",
@@ -95,17 +103,29 @@ def test_bgmodel_imports_downwards_only(name, path):
     for imported in imports(path):
         root = imported.split(".")[0]
         assert root != "figures"
-        if root == "circuits":
-            assert name == "bgmodel.integrators.basal_ganglia"
         if root != "bgmodel":
             continue
         if name.startswith("bgmodel.tactile"):
             assert imported.startswith("bgmodel.tactile") or imported in TACTILE_MAY, imported
         elif imported.startswith("bgmodel.tactile"):
-            assert level(name) >= level("bgmodel.learning.gap"), f"{name} imports {imported}"
+            assert level(name) >= level("bgmodel.stimuli"), f"{name} imports {imported}"
         else:
             assert level(name) is not None, f"{name} has no level"
             assert level(imported) < level(name), f"{name} imports {imported}"
+
+
+@pytest.mark.parametrize(("name", "path"), list(modules("bgmodel")))
+def test_one_module_of_bgmodel_runs_engines(name, path):
+    """The others read declarations where they live; of the engines, names in capitals."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            assert not any(alias.name.startswith("circuits.engines") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and name != "bgmodel.integrators.basal_ganglia":
+            named = [alias.name for alias in node.names]
+            assert node.module != "circuits" or "engines" not in named
+            if node.module.startswith("circuits.engines"):
+                assert node.module == "circuits.engines"
+                assert all(n.isupper() for n in named), f"{name} imports {named}"
 
 
 @pytest.mark.parametrize(("name", "path"), list(modules("circuits")))

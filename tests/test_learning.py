@@ -16,11 +16,10 @@ from bgmodel.learning.reinforce import (
     Learner,
     exhaustive_search,
     learn,
-    mean_reward,
-    reward,
     smoothed,
-    trials_of,
 )
+from bgmodel.learning.reward import mean_reward, reward
+from bgmodel.learning.worlds import trials_of
 from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve
 
 D, XI, T_MAX = 1.0, 25.0, 40

@@ -6,7 +6,7 @@ import importlib.util
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
@@ -22,13 +22,12 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_trials,
 )
+from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
 from bgmodel.decision import first_crossing
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables import trials as tables
-
-Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class CircuitShow(Writes):
     bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf
     """
 
-    circuit: Positional[Name] = "spiking_msprt"
+    circuit: Positional[CircuitName] = SPIKING_MSPRT
     """Name of the table."""
     channels: int = 2
     """Number of alternatives."""
@@ -116,10 +115,10 @@ class CircuitRun(Writes):
 
     output: Positional[Path]
     """Where the trial table goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
+    circuit: CircuitName = SPIKING_MSPRT
     """Name of the table."""
-    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
-    """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
+    engine: EngineName = ENSEMBLE
+    """How the circuit is run: compiled spikes, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
     gain: float | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional
@@ -18,7 +18,7 @@ from bgmodel.commands.checks import (
     say,
     say_before,
 )
-from bgmodel.commands.circuit import Name
+from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import NEED_ZERO, RIVALS
@@ -38,10 +38,10 @@ class Comparison(Writes):
 
     output: Positional[Path]
     """Where the table of measures goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
+    circuit: CircuitName = SPIKING_MSPRT
     """Name of the table."""
-    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
-    """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
+    engine: EngineName = ENSEMBLE
+    """How the circuit is run: compiled spikes, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
     gain: float | None = None

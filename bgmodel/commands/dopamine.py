@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
-from bgmodel.commands.circuit import Name
+from bgmodel.commands.names import RATE, SPIKING_MSPRT, CircuitName, TimedEngineName
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
@@ -34,10 +34,10 @@ class CircuitLearn(Writes):
 
     output: Positional[Path]
     """Where the table of trials goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
+    circuit: CircuitName = SPIKING_MSPRT
     """Name of the table."""
-    engine: Literal["rate", "ensemble", "brian2"] = "rate"
-    """Rates, compiled spikes, or spikes in Brian2."""
+    engine: TimedEngineName = RATE
+    """How the circuit is run: rates, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
     gain: float = 0.5

@@ -19,6 +19,7 @@ from bgmodel.comparison.compare import (
     sweep,
 )
 from bgmodel.comparison.steady import out_shift
+from bgmodel.decision import UNDECIDED, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
     DROPPING,
@@ -136,7 +137,8 @@ def decide_at_thresholds(
         if decodes and decoder_tau_ms is not None:
             decoded = decoded_input(activity, part, decoder_tau_ms)
             dropped = np.isnan(activity.output_nats[:, -1, 0])
-            for t in np.flatnonzero(dropped & (decoded.out_nats.min(axis=(1, 2)) > lowest)):
+            open_ = first_crossing(decoded, lowest, forced=False).choice == UNDECIDED
+            for t in np.flatnonzero(dropped & open_):
                 one = part[t : t + 1]
                 ((_, again),) = whole.batches(one, first + int(t))
                 decoded.out_nats[t] = decoded_input(again, one, decoder_tau_ms).out_nats[0]

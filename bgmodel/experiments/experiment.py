@@ -17,11 +17,18 @@ import pandas as pd
 
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
+from bgmodel.decision import any_crossing
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.experiments import toml_files
 from bgmodel.experiments.measures import MEASURES, Behaviour
-from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia, check_threshold, circuit
+from bgmodel.integrators.basal_ganglia import (
+    BATCH,
+    BasalGanglia,
+    check_engine,
+    check_threshold,
+    circuit,
+)
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
@@ -96,7 +103,8 @@ class Experiment:
     control: Condition = Condition()
     circuit: str = "spiking_msprt"
     """Name of the table."""
-    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
+    engine: str = "ensemble"
+    """Name of the engine."""
     gain: float = 0.5
     """Nats in the circuit a nat of evidence, kappa."""
     posterior: float = 0.82
@@ -111,6 +119,7 @@ class Experiment:
     def __post_init__(self) -> None:
         if not self.predictions:
             raise ValueError("predictions must hold one or more, got none")
+        check_engine(self.engine)
         if not 0 < self.foreperiod_ms < np.inf:
             raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
         self.task.check()
@@ -293,6 +302,6 @@ def behaviour_of(
         silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
         # Trials of their own: their noise is no other trial's.
         waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
-        responded.append(np.asarray((waited <= threshold_nats).any(axis=(1, 2))))
+        responded.append(any_crossing(waited, threshold_nats))
     truth = np.asarray(evidence.truth)
     return Behaviour(whole, np.concatenate(responded), truth, evidence.hypotheses)

@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from bgmodel.decision import Trace
+from bgmodel.decision import Trace, any_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Msprt, totals
 from bgmodel.memory import check_memory
+from bgmodel.ours import explained
 
 try:
     from circuits.activity import checked_drive, warn_beyond_range
@@ -28,12 +29,7 @@ try:
     from circuits.show import draw, text
     from circuits.spec import Circuit, Population, Projection
 except ImportError as error:
-    if not (error.name or "").startswith("circuits"):
-        raise
-    raise ImportError(
-        "the package 'circuits' that was found is not bgmodel's: another distribution of that "
-        "name is installed beside it; use an environment of its own"
-    ) from error
+    raise explained(error) from error
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -71,7 +67,6 @@ __all__ = [
     "out_variance",
     "rest_out",
     "run_engine",
-    "share_crossed",
     "text",
     "warn_beyond_range",
     "write_nwb",
@@ -87,7 +82,7 @@ class BasalGanglia:
     circuit : Circuit
         The table.
     engine : str
-        "algebra", "rate", "ensemble" or "brian2".
+        A name in ``circuits.engines.ENGINES``.
     gain : float
         Nats of drive a nat of evidence, kappa: OUT is then ``-ln softmax(kappa L)``.
     seed : int, optional
@@ -103,8 +98,7 @@ class BasalGanglia:
     options: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.engine not in ENGINES:
-            raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {self.engine!r}")
+        check_engine(self.engine)
         if not 0 < self.gain < np.inf:
             raise ValueError(f"gain must be > 0 and finite, got {self.gain}")
 
@@ -197,7 +191,7 @@ class BasalGanglia:
         if self.engine != "ensemble":
             return
         out = self.out_at_rest()
-        share = share_crossed(out, threshold_nats)
+        share = any_crossing(out, threshold_nats).mean()
         if share > NOISE_SHARE:
             warnings.warn(
                 f"without evidence noise takes OUT below the threshold of {threshold_nats:.2f} "
@@ -232,9 +226,10 @@ class BasalGanglia:
             yield part, activity
 
 
-def share_crossed(out_nats: npt.NDArray[np.float64], threshold_nats: float) -> float:
-    """Return the share of trials whose OUT (trials, ticks, channels) ever meets a threshold."""
-    return float((out_nats.min(axis=(1, 2)) <= threshold_nats).mean())
+def check_engine(engine: str) -> None:
+    """Raise ValueError, with the engines that there are, for a name that is none."""
+    if engine not in ENGINES:
+        raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
 
 
 def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) -> Trace:

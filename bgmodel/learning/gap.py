@@ -15,10 +15,10 @@ from bgmodel.learning.reinforce import (
     Learner,
     exhaustive_search,
     learn,
-    mean_reward,
     smoothed,
-    trials_of,
 )
+from bgmodel.learning.reward import mean_reward
+from bgmodel.learning.worlds import trials_of
 from bgmodel.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source

@@ -9,11 +9,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.comparison.compare import Sweep, curve, interval, resampled
-from bgmodel.dopamine import LevelOutcomes, criterion, decide_at_levels, usable_range, working_range
+from bgmodel.dopamine import criterion, decide_at_levels, usable_range, working_range
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
+from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.seeds import stream
 
 Array = npt.NDArray[np.float64]

@@ -1,37 +1,19 @@
-"""Learning the gap from reward: the reward, exhaustive search, REINFORCE with baseline, regret."""
+"""Learning from reward: exhaustive search of gaps, and REINFORCE with baseline."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.decision import Decision, Tally, Trace, crossing_of_each, tally
+from bgmodel.decision import Tally, tally
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
 from bgmodel.learning.policies import GaussianPolicy, Policy
 
 FloatArray = npt.NDArray[np.float64]
-
-
-def reward(decision: Decision, truth: npt.NDArray[np.integer], xi: float) -> FloatArray:
-    """Return ``r = xi W - T`` of every trial (Burguete, Griffith & Lepora 2023).
-
-    W is -1 for an error (an omission is one) and 0 otherwise; T is the number of readings, which
-    for an omission is that of the whole trial.
-    """
-    check_xi(xi)
-    wrong = decision.choice != truth
-    steps = np.where(np.isnan(decision.steps), decision.deadline_ms / decision.step_ms, 0)
-    return -xi * wrong - np.fmax(decision.steps, steps)
-
-
-def mean_reward(counts: Tally, xi: float) -> FloatArray:
-    """Return the mean reward a trial for each threshold of a tally, (K,)."""
-    check_xi(xi)
-    return -xi * (1 - counts.accuracy) - counts.mean_steps
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:
@@ -189,46 +171,6 @@ def learn(
     return Learned(played, mean, rewards, errors, mean[:, -learner.last :].mean(axis=1))
 
 
-def trials_of(
-    draws: Sequence[Callable[[int], Evidence]], xi: float, block: int = 500
-) -> Environment:
-    """Return an environment whose run i decides the trials of ``draws[i]``.
-
-    Parameters
-    ----------
-    draws : list of callables
-        ``draws[i](trials)`` returns the next trials of run i, from that run's own generator.
-    xi : float
-        Cost of an error in readings.
-    block : int
-        How many trials are drawn at a time.
-    """
-    check_xi(xi)
-    drawn = -1
-    out: list[npt.NDArray] = []
-    truth: list[npt.NDArray] = []
-    ends: list[npt.NDArray] = []
-    traces: list[Trace] = []
-
-    def rewards(episode: int, gaps: FloatArray) -> FloatArray:
-        nonlocal drawn
-        if episode // block != drawn:
-            drawn = episode // block
-            parts = [draw(block) for draw in draws]
-            traces[:] = [Sprt().run(part) for part in parts]
-            out[:] = [np.stack([trace.out_nats for trace in traces], axis=1)]
-            truth[:] = [np.stack([part.truth for part in parts], axis=1)]  # type: ignore[misc]
-            ends[:] = [np.stack([part.readings for part in parts], axis=1) + 1]
-        now = episode % block
-        # The same trial of every run: its number is the episode's.
-        numbers = np.full(len(draws), episode)
-        trace = replace(traces[0], out_nats=out[0][now], ends=ends[0][now], numbers=numbers)
-        decision = crossing_of_each(trace, threshold_from_gap(gaps))
-        return reward(decision, truth[0][now], xi)
-
-    return rewards
-
-
 def smoothed(curve: FloatArray, window: int) -> FloatArray:
     """Return the running mean of the last axis over ``window`` trials, shorter at the start."""
     if window < 1:
@@ -237,9 +179,3 @@ def smoothed(curve: FloatArray, window: int) -> FloatArray:
     end = np.arange(1, curve.shape[-1] + 1)
     begin = np.maximum(end - window, 0)
     return (total[..., end] - total[..., begin]) / (end - begin)
-
-
-def check_xi(xi: float) -> None:
-    """Raise ValueError if this cannot be the cost of an error."""
-    if not (np.isfinite(xi) and xi > 0):
-        raise ValueError(f"xi must be > 0 readings, got {xi}")
