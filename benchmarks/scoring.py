@@ -24,7 +24,7 @@ from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.integrators.rivals import RIVALS
+from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
 
 OUT = Path(__file__).parent / "out"
@@ -112,7 +112,7 @@ def main() -> None:
         path = OUT / f"scoring {name.replace('/', ' ')}.csv"
         behind = {"trials": evidence.trials, "gain": gain, "circuit": str(table)}
         if not (given.keep and path.exists()):
-            rivals = [r for r in RIVALS if r != "race" or name.startswith("gaussian")]
+            rivals = rivals_on(zero_is_nothing=name.startswith("gaussian"))
             found = _score(table, evidence, gain, rivals, given.workers)
             write_table(found, path, seed=SCORING_SEED, **behind)
         print(f"\n=== {name}, {evidence.trials} trials")

@@ -21,7 +21,7 @@ from bgmodel.commands.checks import (
 from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.rivals import NEED_ZERO, RIVALS
+from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.stimuli import Stimuli
 
 if TYPE_CHECKING:
@@ -74,9 +74,9 @@ class Compare(Comparison):
         model, evidence = _model(self)
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
         # Elsewhere the zero of the evidence means nothing.
-        rivals = [name for name in RIVALS if gaussian or name not in NEED_ZERO]
-        if not gaussian:
-            say(f"{' and '.join(NEED_ZERO)} are left out: the zero of this evidence means nothing")
+        rivals = rivals_on(zero_is_nothing=gaussian)
+        if left := [name for name in RIVALS if name not in rivals]:
+            say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
         say_before(model, evidence, model.batch(evidence))
         table = compare_with_msprt(
             model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies

@@ -155,7 +155,7 @@ def compare_with_msprt(
     evidence: Evidence,
     *,
     seed: int,
-    rivals: Sequence[str] = tuple(RIVALS),
+    rivals: Sequence[str] | None = None,
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
 ) -> pd.DataFrame:
@@ -169,8 +169,8 @@ def compare_with_msprt(
         What all are given.
     seed : int
         Of the bootstrap.
-    rivals : names
-        Which of ``RIVALS``. A race needs evidence whose zero means that nothing was seen.
+    rivals : names, optional
+        Which of ``RIVALS``, as from ``rivals_on``; all if left out.
     accuracies, resamples :
         As in ``comparison.compare``.
 
@@ -188,7 +188,7 @@ def compare_with_msprt(
     )
     _warn_of_noise(model, found[CIRCUIT], accuracies)
     pairs = [(name, reference) for reference in references for name in found]
-    for name in rivals:
+    for name in RIVALS if rivals is None else rivals:
         found[name] = sweep(RIVALS[name]().run(evidence), evidence)
         pairs.append((name, MSPRT))
     parts = []
