@@ -29,7 +29,9 @@ from bgmodel.comparison.circuits import (
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
 
 TIMES = 6
 CODES = ((1.6, 27), (1.9, 27), (2.2, 20), (2.2, 30), (2.5, 25))

@@ -25,7 +25,9 @@ from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_sweeps, thresholds_
 from bgmodel.comparison.compare import compare, sweep
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
 
 Array = npt.NDArray[np.float64]
 ACCURACIES = tuple(np.arange(0.885, 0.98, 0.01).round(3))

@@ -23,7 +23,7 @@ from bgmodel.comparison.compare import Sweep, sweep
 from bgmodel.dopamine import decide_at_levels
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.level import (
     COARSE,
@@ -36,6 +36,7 @@ from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.reward import reward_of
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from circuits.anatomy import circuit
 from figures import figD2
 
 OUT = Path(__file__).parent / "out"

@@ -17,7 +17,9 @@ from benchmarks.scoring import OUT, SCORING_SEED, conditions
 from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt, usual_gain
 from bgmodel.comparison.page import page
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import SPIKING, BasalGanglia, Circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.engines import SPIKING
+from circuits.spec import Circuit
 
 TIMES = 6
 """So many times the cells."""

@@ -23,9 +23,11 @@ from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt, usual
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
 
 OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_001

@@ -16,7 +16,8 @@ from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits, usual_gain
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 from circuits.controls import perturbed
 
 OUT = Path(__file__).parent / "out"

@@ -20,8 +20,10 @@ from bgmodel import stream
 from bgmodel.comparison.circuits import at_rest, compare_edits, usual_gain
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 from circuits.laws.firing import fit_current
+from circuits.spec import Circuit
 
 TUNING_SEEDS = (1001, 1002, 1003)
 ACCURACIES = (0.90, 0.93, 0.95, 0.97)

@@ -18,13 +18,9 @@ from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Sweep
 from bgmodel.decision import any_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import (
-    NOISE_SHARE,
-    SPIKING,
-    BasalGanglia,
-    Circuit,
-    run_engine,
-)
+from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia, run_engine
+from circuits.engines import SPIKING
+from circuits.spec import Circuit
 
 Array = npt.NDArray[np.float64]
 ALLOWED = (0.0, 2.0)

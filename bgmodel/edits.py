@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bgmodel.integrators.basal_ganglia import Circuit
+    from circuits.spec import Circuit
 
 
 @dataclass(frozen=True)

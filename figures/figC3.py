@@ -24,9 +24,10 @@ from bgmodel.comparison.circuits import (
 from bgmodel.comparison.compare import Sweep, compare, curve, sweep
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage, Race
 from bgmodel.tactile.task import SameDifferent, source
+from circuits.anatomy import circuit
 from figures.common import Settings, letter, run
 
 AT = 0.95

@@ -23,8 +23,10 @@ from bgmodel.comparison.compare import compare
 from bgmodel.comparison.steady import out_shift, steady_out
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, out_variance
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 from circuits.controls import correlated, linear_stn, perturbed, shuffled_stn
+from circuits.laws.spectra import out_variance
 from figures.common import BRIEF, GAIN, Settings, letter, run
 
 NEURONS = (30, 100, 300, 1000, 3000)

@@ -14,7 +14,9 @@ from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.steady import steady_shifts
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
 from figures.common import BRIEF, GAIN, Settings, letter, run
 
 CHANNELS = 4

@@ -16,10 +16,11 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.level import COARSE, learn_level, level_outcomes, playable_levels, regret
 from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
+from circuits.anatomy import circuit
 from figures.common import COLOUR, GAIN, Settings, letter, run
 
 STEP_MS = 50.0

@@ -14,8 +14,9 @@ from bgmodel.comparison.circuits import MSPRT, msprt_sweeps
 from bgmodel.dopamine import criterion, decide_at_levels, working_range
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.level import COARSE, level_table, levels_between
+from circuits.anatomy import circuit
 from figures.common import GAIN, Settings, letter, run
 
 STEPS = {2: 120, 4: 160}

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.gap import increments
 from bgmodel.learning.level import (
     COARSE,
@@ -29,6 +29,7 @@ from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smo
 from bgmodel.learning.worlds import switching, trials_of
 from bgmodel.tactile.task import SameDifferent, Source, source
 from bgmodel.theory.sprt import optimal_delta
+from circuits.anatomy import circuit
 from figures.common import GAIN, Settings, letter, run
 
 STEP_MS = 50.0

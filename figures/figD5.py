@@ -16,8 +16,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 from circuits.laws.stability import roots
+from circuits.spec import Circuit
 from figures.common import Settings, letter, run
 
 NUCLEI = ("STN", "GPe")

@@ -34,8 +34,9 @@ from bgmodel.comparison.steady import out_shift, steady_out, steady_shifts
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import provenance_path
 from bgmodel.integrators import basal_ganglia
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, decoded_input, drive_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia, decoded_input, drive_of
 from bgmodel.tables.trials import Trials, trial_table
+from circuits.anatomy import circuit
 from circuits.controls import correlated, perturbed, shuffled_stn
 
 SEED, GAIN = 51, 0.5

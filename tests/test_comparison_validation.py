@@ -9,10 +9,11 @@ from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_
 from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.compare import compare, sweep
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from circuits.anatomy import circuit
 from circuits.controls import linear_stn, shuffled_stn
 
 pytestmark = pytest.mark.validate

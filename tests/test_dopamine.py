@@ -19,7 +19,7 @@ from bgmodel.dopamine import (
 )
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.level import (
     THRESHOLD_NATS,
     after_errors,
@@ -34,6 +34,7 @@ from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, LearningStopped, learn
 from bgmodel.learning.worlds import LevelOutcomes, switching
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from circuits.anatomy import circuit
 
 XI, SEED, GAIN = 50.0, 61, 0.5
 PLAYED = (0.75, 2.0)

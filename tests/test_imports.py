@@ -160,11 +160,21 @@ def test_circuits_is_ours():
     assert Path(circuits.__file__).parent == ROOT / "circuits"
 
 
-def test_a_foreign_package_called_circuits_gets_one_clear_sentence():
-    code = "import sys, types; sys.modules['circuits'] = types.ModuleType('circuits'); "
-    code += "from bgmodel.cli import main; sys.exit(main(['circuit', 'show']))"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+FOREIGN = "import sys, types; sys.modules['circuits'] = types.ModuleType('circuits'); "
+SENTENCE = "the package 'circuits' that was found is not bgmodel's"
+
+
+@pytest.mark.parametrize("command", ["'circuit', 'show'", "'circuit', 'run', 'a.csv'"])
+def test_a_foreign_package_called_circuits_gets_one_clear_sentence(command):
+    code = FOREIGN + f"from bgmodel.cli import main; sys.exit(main([{command}]))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.startswith("bgmodel: the package 'circuits' that was found is not bgmodel's")
+    assert done.stderr.startswith(f"bgmodel: {SENTENCE}")
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("module", ["integrators.basal_ganglia", "comparison.circuits"])
+def test_a_module_on_a_foreign_package_called_circuits_says_so(module):
+    code = FOREIGN + f"import bgmodel.{module}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: {SENTENCE}")

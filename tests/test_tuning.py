@@ -8,7 +8,8 @@ import pytest
 from benchmarks.cortex import coded
 from benchmarks.filters import Run
 from benchmarks.tuning import tuning_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 
 SEED, GAIN = 7, 0.7
 

@@ -52,12 +52,13 @@ class CircuitShow(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import circuit, text
+        from circuits.anatomy import circuit
+        from circuits.show import text
 
         table = self.edits.of(circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
-            from bgmodel.integrators.basal_ganglia import draw
+            from circuits.show import draw
 
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
             import matplotlib.pyplot as plt
@@ -81,7 +82,7 @@ class CircuitShow(Writes):
 
 def _scatter(table: Any, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
-    from bgmodel.integrators.basal_ganglia import out_variance
+    from circuits.laws.spectra import out_variance
 
     # Between the readable OUTs, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
@@ -137,16 +138,18 @@ class CircuitRun(Writes):
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.comparison.circuits import usual_gain
-        from bgmodel.integrators import basal_ganglia
+        from bgmodel.integrators.basal_ganglia import BasalGanglia, check_threshold
+        from circuits.anatomy import circuit
+        from circuits.engines import SPIKING
 
         self._check()
         trials = self.stimuli.draw(self.seed, "circuit run")
         evidence = trials.evidence
-        table = self.edits.of(basal_ganglia.circuit(self.circuit, evidence.hypotheses))
+        table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
         threshold = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
-        basal_ganglia.check_threshold(table, threshold)
+        check_threshold(table, threshold)
         options: dict[str, Any] = {}
-        if self.engine in basal_ganglia.SPIKING and self.nwb is not None:
+        if self.engine in SPIKING and self.nwb is not None:
             options["spikes"] = [p.name for p in table.populations if p.spiking]
         if self.engine == "brian2":
             say("Brian2 writes and compiles its program: 10 to 30 seconds")
@@ -154,7 +157,7 @@ class CircuitRun(Writes):
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
         gain = usual_gain(evidence.hypotheses) if self.gain is None else self.gain
-        model = basal_ganglia.BasalGanglia(table, self.engine, gain, self.seed, options)
+        model = BasalGanglia(table, self.engine, gain, self.seed, options)
         say_before(model, evidence, evidence.trials)
         model.warn_of_noise(threshold)
         activity = model.activity(evidence)
@@ -167,7 +170,9 @@ class CircuitRun(Writes):
         if self.rates is not None:
             files.write_table(activity.rate_table(), self.rates, seed=seed, command=behind)
         if self.nwb is not None:
-            basal_ganglia.write_nwb(activity, self.nwb)
+            from circuits.nwb import write_nwb
+
+            write_nwb(activity, self.nwb)
         if self.stimuli.evidence is not None:
             print(trials.said())
         say_of_trials(result, criterion="--posterior, or another --gain")
@@ -181,7 +186,9 @@ class CircuitRun(Writes):
 
     def _draws(self) -> bool:
         """Whether anything is drawn with the seed: evidence, or the noise of cells."""
-        return self.stimuli.evidence is None or self.engine in ("ensemble", "brian2")
+        from circuits.engines import SPIKING
+
+        return self.stimuli.evidence is None or self.engine in SPIKING
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""

@@ -136,7 +136,8 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel.comparison.circuits import usual_gain
     from bgmodel.comparison.compare import MARGIN, check_trials
-    from bgmodel.integrators import basal_ganglia
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from circuits.anatomy import circuit
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")
@@ -158,12 +159,12 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
             f"accuracies must lie above chance, {1 / evidence.hypotheses:.3g}, got "
             f"{min(asked_for.accuracies)}"
         )
-    table = asked_for.edits.of(basal_ganglia.circuit(asked_for.circuit, evidence.hypotheses))
+    table = asked_for.edits.of(circuit(asked_for.circuit, evidence.hypotheses))
     options: dict[str, Any] = {}
     if asked_for.engine == "ensemble":
         options = {"workers": asked_for.workers}
     if asked_for.engine in ("ensemble", "rate"):
         options["sample_ms"] = sample_ms(evidence.step_ms)
     gain = usual_gain(evidence.hypotheses) if asked_for.gain is None else asked_for.gain
-    model = basal_ganglia.BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
+    model = BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
     return model, evidence

@@ -57,7 +57,7 @@ class CircuitLearn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+        from bgmodel.integrators.basal_ganglia import BasalGanglia
         from bgmodel.learning.level import (
             COARSE,
             learn_level,
@@ -67,6 +67,7 @@ class CircuitLearn(Writes):
             regret,
         )
         from bgmodel.learning.reinforce import LearningStopped
+        from circuits.anatomy import circuit
 
         self._check()
         trials = self.stimuli.draw(self.seed, "learn")

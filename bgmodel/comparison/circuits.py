@@ -22,10 +22,7 @@ from bgmodel.comparison.steady import out_shift
 from bgmodel.decision import UNDECIDED, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
-    DROPPING,
-    SPIKING,
     BasalGanglia,
-    Circuit,
     deciding_thresholds,
     decoded_input,
     rest_out,
@@ -33,6 +30,8 @@ from bgmodel.integrators.basal_ganglia import (
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.seeds import stream
+from circuits.engines import DROPPING, SPIKING
+from circuits.spec import Circuit
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"

@@ -9,7 +9,8 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.stats import ttest_1samp
 
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.spec import Circuit
 
 SETTLE_MS = 1500
 """Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""

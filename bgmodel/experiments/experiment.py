@@ -22,17 +22,12 @@ from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.experiments import toml_files
 from bgmodel.experiments.measures import MEASURES, Behaviour
-from bgmodel.integrators.basal_ganglia import (
-    BATCH,
-    BasalGanglia,
-    check_engine,
-    check_threshold,
-    circuit,
-)
+from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia, check_engine, check_threshold
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.trials import Trials, trial_table
+from circuits.anatomy import circuit
 
 SHIPPED = resources("bgmodel.experiments") / "shipped"
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"

@@ -1,4 +1,4 @@
-"""A circuit as an integrator beside ``Msprt``: the one bridge to ``circuits``."""
+"""A circuit as an integrator beside ``Msprt``: the only module here that runs engines."""
 
 from __future__ import annotations
 
@@ -19,15 +19,10 @@ from bgmodel.ours import explained
 
 try:
     from circuits.activity import checked_drive, warn_beyond_range
-    from circuits.anatomy import CIRCUITS, circuit
-    from circuits.cells import Escape, Rate
     from circuits.cost import cells, ensemble_s, memory_bytes
-    from circuits.engines import DROPPING, ENGINES, SPIKING
+    from circuits.engines import ENGINES, SPIKING
     from circuits.engines import run as run_engine
-    from circuits.laws.spectra import out_variance
-    from circuits.nwb import write_nwb
-    from circuits.show import draw, text
-    from circuits.spec import Circuit, Population, Projection
+    from circuits.spec import Circuit
 except ImportError as error:
     raise explained(error) from error
 
@@ -44,33 +39,6 @@ LONG_S = 120.0
 """Runs that take longer say so."""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
-
-__all__ = [
-    "BATCH",
-    "CIRCUITS",
-    "DROPPING",
-    "ENGINES",
-    "NOISE_SHARE",
-    "SPIKING",
-    "BasalGanglia",
-    "Circuit",
-    "Escape",
-    "Population",
-    "Projection",
-    "Rate",
-    "check_threshold",
-    "circuit",
-    "deciding_thresholds",
-    "decoded_input",
-    "draw",
-    "drive_of",
-    "out_variance",
-    "rest_out",
-    "run_engine",
-    "text",
-    "warn_beyond_range",
-    "write_nwb",
-]
 
 
 @dataclass(frozen=True)

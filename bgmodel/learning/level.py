@@ -11,11 +11,12 @@ import pandas as pd
 from bgmodel.comparison.compare import Sweep, curve, interval, resampled
 from bgmodel.dopamine import criterion, decide_at_levels, usable_range, working_range
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.seeds import stream
+from circuits.spec import Circuit
 
 Array = npt.NDArray[np.float64]
 THRESHOLD_NATS = 0.3
