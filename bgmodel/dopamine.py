@@ -16,9 +16,10 @@ from scipy.optimize import brentq
 
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Sweep
+from bgmodel.comparison.steady import leader_out
 from bgmodel.decision import any_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia, run_engine
+from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
 from circuits.engines import SPIKING
 from circuits.spec import Circuit
 
@@ -41,12 +42,7 @@ def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Arra
     log_odds : array (M,) or float
         Of the leader against each other alternative, in the circuit's nats.
     """
-    odds = np.asarray(log_odds, dtype=np.float64)
-    drive = np.zeros((odds.size, 1, circuit.channels))
-    drive[:, 0, 0] = odds.ravel()
-    drive -= drive.mean(axis=2, keepdims=True)
-    found = run_engine(circuit.dopamine(level), drive, engine="algebra", step_ms=1.0)
-    return np.asarray(found.output_nats[:, 0, 0].reshape(odds.shape))
+    return leader_out(circuit.dopamine(level), log_odds)
 
 
 def _odds(circuit: Circuit) -> Array:

@@ -30,7 +30,7 @@ from bgmodel.comparison.circuits import (
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.page import behaviour, page
-from bgmodel.comparison.steady import out_shift, steady_out, steady_shifts
+from bgmodel.comparison.steady import leader_drive, leader_out, out_shift, steady_out, steady_shifts
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import provenance_path
 from bgmodel.integrators import basal_ganglia
@@ -251,6 +251,19 @@ def test_compare_command(tmp_path, capsys):
     algebra = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
     assert run("compare", out, *algebra) == 0
     assert re.search(r"same choice +1\.000", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("channels", [2, 3, 5])
+def test_a_leader_is_ahead_of_each_other_channel_by_its_log_odds(channels):
+    """At the fixed point of the exact circuit its OUT is then -ln P."""
+    odds = np.array([[0.5, 1.0], [1.5, 2.0]])
+    drive = leader_drive(odds, channels)[:, 0]
+    np.testing.assert_allclose(
+        drive[:, :1] - drive[:, 1:], np.repeat(odds.reshape(-1, 1), channels - 1, 1)
+    )
+    assert np.abs(drive.sum(axis=1)).max() < 1e-12
+    found = leader_out(circuit("bogacz_gurney", channels), odds)
+    np.testing.assert_allclose(found, np.log1p((channels - 1) * np.exp(-odds)), atol=1e-9)
 
 
 def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsys):

@@ -82,6 +82,7 @@ class CircuitShow(Writes):
 
 def _scatter(table: Any, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
+    from bgmodel.comparison.steady import leader_drive
     from circuits.laws.spectra import out_variance
 
     # Between the readable OUTs, and above chance.
@@ -95,9 +96,8 @@ def _scatter(table: Any, posterior: float) -> str:
     if not any(row.spiking for row in table.populations):
         return "OUT does not scatter: there are no cells"
     odds = np.log(posterior * (table.channels - 1) / (1 - posterior))
-    drive = np.zeros(table.channels)
-    drive[0] = odds
-    variance = {k: v[0] for k, v in out_variance(table, drive - drive.mean()).items()}
+    drive = leader_drive(odds, table.channels)[0, 0]
+    variance = {k: v[0] for k, v in out_variance(table, drive).items()}
     total = sum(variance.values())
     shares = ", ".join(f"{name} {part / total:.0%}" for name, part in variance.items())
     return (

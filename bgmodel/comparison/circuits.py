@@ -1,4 +1,4 @@
-"""Whole studies on circuits: what the command line and the figures both run."""
+"""Circuits and edited circuits held against the MSPRT, its decoder and its rivals."""
 
 from __future__ import annotations
 

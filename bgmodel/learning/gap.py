@@ -1,4 +1,4 @@
-"""Whole studies on tactile evidence: what the command line and the figures both run."""
+"""Learning of a gap on tactile evidence, beside exhaustive search and the exact optimum."""
 
 from __future__ import annotations
 
@@ -30,11 +30,7 @@ FRESH_TRIALS = 100_000
 def increments(readings: Source) -> tuple[Empirical, Empirical]:
     """Return the exact distributions of the log-likelihood ratio under S1 and S2."""
     s1, s2 = readings.log_ratios
-    return _equal_weights(s1), _equal_weights(s2)
-
-
-def _equal_weights(values: npt.NDArray[np.float64]) -> Empirical:
-    return Empirical(values, np.full(len(values), 1 / len(values)))
+    return Empirical.of_sample(s1), Empirical.of_sample(s2)
 
 
 def fold_sources(

@@ -1,4 +1,4 @@
-"""Studies on dopamine: what the command line, the figures and the scores all run."""
+"""Learning of a level of dopamine, and the table of what each level does."""
 
 from __future__ import annotations
 
