@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from bgmodel.comparison.levels import levels_against_msprt
 from bgmodel.files import write_table
-from figures import figD2
 
 OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_007
@@ -60,7 +60,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=2000)
     given = parser.parse_args()
     OUT.mkdir(exist_ok=True)
-    found = figD2.measured(SCORING_SEED, given.trials)
+    found = levels_against_msprt(SCORING_SEED, given.trials)
     write_table(found, OUT / "knob.csv", seed=SCORING_SEED, trials=given.trials)
     print(summary(found).round(3).T.to_string(header=False))
 

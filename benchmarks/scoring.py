@@ -18,8 +18,12 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.commands.comparing import sample_ms
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt, usual_gain
+from bgmodel.comparison.circuits import (
+    MSPRT_AT_GAIN,
+    compare_with_msprt,
+    sample_ms,
+    usual_gain,
+)
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
@@ -68,10 +72,9 @@ def kinds() -> Iterator[tuple[str, int, int, Draw]]:
 
 def real_taps(folder: Path) -> Source:
     """Return readings of real taps of an edge, as figure R1 makes them."""
-    from figures import figR1
+    from bgmodel.tactile.edges import decoded_yaw, halves, sources
 
-    taps = figR1.decoded(SCORING_SEED, folder)
-    return figR1.sources(figR1.halves(SCORING_SEED, taps), 5.0)[0]
+    return sources(halves(SCORING_SEED, decoded_yaw(SCORING_SEED, folder)), 5.0)[0]
 
 
 def conditions(trials: int | None = None) -> Iterator[tuple[str, Circuit, Evidence]]:

@@ -1,9 +1,9 @@
-"""Dopamine moves the threshold: the effect of its level on a circuit, and learning of a level.
+"""Dopamine moves the threshold: the effect of its level on a circuit.
 
 The read-out's threshold stays where it is. A level of dopamine moves D1's and D2's cortical gain in
-opposite directions and with them OUT, so the circuit stops at another posterior. The learner is
-that of the abstract test (``learning.learn``); what it plays here is the level. It sees rewards and
-its own perturbations of the level, no gap, no evidence and no test.
+opposite directions and with them OUT, so the circuit stops at another posterior. The learner of
+a level is that of a gap (``learning.reinforce.learn``). It sees rewards and its own perturbations
+of the level, no gap, no evidence and no test.
 """
 
 from __future__ import annotations
@@ -28,6 +28,11 @@ ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
 MARGIN = 0.02
 """Share of a level by which a learner keeps away from where the fixed point stops deciding."""
+THRESHOLD_NATS = 0.3
+"""OUT at which the circuit decides, whatever the dopamine: for two to four alternatives the fixed
+point spans posteriors .75 to .99."""
+COARSE = {"dt_ms": 0.5, "sample_ms": 2.0}
+"""Ticks of the rate engine where thousands of trials are run at each of many levels."""
 
 
 def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
@@ -123,6 +128,18 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
             f"{threshold_nats:.2f} nats by evidence and not by noise"
         )
     return low, high
+
+
+def levels_between(low: float, high: float, count: int) -> Array:
+    """Return levels, evenly spaced in their logarithm: OUT moves less the higher they are."""
+    return np.geomspace(low, high, count)
+
+
+def playable_levels(
+    model: BasalGanglia, count: int, threshold_nats: float = THRESHOLD_NATS
+) -> Array:
+    """Return levels (count,) at which a learner meets a circuit, over its ``usable_range``."""
+    return levels_between(*usable_range(model, threshold_nats), count)
 
 
 def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float) -> float:

@@ -15,9 +15,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
+from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.level import COARSE, learn_level, level_outcomes, playable_levels, regret
+from bgmodel.learning.level import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
 from circuits.anatomy import circuit
@@ -31,6 +32,8 @@ TRIALS = {"rate": 3.0, "ensemble": 1.0}
 LEVELS = 16
 RUNS = 20
 KEPT = 120
+COLUMNS = ["run", "learned_level", "regret", "period_mm"]
+COLUMNS += ["start_level", "best_level", "best_reward", "start_regret"]
 PERIODS = {"rate": (1.5, 2.0, 2.5), "ensemble": (1.5, 2.0)}
 
 
@@ -77,20 +80,8 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
             )
             at = np.linspace(0, settings.episodes - 1, KEPT).round().astype(int)
             curves = smoothed(learned.mean_played, 500)[:, at]
-            known = {
-                "period_mm": period,
-                "start_level": start,
-                "best_level": fresh.best(settings.xi)[0],
-                "best_reward": fresh.best(settings.xi)[1],
-                "start_regret": float(regret(start, fresh, settings.xi)),
-            }
-            runs = pd.DataFrame(
-                {
-                    "run": np.arange(RUNS),
-                    "learned_level": learned.learned,
-                    "regret": regret(learned.learned, fresh, settings.xi),
-                }
-            ).assign(**known)
+            runs = scored_runs(learned.learned, fresh, xi=settings.xi, start_level=start)
+            runs = runs.assign(period_mm=period)[COLUMNS]
             parts.append(
                 runs.loc[runs.index.repeat(KEPT)].assign(
                     episode=np.tile(at, RUNS), level=curves.ravel()

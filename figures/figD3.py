@@ -14,16 +14,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
+from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.gap import increments
-from bgmodel.learning.level import (
-    COARSE,
-    after_errors,
-    learn_level,
-    level_outcomes,
-    playable_levels,
-)
+from bgmodel.learning.level import after_errors, learn_level, level_outcomes
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed
 from bgmodel.learning.worlds import switching, trials_of

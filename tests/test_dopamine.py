@@ -9,27 +9,22 @@ from scipy.stats import norm
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.cli import main
 from bgmodel.comparison.compare import Sweep, sweep
+from bgmodel.comparison.levels import level_table
 from bgmodel.decision import any_crossing
 from bgmodel.dopamine import (
+    THRESHOLD_NATS,
     criterion,
     decide_at_levels,
     decided_out,
+    levels_between,
+    playable_levels,
     usable_range,
     working_range,
 )
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.level import (
-    THRESHOLD_NATS,
-    after_errors,
-    learn_level,
-    level_outcomes,
-    level_table,
-    levels_between,
-    playable_levels,
-    regret,
-)
+from bgmodel.learning.level import after_errors, learn_level, level_outcomes, regret, scored_runs
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, LearningStopped, learn
 from bgmodel.learning.worlds import LevelOutcomes, switching
@@ -214,6 +209,18 @@ def synthetic(trials=4000, best=1.2):
     noise = stream(SEED, "noise").normal(0, 1, (1, trials))
     steps = 10 * (levels[:, None] - best) ** 2 + 5 + noise
     return LevelOutcomes(levels, np.ones((26, trials), bool), steps, np.zeros(26))
+
+
+def test_a_run_is_scored_where_fresh_trials_know_its_level_and_nowhere_else():
+    made = synthetic()
+    some = LevelOutcomes(made.levels[5:20], made.correct[5:20], made.steps[5:20], made.forced[5:20])
+    ends = [made.levels[4], made.levels[10], made.levels[19]]
+    table = scored_runs(ends, some, xi=XI, start_level=made.levels[0], first=made)
+    assert np.isnan(table.loc[0, ["regret", "reward"]].to_numpy(float)).all()
+    assert table["reward"][2] == pytest.approx(some.expected(ends[2], XI))
+    wanted = (table["best_reward"] - table["reward"]) / table["best_reward"].abs()
+    np.testing.assert_allclose(table["regret"], wanted)
+    assert table["start_regret"].eq(float(regret(made.levels[0], made, XI))).all()
 
 
 def test_level_outcomes_return_the_mean_reward_between_its_levels():

@@ -53,7 +53,11 @@ LEVELS = [
     {"bgmodel.learning.gap"},
     {"bgmodel.comparison.circuits"},
     {"bgmodel.dopamine", "bgmodel.experiments.experiment"},
-    {"bgmodel.experiments.outcomes", "bgmodel.learning.level"},
+    {
+        "bgmodel.comparison.levels",
+        "bgmodel.experiments.outcomes",
+        "bgmodel.learning.level",
+    },
     {
         "bgmodel.commands",
         "bgmodel.commands.checks",
@@ -131,6 +135,14 @@ def test_one_module_of_bgmodel_runs_engines(name, path):
 @pytest.mark.parametrize(("name", "path"), list(modules("circuits")))
 def test_circuits_know_nothing_of_bgmodel(name, path):
     assert not any(i.split(".")[0] in {"bgmodel", "figures", "torch"} for i in imports(path))
+
+
+def test_benchmarks_and_figures_import_from_the_packages_alone():
+    """What both need is science, and lives in bgmodel."""
+    for path in sorted((ROOT / "benchmarks").rglob("*.py")):
+        assert not any(i.split(".")[0] in {"figures", "tests"} for i in imports(path)), path
+    for path in sorted((ROOT / "figures").rglob("*.py")):
+        assert not any(i.split(".")[0] in {"benchmarks", "tests"} for i in imports(path)), path
 
 
 def test_every_package_is_shipped():

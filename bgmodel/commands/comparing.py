@@ -127,14 +127,9 @@ class CircuitLesion(Comparison):
         print(f"{evidence.trials} trials -> {self.output}")
 
 
-def sample_ms(step_ms: float) -> float:
-    """Return how far samples of OUT lie apart: 1 ms, or a fiftieth of slow readings."""
-    return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
-
-
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
-    from bgmodel.comparison.circuits import usual_gain
+    from bgmodel.comparison.circuits import sample_ms, usual_gain
     from bgmodel.comparison.compare import MARGIN, check_trials
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.anatomy import circuit

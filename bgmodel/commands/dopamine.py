@@ -57,15 +57,9 @@ class CircuitLearn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
+        from bgmodel.dopamine import COARSE, playable_levels
         from bgmodel.integrators.basal_ganglia import BasalGanglia
-        from bgmodel.learning.level import (
-            COARSE,
-            learn_level,
-            learned_table,
-            level_outcomes,
-            playable_levels,
-            regret,
-        )
+        from bgmodel.learning.level import learn_level, learned_table, level_outcomes, regret
         from bgmodel.learning.reinforce import LearningStopped
         from circuits.anatomy import circuit
 

@@ -59,6 +59,11 @@ def usual_gain(alternatives: int) -> float:
     return 0.5 if alternatives < 8 else 0.6
 
 
+def sample_ms(step_ms: float) -> float:
+    """Return how far samples of OUT lie apart: 1 ms, or a fiftieth of slow readings."""
+    return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
+
+
 def msprt_sweeps(evidence: Evidence, gain: float) -> dict[str, Sweep]:
     """Return the two references: the MSPRT at the circuit's gain, and the full one."""
     return {
