@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.cortex import coded
-from benchmarks.filters import Run
-from benchmarks.tuning import tuning_evidence
+from benchmarks.tuning.cortex import coded
+from benchmarks.tuning.filters import Run
+from benchmarks.tuning.neighbours import tuning_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import circuit
 

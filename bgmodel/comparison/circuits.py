@@ -52,7 +52,7 @@ def usual_gain(alternatives: int) -> float:
     ``kappa L``: a higher gain drowns the noise of cortex, and beyond a point that of all others
     drowns OUT. With two alternatives the slope at accuracies of .90 to .97 stands higher for longer
     than with four; with eight OUT at .90 lies above what the circuit reads unless the gain is
-    higher. Tuned on seeds of its own with ``benchmarks/filters.py``.
+    higher. Tuned on seeds of its own with ``benchmarks/tuning/filters.py``.
     """
     if alternatives <= 2:
         return 0.7

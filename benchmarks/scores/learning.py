@@ -12,12 +12,12 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from benchmarks import OUT
 from bgmodel import stream
 from bgmodel.comparison.compare import sweep
 from bgmodel.comparison.levels import GAIN
@@ -34,7 +34,6 @@ from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from circuits.anatomy import circuit
 
-OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_006
 XI, T_MAX, STEP_MS = 50.0, 30, 50.0
 LATENCY_MS = LATENCIES_MS[2]

@@ -7,11 +7,11 @@ once the threshold is tuned anew to the same accuracy. Figure C4 shows the same 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from benchmarks import OUT
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits, usual_gain
 from bgmodel.evidence import gaussian_evidence
@@ -20,7 +20,6 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import circuit
 from circuits.controls import perturbed
 
-OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_004
 AT = 0.95
 KEPT = ("expected_accuracy", "mean_ms", "forced")

@@ -7,15 +7,14 @@ equal time beside the MSPRT and the MSPRT at the circuit's gain.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from benchmarks import OUT
 from bgmodel.comparison.levels import levels_against_msprt
 from bgmodel.files import write_table
 
-OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_007
 ASKED = (0.75, 0.99)
 """Posteriors that dopamine should span."""

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks import OUT
 from bgmodel import stream
 from bgmodel.comparison.circuits import (
     MSPRT_AT_GAIN,
@@ -33,7 +34,6 @@ from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_t
 from circuits.anatomy import circuit
 from circuits.spec import Circuit
 
-OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_001
 TRIALS = 2000
 MORE_TRIALS = {

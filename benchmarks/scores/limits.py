@@ -13,7 +13,8 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from benchmarks.scoring import OUT, SCORING_SEED, conditions
+from benchmarks import OUT
+from benchmarks.scores.agreement import SCORING_SEED, conditions
 from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt, usual_gain
 from bgmodel.comparison.page import page
 from bgmodel.files import read_table, write_table

@@ -1,10 +1,10 @@
 """The filters of spiking_msprt's read-out, tuned: OUT for many of them from one run of spikes.
 
-``python -m benchmarks.filters [--channels 2] [--d-prime 1] [--gain 0.7]`` runs the table on tuning
-seeds, then computes OUT again for other delays and time constants of D1->SNr, STN->SNr and the
-read-out. None of these feeds back, so D1's and STN's spikes are those of the run; SNr keeps its own
-noise and gets what the new filters change in its input. Printed: r of decision times against the
-MSPRT at the circuit's gain, mean over accuracies of .885 to .975 in steps of .01, and over the
+``python -m benchmarks.tuning.filters [--channels 2] [--d-prime 1] [--gain 0.7]`` runs the table on
+tuning seeds, then computes OUT again for other delays and time constants of D1->SNr, STN->SNr and
+the read-out. None of these feeds back, so D1's and STN's spikes are those of the run; SNr keeps its
+own noise and gets what the new filters change in its input. Printed: r of decision times against
+the MSPRT at the circuit's gain, mean over accuracies of .885 to .975 in steps of .01, and over the
 lowest four and the highest three of them.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from benchmarks.tuning import STEP_MS, TUNING_SEEDS, tuning_evidence
+from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
 from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_sweeps, thresholds_about, usual_gain
 from bgmodel.comparison.compare import compare, sweep

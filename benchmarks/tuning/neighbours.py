@@ -1,12 +1,12 @@
 """What spiking_msprt was tuned on: the table as it is beside its neighbours, on tuning seeds.
 
-``python -m benchmarks.tuning [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for every
-variant, its rates at rest and what it does against the MSPRT at its gain. The seeds here tune and
-never score; those of ``benchmarks.scoring`` score and never tune. The row with the highest
-correlation of decision times was kept whose latency stays within 65 ms and whose rates at rest are
-those of the animal; within the error of 500 trials many are as good. The filters in front of OUT
-and the usual gain were tuned with ``benchmarks.filters``, the cortical code with
-``benchmarks.cortex``: both tell closer ones apart.
+``python -m benchmarks.tuning.neighbours [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for
+every variant, its rates at rest and what it does against the MSPRT at its gain. The seeds here tune
+and never score; those of ``benchmarks.scores.agreement`` score and never tune. The row with the
+highest correlation of decision times was kept whose latency stays within 65 ms and whose rates at
+rest are those of the animal; within the error of 500 trials many are as good. The filters in front
+of OUT and the usual gain were tuned with ``benchmarks.tuning.filters``, the cortical code with
+``benchmarks.tuning.cortex``: both tell closer ones apart.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """The cortical code of spiking_msprt, tuned: how far above silence it rests, and its Hz a nat.
 
-``python -m benchmarks.cortex [--channels 2] [--d-prime 1] [--trials 1000]`` prints, on tuning
-seeds, r of decision times against the MSPRT at the circuit's gain, mean over the accuracies of
-``benchmarks.filters``, over the lowest four and the highest three of them: with six times the cells
-of one population, which tells whose noise counts, and with other cortical codes. A code that rests
-lower is quieter at the same Hz a nat, for its variance goes with the rate, but losers fall silent
-sooner.
+``python -m benchmarks.tuning.cortex [--channels 2] [--d-prime 1] [--trials 1000]`` prints, on
+tuning seeds, r of decision times against the MSPRT at the circuit's gain, mean over the accuracies
+of ``benchmarks.tuning.filters``, over the lowest four and the highest three of them: with six times
+the cells of one population, which tells whose noise counts, and with other cortical codes. A code
+that rests lower is quieter at the same Hz a nat, for its variance goes with the rate, but losers
+fall silent sooner.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.filters import ACCURACIES
-from benchmarks.tuning import TUNING_SEEDS, tuning_evidence
+from benchmarks.tuning.filters import ACCURACIES
+from benchmarks.tuning.neighbours import TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
 from bgmodel.comparison.circuits import (
     CIRCUIT,
