@@ -23,15 +23,15 @@ validate: $(VENV)/test.installed
 	$(BIN)/python -m pytest -n $(CORES) -m validate
 
 benchmark: $(VENV)/bench.installed
-	$(BIN)/python -m benchmarks.deciding
-	$(BIN)/python -m benchmarks.circuits
+	$(BIN)/python -m benchmarks.speed.deciding
+	$(BIN)/python -m benchmarks.speed.circuits
 
 score: $(VENV)/figures.installed
-	$(BIN)/python -m benchmarks.scoring --workers $(CORES)
-	$(BIN)/python -m benchmarks.limits --workers $(CORES)
-	$(BIN)/python -m benchmarks.learning
-	$(BIN)/python -m benchmarks.knob
-	$(BIN)/python -m benchmarks.sensitivity --workers $(CORES)
+	$(BIN)/python -m benchmarks.scores.agreement --workers $(CORES)
+	$(BIN)/python -m benchmarks.scores.limits --workers $(CORES)
+	$(BIN)/python -m benchmarks.scores.learning
+	$(BIN)/python -m benchmarks.scores.levels
+	$(BIN)/python -m benchmarks.scores.sensitivity --workers $(CORES)
 
 # The table of decoded taps that ships with the package, made again from nothing.
 shipped-taps: figures

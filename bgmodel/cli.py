@@ -17,16 +17,23 @@ import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from bgmodel.commands.checks import Writes, check_outputs
-from bgmodel.commands.circuit import Run, Show
-from bgmodel.commands.comparing import Compare, Lesion
-from bgmodel.commands.decisions import Decide, Learn
-from bgmodel.commands.dopamine import Learn as Dopamine
-from bgmodel.commands.experiments import Run as Experiment
+from bgmodel.commands.circuit import CircuitRun, CircuitShow
+from bgmodel.commands.comparing import CircuitLesion, Compare
+from bgmodel.commands.decisions import Decide, GapLearn
+from bgmodel.commands.dopamine import CircuitLearn
+from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
+from bgmodel.commands.names import Name
 from bgmodel.commands.taps import Decode, Simulate, Train
+from bgmodel.ours import explained
 
 ABOUT = "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw."
-CIRCUIT = {"show": Show, "run": Run, "lesion": Lesion, "learn": Dopamine}
+CIRCUIT = {
+    "show": CircuitShow,
+    "run": CircuitRun,
+    "lesion": CircuitLesion,
+    "learn": CircuitLearn,
+}
 # A name and its command, or a name and a group: what it is about, and a table like this one with
 # two commands or more.
 COMMANDS: dict[str, Any] = {
@@ -34,14 +41,14 @@ COMMANDS: dict[str, Any] = {
     "train": Train,
     "decode": Decode,
     "decide": Decide,
-    "learn": Learn,
+    "learn": GapLearn,
     "circuit": (
         "A basal ganglia circuit: show its table, let it decide, lesion it, let dopamine learn. "
         "Example: bgmodel circuit show",
         CIRCUIT,
     ),
     "compare": Compare,
-    "experiment": Experiment,
+    "experiment": ExperimentRun,
     "figures": Figures,
 }
 
@@ -57,7 +64,10 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read has read enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ValueError, ImportError, OSError) as error:
+    except ImportError as error:
+        print(f"bgmodel: {explained(error)}", file=sys.stderr)
+        return 2
+    except (ValueError, OSError) as error:
         print(f"bgmodel: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as stop:
@@ -88,7 +98,7 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
 
 
 def _registry() -> ConstructorRegistry:
-    """Return tyro's rules and one more: a whole number may be written 1e5."""
+    """Return tyro's rules and two more: a whole number may be written 1e5; names are listed."""
     registry = ConstructorRegistry()
 
     @registry.primitive_rule
@@ -100,6 +110,19 @@ def _registry() -> ConstructorRegistry:
             metavar="INT",
             instance_from_str=lambda given: _whole(given[0]),
             is_instance=lambda value: isinstance(value, int) and not isinstance(value, bool),
+            str_from_instance=lambda value: [str(value)],
+        )
+
+    @registry.primitive_rule
+    def listed(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Name] | None:
+        kind = info.type
+        if not (isinstance(kind, type) and issubclass(kind, Name)):
+            return None
+        return PrimitiveConstructorSpec(
+            nargs=1,
+            metavar=f"{{{','.join(kind.known())}}}",
+            instance_from_str=lambda given: kind.parse(given[0]),
+            is_instance=lambda value: isinstance(value, str),
             str_from_instance=lambda value: [str(value)],
         )
 

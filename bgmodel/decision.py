@@ -141,6 +141,26 @@ def crossing_of_each(
     return _decision(trace, tick, choice, forced)
 
 
+def any_crossing(
+    out_nats: npt.NDArray[np.floating], threshold_nats: float
+) -> npt.NDArray[np.bool_]:
+    """Whether each trial of a time without evidence ends in a response, (trials,).
+
+    The rule is that of ``first_crossing`` up to the onset of evidence.
+
+    Parameters
+    ----------
+    out_nats : array (trials, ticks, hypotheses), nats
+        Output without evidence.
+    threshold_nats : float
+        For all responses.
+    """
+    ticks = out_nats.shape[1]
+    before_onset = Trace(out_nats, np.arange(ticks, dtype=np.float64), onset_ms=float(ticks))
+    decision = first_crossing(before_onset, float(threshold_nats), forced=False)
+    return np.asarray(decision.choice != UNDECIDED)
+
+
 @dataclass(frozen=True)
 class Tally:
     """Sums over trials for each of K thresholds: trials (int), and arrays (K,) of the rest."""

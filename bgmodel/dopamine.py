@@ -1,38 +1,38 @@
-"""Dopamine as the knob of the threshold: what its level does to a circuit, and learning by it.
+"""Dopamine moves the threshold: the effect of its level on a circuit.
 
 The read-out's threshold stays where it is. A level of dopamine moves D1's and D2's cortical gain in
-opposite directions and with them OUT, so the circuit stops at another posterior. The learner is
-that of the abstract test (``learning.learn``); what it plays here is the level. It sees rewards and
-its own perturbations of the level, no gap, no evidence and no test.
+opposite directions and with them OUT, so the circuit stops at another posterior. The learner of
+a level is that of a gap (``learning.reinforce.learn``). It sees rewards and its own perturbations
+of the level, no gap, no evidence and no test.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from bgmodel.comparison.circuits import CIRCUIT, sweeps
+from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Sweep
+from bgmodel.comparison.steady import leader_out
+from bgmodel.decision import any_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import (
-    NOISE_SHARE,
-    SPIKING,
-    BasalGanglia,
-    Circuit,
-    run_engine,
-    share_crossed,
-)
-from bgmodel.learning.reinforce import Environment, check_xi
+from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
+from circuits.engines import SPIKING
+from circuits.spec import Circuit
 
 Array = npt.NDArray[np.float64]
 ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
 MARGIN = 0.02
 """Share of a level by which a learner keeps away from where the fixed point stops deciding."""
+THRESHOLD_NATS = 0.3
+"""OUT at which the circuit decides, whatever the dopamine: for two to four alternatives the fixed
+point spans posteriors .75 to .99."""
+COARSE = {"dt_ms": 0.5, "sample_ms": 2.0}
+"""Ticks of the rate engine where thousands of trials are run at each of many levels."""
 
 
 def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
@@ -47,12 +47,7 @@ def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Arra
     log_odds : array (M,) or float
         Of the leader against each other alternative, in the circuit's nats.
     """
-    odds = np.asarray(log_odds, dtype=np.float64)
-    drive = np.zeros((odds.size, 1, circuit.channels))
-    drive[:, 0, 0] = odds.ravel()
-    drive -= drive.mean(axis=2, keepdims=True)
-    found = run_engine(circuit.dopamine(level), drive, engine="algebra", step_ms=1.0)
-    return np.asarray(found.output_nats[:, 0, 0].reshape(odds.shape))
+    return leader_out(circuit.dopamine(level), log_odds)
 
 
 def _odds(circuit: Circuit) -> Array:
@@ -104,10 +99,9 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
 def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level that a learner should play.
 
-    Where the fixed point decides by evidence, ``MARGIN`` away from where it stops to (no margin is
-    left where the most that is allowed ends it). With spikes
-    it also ends where noise decides: where OUT at rest meets the threshold in more than
-    ``NOISE_SHARE`` of 200 trials of half a second, in the compiled engine.
+    The working range, shrunk by ``MARGIN`` at both ends (not at a level of 2). With spikes its
+    upper end also lies below the level at which noise alone decides: at which OUT at rest meets the
+    threshold in more than ``NOISE_SHARE`` of 200 trials of half a second, in the compiled engine.
 
     Raises
     ------
@@ -120,7 +114,7 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
 
     def noisy(level: float) -> bool:
         edited = replace(model, circuit=model.circuit.dopamine(level))
-        return share_crossed(edited.out_at_rest(200), threshold_nats) > NOISE_SHARE
+        return bool(any_crossing(edited.out_at_rest(200), threshold_nats).mean() > NOISE_SHARE)
 
     if model.engine in SPIKING and noisy(high):
         quiet = low
@@ -134,6 +128,18 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
             f"{threshold_nats:.2f} nats by evidence and not by noise"
         )
     return low, high
+
+
+def levels_between(low: float, high: float, count: int) -> Array:
+    """Return levels, evenly spaced in their logarithm: OUT moves less the higher they are."""
+    return np.geomspace(low, high, count)
+
+
+def playable_levels(
+    model: BasalGanglia, count: int, threshold_nats: float = THRESHOLD_NATS
+) -> Array:
+    """Return levels (count,) at which a learner meets a circuit, over its ``usable_range``."""
+    return levels_between(*usable_range(model, threshold_nats), count)
 
 
 def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float) -> float:
@@ -173,7 +179,7 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
     return float(1 / (1 + (circuit.channels - 1) * np.exp(-found / gain)))
 
 
-def knob(
+def decide_at_levels(
     model: BasalGanglia, evidence: Evidence, levels: npt.ArrayLike, threshold_nats: float
 ) -> Sweep:
     """Let a circuit decide at several levels of dopamine, its threshold fixed.
@@ -192,7 +198,7 @@ def knob(
     Returns
     -------
     Sweep
-        Whose ``thresholds`` are the levels, highest first.
+        Its ``settings`` are the levels, highest first.
     """
     falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]
     low, high = ALLOWED
@@ -201,7 +207,7 @@ def knob(
     if not (falling[-1] >= low and falling[0] <= high):
         raise ValueError(f"levels must lie in {low:g}..{high:g}, got {levels!r}")
     rows = [
-        sweeps(
+        decide_at_thresholds(
             replace(model, circuit=model.circuit.dopamine(float(level))),
             evidence,
             [threshold_nats],
@@ -211,91 +217,3 @@ def knob(
     ]
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     return Sweep(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))
-
-
-@dataclass(frozen=True)
-class Body:
-    """A circuit as a learner meets it: its decisions at each level, on the same trials.
-
-    Parameters
-    ----------
-    levels : array (K,)
-        Dopamine, rising.
-    correct : bool array (K, trials)
-        Whether the choice was right.
-    steps : array (K, trials)
-        Time of the decision in readings, all latencies included.
-    forced : array (K,)
-        Share of trials that the deadline decided.
-    """
-
-    levels: Array
-    correct: npt.NDArray[np.bool_]
-    steps: Array
-    forced: Array
-
-    def __post_init__(self) -> None:
-        shape = (len(self.levels), self.correct.shape[-1])
-        if self.correct.shape != shape or self.steps.shape != shape:
-            raise ValueError(
-                f"correct and steps must be (levels, trials) = {shape}, got {self.correct.shape} "
-                f"and {self.steps.shape}"
-            )
-        if not np.all(np.diff(self.levels) > 0):
-            raise ValueError(f"levels must rise, got {self.levels}")
-
-    @classmethod
-    def of(cls, found: Sweep, evidence: Evidence) -> Body:
-        """Build from decisions and the truth."""
-        if evidence.truth is None:
-            raise ValueError("reward needs the truth of each trial")
-        if evidence.trials != found.trials:
-            raise ValueError(f"decisions of {found.trials} trials, evidence of {evidence.trials}")
-        steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
-        correct = found.choice == evidence.truth
-        forced = found.forced.mean(axis=1)
-        return cls(found.thresholds[::-1], correct[::-1], steps[::-1], forced[::-1])
-
-    def rewards(self, xi: float) -> Array:
-        """Return ``r = xi W - T`` of each level and trial, (K, trials)."""
-        check_xi(xi)
-        return -xi * ~self.correct - self.steps
-
-    def expected(self, level: npt.ArrayLike, xi: float) -> Array:
-        """Return the mean reward at levels, linear between those that were run."""
-        means: Array = self.rewards(xi).mean(axis=1)
-        return np.interp(np.asarray(level, dtype=np.float64), self.levels, means)
-
-    def best(self, xi: float) -> tuple[float, float]:
-        """Return the level with the highest mean reward, and that reward: exhaustive search."""
-        means: Array = self.rewards(xi).mean(axis=1)
-        return float(self.levels[means.argmax()]), float(means.max())
-
-    def environment(self, xi: float, rngs: Sequence[np.random.Generator]) -> Environment:
-        """Return the world of a learner: it plays levels, one a run, and gets rewards.
-
-        Each run draws its trials at random from those that were simulated. A level between two
-        that were run is one of both by chance, so that the mean reward is linear between them.
-        """
-        table = self.rewards(xi)
-        count, trials = table.shape
-        where = np.arange(count, dtype=np.float64)
-
-        def rewards(episode: int, played: Array) -> Array:
-            place = np.interp(played, self.levels, where)
-            chance = np.array([rng.random(2) for rng in rngs])
-            row = np.minimum(np.floor(place + chance[:, 0]).astype(np.intp), count - 1)
-            return table[row, (chance[:, 1] * trials).astype(np.intp)]
-
-        return rewards
-
-
-def switching(worlds: Sequence[Environment], every: int) -> Environment:
-    """Return a world that changes: ``every`` trials of each in turn, again and again."""
-    if not worlds or every < 1:
-        raise ValueError(f"worlds must hold one or more, every >= 1, got {len(worlds)}, {every}")
-
-    def rewards(episode: int, played: Array) -> Array:
-        return worlds[(episode // every) % len(worlds)](episode, played)
-
-    return rewards

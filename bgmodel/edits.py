@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bgmodel.integrators.basal_ganglia import Circuit
+    from circuits.spec import Circuit
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,11 @@ class Edits:
 
     def check_engine(self, engine: str) -> None:
         """Raise ValueError for edits of cells where an engine has none: they would do nothing."""
+        # Importing it with the package would cost time that only circuits need.
+        from circuits.engines import SPIKING
+
         idle = [name for name in ("neurons", "connections", "spread") if getattr(self, name)]
-        if idle and engine in ("algebra", "rate"):
+        if idle and engine not in SPIKING:
             raise ValueError(f"{idle[0]} is of cells, it says nothing to the {engine} engine")
 
     def of(self, table: Circuit) -> Circuit:

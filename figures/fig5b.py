@@ -13,7 +13,7 @@ from bgmodel import Sprt, stream, threshold_from_gap
 from bgmodel.decision import crossing_of_each
 from bgmodel.files import read_table, write_table
 from bgmodel.learning.gap import fold_sources, search_folds
-from bgmodel.learning.reinforce import reward
+from bgmodel.learning.reward import reward, reward_of
 from figures.common import COLOUR, Settings, letter, run
 
 DOTS = 1500
@@ -76,12 +76,12 @@ def draw(
 
 
 def _exact_cost(rows: pd.DataFrame, xi: float) -> float:
-    return float((xi * (1 - rows["exact_accuracy"]) + rows["exact_mean_steps"]).mean())
+    return float(-reward_of(1 - rows["exact_accuracy"], rows["exact_mean_steps"], xi).mean())
 
 
 def _curves(ax, curve: pd.DataFrame, xi: float, colour: str) -> None:
-    sampled = -(xi * (1 - curve["accuracy"]) + curve["mean_steps"])
-    mean = sampled.groupby(curve["delta"]).mean()
+    sampled = reward_of(1 - curve["accuracy"], curve["mean_steps"], xi)
+    mean = pd.Series(sampled, curve.index).groupby(curve["delta"]).mean()
     ax.plot(mean.index, mean, color=colour, lw=2.2, alpha=0.5, label="sampled average")
     exact = curve.groupby("delta").apply(_exact_cost, xi=xi, include_groups=False)
     ax.plot(exact.index, -exact, color="k", lw=0.8, ls=":", label="exact")

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
 from bgmodel.learning.gap import fold_sources, increments
+from bgmodel.learning.reward import reward_of
 from bgmodel.theory.sprt import sprt
 from figures.common import COLOUR, Settings, letter, run
 
@@ -24,7 +25,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         for fold, readings in enumerate(fold_sources(table, period)):
             test = sprt(*increments(readings), gaps, t_max=settings.t_max)
             for xi in np.geomspace(5, 500, 25):
-                costs = xi * test.error_rate + test.mean_steps
+                costs = -reward_of(test.error_rate, test.mean_steps, xi)
                 best = int(np.argmin(costs))
                 rows.append(
                     {

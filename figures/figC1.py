@@ -16,10 +16,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import Circuit, circuit
-from bgmodel.integrators.basal_ganglia import draw as draw_circuit
+from circuits.anatomy import circuit
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.firing import lif_rate_hz
+from circuits.show import draw as draw_circuit
+from circuits.spec import Circuit
 from figures.common import Settings, letter, run
 
 CIRCUIT = circuit("spiking_msprt")

@@ -21,8 +21,9 @@ from scipy.ndimage import gaussian_filter1d
 from bgmodel import Decision, Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, drive_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.plots import channel_lines, raster
+from circuits.anatomy import circuit
 from figures.common import GAIN, Settings, letter, run
 
 CIRCUIT = circuit("spiking_msprt", 4)

@@ -14,19 +14,20 @@ from bgmodel import stream
 from bgmodel.comparison.circuits import (
     CIRCUIT,
     DECODER,
-    FULL,
-    OWN,
+    MSPRT,
+    MSPRT_AT_GAIN,
+    decide_at_thresholds,
     msprt_sweeps,
-    sweeps,
     thresholds_about,
     usual_gain,
 )
 from bgmodel.comparison.compare import Sweep, compare, curve, sweep
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage, Race
 from bgmodel.tactile.task import SameDifferent, source
+from circuits.anatomy import circuit
 from figures.common import Settings, letter, run
 
 AT = 0.95
@@ -55,13 +56,13 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         gain = usual_gain(evidence.hypotheses)
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
         swept = msprt_sweeps(evidence, gain)
-        swept |= sweeps(model, evidence, thresholds_about(swept[OWN]))
+        swept |= decide_at_thresholds(model, evidence, thresholds_about(swept[MSPRT_AT_GAIN]))
         for label, rival in (("race", Race()), ("max vs average", MaxVsAverage())):
             if name in ("N = 4", "N = 8"):
                 swept[label] = sweep(rival.run(evidence), evidence)
         for label in (CIRCUIT, DECODER):
             found = compare(
-                swept[OWN],
+                swept[MSPRT_AT_GAIN],
                 swept[label],
                 rng=stream(settings.seed, "bootstrap"),
                 truth=evidence.truth,
@@ -70,7 +71,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             measures.append(found.assign(condition=name, model=label, what="measure"))
         for label, one in swept.items():
             measures.append(_curve(one).assign(condition=name, model=label, what="curve"))
-        trials.append(_trials(swept[OWN], swept[CIRCUIT]).assign(condition=name))
+        trials.append(_trials(swept[MSPRT_AT_GAIN], swept[CIRCUIT]).assign(condition=name))
     write_table(pd.concat(measures), output, seed=settings.seed, settings=settings)
     beside = output.with_stem(output.stem + "_trials")
     write_table(pd.concat(trials), beside, seed=settings.seed, settings=settings)
@@ -82,7 +83,7 @@ def _curve(swept: Sweep) -> pd.DataFrame:
 
 
 def _trials(test: Sweep, other: Sweep) -> pd.DataFrame:
-    rows = [int(np.flatnonzero(one.thresholds == one.threshold(AT))[0]) for one in (test, other)]
+    rows = [int(np.flatnonzero(one.settings == one.setting(AT))[0]) for one in (test, other)]
     return pd.DataFrame(
         {
             "test_ms": test.time_ms[rows[0]],
@@ -149,8 +150,8 @@ def _measures(ax, rows: pd.DataFrame) -> None:
 
 def _speed_accuracy(ax, rows: pd.DataFrame):
     styles = {
-        OWN: {"color": "k", "lw": 1.2},
-        FULL: {"color": "k", "lw": 0.8, "ls": ":"},
+        MSPRT_AT_GAIN: {"color": "k", "lw": 1.2},
+        MSPRT: {"color": "k", "lw": 0.8, "ls": ":"},
         CIRCUIT: {"color": "C3", "lw": 1.2},
         DECODER: {"color": "C3", "lw": 0.8, "ls": "--"},
         "max vs average": {"color": "C4", "lw": 0.8},
@@ -159,7 +160,7 @@ def _speed_accuracy(ax, rows: pd.DataFrame):
     for name, style in styles.items():
         here = rows[(rows["model"] == name) & (rows["value"] > 0)]
         ax.plot(here["value"] / 1000, here["accuracy"], label=name, **style)
-    at = rows[(rows["model"] == OWN) & (rows["accuracy"] < 0.99)]
+    at = rows[(rows["model"] == MSPRT_AT_GAIN) & (rows["accuracy"] < 0.99)]
     ax.set(xlabel="mean decision time (s)", ylim=(0.6, 1.0), xlim=(0, 1.35e-3 * at["value"].max()))
     return ax.get_legend_handles_labels()
 

@@ -13,18 +13,20 @@ from bgmodel import stream
 from bgmodel.comparison.circuits import (
     CIRCUIT,
     DECODER,
-    OWN,
+    MSPRT_AT_GAIN,
+    compare_edits,
+    decide_at_thresholds,
     msprt_sweeps,
-    sweeps,
     thresholds_about,
-    variants,
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.steady import out_shift, steady_out
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, out_variance
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 from circuits.controls import correlated, linear_stn, perturbed, shuffled_stn
+from circuits.laws.spectra import out_variance
 from figures.common import BRIEF, GAIN, Settings, letter, run
 
 NEURONS = (30, 100, 300, 1000, 3000)
@@ -48,12 +50,14 @@ def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: fl
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
     evidence = gaussian(settings, "neurons", 2 * settings.varied_trials, 2, 0.5)
-    test = msprt_sweeps(evidence, GAIN)[OWN]
+    test = msprt_sweeps(evidence, GAIN)[MSPRT_AT_GAIN]
     parts = []
     for count in (n for n in NEURONS if n <= settings.most_neurons):
         table = circuit("spiking_msprt").with_neurons(count)
         model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
-        for name, found in sweeps(model, evidence, thresholds_about(test, HIGHEST)).items():
+        for name, found in decide_at_thresholds(
+            model, evidence, thresholds_about(test, HIGHEST)
+        ).items():
             rng = stream(settings.seed, "bootstrap")
             measured = compare(test, found, rng=rng, truth=evidence.truth, accuracies=(AT,))
             parts.append(measured.assign(model=name, neurons=count))
@@ -81,7 +85,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
     }
     model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST}
-    found = variants(model, edited, evidence, seed=settings.seed, **given)
+    found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
@@ -95,7 +99,7 @@ def numbers(settings: Settings, *, output: Path) -> None:
     edited = {name: every[name] for name in names}
     model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
-    found = variants(model, edited, evidence, seed=settings.seed, **given)
+    found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
     write_table(found.assign(of=len(every)), output, seed=settings.seed, settings=settings)
 
 

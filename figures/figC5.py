@@ -10,11 +10,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import variants
+from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.steady import steady_shifts
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
 from figures.common import BRIEF, GAIN, Settings, letter, run
 
 CHANNELS = 4
@@ -59,7 +61,7 @@ def behaviour(settings: Settings, *, output: Path) -> None:
     )
     model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST}
-    found = variants(model, lesions(table), evidence, seed=settings.seed, **given)
+    found = compare_edits(model, lesions(table), evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 

@@ -1,6 +1,6 @@
 """Figure D1: reward finds the trade-off: the gap of the algorithm, dopamine in the circuit.
 
-One learner, two bodies. The algorithm's plays the gap of an SPRT; the circuit's plays a level of
+One learner, two deciders. The algorithm's plays the gap of an SPRT; the circuit's plays a level of
 dopamine, and neither gap nor posterior nor a test is known to it.
 """
 
@@ -15,11 +15,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
+from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
-from bgmodel.learning.level import COARSE, body, learn_level, playable_levels, regret
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.learning.level import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
+from circuits.anatomy import circuit
 from figures.common import COLOUR, GAIN, Settings, letter, run
 
 STEP_MS = 50.0
@@ -30,6 +32,8 @@ TRIALS = {"rate": 3.0, "ensemble": 1.0}
 LEVELS = 16
 RUNS = 20
 KEPT = 120
+COLUMNS = ["run", "learned_level", "regret", "period_mm"]
+COLUMNS += ["start_level", "best_level", "best_reward", "start_regret"]
 PERIODS = {"rate": (1.5, 2.0, 2.5), "ensemble": (1.5, 2.0)}
 
 
@@ -50,8 +54,8 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
     parts = []
     for period in PERIODS[engine]:
         drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
-        met, fresh = (
-            body(
+        outcomes, fresh = (
+            level_outcomes(
                 # What is scored has noise of its own too.
                 replace(model, seed=settings.seed + (name == "scored")),
                 drawn(
@@ -66,7 +70,7 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
         )
         for start in levels[list(STARTS)].tolist():
             learned = learn_level(
-                met,
+                outcomes,
                 xi=settings.xi,
                 start_level=start,
                 runs=RUNS,
@@ -75,21 +79,9 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
                 learner=Learner(episodes=settings.episodes),
             )
             at = np.linspace(0, settings.episodes - 1, KEPT).round().astype(int)
-            curves = smoothed(learned.mean_gap, 500)[:, at]
-            known = {
-                "period_mm": period,
-                "start_level": start,
-                "best_level": fresh.best(settings.xi)[0],
-                "best_reward": fresh.best(settings.xi)[1],
-                "start_regret": float(regret(start, fresh, settings.xi)),
-            }
-            runs = pd.DataFrame(
-                {
-                    "run": np.arange(RUNS),
-                    "learned_level": learned.delta,
-                    "regret": regret(learned.delta, fresh, settings.xi),
-                }
-            ).assign(**known)
+            curves = smoothed(learned.mean_played, 500)[:, at]
+            runs = scored_runs(learned.learned, fresh, xi=settings.xi, start_level=start)
+            runs = runs.assign(period_mm=period)[COLUMNS]
             parts.append(
                 runs.loc[runs.index.repeat(KEPT)].assign(
                     episode=np.tile(at, RUNS), level=curves.ravel()
@@ -134,8 +126,8 @@ def _levels(ax, table: pd.DataFrame) -> None:
 
 
 def _regret(ax, gap: pd.DataFrame, rates: pd.DataFrame, spiking: pd.DataFrame) -> None:
-    bodies = {"algorithm": gap, "rate": rates, "spikes": spiking}
-    for place, table in enumerate(bodies.values()):
+    deciders = {"algorithm": gap, "rate": rates, "spikes": spiking}
+    for place, table in enumerate(deciders.values()):
         by = ["period_mm", "start_level" if "start_level" in table else "start_delta"]
         one = [*by, "run"] if "run" in table else [*by, "fold", "repeat"]
         ends = table.drop_duplicates(one)
@@ -148,7 +140,7 @@ def _regret(ax, gap: pd.DataFrame, rates: pd.DataFrame, spiking: pd.DataFrame) -
                 ax.scatter(x, 100 * max(start, 1e-4), marker="_", s=30, color=COLOUR[period])
     ax.axhline(3, ls=":", lw=0.8, color="k")
     ax.set(yscale="log", ylabel="cost beyond the optimum (%)")
-    ax.set_xticks(range(len(bodies)), list(bodies))
+    ax.set_xticks(range(len(deciders)), list(deciders))
     letter(ax, "d")
 
 

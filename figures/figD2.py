@@ -1,76 +1,27 @@
-"""Figure D2: dopamine as the knob of the threshold: level to posterior, and speed to accuracy."""
+"""Figure D2: dopamine moves the threshold: level to posterior, and speed to accuracy."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel import stream
-from bgmodel.comparison.circuits import FULL, msprt_sweeps
-from bgmodel.dopamine import criterion, knob, working_range
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.comparison.circuits import MSPRT
+from bgmodel.comparison.levels import GAIN, THRESHOLDS_NATS, levels_against_msprt
+from bgmodel.dopamine import criterion, levels_between, working_range
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
-from bgmodel.learning.level import COARSE, knob_table, levels_between
-from figures.common import GAIN, Settings, letter, run
+from circuits.anatomy import circuit
+from figures.common import Settings, letter, run
 
-STEPS = {2: 120, 4: 160}
-LEVELS = 14
-THRESHOLD_NATS = {2: 0.3, 4: 0.34}
-"""OUT at which each circuit decides, so that levels of at most 2 take the measured posterior to
-.75: readings carry it past the fixed point's."""
-LATENCY_MS = {2: 54.0, 4: 71.0}
-"""Non-decision time: the spiking circuit's offset against the MSPRT at this gain (`python -m
-benchmarks.scoring --gain 0.5`, d' = .5, every 50 ms). It is taken off beside the full MSPRT too, so
-that what the lower gain costs is not."""
-ENGINES = ("rate", "ensemble")
 COLOURS = {2: "C0", 4: "C1"}
 
 
 def compute(settings: Settings, *, output: Path) -> None:
     """Let both circuits decide at levels across their working range, N = 2 and 4."""
-    found = measured(settings.seed, settings.circuit_trials // 2)
+    found = levels_against_msprt(settings.seed, settings.circuit_trials // 2)
     write_table(found, output, seed=settings.seed, settings=settings)
-
-
-def measured(seed: int, trials: int) -> pd.DataFrame:
-    """Return ``knob_table`` of both circuits and engines, beside the curve of each test.
-
-    The rows of a test have its posterior as level, and its mean time as value.
-    """
-    parts = []
-    for channels, steps in STEPS.items():
-        table, threshold = circuit("spiking_msprt", channels), THRESHOLD_NATS[channels]
-        low, high = working_range(table, threshold)
-        levels = levels_between(1.01 * low, 0.98 * high, LEVELS)
-        rng = stream(seed, "figD2", channels)
-        evidence = gaussian_evidence(
-            trials, steps, 0.5 / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
-        )
-        tests = msprt_sweeps(evidence, GAIN)
-        for engine in ENGINES:
-            options = COARSE if engine == "rate" else {}
-            model = BasalGanglia(table, engine, GAIN, seed, options)
-            found = knob_table(
-                knob(model, evidence, levels, threshold),
-                tests,
-                circuit=table,
-                gain=GAIN,
-                latency_ms=LATENCY_MS[channels],
-                threshold_nats=threshold,
-                rng=stream(seed, "bootstrap"),
-            )
-            parts.append(found.assign(channels=channels, engine=engine))
-        for name, test in tests.items():
-            line = {"level": test.posterior.mean(axis=1), "value": test.time_ms.mean(axis=1)}
-            parts.append(
-                pd.DataFrame(line).assign(measure="curve", reference=name, channels=channels)
-            )
-    return pd.concat(parts, ignore_index=True)
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
@@ -105,11 +56,11 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
     found = rows[(rows["engine"] == engine) & (rows["measure"] == measure)]
-    return found[found["reference"].isin(["", FULL])].set_index("level")
+    return found[found["reference"].isin(["", MSPRT])].set_index("level")
 
 
 def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
-    table, threshold = circuit("spiking_msprt", channels), THRESHOLD_NATS[channels]
+    table, threshold = circuit("spiking_msprt", channels), THRESHOLDS_NATS[channels]
     low, high = working_range(table, threshold)
     levels = levels_between(low * 1.001, high * 0.999, 40)
     exact = [criterion(table, level, threshold, GAIN) for level in levels]
@@ -133,7 +84,7 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
 
 
 def _tradeoff(ax, rows: pd.DataFrame, colour: str) -> None:
-    line = rows[(rows["measure"] == "curve") & (rows["reference"] == FULL)]
+    line = rows[(rows["measure"] == "curve") & (rows["reference"] == MSPRT)]
     ax.plot(line["value"] / 1000, line["level"], lw=0.8, color=colour)
     for engine, mark in (("rate", "o"), ("ensemble", "s")):
         time, known = (_points(rows, engine, name) for name in ("mean_ms", "criterion"))

@@ -14,15 +14,17 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.dopamine import switching
+from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.gap import increments
-from bgmodel.learning.level import COARSE, after_errors, body, learn_level, playable_levels
+from bgmodel.learning.level import after_errors, learn_level, level_outcomes
 from bgmodel.learning.policies import GaussianPolicy
-from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed, trials_of
+from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed
+from bgmodel.learning.worlds import switching, trials_of
 from bgmodel.tactile.task import SameDifferent, Source, source
 from bgmodel.theory.sprt import optimal_delta
+from circuits.anatomy import circuit
 from figures.common import GAIN, Settings, letter, run
 
 STEP_MS = 50.0
@@ -46,8 +48,8 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     model = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options=COARSE)
     levels = playable_levels(model, 22)
     explored = GaussianPolicy(bounds=(levels[0], levels[-1]), **EXPLORED)
-    met = {
-        period: body(
+    outcomes = {
+        period: level_outcomes(
             model,
             readings.draw(
                 settings.circuit_trials,
@@ -77,17 +79,17 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         parts.append(_course(abstract, best, every).assign(world=name, model="algorithm"))
         draws = [stream(settings.seed, "figD3", name, i, "trials") for i in range(RUNS)]
         dopamine = learn(
-            switching([met[p].environment(xi, draws) for p, xi in world], every),
+            switching([outcomes[p].environment(xi, draws) for p, xi in world], every),
             1.2,
             rngs=_explored(settings, name, "circuit"),
             policy=explored,
             learner=learner,
         )
-        best = [met[p].best(xi)[0] for p, xi in world]
+        best = [outcomes[p].best(xi)[0] for p, xi in world]
         parts.append(_course(dopamine, best, every).assign(world=name, model="circuit"))
     for carried in CARRIED:
         learned = learn_level(
-            met[1.5],
+            outcomes[1.5],
             xi=settings.xi,
             start_level=1.3,
             runs=RUNS,
@@ -111,9 +113,9 @@ def _sprt(readings: Source, xi: float, settings: Settings, name: str) -> Environ
 
 
 def _course(learned: Learned, best: list[float], every: int) -> pd.DataFrame:
-    runs, episodes = learned.gap.shape
+    runs, episodes = learned.played.shape
     at = np.linspace(0, episodes - 1, 300).round().astype(int)
-    curves = smoothed(learned.mean_gap, 50)[:, at]
+    curves = smoothed(learned.mean_played, 50)[:, at]
     return pd.DataFrame(
         {
             "run": np.repeat(np.arange(runs), len(at)),

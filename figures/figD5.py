@@ -16,8 +16,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 from circuits.laws.stability import roots
+from circuits.spec import Circuit
 from figures.common import Settings, letter, run
 
 NUCLEI = ("STN", "GPe")
@@ -52,7 +54,7 @@ def compute(settings: Settings, *, output: Path) -> None:
     parts = []
     for name, table in edits(circuit("spiking_msprt")).items():
         model = BasalGanglia(table, "ensemble", seed=settings.seed)
-        activity = model.at(drive, step_ms=1000.0)
+        activity = model.run_drive(drive, step_ms=1000.0)
         root = _root(table)
         for nucleus in NUCLEI:
             frequency, power = activity.spectrum(nucleus, from_ms=1000.0)

@@ -1,6 +1,5 @@
 """The fixed point against -ln P and against closed forms of every lesion."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -277,13 +276,6 @@ def test_loss_of_stn_with_all_pathways(fraction):
 
 
 # ---- the engine itself
-
-
-def test_twenty_alternatives_take_seconds_not_minutes():
-    drive = evidence(20, trials=500)
-    start = time.process_time()
-    output(anatomy.appendix_b(20), drive)
-    assert time.process_time() - start < 5  # .3 s where this was written
 
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))

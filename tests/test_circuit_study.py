@@ -18,24 +18,25 @@ from bgmodel.comparison import circuits as circuit_study
 from bgmodel.comparison.circuits import (
     CIRCUIT,
     DECODER,
-    FULL,
-    OWN,
-    against,
+    MSPRT,
+    MSPRT_AT_GAIN,
     at_rest,
+    compare_edits,
+    compare_with_msprt,
+    decide_at_thresholds,
     msprt_sweeps,
-    sweeps,
     thresholds_about,
     usual_gain,
-    variants,
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.page import behaviour, page
-from bgmodel.comparison.steady import out_shift, steady_out, steady_shifts
+from bgmodel.comparison.steady import leader_drive, leader_out, out_shift, steady_out, steady_shifts
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import provenance_path
 from bgmodel.integrators import basal_ganglia
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, decoded_input, drive_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia, decoded_input, drive_of
 from bgmodel.tables.trials import Trials, trial_table
+from circuits.anatomy import circuit
 from circuits.controls import correlated, perturbed, shuffled_stn
 
 SEED, GAIN = 51, 0.5
@@ -46,7 +47,7 @@ EVIDENCE = gaussian_evidence(
 MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
 
 
-def of(table, measure, model=CIRCUIT, reference=OWN, column="value", **more):
+def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", **more):
     rows = table[(table["measure"] == measure) & (table["model"] == model)]
     rows = rows[rows["reference"] == reference]
     for name, value in more.items():
@@ -56,7 +57,7 @@ def of(table, measure, model=CIRCUIT, reference=OWN, column="value", **more):
 
 @pytest.fixture(scope="module")
 def table():
-    return against(MODEL, EVIDENCE, seed=SEED, accuracies=(0.9, 0.95), resamples=200)
+    return compare_with_msprt(MODEL, EVIDENCE, seed=SEED, accuracies=(0.9, 0.95), resamples=200)
 
 
 def test_the_spiking_circuit_decides_as_the_msprt(table):
@@ -67,7 +68,7 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     assert of(table, "pearson_r", DECODER, accuracy=0.95) > 0.9
     # Counting for 20 ms and nothing else takes less time than the circuit.
     assert of(table, "extra_ms", DECODER, accuracy=0.95) < of(table, "extra_ms", accuracy=0.95)
-    assert of(table, "accuracy_gap", "race", FULL, "high", accuracy=0.95) < 0
+    assert of(table, "accuracy_gap", "race", MSPRT, "high", accuracy=0.95) < 0
     text = page(table)
     assert "cortical decoder" in text
     assert "at 0.95" in text
@@ -79,8 +80,8 @@ def test_wrong_evidence_does_not(kind):
     """Negative controls: the circuit gets something else than the test."""
     values = EVIDENCE.log_likelihood
     wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
-    test = msprt_sweeps(EVIDENCE, GAIN)[OWN]
-    found = sweeps(MODEL, wrong, thresholds_about(test), decoder_tau_ms=None)[CIRCUIT]
+    test = msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN]
+    found = decide_at_thresholds(MODEL, wrong, thresholds_about(test), decoder_tau_ms=None)[CIRCUIT]
     # The posterior is that of the right evidence.
     known = np.exp(-Msprt().run(EVIDENCE).out_nats)[:, -1]
     chosen = known[np.arange(EVIDENCE.trials), found.choice]
@@ -96,7 +97,7 @@ def test_what_computes_is_needed():
         "GPe": TABLE.without("GPe", replaced=True),
         "shuffled": shuffled_stn(TABLE),
     }
-    found = variants(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)
+    found = compare_edits(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)
     rows = found[found["kind"] == "value"].set_index(["variant", "measure"])["value"]
     assert rows["GPe", "within_50_ms"] < rows["intact", "within_50_ms"] - 0.2
     assert np.isnan(rows["shuffled", "agreement"])  # it never is right that often
@@ -111,13 +112,13 @@ def test_what_computes_is_needed():
 @pytest.mark.parametrize("tau_ms", [None, 20.0])
 def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
     """Below the lowest threshold a trial is over, unless the decoder has not got there."""
-    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[OWN])
+    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
     model = replace(MODEL, circuit=edited)
     # Batches of 20: a trial that is run again has the noise of its place among all.
     monkeypatch.setattr(basal_ganglia, "BATCH", 20)
-    dropped = sweeps(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
+    dropped = decide_at_thresholds(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
     monkeypatch.setattr(circuit_study, "DROPPING", ())
-    whole = sweeps(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
+    whole = decide_at_thresholds(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
     assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
     for name, one in whole.items():
         for field in ("choice", "time_ms", "forced", "posterior"):
@@ -125,10 +126,10 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
 
 
 def test_trials_do_not_depend_on_their_batch(monkeypatch):
-    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[OWN])
-    whole = sweeps(MODEL, EVIDENCE[:30], given)
+    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
+    whole = decide_at_thresholds(MODEL, EVIDENCE[:30], given)
     monkeypatch.setattr("bgmodel.integrators.basal_ganglia.BATCH", 7)
-    parts = sweeps(MODEL, EVIDENCE[:30], given)
+    parts = decide_at_thresholds(MODEL, EVIDENCE[:30], given)
     for name in (CIRCUIT, DECODER):
         assert np.array_equal(whole[name].time_ms, parts[name].time_ms)
         assert np.array_equal(whole[name].choice, parts[name].choice)
@@ -181,7 +182,8 @@ def test_without_integrate_and_fire_cells_own_laws_are_the_lines():
     table = circuit("appendix_b", 3)
     drive = np.array([[[1.0, 0.0, -1.0]]])
     line, own = (
-        BasalGanglia(table, options={"laws": laws}).at(drive, 1.0) for laws in ("table", "cells")
+        BasalGanglia(table, options={"laws": laws}).run_drive(drive, 1.0)
+        for laws in ("table", "cells")
     )
     np.testing.assert_allclose(own.output_nats, line.output_nats, atol=1e-9)
 
@@ -208,7 +210,7 @@ def test_shared_noise_has_the_size_that_was_asked():
     silence = np.zeros((40, 10, 4))
     sd = []
     for table in (TABLE, noisy):
-        y = BasalGanglia(table, "ensemble", seed=SEED).at(silence, 50.0).decoded_nats("ctx")
+        y = BasalGanglia(table, "ensemble", seed=SEED).run_drive(silence, 50.0).decoded_nats("ctx")
         # Over 20 ms, the time of the shared noise.
         sd.append(y.reshape(40, 25, 20, 4).mean(axis=2).std())
     assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(
@@ -249,6 +251,19 @@ def test_compare_command(tmp_path, capsys):
     algebra = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
     assert run("compare", out, *algebra) == 0
     assert re.search(r"same choice +1\.000", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("channels", [2, 3, 5])
+def test_a_leader_is_ahead_of_each_other_channel_by_its_log_odds(channels):
+    """At the fixed point of the exact circuit its OUT is then -ln P."""
+    odds = np.array([[0.5, 1.0], [1.5, 2.0]])
+    drive = leader_drive(odds, channels)[:, 0]
+    np.testing.assert_allclose(
+        drive[:, :1] - drive[:, 1:], np.repeat(odds.reshape(-1, 1), channels - 1, 1)
+    )
+    assert np.abs(drive.sum(axis=1)).max() < 1e-12
+    found = leader_out(circuit("bogacz_gurney", channels), odds)
+    np.testing.assert_allclose(found, np.log1p((channels - 1) * np.exp(-odds)), atol=1e-9)
 
 
 def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsys):
@@ -355,7 +370,7 @@ def test_ties_of_a_circuit_are_those_of_the_test_in_any_batch(monkeypatch):
     monkeypatch.setattr(basal_ganglia, "BATCH", 7)
     flat = Evidence(np.zeros((40, 2, 3)), np.arange(40) % 3, step_ms=50.0)
     model = BasalGanglia(circuit("bogacz_gurney", 3), "algebra")
-    found = sweeps(model, flat, [0.5])["circuit"]
+    found = decide_at_thresholds(model, flat, [0.5])["circuit"]
     expected = first_crossing(Msprt().run(flat), 0.5)
     assert found.forced.all()
     assert (found.choice[0] == expected.choice).all()

@@ -41,7 +41,7 @@ def test_a_test_agrees_with_itself():
 
 def test_a_delay_is_an_offset_and_nothing_else():
     """Less than a reading, so that no more is known when it decides."""
-    late = sweep(replace(TRACE, time_ms=TRACE.time_ms + 40.0), EVIDENCE, TEST.thresholds)
+    late = sweep(replace(TRACE, time_ms=TRACE.time_ms + 40.0), EVIDENCE, TEST.settings)
     table = measured(late)
     assert value(table, "offset_ms") == pytest.approx(40, abs=1e-6)
     assert value(table, "slope") == pytest.approx(0, abs=1e-8)
@@ -54,7 +54,7 @@ def test_a_delay_is_an_offset_and_nothing_else():
 
 def test_slow_is_a_slope():
     slow = replace(TRACE, time_ms=TRACE.time_ms * 1.1)
-    table = measured(replace(sweep(slow, EVIDENCE, TEST.thresholds), posterior=TEST.posterior))
+    table = measured(replace(sweep(slow, EVIDENCE, TEST.settings), posterior=TEST.posterior))
     assert value(table, "slope") == pytest.approx(0.1, abs=1e-8)
     assert value(table, "offset_ms") == pytest.approx(0, abs=1e-5)
 
@@ -134,20 +134,20 @@ def test_without_a_truth_all_but_the_errors_is_known():
 
 def test_thresholds_fall_and_accuracy_rises():
     accuracy, time = curve(TEST, np.ones((1, 800)))
-    assert (np.diff(TEST.thresholds) < 0).all()
+    assert (np.diff(TEST.settings) < 0).all()
     assert (np.diff(accuracy) >= 0).all()
     assert (np.diff(time) >= 0).all()
-    assert abs(TEST.posterior[TEST.thresholds == TEST.threshold(0.9)].mean() - 0.9) < 0.01
+    assert abs(TEST.posterior[TEST.settings == TEST.setting(0.9)].mean() - 0.9) < 0.01
     assert len(levels(TRACE, 50)) <= 50
 
 
 def test_parts_join_to_the_whole():
-    parts = [sweep(Msprt().run(EVIDENCE[s]), EVIDENCE[s], TEST.thresholds)
+    parts = [sweep(Msprt().run(EVIDENCE[s]), EVIDENCE[s], TEST.settings)
              for s in (slice(0, 300), slice(300, 800))]  # fmt: skip
     joined = parts[0] + parts[1]
     for name in ("choice", "time_ms", "forced", "premature", "posterior"):
         assert np.array_equal(getattr(joined, name), getattr(TEST, name)), name
-    with pytest.raises(ValueError, match="over the same thresholds"):
+    with pytest.raises(ValueError, match="over the same settings"):
         parts[0] + sweep(TRACE, EVIDENCE, [0.1, 0.2])
 
 

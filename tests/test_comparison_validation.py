@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
-from bgmodel.comparison.circuits import variants
+from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.compare import compare, sweep
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from circuits.anatomy import circuit
 from circuits.controls import linear_stn, shuffled_stn
 
 pytestmark = pytest.mark.validate
@@ -83,7 +84,7 @@ def test_what_computes_is_needed():
         1000, 40, 1 / np.sqrt(2), rng=stream(SCORING_SEED, "control"), hypotheses=4, step_ms=50.0
     )
     model = BasalGanglia(table, "ensemble", 0.5, SCORING_SEED, {"workers": 2})
-    found = variants(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
+    found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
     change = found[found["kind"] == "change"].set_index(["variant", "measure"])
     rival = compare(
         sweep(Msprt(0.5).run(evidence), evidence),

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, Trace, first_crossing, stream, tally
-from bgmodel.decision import crossing_of_each
+from bgmodel.decision import any_crossing, crossing_of_each
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.sprt import (
     Stream,
@@ -63,6 +63,13 @@ def some_evidence(trials=300, steps=20, hypotheses=3, seed=5, **kwargs):
     truth = np.arange(trials) % hypotheses
     values[np.arange(trials), :, truth] += 0.4
     return Evidence(values, truth, **kwargs)
+
+
+def test_without_evidence_only_an_output_below_the_threshold_is_a_response():
+    """The rule is that up to the onset of evidence: equality decides nothing."""
+    out = np.array([[[0.5, 0.7], [0.4, 0.7]], [[0.5, 0.7], [0.3, 0.7]], [[0.9, 0.2], [0.9, 0.9]]])
+    assert any_crossing(out, 0.4).tolist() == [False, True, True]
+    assert any_crossing(out[:, :1], 0.4).tolist() == [False, False, True]
 
 
 def test_tally_and_each_agree_with_first_crossing():

@@ -102,6 +102,11 @@ def test_a_file_says_what_is_run(small):
             "posterior must lie between chance, 0.5 with 2 hypotheses, and 1, got 1.5",
         ),
         ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be > 0, got 0"),
+        (
+            '"algebra"',
+            '"pen"',
+            "engine must be one of algebra, rate, .*got 'pen'",
+        ),
         ("[task]", "truth = 2\n[task]", "truth must lie in 0..1, got 2"),
         ("[task]", "[task", "small.toml is no TOML: "),
         ('["STN=0.2"]', '["GPi=0.2"]', "has no nucleus 'GPi': ctx, common"),
@@ -422,13 +427,13 @@ def test_conditions_that_say_nothing_are_refused(small, capsys):
 def test_foreperiods_have_noise_of_their_own(monkeypatch):
     """Their trials are numbered after those with evidence."""
     asked = []
-    plain = BasalGanglia.at
+    plain = BasalGanglia.run_drive
 
-    def at(model, drive, step_ms, first_trial=0):
+    def run_drive(model, drive, step_ms, first_trial=0):
         asked.append((len(drive), first_trial))
         return plain(model, drive, step_ms, first_trial)
 
-    monkeypatch.setattr(BasalGanglia, "at", at)
+    monkeypatch.setattr(BasalGanglia, "run_drive", run_drive)
     model = BasalGanglia(anatomy.spiking_msprt(2).with_neurons(20), "ensemble", 0.5, 3)
     evidence = gaussian_evidence(30, 2, 1.0, rng=stream(1, "foreperiod"), step_ms=50.0)
     behaviour_of(model, evidence, 0.3, 20.0)
@@ -537,7 +542,11 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(small, tmp_path,
     files = [tmp_path / f"{name}.csv" for name in "abc"]
     assert run("experiment", small, files[0], "--workers", 1) == 0
     assert run("experiment", small, files[1], "--workers", 3) == 0
-    for name in ("basal_ganglia.BATCH", "basal_ganglia.WIDE_BATCH", "experiment.BATCH"):
+    for name in (
+        "integrators.basal_ganglia.BATCH",
+        "integrators.basal_ganglia.WIDE_BATCH",
+        "experiments.experiment.BATCH",
+    ):
         monkeypatch.setattr(f"bgmodel.{name}", 37)
     assert run("experiment", small, files[2], "--workers", 2) == 0
     assert len({path.read_bytes() for path in files}) == 1

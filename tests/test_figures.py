@@ -12,6 +12,7 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.files import read_table, write_table
+from bgmodel.tactile.edges import sources
 from bgmodel.tactile.task import Source
 from figures import fig2b, figC1, figC2, figR1
 from figures.common import FAST
@@ -97,11 +98,11 @@ def edges(taps=800):
 def test_taps_that_figure_r1_scores_fit_nothing():
     """Another reading of a tap changes the likelihood of the half it is not scored in, no other."""
     halves = [edges()[::2], edges()[1::2]]
-    whole = figR1.sources(halves, 5.0)
+    whole = sources(halves, 5.0)
     for half in (0, 1):
         changed = [part.copy() for part in halves]
         changed[half][60:, 1] += 3.0
-        again = figR1.sources(changed, 5.0)
+        again = sources(changed, 5.0)
         for scored in (0, 1):
             a, b = whole[scored], again[scored]
             same = np.array_equal(a.likelihood.log_density, b.likelihood.log_density)

@@ -23,6 +23,7 @@ LEVELS = [
         "bgmodel.learning",
         "bgmodel.learning.policies",
         "bgmodel.memory",
+        "bgmodel.ours",
         "bgmodel.plots",
         "bgmodel.seeds",
         "bgmodel.tables",
@@ -31,6 +32,7 @@ LEVELS = [
         "bgmodel.theory.empirical",
     },
     {"bgmodel.decision", "bgmodel.theory.first_passage"},
+    {"bgmodel.learning.reward"},
     {"bgmodel.integrators.sprt", "bgmodel.tables.trials", "bgmodel.theory.sprt"},
     {"bgmodel"},
     {
@@ -45,13 +47,23 @@ LEVELS = [
         "bgmodel.comparison.steady",
         "bgmodel.edits",
         "bgmodel.experiments.measures",
-        "bgmodel.learning.gap",
+        "bgmodel.learning.worlds",
         "bgmodel.stimuli",
     },
+    {"bgmodel.learning.gap"},
     {"bgmodel.comparison.circuits"},
     {"bgmodel.dopamine", "bgmodel.experiments.experiment"},
-    {"bgmodel.experiments.outcomes", "bgmodel.learning.level"},
-    {"bgmodel.commands", "bgmodel.commands.checks", "bgmodel.commands.one_run"},
+    {
+        "bgmodel.comparison.levels",
+        "bgmodel.experiments.outcomes",
+        "bgmodel.learning.level",
+    },
+    {
+        "bgmodel.commands",
+        "bgmodel.commands.checks",
+        "bgmodel.commands.names",
+        "bgmodel.commands.one_run",
+    },
     {
         "bgmodel.commands.circuit",
         "bgmodel.commands.decisions",
@@ -95,22 +107,42 @@ def test_bgmodel_imports_downwards_only(name, path):
     for imported in imports(path):
         root = imported.split(".")[0]
         assert root != "figures"
-        if root == "circuits":
-            assert name == "bgmodel.integrators.basal_ganglia"
         if root != "bgmodel":
             continue
         if name.startswith("bgmodel.tactile"):
             assert imported.startswith("bgmodel.tactile") or imported in TACTILE_MAY, imported
         elif imported.startswith("bgmodel.tactile"):
-            assert level(name) >= level("bgmodel.learning.gap"), f"{name} imports {imported}"
+            assert level(name) >= level("bgmodel.stimuli"), f"{name} imports {imported}"
         else:
             assert level(name) is not None, f"{name} has no level"
             assert level(imported) < level(name), f"{name} imports {imported}"
 
 
+@pytest.mark.parametrize(("name", "path"), list(modules("bgmodel")))
+def test_one_module_of_bgmodel_runs_engines(name, path):
+    """The others read declarations where they live; of the engines, names in capitals."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            assert not any(alias.name.startswith("circuits.engines") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and name != "bgmodel.integrators.basal_ganglia":
+            named = [alias.name for alias in node.names]
+            assert node.module != "circuits" or "engines" not in named
+            if node.module.startswith("circuits.engines"):
+                assert node.module == "circuits.engines"
+                assert all(n.isupper() for n in named), f"{name} imports {named}"
+
+
 @pytest.mark.parametrize(("name", "path"), list(modules("circuits")))
 def test_circuits_know_nothing_of_bgmodel(name, path):
     assert not any(i.split(".")[0] in {"bgmodel", "figures", "torch"} for i in imports(path))
+
+
+def test_benchmarks_and_figures_import_from_the_packages_alone():
+    """What both need is science, and lives in bgmodel."""
+    for path in sorted((ROOT / "benchmarks").rglob("*.py")):
+        assert not any(i.split(".")[0] in {"figures", "tests"} for i in imports(path)), path
+    for path in sorted((ROOT / "figures").rglob("*.py")):
+        assert not any(i.split(".")[0] in {"benchmarks", "tests"} for i in imports(path)), path
 
 
 def test_every_package_is_shipped():
@@ -140,11 +172,21 @@ def test_circuits_is_ours():
     assert Path(circuits.__file__).parent == ROOT / "circuits"
 
 
-def test_a_foreign_package_called_circuits_gets_one_clear_sentence():
-    code = "import sys, types; sys.modules['circuits'] = types.ModuleType('circuits'); "
-    code += "from bgmodel.cli import main; sys.exit(main(['circuit', 'show']))"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+FOREIGN = "import sys, types; sys.modules['circuits'] = types.ModuleType('circuits'); "
+SENTENCE = "the package 'circuits' that was found is not bgmodel's"
+
+
+@pytest.mark.parametrize("command", ["'circuit', 'show'", "'circuit', 'run', 'a.csv'"])
+def test_a_foreign_package_called_circuits_gets_one_clear_sentence(command):
+    code = FOREIGN + f"from bgmodel.cli import main; sys.exit(main([{command}]))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.startswith("bgmodel: the package 'circuits' that was found is not bgmodel's")
+    assert done.stderr.startswith(f"bgmodel: {SENTENCE}")
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("module", ["integrators.basal_ganglia", "comparison.circuits"])
+def test_a_module_on_a_foreign_package_called_circuits_says_so(module):
+    code = FOREIGN + f"import bgmodel.{module}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: {SENTENCE}")

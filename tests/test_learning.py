@@ -1,22 +1,25 @@
 """Learning: rewards, the exhaustive search, the policy gradient and what it converges to."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from bgmodel import Sprt, first_crossing, stream, threshold_from_gap
+from bgmodel.comparison.compare import Sweep
 from bgmodel.decision import crossing_of_each
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import (
+    Learned,
     Learner,
     exhaustive_search,
     learn,
-    mean_reward,
-    reward,
     smoothed,
-    trials_of,
 )
+from bgmodel.learning.reward import mean_reward, reward
+from bgmodel.learning.worlds import trials_of
 from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve
 
 D, XI, T_MAX = 1.0, 25.0, 40
@@ -26,6 +29,13 @@ SEPARATION = D / np.sqrt(2)
 
 def draw(rng):
     return lambda trials: gaussian_evidence(trials, T_MAX, SEPARATION, rng=rng)
+
+
+def test_records_of_what_is_played_name_neither_gap_nor_threshold():
+    """A gap and a level of dopamine are two uses of one learner and of one sweep."""
+    names = {field.name for record in (Learned, Sweep) for field in fields(record)}
+    assert {"played", "mean_played", "learned", "settings"} <= names
+    assert not [name for name in names if "gap" in name or "delta" in name or "thresh" in name]
 
 
 def test_reward_is_the_papers():
@@ -121,14 +131,14 @@ def test_learning_approaches_the_exact_optimum(start, policy):
 
     learned = run_from(start, policy=policy)
     assert regret(start) > 0.12
-    assert np.median(regret(learned.delta)) < 0.05
+    assert np.median(regret(learned.learned)) < 0.05
     # The control: with the sign of the reward flipped, learning must fail.
-    assert np.median(regret(run_from(start, sign=-1.0, policy=policy).delta)) > 0.12
+    assert np.median(regret(run_from(start, sign=-1.0, policy=policy).learned)) > 0.12
 
 
 def test_a_run_does_not_depend_on_its_neighbours():
     four, two = run_from(0.5), run_from(0.5, runs=2)
-    assert np.array_equal(four.gap[:2], two.gap)
+    assert np.array_equal(four.played[:2], two.played)
     assert np.array_equal(four.reward[:2], two.reward)
 
 

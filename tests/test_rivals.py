@@ -1,13 +1,19 @@
 """The rivals: closed forms, limits, and the decision times that Bogacz & Gurney print."""
 
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
+from bgmodel.cli import main
 from bgmodel.comparison.compare import curve, sweep
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.rivals import RIVALS, Lca, MaxVsAverage, MaxVsNext, Race
+from bgmodel.integrators.sprt import at_readings
 
 
 def drawn(trials=300, steps=20, hypotheses=4, separation=0.5, seed=1):
@@ -31,6 +37,36 @@ def test_a_common_input_changes_nothing(kind):
     shifted = Evidence(evidence.log_likelihood + common, evidence.truth, step_ms=10.0)
     one, two = (kind().run(e).out_nats for e in (evidence, shifted))
     np.testing.assert_allclose(one, two, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", sorted(RIVALS))
+def test_a_rival_says_whether_what_all_hypotheses_share_counts(name):
+    evidence = drawn()
+    shifted = replace(evidence, log_likelihood=evidence.log_likelihood + 0.1)
+    choices = [first_crossing(RIVALS[name]().run(e), -1.0).time_ms for e in (evidence, shifted)]
+    assert RIVALS[name].needs_zero != np.array_equal(*choices)
+
+
+@dataclass(frozen=True)
+class Last:
+    """Only the last reading counts."""
+
+    needs_zero: ClassVar[bool] = True
+
+    def run(self, evidence):
+        out = -np.asarray(evidence.log_likelihood, dtype=float)
+        return at_readings(np.concatenate([np.zeros_like(out[:, :1]), out], axis=1), evidence)
+
+
+def test_a_rival_is_a_class_and_a_line_of_registration(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(RIVALS, "last", Last)
+    options = ["--trials", "100", "--t-max", "20", "--engine", "algebra"]
+    assert main(["compare", str(tmp_path / "a.csv"), *options]) == 0
+    assert "last" in set(pd.read_csv(tmp_path / "a.csv", comment="#")["model"])
+    options += ["--task", "same-different"]
+    assert main(["compare", str(tmp_path / "b.csv"), *options]) == 0
+    assert "race and LCA and last are left out" in capsys.readouterr().err
+    assert "last" not in set(pd.read_csv(tmp_path / "b.csv", comment="#")["model"])
 
 
 def test_a_common_input_changes_a_race():

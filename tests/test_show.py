@@ -1,7 +1,6 @@
 """A circuit on one page, as a drawing and as NWB; the command that shows and runs it."""
 
 import json
-from typing import get_args, get_type_hints
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -9,7 +8,6 @@ import pandas as pd
 import pytest
 
 from bgmodel.cli import main
-from bgmodel.commands.circuit import Name, Run
 from circuits import anatomy, show
 from circuits.engines import ENGINES
 from circuits.engines.ensemble import run as ensemble
@@ -78,9 +76,23 @@ def test_nwb_reads_back(tmp_path):
         write_nwb(activity, tmp_path / "b.nwb", trial=2)
 
 
-def test_the_command_names_all_circuits_and_engines():
-    assert set(get_args(Name)) == set(anatomy.CIRCUITS)
-    assert set(get_args(get_type_hints(Run)["engine"])) == set(ENGINES)
+@pytest.mark.parametrize(
+    "command", [("run", "a.csv"), ("lesion", "a.csv"), ("learn", "a.csv"), ("show",)]
+)
+def test_an_unknown_circuit_or_engine_is_answered_with_all_there_are(command, capsys, monkeypatch):
+    """The lists are those of the circuits: one more is known to every command."""
+    monkeypatch.setitem(anatomy.CIRCUITS, "mine", anatomy.bogacz_gurney)
+    monkeypatch.setitem(ENGINES, "pen", "by hand")
+    circuit = ("cortex",) if command == ("show",) else ("--circuit", "cortex")
+    assert run(*command, *circuit) == 2
+    said = capsys.readouterr().err
+    assert all(name in said for name in anatomy.CIRCUITS), said
+    assert len(said.splitlines()) == 1
+    if command != ("show",):
+        assert run(*command, "--engine", "quill") == 2
+        timed = set(ENGINES) - ({"algebra"} if command[0] == "learn" else set())
+        said = capsys.readouterr().err
+        assert all(name in said for name in timed), said
 
 
 def run(*arguments):

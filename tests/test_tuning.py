@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.cortex import coded
-from benchmarks.filters import Run
-from benchmarks.tuning import tuning_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from benchmarks.tuning.cortex import coded
+from benchmarks.tuning.filters import Run
+from benchmarks.tuning.neighbours import tuning_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 
 SEED, GAIN = 7, 0.7
 
@@ -39,7 +40,7 @@ def test_another_cortical_code_does_the_same_until_losers_fall_silent(channels):
     near, far = (np.array([[[odds] + [0.0] * (channels - 1)]]) for odds in (1.5, 4.5))
 
     def out(c, drive):
-        return BasalGanglia(c).at(drive - drive.mean(), step_ms=1.0).output_nats[0, -1, 0]
+        return BasalGanglia(c).run_drive(drive - drive.mean(), step_ms=1.0).output_nats[0, -1, 0]
 
     np.testing.assert_allclose(out(coded(table, top, hz), near), out(table, near), atol=1e-12)
     for other in (top - 0.3, top + 1):

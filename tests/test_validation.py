@@ -14,7 +14,8 @@ from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.sprt import Stream
 from bgmodel.learning.gap import fold_sources, increments, regret_on_fresh_trials
 from bgmodel.learning.policies import GaussianPolicy
-from bgmodel.learning.reinforce import Learner, learn, trials_of
+from bgmodel.learning.reinforce import Learner, learn
+from bgmodel.learning.worlds import trials_of
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, tap_pool
 from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve, sprt
 
@@ -96,7 +97,7 @@ def test_learning_ends_within_two_per_cent_of_the_exact_optimum(period, start):
         rngs=[stream(seed, *name, "explore") for seed in SCORING_SEEDS],
         policy=policy,
         learner=learner,
-    ).delta
+    ).learned
     regrets = [
         regret_on_fresh_trials(
             delta[[i]], readings, optimum, xi=XI, t_max=T_MAX, seed=seed, name=name

@@ -6,7 +6,7 @@ import importlib.util
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
@@ -22,24 +22,23 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_trials,
 )
+from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
 from bgmodel.decision import first_crossing
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables import trials as tables
 
-Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
-
 
 @dataclass(frozen=True)
-class Show(Writes):
+class CircuitShow(Writes):
     """Print a circuit's table, as edited; draw it if a file is given.
 
     Examples: bgmodel circuit show spiking_msprt;
     bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf
     """
 
-    circuit: Positional[Name] = "spiking_msprt"
+    circuit: Positional[CircuitName] = SPIKING_MSPRT
     """Name of the table."""
     channels: int = 2
     """Number of alternatives."""
@@ -53,12 +52,13 @@ class Show(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import circuit, text
+        from circuits.anatomy import circuit
+        from circuits.show import text
 
         table = self.edits.of(circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
-            from bgmodel.integrators.basal_ganglia import draw
+            from circuits.show import draw
 
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
             import matplotlib.pyplot as plt
@@ -82,7 +82,8 @@ class Show(Writes):
 
 def _scatter(table: Any, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
-    from bgmodel.integrators.basal_ganglia import out_variance
+    from bgmodel.comparison.steady import leader_drive
+    from circuits.laws.spectra import out_variance
 
     # Between the readable OUTs, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
@@ -95,9 +96,8 @@ def _scatter(table: Any, posterior: float) -> str:
     if not any(row.spiking for row in table.populations):
         return "OUT does not scatter: there are no cells"
     odds = np.log(posterior * (table.channels - 1) / (1 - posterior))
-    drive = np.zeros(table.channels)
-    drive[0] = odds
-    variance = {k: v[0] for k, v in out_variance(table, drive - drive.mean()).items()}
+    drive = leader_drive(odds, table.channels)[0, 0]
+    variance = {k: v[0] for k, v in out_variance(table, drive).items()}
     total = sum(variance.values())
     shares = ", ".join(f"{name} {part / total:.0%}" for name, part in variance.items())
     return (
@@ -107,7 +107,7 @@ def _scatter(table: Any, posterior: float) -> str:
 
 
 @dataclass(frozen=True)
-class Run(Writes):
+class CircuitRun(Writes):
     """Let a circuit decide, on Gaussian or tactile evidence or on a table of your own.
 
     Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
@@ -116,10 +116,10 @@ class Run(Writes):
 
     output: Positional[Path]
     """Where the trial table goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
+    circuit: CircuitName = SPIKING_MSPRT
     """Name of the table."""
-    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
-    """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
+    engine: EngineName = ENSEMBLE
+    """How the circuit is run: compiled spikes, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
     gain: float | None = None
@@ -138,16 +138,18 @@ class Run(Writes):
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.comparison.circuits import usual_gain
-        from bgmodel.integrators import basal_ganglia
+        from bgmodel.integrators.basal_ganglia import BasalGanglia, check_threshold
+        from circuits.anatomy import circuit
+        from circuits.engines import SPIKING
 
         self._check()
         trials = self.stimuli.draw(self.seed, "circuit run")
         evidence = trials.evidence
-        table = self.edits.of(basal_ganglia.circuit(self.circuit, evidence.hypotheses))
+        table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
         threshold = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
-        basal_ganglia.check_threshold(table, threshold)
+        check_threshold(table, threshold)
         options: dict[str, Any] = {}
-        if self.engine in basal_ganglia.SPIKING and self.nwb is not None:
+        if self.engine in SPIKING and self.nwb is not None:
             options["spikes"] = [p.name for p in table.populations if p.spiking]
         if self.engine == "brian2":
             say("Brian2 writes and compiles its program: 10 to 30 seconds")
@@ -155,7 +157,7 @@ class Run(Writes):
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
         gain = usual_gain(evidence.hypotheses) if self.gain is None else self.gain
-        model = basal_ganglia.BasalGanglia(table, self.engine, gain, self.seed, options)
+        model = BasalGanglia(table, self.engine, gain, self.seed, options)
         say_before(model, evidence, evidence.trials)
         model.warn_of_noise(threshold)
         activity = model.activity(evidence)
@@ -168,7 +170,9 @@ class Run(Writes):
         if self.rates is not None:
             files.write_table(activity.rate_table(), self.rates, seed=seed, command=behind)
         if self.nwb is not None:
-            basal_ganglia.write_nwb(activity, self.nwb)
+            from circuits.nwb import write_nwb
+
+            write_nwb(activity, self.nwb)
         if self.stimuli.evidence is not None:
             print(trials.said())
         say_of_trials(result, criterion="--posterior, or another --gain")
@@ -182,7 +186,9 @@ class Run(Writes):
 
     def _draws(self) -> bool:
         """Whether anything is drawn with the seed: evidence, or the noise of cells."""
-        return self.stimuli.evidence is None or self.engine in ("ensemble", "brian2")
+        from circuits.engines import SPIKING
+
+        return self.stimuli.evidence is None or self.engine in SPIKING
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""

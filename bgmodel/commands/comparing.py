@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional
@@ -18,10 +18,10 @@ from bgmodel.commands.checks import (
     say,
     say_before,
 )
-from bgmodel.commands.circuit import Name
+from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.rivals import NEED_ZERO, RIVALS
+from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.stimuli import Stimuli
 
 if TYPE_CHECKING:
@@ -38,10 +38,10 @@ class Comparison(Writes):
 
     output: Positional[Path]
     """Where the table of measures goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
+    circuit: CircuitName = SPIKING_MSPRT
     """Name of the table."""
-    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
-    """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
+    engine: EngineName = ENSEMBLE
+    """How the circuit is run: compiled spikes, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
     gain: float | None = None
@@ -68,17 +68,19 @@ class Compare(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import against
+        from bgmodel.comparison.circuits import compare_with_msprt
         from bgmodel.comparison.page import page
 
         model, evidence = _model(self)
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
         # Elsewhere the zero of the evidence means nothing.
-        rivals = [name for name in RIVALS if gaussian or name not in NEED_ZERO]
-        if not gaussian:
-            say(f"{' and '.join(NEED_ZERO)} are left out: the zero of this evidence means nothing")
+        rivals = rivals_on(zero_is_nothing=gaussian)
+        if left := [name for name in RIVALS if name not in rivals]:
+            say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
         say_before(model, evidence, model.batch(evidence))
-        table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
+        table = compare_with_msprt(
+            model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies
+        )
         files.write_table(
             table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
         )
@@ -87,7 +89,7 @@ class Compare(Comparison):
 
 
 @dataclass(frozen=True)
-class Lesion(Comparison):
+class CircuitLesion(Comparison):
     """Compare edited circuits with the circuit as it is, on the same evidence and noise.
 
     Each edit is a circuit of its own: a nucleus to lesion, whole ("STN") or by a fraction
@@ -103,7 +105,7 @@ class Lesion(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import variants
+        from bgmodel.comparison.circuits import compare_edits
         from bgmodel.comparison.page import behaviour, page
 
         model, evidence = _model(self)
@@ -114,7 +116,7 @@ class Lesion(Comparison):
         if self.lesions == LESIONS:
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         say_before(model, evidence, model.batch(evidence))
-        table = variants(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
+        table = compare_edits(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
         files.write_table(
             table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
         )
@@ -125,16 +127,12 @@ class Lesion(Comparison):
         print(f"{evidence.trials} trials -> {self.output}")
 
 
-def sample_ms(step_ms: float) -> float:
-    """Return how far samples of OUT lie apart: 1 ms, or a fiftieth of slow readings."""
-    return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
-
-
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
-    from bgmodel.comparison.circuits import usual_gain
+    from bgmodel.comparison.circuits import sample_ms, usual_gain
     from bgmodel.comparison.compare import MARGIN, check_trials
-    from bgmodel.integrators import basal_ganglia
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from circuits.anatomy import circuit
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")
@@ -156,12 +154,12 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
             f"accuracies must lie above chance, {1 / evidence.hypotheses:.3g}, got "
             f"{min(asked_for.accuracies)}"
         )
-    table = asked_for.edits.of(basal_ganglia.circuit(asked_for.circuit, evidence.hypotheses))
+    table = asked_for.edits.of(circuit(asked_for.circuit, evidence.hypotheses))
     options: dict[str, Any] = {}
     if asked_for.engine == "ensemble":
         options = {"workers": asked_for.workers}
     if asked_for.engine in ("ensemble", "rate"):
         options["sample_ms"] = sample_ms(evidence.step_ms)
     gain = usual_gain(evidence.hypotheses) if asked_for.gain is None else asked_for.gain
-    model = basal_ganglia.BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
+    model = BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
     return model, evidence

@@ -173,7 +173,7 @@ class Decide(Writes):
 
 
 @dataclass(frozen=True)
-class Learn(Writes):
+class GapLearn(Writes):
     """Learn the gap from reward by REINFORCE with baseline, beside the exact optimum.
 
     Example: bgmodel learn learning.parquet --period-mm 2 --xi 50 --start-delta 0.5

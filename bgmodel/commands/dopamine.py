@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
-from bgmodel.commands.circuit import Name
+from bgmodel.commands.names import RATE, SPIKING_MSPRT, CircuitName, TimedEngineName
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
@@ -22,7 +22,7 @@ TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=500, t_max=30)
 
 
 @dataclass(frozen=True)
-class Learn(Writes):
+class CircuitLearn(Writes):
     """Let dopamine learn its level from reward: the circuit's threshold stays, its gains move.
 
     The circuit first decides every trial at every level; then each run draws from those decisions,
@@ -34,10 +34,10 @@ class Learn(Writes):
 
     output: Positional[Path]
     """Where the table of trials goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
+    circuit: CircuitName = SPIKING_MSPRT
     """Name of the table."""
-    engine: Literal["rate", "ensemble", "brian2"] = "rate"
-    """Rates, compiled spikes, or spikes in Brian2."""
+    engine: TimedEngineName = RATE
+    """How the circuit is run: rates, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
     gain: float = 0.5
@@ -57,16 +57,11 @@ class Learn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
-        from bgmodel.learning.level import (
-            COARSE,
-            body,
-            learn_level,
-            learned_table,
-            playable_levels,
-            regret,
-        )
+        from bgmodel.dopamine import COARSE, playable_levels
+        from bgmodel.integrators.basal_ganglia import BasalGanglia
+        from bgmodel.learning.level import learn_level, learned_table, level_outcomes, regret
         from bgmodel.learning.reinforce import LearningStopped
+        from circuits.anatomy import circuit
 
         self._check()
         trials = self.stimuli.draw(self.seed, "learn")
@@ -76,7 +71,7 @@ class Learn(Writes):
         table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
         options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
         model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
-        model.warn_of(evidence)
+        model.warn_beyond_range(evidence)
         threshold_nats = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
         levels = playable_levels(model, self.levels, threshold_nats)
         start = levels[-1] if self.start_level is None else self.start_level
@@ -88,8 +83,8 @@ class Learn(Writes):
         say(
             f"{evidence.trials} trials at {self.levels} levels, {levels[0]:.3f} to {levels[-1]:.3f}"
         )
-        met = body(model, evidence, levels, threshold_nats)
-        late = [share > 0.5 for share in met.forced]
+        outcomes = level_outcomes(model, evidence, levels, threshold_nats)
+        late = [share > 0.5 for share in outcomes.forced]
         if all(late):
             raise ValueError(
                 "the deadline decides most trials at every level: there is nothing to learn, give "
@@ -100,7 +95,7 @@ class Learn(Writes):
         behind: dict[str, Any] = {"seed": self.seed, "command": options_of(self)}
         try:
             learned = learn_level(
-                met,
+                outcomes,
                 xi=self.xi,
                 start_level=start,
                 runs=self.runs,
@@ -111,15 +106,15 @@ class Learn(Writes):
         except LearningStopped as stop:
             files.write_table(learned_table(stop.learned), self.output, **behind)
             raise ValueError(f"{stop}; what was learned until then -> {self.output}") from None
-        cost = regret(learned.delta, met, self.xi)
-        best = met.best(self.xi)
-        summary = {"level": learned.delta.tolist(), "regret": cost.tolist(), "best": best}
+        cost = regret(learned.learned, outcomes, self.xi)
+        best = outcomes.best(self.xi)
+        summary = {"level": learned.learned.tolist(), "regret": cost.tolist(), "best": best}
         files.write_table(learned_table(learned), self.output, summary=summary, **behind)
         print(
-            f"learned level {learned.delta.mean():.2f} (sd {learned.delta.std():.2f} over "
+            f"learned level {learned.learned.mean():.2f} (sd {learned.learned.std():.2f} over "
             f"{self.runs} runs), best of {self.levels} on these trials {best[0]:.2f}, regret "
             f"{100 * cost.mean():.1f} % (at the start "
-            f"{100 * float(regret(start, met, self.xi)):.0f} %) -> {self.output}"
+            f"{100 * float(regret(start, outcomes, self.xi)):.0f} %) -> {self.output}"
         )
 
     def _check(self) -> None:

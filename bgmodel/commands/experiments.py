@@ -12,7 +12,7 @@ from bgmodel.commands.checks import Writes, check_apart, check_ending, check_who
 
 
 @dataclass(frozen=True)
-class Run(Writes):
+class ExperimentRun(Writes):
     """Run an experiment, control and manipulation, and hold it to what was published.
 
     Without a file it lists the experiments that come with the package. The prediction stands in

@@ -1,4 +1,4 @@
-"""Whole studies on circuits: what the command line and the figures both run."""
+"""Circuits and edited circuits held against the MSPRT, its decoder and its rivals."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ from bgmodel.comparison.compare import (
     sweep,
 )
 from bgmodel.comparison.steady import out_shift
+from bgmodel.decision import UNDECIDED, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
-    DROPPING,
-    SPIKING,
     BasalGanglia,
-    Circuit,
     deciding_thresholds,
     decoded_input,
     rest_out,
@@ -32,9 +30,11 @@ from bgmodel.integrators.basal_ganglia import (
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.seeds import stream
+from circuits.engines import DROPPING, SPIKING
+from circuits.spec import Circuit
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
-OWN, FULL = "MSPRT at its gain", "MSPRT"
+MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
 LOWEST_NATS = 1e-3
@@ -52,18 +52,23 @@ def usual_gain(alternatives: int) -> float:
     ``kappa L``: a higher gain drowns the noise of cortex, and beyond a point that of all others
     drowns OUT. With two alternatives the slope at accuracies of .90 to .97 stands higher for longer
     than with four; with eight OUT at .90 lies above what the circuit reads unless the gain is
-    higher. Tuned on seeds of its own with ``benchmarks/filters.py``.
+    higher. Tuned on seeds of its own with ``benchmarks/tuning/filters.py``.
     """
     if alternatives <= 2:
         return 0.7
     return 0.5 if alternatives < 8 else 0.6
 
 
+def sample_ms(step_ms: float) -> float:
+    """Return how far samples of OUT lie apart: 1 ms, or a fiftieth of slow readings."""
+    return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
+
+
 def msprt_sweeps(evidence: Evidence, gain: float) -> dict[str, Sweep]:
     """Return the two references: the MSPRT at the circuit's gain, and the full one."""
     return {
-        OWN: sweep(Msprt(gain).run(evidence), evidence),
-        FULL: sweep(Msprt().run(evidence), evidence),
+        MSPRT_AT_GAIN: sweep(Msprt(gain).run(evidence), evidence),
+        MSPRT: sweep(Msprt().run(evidence), evidence),
     }
 
 
@@ -72,7 +77,7 @@ def thresholds_about(test: Sweep, highest: float = HIGHEST) -> npt.NDArray[np.fl
 
     A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
     """
-    low, high = 0.7 * test.threshold(highest), 1.3 * test.threshold(0.80)
+    low, high = 0.7 * test.setting(highest), 1.3 * test.setting(0.80)
     # Where the evidence is strong enough, the test's reaches 0.
     return np.geomspace(max(high, 2 * LOWEST_NATS), max(low, LOWEST_NATS), THRESHOLDS)
 
@@ -98,7 +103,7 @@ def thresholds_of(
     return found
 
 
-def sweeps(
+def decide_at_thresholds(
     model: BasalGanglia,
     evidence: Evidence,
     thresholds: npt.ArrayLike,
@@ -136,7 +141,8 @@ def sweeps(
         if decodes and decoder_tau_ms is not None:
             decoded = decoded_input(activity, part, decoder_tau_ms)
             dropped = np.isnan(activity.output_nats[:, -1, 0])
-            for t in np.flatnonzero(dropped & (decoded.out_nats.min(axis=(1, 2)) > lowest)):
+            open_ = first_crossing(decoded, lowest, forced=False).choice == UNDECIDED
+            for t in np.flatnonzero(dropped & open_):
                 one = part[t : t + 1]
                 ((_, again),) = whole.batches(one, first + int(t))
                 decoded.out_nats[t] = decoded_input(again, one, decoder_tau_ms).out_nats[0]
@@ -148,12 +154,12 @@ def sweeps(
     return found
 
 
-def against(
+def compare_with_msprt(
     model: BasalGanglia,
     evidence: Evidence,
     *,
     seed: int,
-    rivals: Sequence[str] = tuple(RIVALS),
+    rivals: Sequence[str] | None = None,
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
 ) -> pd.DataFrame:
@@ -167,8 +173,8 @@ def against(
         What all are given.
     seed : int
         Of the bootstrap.
-    rivals : names
-        Which of ``RIVALS``. A race needs evidence whose zero means that nothing was seen.
+    rivals : names, optional
+        Which of ``RIVALS``, as from ``rivals_on``; all if left out.
     accuracies, resamples :
         As in ``comparison.compare``.
 
@@ -179,14 +185,16 @@ def against(
         no latency to take off, and are held to the full MSPRT alone.
     """
     check_trials(evidence.trials)
-    model.warn_of(evidence)
+    model.warn_beyond_range(evidence)
     references = msprt_sweeps(evidence, model.gain)
-    found = sweeps(model, evidence, thresholds_of(model.circuit, references[OWN]))
+    found = decide_at_thresholds(
+        model, evidence, thresholds_of(model.circuit, references[MSPRT_AT_GAIN])
+    )
     _warn_of_noise(model, found[CIRCUIT], accuracies)
     pairs = [(name, reference) for reference in references for name in found]
-    for name in rivals:
+    for name in RIVALS if rivals is None else rivals:
         found[name] = sweep(RIVALS[name]().run(evidence), evidence)
-        pairs.append((name, FULL))
+        pairs.append((name, MSPRT))
     parts = []
     for name, reference in pairs:
         table = compare(
@@ -202,7 +210,7 @@ def against(
     return pd.concat(parts, ignore_index=True)
 
 
-def variants(
+def compare_edits(
     model: BasalGanglia,
     edited: Mapping[str, Circuit],
     evidence: Evidence,
@@ -235,10 +243,10 @@ def variants(
         first reading; without intervals).
     """
     check_trials(evidence.trials)
-    model.warn_of(evidence)
-    test = msprt_sweeps(evidence, model.gain)[OWN]
+    model.warn_beyond_range(evidence)
+    test = msprt_sweeps(evidence, model.gain)[MSPRT_AT_GAIN]
     levels = thresholds_of(model.circuit, test, highest)
-    intact = sweeps(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+    intact = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
     _warn_of_noise(model, intact, accuracies)
     parts = []
     for name, circuit in {"intact": model.circuit, **edited}.items():
@@ -248,7 +256,11 @@ def variants(
         moved = np.nan_to_num(out_shift(model.circuit, circuit, levels))
         both = np.union1d(levels, levels + moved)
         both = both[both > _silent(circuit)]
-        found = intact if same else sweeps(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
+        found = (
+            intact
+            if same
+            else decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
+        )
         for kind, minus in (("value", None), ("change", intact)):
             table = compare(
                 test,
@@ -267,7 +279,7 @@ def variants(
 
 def _warn_of_noise(model: BasalGanglia, found: Sweep, accuracies: Sequence[float]) -> None:
     """Warn if noise alone crosses the highest of the thresholds that are compared."""
-    model.warn_of_noise(max(found.threshold(accuracy) for accuracy in accuracies))
+    model.warn_of_noise(max(found.setting(accuracy) for accuracy in accuracies))
 
 
 def _silent(circuit: Circuit) -> float:
@@ -281,7 +293,7 @@ def _at_threshold_of(
 ) -> pd.DataFrame:
     rows = []
     for accuracy in accuracies:
-        k = int(np.flatnonzero(found.thresholds == intact.threshold(accuracy))[0])
+        k = int(np.flatnonzero(found.settings == intact.setting(accuracy))[0])
         values = {
             "expected_accuracy": found.posterior[k].mean(),
             "mean_ms": found.time_ms[k].mean(),
@@ -290,7 +302,7 @@ def _at_threshold_of(
             "without_evidence": found.without_evidence[k],
         }
         # At its own threshold the circuit as it is must have the accuracy that is named.
-        at = intact.posterior[intact.thresholds == intact.threshold(accuracy)].mean()
+        at = intact.posterior[intact.settings == intact.setting(accuracy)].mean()
         reached = abs(at - accuracy) <= MARGIN
         if evidence.truth is not None:
             values["accuracy"] = (found.choice[k] == evidence.truth).mean()
@@ -310,7 +322,7 @@ def at_rest(circuit: Circuit, *, seed: int, trials: int = 4, seconds: int = 5) -
     names = tuple(row.name for row in circuit.populations if row.spiking)
     model = BasalGanglia(circuit, "ensemble", seed=seed, options={"spikes": names})
     # The first second is left out: the circuit settles.
-    found = model.at(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
+    found = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
     rows = []
     for name, spikes in (found.spikes or {}).items():
         late = spikes.query("time_ms >= 1000")

@@ -1,9 +1,9 @@
 """Algorithm against circuit, decision by decision, on the same evidence.
 
-A ``Sweep`` holds the decisions of one integrator at many thresholds. Two sweeps on the same
-evidence are compared at equal accuracy: their thresholds are matched, then trial stands against
-trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of trials, so that
-one expression gives the value and its resamples.
+A ``Sweep`` holds the decisions of one integrator at many settings, as a rule thresholds. Two sweeps
+on the same evidence are compared at equal accuracy: their settings are matched, then trial stands
+against trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of trials,
+so that one expression gives the value and its resamples.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ MARGIN = 0.01
 
 @dataclass(frozen=True)
 class Sweep:
-    """Decisions of one integrator at K thresholds, from the highest OUT to the lowest.
+    """Decisions of one integrator at K settings of what makes it hasty or careful.
 
     Parameters
     ----------
-    thresholds : array (K,)
-        In the units of its OUT, falling.
+    settings : array (K,)
+        Falling: thresholds in the units of its OUT, or levels of dopamine at one threshold.
     choice : int array (K, trials)
         What it chose, forced at the end of the trace.
     time_ms : array (K, trials)
@@ -58,7 +58,7 @@ class Sweep:
         expected accuracy, with a smaller error than counting; it is right if the likelihoods are.
     """
 
-    thresholds: Array
+    settings: Array
     choice: npt.NDArray[np.integer]
     time_ms: Array
     forced: npt.NDArray[np.bool_]
@@ -76,17 +76,17 @@ class Sweep:
         return self.premature.mean(axis=1) > WITHOUT_EVIDENCE_SHARE
 
     def __add__(self, more: Sweep) -> Sweep:
-        """Append trials; both must have the same thresholds."""
-        if not np.array_equal(self.thresholds, more.thresholds):
-            raise ValueError("sweeps can be joined only over the same thresholds")
+        """Append trials; both must have the same settings."""
+        if not np.array_equal(self.settings, more.settings):
+            raise ValueError("sweeps can be joined only over the same settings")
         names = ("choice", "time_ms", "forced", "premature", "posterior")
         joined = {n: np.concatenate([getattr(self, n), getattr(more, n)], axis=1) for n in names}
         return replace(self, **joined)
 
-    def threshold(self, accuracy: float) -> float:
-        """Return the threshold at which the expected accuracy is nearest."""
+    def setting(self, accuracy: float) -> float:
+        """Return the setting at which the expected accuracy is nearest."""
         reached, _ = curve(self, np.ones((1, self.trials)))
-        return float(self.thresholds[np.abs(reached[0] - accuracy).argmin()])
+        return float(self.settings[np.abs(reached[0] - accuracy).argmin()])
 
 
 def reads_nothing(premature: float, anticipatory: float, foreperiod_ms: float) -> bool:
@@ -299,7 +299,7 @@ def _measures(
         values = _trial_by_trial(test, other, i, j, truth, weights)
         values["extra_ms"] = (time_at([accuracy], curves[1]) - time_at([accuracy], curves[0]))[:, 0]
         values["accuracy_gap"] = _gap(*curves, accuracy, late)
-        values["threshold"] = np.full(len(weights), other.thresholds[j])
+        values["threshold"] = np.full(len(weights), other.settings[j])
         missed = max(abs(c[0][0, k] - accuracy) for c, k in zip(curves, (i, j), strict=True))
         # What the deadline decides crosses no threshold.
         at_end = max(test.forced[i].mean(), other.forced[j].mean())

@@ -14,7 +14,7 @@ def behaviour(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
-        As from ``variants``.
+        As from ``compare_edits``.
     """
     fixed = table[table["kind"] == "fixed"]
     rows = fixed.drop_duplicates(["variant", "accuracy"])[["variant", "accuracy"]]
@@ -33,7 +33,7 @@ def page(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
-        As from ``against`` or, of the kind "value", from ``variants``.
+        As from ``compare_with_msprt`` or, of the kind "value", from ``compare_edits``.
     """
     by = [name for name in ("reference", "model", "variant") if name in table]
     parts = []

@@ -9,10 +9,47 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.stats import ttest_1samp
 
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.spec import Circuit
 
 SETTLE_MS = 1500
 """Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""
+
+
+def leader_drive(log_odds: npt.ArrayLike, channels: int) -> npt.NDArray[np.float64]:
+    """Return a steady drive that favours the first channel, (log odds, 1, channels) nats.
+
+    Parameters
+    ----------
+    log_odds : array or float
+        Of the first channel against each other one, nats.
+    channels : int
+        Number of alternatives.
+    """
+    odds = np.ravel(np.asarray(log_odds, dtype=np.float64))
+    drive = np.zeros((odds.size, 1, channels))
+    drive[:, 0, 0] = odds
+    return drive - drive.mean(axis=2, keepdims=True)
+
+
+def leader_out(
+    circuit: Circuit, log_odds: npt.ArrayLike, *, laws: str = "table"
+) -> npt.NDArray[np.float64]:
+    """Return the favoured channel's OUT at the fixed point, nats, in the shape of ``log_odds``.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    log_odds : array (...) or float
+        Of the favoured channel against each other one, in the circuit's nats.
+    laws : str
+        "table", "cells" or "finite", as for ``circuits.engines.algebra``.
+    """
+    odds = np.asarray(log_odds, dtype=np.float64)
+    model = BasalGanglia(circuit, options={"laws": laws})
+    found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
+    return np.asarray(found[:, 0, 0].reshape(odds.shape))
 
 
 def out_shift(
@@ -33,17 +70,12 @@ def out_shift(
     """
     n = circuit.channels
     out = np.asarray(out_nats, dtype=np.float64)
-    drive = np.zeros((out.size, 1, n))
-    drive[:, 0, 0] = (np.log(n - 1) - np.log(np.expm1(out))).ravel()
-    drive -= drive.mean(axis=2, keepdims=True)
+    odds = np.log(n - 1) - np.log(np.expm1(out))
     try:
-        before, after = (
-            BasalGanglia(c, options={"laws": laws}).at(drive, step_ms=1.0).output_nats
-            for c in (circuit, edited)
-        )
+        before, after = (leader_out(c, odds, laws=laws) for c in (circuit, edited))
     except ValueError:
         return np.full_like(out, np.nan)
-    return (after - before)[:, 0, 0].reshape(out.shape)
+    return after - before
 
 
 def steady_out(
@@ -63,11 +95,9 @@ def steady_out(
         The time that is averaged, after ``SETTLE_MS``.
     """
     odds = np.asarray(log_odds, dtype=np.float64)
-    drive = np.zeros((len(odds) * trials, 1, circuit.channels))
-    drive[:, 0, 0] = np.repeat(odds, trials)
-    drive -= drive.mean(axis=2, keepdims=True)
+    drive = leader_drive(np.repeat(odds, trials), circuit.channels)
     model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})
-    out = model.at(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
+    out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
     found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
     return found.reshape(len(odds), trials)
 

@@ -15,17 +15,19 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.circuits import CIRCUIT, sweeps
+from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
+from bgmodel.decision import any_crossing
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.experiments import toml_files
 from bgmodel.experiments.measures import MEASURES, Behaviour
-from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia, check_threshold, circuit
+from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia, check_engine, check_threshold
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.trials import Trials, trial_table
+from circuits.anatomy import circuit
 
 SHIPPED = resources("bgmodel.experiments") / "shipped"
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"
@@ -96,7 +98,8 @@ class Experiment:
     control: Condition = Condition()
     circuit: str = "spiking_msprt"
     """Name of the table."""
-    engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
+    engine: str = "ensemble"
+    """Name of the engine."""
     gain: float = 0.5
     """Nats in the circuit a nat of evidence, kappa."""
     posterior: float = 0.82
@@ -111,6 +114,7 @@ class Experiment:
     def __post_init__(self) -> None:
         if not self.predictions:
             raise ValueError("predictions must hold one or more, got none")
+        check_engine(self.engine)
         if not 0 < self.foreperiod_ms < np.inf:
             raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
         self.task.check()
@@ -235,7 +239,7 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
     models = [experiment.model(c, evidence.hypotheses, workers) for c in conditions]
     thresholds = [experiment.threshold_nats(c, evidence.hypotheses) for c in conditions]
     check_threshold(models[0].circuit, thresholds[0])
-    models[0].warn_of(evidence)
+    models[0].warn_beyond_range(evidence)
     models[0].warn_of_noise(thresholds[0])
     weights = resampled(evidence.trials, RESAMPLES, stream(experiment.seed, "bootstrap"))
     found: list[dict[str, Any]] = []
@@ -287,12 +291,12 @@ def behaviour_of(
     model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
 ) -> Behaviour:
     """Let a circuit decide at one threshold, and wait through a foreperiod without evidence."""
-    whole = sweeps(model, evidence, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
+    whole = decide_at_thresholds(model, evidence, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
     responded = []
     for first in range(0, evidence.trials, BATCH):
         silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
         # Trials of their own: their noise is no other trial's.
-        waited = model.at(silence, foreperiod_ms, evidence.trials + first).output_nats
-        responded.append(np.asarray((waited <= threshold_nats).any(axis=(1, 2))))
+        waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
+        responded.append(any_crossing(waited, threshold_nats))
     truth = np.asarray(evidence.truth)
     return Behaviour(whole, np.concatenate(responded), truth, evidence.hypotheses)

@@ -1,4 +1,4 @@
-"""A circuit as an integrator beside ``Msprt``: the one bridge to ``circuits``."""
+"""A circuit as an integrator beside ``Msprt``: the only module here that runs engines."""
 
 from __future__ import annotations
 
@@ -11,29 +11,20 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from bgmodel.decision import Trace
+from bgmodel.decision import Trace, any_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Msprt, totals
 from bgmodel.memory import check_memory
+from bgmodel.ours import explained
 
 try:
     from circuits.activity import checked_drive, warn_beyond_range
-    from circuits.anatomy import CIRCUITS, circuit
-    from circuits.cells import Rate
     from circuits.cost import cells, ensemble_s, memory_bytes
-    from circuits.engines import DROPPING, ENGINES, SPIKING
+    from circuits.engines import ENGINES, SPIKING
     from circuits.engines import run as run_engine
-    from circuits.laws.spectra import out_variance
-    from circuits.nwb import write_nwb
-    from circuits.show import draw, text
-    from circuits.spec import Circuit, Population, Projection
+    from circuits.spec import Circuit
 except ImportError as error:
-    if not (error.name or "").startswith("circuits"):
-        raise
-    raise ImportError(
-        "the package 'circuits' that was found is not bgmodel's: another distribution of that "
-        "name is installed beside it; use an environment of its own"
-    ) from error
+    raise explained(error) from error
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -49,33 +40,6 @@ LONG_S = 120.0
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
-__all__ = [
-    "BATCH",
-    "CIRCUITS",
-    "DROPPING",
-    "ENGINES",
-    "NOISE_SHARE",
-    "SPIKING",
-    "BasalGanglia",
-    "Circuit",
-    "Population",
-    "Projection",
-    "Rate",
-    "check_threshold",
-    "circuit",
-    "deciding_thresholds",
-    "decoded_input",
-    "draw",
-    "drive_of",
-    "out_variance",
-    "rest_out",
-    "run_engine",
-    "share_crossed",
-    "text",
-    "warn_beyond_range",
-    "write_nwb",
-]
-
 
 @dataclass(frozen=True)
 class BasalGanglia:
@@ -86,7 +50,7 @@ class BasalGanglia:
     circuit : Circuit
         The table.
     engine : str
-        "algebra", "rate", "ensemble" or "brian2".
+        A name in ``circuits.engines.ENGINES``.
     gain : float
         Nats of drive a nat of evidence, kappa: OUT is then ``-ln softmax(kappa L)``.
     seed : int, optional
@@ -102,8 +66,7 @@ class BasalGanglia:
     options: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.engine not in ENGINES:
-            raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {self.engine!r}")
+        check_engine(self.engine)
         if not 0 < self.gain < np.inf:
             raise ValueError(f"gain must be > 0 and finite, got {self.gain}")
 
@@ -138,9 +101,9 @@ class BasalGanglia:
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
         """Return all that the circuit did; trial t has the noise of ``first_trial + t``."""
-        return self.at(self.drive(evidence), evidence.step_ms, first_trial)
+        return self.run_drive(self.drive(evidence), evidence.step_ms, first_trial)
 
-    def at(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
+    def run_drive(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
         """Return what the circuit does under a drive (trials, steps, channels) in its own nats."""
         trials, steps, _ = checked_drive(self.circuit, drive).shape
         self.check_memory(trials, steps, step_ms)
@@ -180,7 +143,7 @@ class BasalGanglia:
         kept = {"rates": self.options.get("rates", True), "workers": self.options.get("workers", 1)}
         return memory_bytes(self.circuit, self.engine, trials, samples, **kept)
 
-    def warn_of(self, evidence: Evidence) -> None:
+    def warn_beyond_range(self, evidence: Evidence) -> None:
         """Warn if the evidence leaves the range in which the circuit works."""
         warn_beyond_range(self.circuit, self.drive(evidence))
 
@@ -189,14 +152,14 @@ class BasalGanglia:
         silence = np.zeros((trials, 1, self.circuit.channels))
         kept = {k: v for k, v in self.options.items() if k in ("dt_ms", "settle_ms", "workers")}
         quiet = replace(self, engine="ensemble", options={**kept, "rates": False})
-        return np.asarray(quiet.at(silence, step_ms=500.0).output_nats)
+        return np.asarray(quiet.run_drive(silence, step_ms=500.0).output_nats)
 
     def warn_of_noise(self, threshold_nats: float) -> None:
         """Warn if noise alone crosses a threshold."""
         if self.engine != "ensemble":
             return
         out = self.out_at_rest()
-        share = share_crossed(out, threshold_nats)
+        share = any_crossing(out, threshold_nats).mean()
         if share > NOISE_SHARE:
             warnings.warn(
                 f"without evidence noise takes OUT below the threshold of {threshold_nats:.2f} "
@@ -225,15 +188,16 @@ class BasalGanglia:
         for first in range(0, evidence.trials, batch):
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
-                # A part at a time it would be said many times: ``warn_of`` says it once.
+                # A part at a time it would be said many times: ``warn_beyond_range`` says it once.
                 warnings.filterwarnings("ignore", message="S runs from")
                 activity = self.activity(part, first_trial + first)
             yield part, activity
 
 
-def share_crossed(out_nats: npt.NDArray[np.float64], threshold_nats: float) -> float:
-    """Return the share of trials whose OUT (trials, ticks, channels) ever meets a threshold."""
-    return float((out_nats.min(axis=(1, 2)) <= threshold_nats).mean())
+def check_engine(engine: str) -> None:
+    """Raise ValueError, with the engines that there are, for a name that is none."""
+    if engine not in ENGINES:
+        raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
 
 
 def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) -> Trace:

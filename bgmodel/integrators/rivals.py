@@ -1,12 +1,14 @@
 """What the MSPRT must beat: integrators that see the same evidence and combine it otherwise.
 
 Each is a linear integrator of the summed log-likelihoods ``Y_i`` with a rule of its own; OUT is
-minus what its rule compares with a threshold, so that the lowest OUT is the most favoured.
+minus what its rule compares with a threshold, so that the lowest OUT is the most favoured. A rival
+is a class with ``run`` and ``needs_zero``, and one line in ``RIVALS``.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,18 @@ from bgmodel.integrators.sprt import at_readings, totals
 Array = npt.NDArray[np.float64]
 
 
+class Rival(Protocol):
+    """An integrator that is held to the MSPRT on the same evidence."""
+
+    needs_zero: ClassVar[bool]
+    """Whether the zero of its evidence must mean that nothing was seen: a rival that adds up what
+    the hypotheses of a reading share."""
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return OUT as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
+        ...
+
+
 @dataclass(frozen=True)
 class Race:
     """Independent accumulators: stop when one total is high enough (Vickers 1970).
@@ -26,6 +40,8 @@ class Race:
     that compare; here it does, so the zero of the evidence must mean that nothing was seen, as in
     ``gaussian_evidence``.
     """
+
+    needs_zero: ClassVar[bool] = True
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -Y as a trace (trials, 1 + steps, hypotheses)."""
@@ -40,6 +56,8 @@ class MaxVsAverage:
     (Bogacz & Gurney 2007).
     """
 
+    needs_zero: ClassVar[bool] = False
+
     def run(self, evidence: Evidence) -> Trace:
         """Return mean Y - Y as a trace (trials, 1 + steps, hypotheses)."""
         total = totals(evidence)
@@ -52,6 +70,8 @@ class MaxVsNext:
 
     ``OUT_i = max_{j != i} Y_j - Y_i``: the limit of the MSPRT for a high gain.
     """
+
+    needs_zero: ClassVar[bool] = False
 
     def run(self, evidence: Evidence) -> Trace:
         """Return the best other total minus Y as a trace (trials, 1 + steps, hypotheses)."""
@@ -72,10 +92,10 @@ class Lca:
     ----------
     leak_hz, inhibition_hz : float
         Per second; 100 and 100 in Bogacz & Gurney 2007. Where they are equal, differences between
-        the accumulators do not leak. What all share leaks fast: like a race it needs evidence whose
-    zero means that nothing was seen.
+        the accumulators do not leak. What all share leaks fast, but it counts.
     """
 
+    needs_zero: ClassVar[bool] = True
     leak_hz: float = 100.0
     inhibition_hz: float = 100.0
 
@@ -95,15 +115,24 @@ class Lca:
         return at_readings(-(together + apart), evidence)
 
 
-NEED_ZERO = ("race", "LCA")
-"""Rivals that need evidence whose zero means that nothing was seen: they add up what is common."""
-RIVALS = {
+RIVALS: dict[str, type[Rival]] = {
     "race": Race,
     "LCA": Lca,
     "max vs average": MaxVsAverage,
     "max vs next": MaxVsNext,
 }
 """The rivals by name."""
+
+
+def rivals_on(zero_is_nothing: bool) -> list[str]:
+    """Return the names of the rivals that can be run on evidence.
+
+    Parameters
+    ----------
+    zero_is_nothing : bool
+        Whether the zero of the evidence means that nothing was seen, as in ``gaussian_evidence``.
+    """
+    return [name for name, rival in RIVALS.items() if zero_is_nothing or not rival.needs_zero]
 
 
 def _leaky(readings: Array, decay: float) -> Array:

@@ -1,4 +1,4 @@
-"""Whole studies on tactile evidence: what the command line and the figures both run."""
+"""Learning of a gap on tactile evidence, beside exhaustive search and the exact optimum."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from bgmodel.learning.reinforce import (
     Learner,
     exhaustive_search,
     learn,
-    mean_reward,
     smoothed,
-    trials_of,
 )
+from bgmodel.learning.reward import mean_reward
+from bgmodel.learning.worlds import trials_of
 from bgmodel.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source
@@ -30,11 +30,7 @@ FRESH_TRIALS = 100_000
 def increments(readings: Source) -> tuple[Empirical, Empirical]:
     """Return the exact distributions of the log-likelihood ratio under S1 and S2."""
     s1, s2 = readings.log_ratios
-    return _equal_weights(s1), _equal_weights(s2)
-
-
-def _equal_weights(values: npt.NDArray[np.float64]) -> Empirical:
-    return Empirical(values, np.full(len(values), 1 / len(values)))
+    return Empirical.of_sample(s1), Empirical.of_sample(s2)
 
 
 def fold_sources(
@@ -172,13 +168,13 @@ def learn_folds(
         **options,
     )
     episodes = np.linspace(0, learner.episodes - 1, keep).round().astype(int)
-    curves = smoothed(learned.mean_gap, window)[:, episodes]
+    curves = smoothed(learned.mean_played, window)[:, episodes]
     rows = []
     for fold, readings in enumerate(sources):
         own = slice(fold * repeats, (fold + 1) * repeats)
         pair = increments(readings)
         optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
-        regret = regret_on_fresh_trials(learned.delta[own], readings, optimum, **options)
+        regret = regret_on_fresh_trials(learned.learned[own], readings, optimum, **options)
         start_cost = -float(reward_curve(*pair, start_delta, xi, t_max=t_max))
         runs = pd.DataFrame(
             {
@@ -186,7 +182,7 @@ def learn_folds(
                 "start_delta": start_delta,
                 "fold": fold,
                 "repeat": np.arange(repeats),
-                "learned_delta": learned.delta[own],
+                "learned_delta": learned.learned[own],
                 "regret": regret,
                 "optimal_delta": optimum.delta,
                 "optimal_cost": optimum.cost,
@@ -241,21 +237,21 @@ def learn_grating(
         learner=learner,
     )
     regret = regret_on_fresh_trials(
-        learned.delta, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
+        learned.learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
     )
-    episodes = learned.gap.shape[1]
+    episodes = learned.played.shape[1]
     table = pd.DataFrame(
         {
             "run": np.repeat(np.arange(runs), episodes),
             "episode": np.tile(np.arange(episodes), runs),
-            "mean_delta": learned.mean_gap.ravel(),
-            "delta": learned.gap.ravel(),
+            "mean_delta": learned.mean_played.ravel(),
+            "delta": learned.played.ravel(),
             "reward": learned.reward.ravel(),
             "dopamine": learned.prediction_error.ravel(),
         }
     )
     summary = {
-        "learned_delta": learned.delta.tolist(),
+        "learned_delta": learned.learned.tolist(),
         "regret": regret.tolist(),
         "optimal_delta": optimum.delta,
         "optimal_cost": optimum.cost,

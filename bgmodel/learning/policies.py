@@ -14,25 +14,25 @@ DELTA_RANGE = (0.0, 8.0)
 
 
 class Policy(Protocol):
-    """A distribution over gaps with parameters, for several independent runs at once."""
+    """A distribution over what is played, with parameters, for several runs at once."""
 
     @property
     def pace(self) -> float:
         """How many times the learner's step size suits the parameters."""
         ...
 
-    def start(self, runs: int, delta: float) -> FloatArray:
-        """Return parameters (runs, p) whose mean gap is ``delta``."""
+    def start(self, runs: int, mean: float) -> FloatArray:
+        """Return parameters (runs, p) with this mean of what is played."""
         ...
 
     def sample(
         self, parameters: FloatArray, noise: FloatArray, episode: int
     ) -> tuple[FloatArray, FloatArray]:
-        """Return gaps (runs,) and the gradient of log probability (runs, p)."""
+        """Return what is played (runs,) and the gradient of log probability (runs, p)."""
         ...
 
     def mean(self, parameters: FloatArray) -> FloatArray:
-        """Return the mean gap of each run, (runs,)."""
+        """Return the mean of what is played in each run, (runs,)."""
         ...
 
     def bounded(self, parameters: FloatArray) -> FloatArray:
@@ -80,9 +80,9 @@ class GaussianPolicy:
         share = self.last_share + wide / (1 + episode / self.half_episodes)
         return share * (self.bounds[1] - self.bounds[0])
 
-    def start(self, runs: int, delta: float) -> FloatArray:
+    def start(self, runs: int, mean: float) -> FloatArray:
         """Return mu (runs, 1)."""
-        return np.full((runs, 1), float(delta))
+        return np.full((runs, 1), float(mean))
 
     def sample(
         self, parameters: FloatArray, noise: FloatArray, episode: int
@@ -127,9 +127,9 @@ class BernoulliPolicy:
         powers = 0.5 ** np.arange(1, self.units + 1)
         return DELTA_RANGE[1] * powers / powers.sum()
 
-    def start(self, runs: int, delta: float) -> FloatArray:
-        """Return w (runs, units), all equal, with mean gap ``delta``."""
-        p = np.clip(delta / DELTA_RANGE[1], 1e-9, 1 - 1e-9)
+    def start(self, runs: int, mean: float) -> FloatArray:
+        """Return w (runs, units), all equal, with this mean gap."""
+        p = np.clip(mean / DELTA_RANGE[1], 1e-9, 1 - 1e-9)
         return self.bounded(np.full((runs, self.units), np.log(p / (1 - p))))
 
     def sample(

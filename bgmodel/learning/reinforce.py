@@ -1,37 +1,19 @@
-"""Learning the gap from reward: the reward, exhaustive search, REINFORCE with baseline, regret."""
+"""Learning from reward: exhaustive search of gaps, and REINFORCE with baseline."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.decision import Decision, Tally, Trace, crossing_of_each, tally
+from bgmodel.decision import Tally, tally
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
 from bgmodel.learning.policies import GaussianPolicy, Policy
 
 FloatArray = npt.NDArray[np.float64]
-
-
-def reward(decision: Decision, truth: npt.NDArray[np.integer], xi: float) -> FloatArray:
-    """Return ``r = xi W - T`` of every trial (Burguete, Griffith & Lepora 2023).
-
-    W is -1 for an error (an omission is one) and 0 otherwise; T is the number of readings, which
-    for an omission is that of the whole trial.
-    """
-    check_xi(xi)
-    wrong = decision.choice != truth
-    steps = np.where(np.isnan(decision.steps), decision.deadline_ms / decision.step_ms, 0)
-    return -xi * wrong - np.fmax(decision.steps, steps)
-
-
-def mean_reward(counts: Tally, xi: float) -> FloatArray:
-    """Return the mean reward a trial for each threshold of a tally, (K,)."""
-    check_xi(xi)
-    return -xi * (1 - counts.accuracy) - counts.mean_steps
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:
@@ -99,18 +81,27 @@ class Learner:
 
 @dataclass(frozen=True)
 class Learned:
-    """What learning did: arrays (runs, episodes) of gap, mean gap, reward, prediction error.
+    """The course of learning in several runs: what is played is a gap or a level of dopamine.
 
-    ``delta`` (runs,) is the learned value. The prediction error, reward minus its learned
-    baseline, is what phasic dopamine is taken to report. Where a level of dopamine is played
-    instead of a gap, its mean is the tonic level.
+    Parameters
+    ----------
+    played : array (runs, episodes)
+        Gap (nats) or level in each trial.
+    mean_played : array (runs, episodes)
+        Its mean before exploration; of levels the tonic level.
+    reward : array (runs, episodes), readings
+        Reward of each trial.
+    prediction_error : array (runs, episodes), readings
+        Reward minus its learned baseline: what phasic dopamine is taken to report.
+    learned : array (runs,)
+        The learned gap or level: ``mean_played`` over the last trials.
     """
 
-    gap: FloatArray
-    mean_gap: FloatArray
+    played: FloatArray
+    mean_played: FloatArray
     reward: FloatArray
     prediction_error: FloatArray
-    delta: FloatArray
+    learned: FloatArray
 
 
 class LearningStopped(ValueError):
@@ -126,21 +117,21 @@ Environment = Callable[[int, FloatArray], FloatArray]
 
 def learn(
     environment: Environment,
-    start_delta: npt.ArrayLike,
+    start: npt.ArrayLike,
     *,
     rngs: list[np.random.Generator],
     policy: Policy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
-    """Learn the gap in several independent runs, side by side.
+    """Learn a gap or a level of dopamine in several independent runs, side by side.
 
     Parameters
     ----------
     environment : callable
-        ``environment(episode, gaps (runs,)) -> rewards (runs,)``; see ``trials_of``, and
-        ``dopamine.Body`` for a circuit, which is played by levels of dopamine.
-    start_delta : float
-        Mean of what is played at the start.
+        ``environment(episode, played (runs,)) -> rewards (runs,)``; see ``trials_of``, which is
+        played by gaps, and ``LevelOutcomes`` for a circuit, which is played by levels.
+    start : float
+        Mean of what is played at the start: a gap (nats) or a level of dopamine.
     rngs : list of numpy.random.Generator
         One a run, for its exploration alone: a run's course does not depend on its neighbours.
     policy, learner :
@@ -154,20 +145,20 @@ def learn(
     policy, learner = policy or GaussianPolicy(), learner or Learner()
     runs, episodes = len(rngs), learner.episodes
     noise = np.stack([rng.standard_normal((episodes, policy.noise)) for rng in rngs], axis=1)
-    parameters = policy.start(runs, float(np.asarray(start_delta)))
-    gap, mean_gap, rewards, errors = (np.empty((runs, episodes)) for _ in range(4))
+    parameters = policy.start(runs, float(np.asarray(start)))
+    played, mean, rewards, errors = (np.empty((runs, episodes)) for _ in range(4))
     baseline, share = np.zeros(runs), np.zeros(runs)
     for k in range(episodes):
-        mean_gap[:, k] = policy.mean(parameters)
+        mean[:, k] = policy.mean(parameters)
         # What is carried over is no exploration: it gets no credit.
         carried = learner.carried * share[:, None]
-        gap[:, k], _ = policy.sample(parameters, noise[k] + carried, k)
+        played[:, k], _ = policy.sample(parameters, noise[k] + carried, k)
         _, gradient = policy.sample(parameters, noise[k], k)
-        r = environment(k, gap[:, k])
+        r = environment(k, played[:, k])
         if not (np.isfinite(r).all() and np.isfinite(parameters).all()):
             what = "a reward" if not np.isfinite(r).all() else "what is learned"
-            last = mean_gap[:, max(k - 1, 0)]
-            done = Learned(gap[:, :k], mean_gap[:, :k], rewards[:, :k], errors[:, :k], last)
+            last = mean[:, max(k - 1, 0)]
+            done = Learned(played[:, :k], mean[:, :k], rewards[:, :k], errors[:, :k], last)
             raise LearningStopped(f"{what} is not finite in episode {k}", done)
         error = r - baseline if k else np.zeros(runs)
         scale = baseline  # of earlier trials alone, so that the gradient stays unbiased
@@ -177,47 +168,7 @@ def learn(
             rate = policy.pace * learner.rate / (1 + k / learner.half_episodes)
             parameters = policy.bounded(parameters + rate * share[:, None] * gradient)
         rewards[:, k], errors[:, k] = r, error
-    return Learned(gap, mean_gap, rewards, errors, mean_gap[:, -learner.last :].mean(axis=1))
-
-
-def trials_of(
-    draws: Sequence[Callable[[int], Evidence]], xi: float, block: int = 500
-) -> Environment:
-    """Return an environment whose run i decides the trials of ``draws[i]``.
-
-    Parameters
-    ----------
-    draws : list of callables
-        ``draws[i](trials)`` returns the next trials of run i, from that run's own generator.
-    xi : float
-        Cost of an error in readings.
-    block : int
-        How many trials are drawn at a time.
-    """
-    check_xi(xi)
-    drawn = -1
-    out: list[npt.NDArray] = []
-    truth: list[npt.NDArray] = []
-    ends: list[npt.NDArray] = []
-    traces: list[Trace] = []
-
-    def rewards(episode: int, gaps: FloatArray) -> FloatArray:
-        nonlocal drawn
-        if episode // block != drawn:
-            drawn = episode // block
-            parts = [draw(block) for draw in draws]
-            traces[:] = [Sprt().run(part) for part in parts]
-            out[:] = [np.stack([trace.out_nats for trace in traces], axis=1)]
-            truth[:] = [np.stack([part.truth for part in parts], axis=1)]  # type: ignore[misc]
-            ends[:] = [np.stack([part.readings for part in parts], axis=1) + 1]
-        now = episode % block
-        # The same trial of every run: its number is the episode's.
-        numbers = np.full(len(draws), episode)
-        trace = replace(traces[0], out_nats=out[0][now], ends=ends[0][now], numbers=numbers)
-        decision = crossing_of_each(trace, threshold_from_gap(gaps))
-        return reward(decision, truth[0][now], xi)
-
-    return rewards
+    return Learned(played, mean, rewards, errors, mean[:, -learner.last :].mean(axis=1))
 
 
 def smoothed(curve: FloatArray, window: int) -> FloatArray:
@@ -228,9 +179,3 @@ def smoothed(curve: FloatArray, window: int) -> FloatArray:
     end = np.arange(1, curve.shape[-1] + 1)
     begin = np.maximum(end - window, 0)
     return (total[..., end] - total[..., begin]) / (end - begin)
-
-
-def check_xi(xi: float) -> None:
-    """Raise ValueError if this cannot be the cost of an error."""
-    if not (np.isfinite(xi) and xi > 0):
-        raise ValueError(f"xi must be > 0 readings, got {xi}")

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bgmodel.learning.reward import reward_of
 from bgmodel.theory.empirical import Array, Empirical, require
 from bgmodel.theory.first_passage import Gaussian, Increments, Walk, gaussian_pair, walk
 
@@ -179,7 +180,7 @@ def reward_curve(
     """
     cost = float(_positive("xi", xi))
     test = sprt(increments_s1, increments_s2, delta, prior_s2=prior_s2, t_max=t_max, cells=cells)
-    return -cost * test.error_rate - test.mean_steps
+    return reward_of(test.error_rate, test.mean_steps, cost)
 
 
 def optimal_delta(

@@ -22,7 +22,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
     takes from every cortical channel what lifts Sigma above ``s0``, which leaves OUT as it is. D1
     speaks above ``d1_from`` only, so that MSN are quiet at rest: OUT up to ``top - d1_from`` is
     read. ``share`` of the evidence reaches STN through D2 and GPe, the rest directly: the exponent
-    still sums to y. Tuned by ``benchmarks/tuning.py`` on its own seeds.
+    still sums to y. Tuned by ``benchmarks/tuning/neighbours.py`` on its own seeds.
     """
     check_channels(channels)
     rest, s0 = 2.2, 2.2

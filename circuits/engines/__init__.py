@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
-from circuits.activity import Activity
 from circuits.spec import Circuit
+
+if TYPE_CHECKING:
+    from circuits.activity import Activity
 
 ENGINES = {
     "algebra": "the fixed point, exact",

@@ -12,41 +12,38 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from benchmarks import OUT
 from bgmodel import stream
-from bgmodel.comparison.compare import Sweep, sweep
-from bgmodel.dopamine import Body, knob
+from bgmodel.comparison.compare import sweep
+from bgmodel.comparison.levels import GAIN
+from bgmodel.comparison.levels import LATENCY_MS as LATENCIES_MS
+from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.level import (
-    COARSE,
-    THRESHOLD_NATS,
-    learn_level,
-    playable_levels,
-    regret,
-)
+from bgmodel.learning.level import learn_level, level_outcomes, regret, scored_runs
 from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.reward import reward_of
+from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
-from figures import figD2
+from circuits.anatomy import circuit
 
-OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_006
-GAIN, XI, T_MAX, STEP_MS = 0.5, 50.0, 30, 50.0
-LATENCY_MS = figD2.LATENCY_MS[2]
+XI, T_MAX, STEP_MS = 50.0, 30, 50.0
+LATENCY_MS = LATENCIES_MS[2]
 """Non-decision time. Beside the highest level OUT rests near the threshold and the circuit is
 faster than that: where it comes out ahead of the test, its latency is shorter, not its decisions
 better."""
 STARTS = (1, -2)
 """Where learning starts: the lowest but one and the highest but one of the levels."""
 LEVELS = {"rate": 31, "ensemble": 16}
-MET = {"rate": 10_000, "ensemble": 2000}
+LEARNED_ON = {"rate": 10_000, "ensemble": 2000}
 """Trials learned on, drawn again and again; others are scored on."""
 NEAR = 0.06
 """Levels this much worse than the best, as a share, are not searched on fresh trials; the regret
@@ -54,6 +51,9 @@ of a run that ends there is NaN and counts as more than 3 %."""
 AFTER = (40_000, 100_000)
 """Trials of learning: as in the figures, and as ``make validate`` gives the abstract test."""
 RUNS = {"rate": 20, "ensemble": 5}
+COLUMNS = ["engine", "kind", "start_level", "after", "run", "learned_level", "best_level"]
+COLUMNS += ["start_regret", "regret", "behind_algorithm", "reward", "best_reward"]
+COLUMNS += ["algorithm_reward", "latency_ms", "highest_level"]
 Draw = Callable[..., Evidence]
 
 
@@ -68,19 +68,24 @@ def kinds() -> dict[str, Draw]:
     return made
 
 
-def swept(
-    model: BasalGanglia, levels: Any, draw: Draw, trials: int, name: str
-) -> tuple[Sweep, Evidence]:
-    """Return decisions at every level on trials of their own stream."""
+def drawn(draw: Draw, trials: int, name: str) -> Evidence:
+    """Return trials of their own stream."""
     rng = stream(SCORING_SEED, "learning", name)
-    evidence = draw(trials, T_MAX, rng=rng, step_ms=STEP_MS)
-    return knob(model, evidence, levels, THRESHOLD_NATS), evidence
+    return draw(trials, T_MAX, rng=rng, step_ms=STEP_MS)
 
 
-def near(body: Body) -> Any:
+def near(outcomes: LevelOutcomes) -> Any:
     """Return the levels within ``NEAR`` of the best, and one more on both sides."""
-    inside = np.flatnonzero(regret(body.levels, body, XI) < NEAR)
-    return body.levels[max(inside[0] - 1, 0) : inside[-1] + 2]
+    inside = np.flatnonzero(regret(outcomes.levels, outcomes, XI) < NEAR)
+    return outcomes.levels[max(inside[0] - 1, 0) : inside[-1] + 2]
+
+
+def best_of_test(evidence: Evidence) -> float:
+    """Return the highest mean reward of the MSPRT, the circuit's non-decision time added."""
+    test = sweep(Msprt(GAIN).run(evidence), evidence)
+    steps = (np.maximum(test.time_ms, 0) + LATENCY_MS) / STEP_MS
+    steps = np.minimum(steps, T_MAX + 1)
+    return float(reward_of(test.choice != evidence.truth, steps, XI).mean(axis=1).max())
 
 
 def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
@@ -88,19 +93,16 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
     options: dict[str, Any] = COARSE if engine == "rate" else {"workers": 1}
     model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, SCORING_SEED, options)
     levels = playable_levels(model, LEVELS[engine])
-    learned_on = Body.of(*swept(model, levels, draw, min(MET[engine], fresh), f"{kind} learned"))
+    some = drawn(draw, min(LEARNED_ON[engine], fresh), f"{kind} learned")
+    learned_on = level_outcomes(model, some, levels)
     # Fresh trials, and fresh noise. What is far from the best need not be searched again.
     again = replace(model, seed=SCORING_SEED + 1)
-    found, evidence = swept(again, near(learned_on), draw, fresh, f"{kind} scored")
-    scored = Body.of(found, evidence)
-    best, own = scored.best(XI)
+    evidence = drawn(draw, fresh, f"{kind} scored")
+    scored = level_outcomes(again, evidence, near(learned_on))
+    best, _ = scored.best(XI)
     if best in scored.levels[[0, -1]] and best not in levels[[0, -1]]:
         raise RuntimeError(f"the best level, {best:.3f}, lies at the edge of what was searched")
-    # The algorithm on the same trials: every threshold, the circuit's non-decision time added.
-    test = sweep(Msprt(GAIN).run(evidence), evidence)
-    steps = (np.maximum(test.time_ms, 0) + LATENCY_MS) / STEP_MS
-    steps = np.minimum(steps, T_MAX + 1)
-    algorithm = float((-XI * (test.choice != evidence.truth) - steps).mean(axis=1).max())
+    algorithm = best_of_test(evidence)
     rows = []
     for start in levels[list(STARTS)].tolist():
         learned = learn_level(
@@ -113,32 +115,13 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
             learner=Learner(episodes=max(AFTER)),
         )
         for after in AFTER:
-            last = slice(after - Learner.last, after)
-            ends = learned.mean_gap[:, last].mean(axis=1)
-            searched = (ends >= scored.levels[0]) & (ends <= scored.levels[-1])
-            reached = np.where(searched, scored.expected(ends, XI), np.nan)
-            rows.append(
-                pd.DataFrame(
-                    {
-                        "engine": engine,
-                        "kind": kind,
-                        "start_level": start,
-                        "after": after,
-                        "run": np.arange(RUNS[engine]),
-                        "learned_level": ends,
-                        "best_level": best,
-                        "start_regret": float(regret(start, learned_on, XI)),
-                        "regret": (own - reached) / abs(own),
-                        "behind_algorithm": (algorithm - reached) / abs(algorithm),
-                        "reward": reached,
-                        "best_reward": own,
-                        "algorithm_reward": algorithm,
-                        "latency_ms": LATENCY_MS,
-                        "highest_level": levels[-1],
-                    }
-                )
-            )
-    return pd.concat(rows, ignore_index=True)
+            ends = learned.mean_played[:, after - Learner.last : after].mean(axis=1)
+            runs = scored_runs(ends, scored, xi=XI, start_level=start, first=learned_on)
+            behind = (algorithm - runs["reward"]) / abs(algorithm)
+            rows.append(runs.assign(after=after, behind_algorithm=behind))
+    known = {"engine": engine, "kind": kind, "algorithm_reward": algorithm}
+    known |= {"latency_ms": LATENCY_MS, "highest_level": levels[-1]}
+    return pd.concat(rows, ignore_index=True).assign(**known)[COLUMNS]
 
 
 def main() -> None:

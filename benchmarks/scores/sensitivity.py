@@ -7,19 +7,19 @@ once the threshold is tuned anew to the same accuracy. Figure C4 shows the same 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from benchmarks import OUT
 from bgmodel import stream
-from bgmodel.comparison.circuits import usual_gain, variants
+from bgmodel.comparison.circuits import compare_edits, usual_gain
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 from circuits.controls import perturbed
 
-OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_004
 AT = 0.95
 KEPT = ("expected_accuracy", "mean_ms", "forced")
@@ -35,7 +35,7 @@ def table_of(found: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     found : DataFrame
-        As from ``circuit_study.variants``, at one accuracy.
+        As from ``comparison.circuits.compare_edits``, at one accuracy.
     """
     names = found["variant"].drop_duplicates()
     fixed = found[found["kind"] == "fixed"].pivot(index="variant", columns="measure")["value"]
@@ -62,7 +62,9 @@ def main() -> None:
     edited = dict(list(perturbed(table).items())[:: given.every])
     gain = usual_gain(2)
     model = BasalGanglia(table, "ensemble", gain, SCORING_SEED, {"workers": given.workers})
-    found = variants(model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,), resamples=500)
+    found = compare_edits(
+        model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,), resamples=500
+    )
     scored = table_of(found)
     behind = {"trials": given.trials, "accuracy": AT, "gain": gain, "circuit": str(table)}
     write_table(scored.reset_index(), OUT / "sensitivity.csv", seed=SCORING_SEED, **behind)

@@ -1,4 +1,4 @@
-"""Dopamine as the knob of the threshold, scored: make score.
+"""Levels of dopamine as thresholds, scored: make score.
 
 Figure D2 on a seed that tuned nothing: the posterior at each level of dopamine, and accuracy in
 equal time beside the MSPRT and the MSPRT at the circuit's gain.
@@ -7,15 +7,14 @@ equal time beside the MSPRT and the MSPRT at the circuit's gain.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from benchmarks import OUT
+from bgmodel.comparison.levels import levels_against_msprt
 from bgmodel.files import write_table
-from figures import figD2
 
-OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_007
 ASKED = (0.75, 0.99)
 """Posteriors that dopamine should span."""
@@ -55,12 +54,12 @@ def summary(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Score the knob of both circuits and engines."""
+    """Score both circuits and engines."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=2000)
     given = parser.parse_args()
     OUT.mkdir(exist_ok=True)
-    found = figD2.measured(SCORING_SEED, given.trials)
+    found = levels_against_msprt(SCORING_SEED, given.trials)
     write_table(found, OUT / "knob.csv", seed=SCORING_SEED, trials=given.trials)
     print(summary(found).round(3).T.to_string(header=False))
 

@@ -17,17 +17,23 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks import OUT
 from bgmodel import stream
-from bgmodel.commands.comparing import sample_ms
-from bgmodel.comparison.circuits import OWN, against, usual_gain
+from bgmodel.comparison.circuits import (
+    MSPRT_AT_GAIN,
+    compare_with_msprt,
+    sample_ms,
+    usual_gain,
+)
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
-from bgmodel.integrators.rivals import RIVALS
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
 
-OUT = Path(__file__).parent / "out"
 SCORING_SEED = 40_001
 TRIALS = 2000
 MORE_TRIALS = {
@@ -66,10 +72,9 @@ def kinds() -> Iterator[tuple[str, int, int, Draw]]:
 
 def real_taps(folder: Path) -> Source:
     """Return readings of real taps of an edge, as figure R1 makes them."""
-    from figures import figR1
+    from bgmodel.tactile.edges import decoded_yaw, halves, sources
 
-    taps = figR1.decoded(SCORING_SEED, folder)
-    return figR1.sources(figR1.halves(SCORING_SEED, taps), 5.0)[0]
+    return sources(halves(SCORING_SEED, decoded_yaw(SCORING_SEED, folder)), 5.0)[0]
 
 
 def conditions(trials: int | None = None) -> Iterator[tuple[str, Circuit, Evidence]]:
@@ -112,12 +117,12 @@ def main() -> None:
         path = OUT / f"scoring {name.replace('/', ' ')}.csv"
         behind = {"trials": evidence.trials, "gain": gain, "circuit": str(table)}
         if not (given.keep and path.exists()):
-            rivals = [r for r in RIVALS if r != "race" or name.startswith("gaussian")]
+            rivals = rivals_on(zero_is_nothing=name.startswith("gaussian"))
             found = _score(table, evidence, gain, rivals, given.workers)
             write_table(found, path, seed=SCORING_SEED, **behind)
         print(f"\n=== {name}, {evidence.trials} trials")
         scored = read_table(path)
-        own = scored["reference"] == OWN
+        own = scored["reference"] == MSPRT_AT_GAIN
         print(page(scored[own | scored["model"].isin(RIVALS)]), flush=True)
 
 
@@ -126,7 +131,7 @@ def _score(
 ) -> pd.DataFrame:
     options: dict[str, Any] = {"workers": workers, "sample_ms": sample_ms(evidence.step_ms)}
     model = BasalGanglia(table, "ensemble", gain, SCORING_SEED, options)
-    return against(model, evidence, seed=SCORING_SEED, rivals=rivals)
+    return compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=rivals)
 
 
 if __name__ == "__main__":

@@ -13,11 +13,14 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from benchmarks.scoring import OUT, SCORING_SEED, conditions
-from bgmodel.comparison.circuits import OWN, against, usual_gain
+from benchmarks import OUT
+from benchmarks.scores.agreement import SCORING_SEED, conditions
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt, usual_gain
 from bgmodel.comparison.page import page
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import SPIKING, BasalGanglia, Circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.engines import SPIKING
+from circuits.spec import Circuit
 
 TIMES = 6
 """So many times the cells."""
@@ -57,8 +60,8 @@ def main() -> None:
             noisy = engine in SPIKING
             options = {"workers": given.workers} if noisy else {}
             model = BasalGanglia(edited, engine, gain, SCORING_SEED if noisy else None, options)
-            found = against(model, evidence, seed=SCORING_SEED, rivals=())
-            parts.append(found[found["reference"] == OWN].assign(variant=case))
+            found = compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=())
+            parts.append(found[found["reference"] == MSPRT_AT_GAIN].assign(variant=case))
         path = OUT / f"limits {name.replace('/', ' ')}.csv"
         behind = {"trials": evidence.trials, "gain": gain, "circuit": str(table)}
         write_table(pd.concat(parts, ignore_index=True), path, seed=SCORING_SEED, **behind)

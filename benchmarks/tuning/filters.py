@@ -1,10 +1,10 @@
 """The filters of spiking_msprt's read-out, tuned: OUT for many of them from one run of spikes.
 
-``python -m benchmarks.filters [--channels 2] [--d-prime 1] [--gain 0.7]`` runs the table on tuning
-seeds, then computes OUT again for other delays and time constants of D1->SNr, STN->SNr and the
-read-out. None of these feeds back, so D1's and STN's spikes are those of the run; SNr keeps its own
-noise and gets what the new filters change in its input. Printed: r of decision times against the
-MSPRT at the circuit's gain, mean over accuracies of .885 to .975 in steps of .01, and over the
+``python -m benchmarks.tuning.filters [--channels 2] [--d-prime 1] [--gain 0.7]`` runs the table on
+tuning seeds, then computes OUT again for other delays and time constants of D1->SNr, STN->SNr and
+the read-out. None of these feeds back, so D1's and STN's spikes are those of the run; SNr keeps its
+own noise and gets what the new filters change in its input. Printed: r of decision times against
+the MSPRT at the circuit's gain, mean over accuracies of .885 to .975 in steps of .01, and over the
 lowest four and the highest three of them.
 """
 
@@ -19,13 +19,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
-from benchmarks.tuning import STEP_MS, TUNING_SEEDS, tuning_evidence
+from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import OWN, msprt_sweeps, thresholds_about, usual_gain
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_sweeps, thresholds_about, usual_gain
 from bgmodel.comparison.compare import compare, sweep
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
 
 Array = npt.NDArray[np.float64]
 ACCURACIES = tuple(np.arange(0.885, 0.98, 0.01).round(3))
@@ -43,7 +45,7 @@ class Run:
 
     def __init__(self, table: Circuit, evidence: Evidence, gain: float, seed: int) -> None:
         self.evidence = evidence
-        self.test = msprt_sweeps(evidence, gain)[OWN]
+        self.test = msprt_sweeps(evidence, gain)[MSPRT_AT_GAIN]
         self.thresholds = thresholds_about(self.test)
         kept: dict[str, list[Array]] = {"D1": [], "STN": [], "SNr": []}
         model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})

@@ -1,12 +1,12 @@
 """What spiking_msprt was tuned on: the table as it is beside its neighbours, on tuning seeds.
 
-``python -m benchmarks.tuning [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for every
-variant, its rates at rest and what it does against the MSPRT at its gain. The seeds here tune and
-never score; those of ``benchmarks.scoring`` score and never tune. The row with the highest
-correlation of decision times was kept whose latency stays within 65 ms and whose rates at rest are
-those of the animal; within the error of 500 trials many are as good. The filters in front of OUT
-and the usual gain were tuned with ``benchmarks.filters``, the cortical code with
-``benchmarks.cortex``: both tell closer ones apart.
+``python -m benchmarks.tuning.neighbours [--channels 4] [--d-prime 0.5] [--trials 500]`` prints, for
+every variant, its rates at rest and what it does against the MSPRT at its gain. The seeds here tune
+and never score; those of ``benchmarks.scores.agreement`` score and never tune. The row with the
+highest correlation of decision times was kept whose latency stays within 65 ms and whose rates at
+rest are those of the animal; within the error of 500 trials many are as good. The filters in front
+of OUT and the usual gain were tuned with ``benchmarks.tuning.filters``, the cortical code with
+``benchmarks.tuning.cortex``: both tell closer ones apart.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from dataclasses import replace
 import numpy as np
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import at_rest, usual_gain, variants
+from bgmodel.comparison.circuits import at_rest, compare_edits, usual_gain
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
 from circuits.laws.firing import fit_current
+from circuits.spec import Circuit
 
 TUNING_SEEDS = (1001, 1002, 1003)
 ACCURACIES = (0.90, 0.93, 0.95, 0.97)
@@ -102,7 +104,7 @@ def main() -> None:
     for seed in TUNING_SEEDS:
         evidence = tuning_evidence(given.trials, given.channels, given.d_prime, seed)
         model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
-        found = variants(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
+        found = compare_edits(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
         print(f"\nseed {seed}, N = {given.channels}, d' {given.d_prime:g}, {given.trials} trials")
         print(page(found[found["kind"] == "value"].drop(columns="kind")))
 

@@ -24,7 +24,8 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-OUT = Path(__file__).parent / "out"
+from benchmarks import OUT
+
 STEP_MS, STEPS, SETTLE_MS = 50.0, 10, 0.0
 REPEATS = 3
 ROUNDS = 5
@@ -92,7 +93,7 @@ def vanilla(target: str = "cython", **which: Any) -> dict[str, float]:
     """Measure plain Brian2: one trial, all synapses."""
     import brian2 as b2
 
-    from benchmarks.vanilla import network
+    from benchmarks.speed.vanilla import network
 
     circuit = circuit_of(**which)
     b2.defaultclock.dt = 0.1 * b2.ms
@@ -174,7 +175,7 @@ SCALING: list[tuple[str, str, dict[str, Any]]] = [
 
 def measure(kind: str, options: dict[str, Any]) -> dict[str, float]:
     """Measure once, in a process of its own; add its peak memory, MB."""
-    command = [sys.executable, "-m", "benchmarks.circuits", kind, json.dumps(options)]
+    command = [sys.executable, "-m", "benchmarks.speed.circuits", kind, json.dumps(options)]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     done = subprocess.run(
         command, capture_output=True, text=True, env=os.environ | threads, check=False
@@ -186,7 +187,7 @@ def measure(kind: str, options: dict[str, Any]) -> dict[str, float]:
 
 def processes() -> dict[str, float]:
     """Return how much more two processes do than one, in wall time."""
-    command = [sys.executable, "-m", "benchmarks.circuits", "ensemble", '{"trials": 300}']
+    command = [sys.executable, "-m", "benchmarks.speed.circuits", "ensemble", '{"trials": 300}']
     one = min(measure("ensemble", {"trials": 300})["wall_s"] for _ in range(REPEATS))
     two = np.inf
     for _ in range(REPEATS):

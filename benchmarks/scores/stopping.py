@@ -9,7 +9,7 @@ then removed, and the run that draws them again, in short steps, is stopped fift
 the SHA-256 of every file under figures/fast is compared, the cache of the contact library included.
 Linux; about half an hour on two cores:
 
-    python -m benchmarks.stopping --folder /tmp/stopping
+    python -m benchmarks.scores.stopping --folder /tmp/stopping
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from pathlib import Path
 import pandas as pd
 import psutil
 
+from benchmarks import OUT
 from bgmodel.files import checksum, write_table
 
-ROOT = Path(__file__).parents[1]
-OUT = ROOT / "benchmarks" / "out"
+ROOT = Path(__file__).parents[2]
 SEED = 2023
 WAYS = ["SIGINT group", "SIGINT command"] * 5
 WAYS += [f"SIGKILL {who}" for who in ("command", "Snakemake", "group", "both", "everything")]

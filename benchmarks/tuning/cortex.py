@@ -1,11 +1,11 @@
 """The cortical code of spiking_msprt, tuned: how far above silence it rests, and its Hz a nat.
 
-``python -m benchmarks.cortex [--channels 2] [--d-prime 1] [--trials 1000]`` prints, on tuning
-seeds, r of decision times against the MSPRT at the circuit's gain, mean over the accuracies of
-``benchmarks.filters``, over the lowest four and the highest three of them: with six times the cells
-of one population, which tells whose noise counts, and with other cortical codes. A code that rests
-lower is quieter at the same Hz a nat, for its variance goes with the rate, but losers fall silent
-sooner.
+``python -m benchmarks.tuning.cortex [--channels 2] [--d-prime 1] [--trials 1000]`` prints, on
+tuning seeds, r of decision times against the MSPRT at the circuit's gain, mean over the accuracies
+of ``benchmarks.tuning.filters``, over the lowest four and the highest three of them: with six times
+the cells of one population, which tells whose noise counts, and with other cortical codes. A code
+that rests lower is quieter at the same Hz a nat, for its variance goes with the rate, but losers
+fall silent sooner.
 """
 
 from __future__ import annotations
@@ -16,20 +16,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.filters import ACCURACIES
-from benchmarks.tuning import TUNING_SEEDS, tuning_evidence
+from benchmarks.tuning.filters import ACCURACIES
+from benchmarks.tuning.neighbours import TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
 from bgmodel.comparison.circuits import (
     CIRCUIT,
-    OWN,
+    MSPRT_AT_GAIN,
+    decide_at_thresholds,
     msprt_sweeps,
-    sweeps,
     thresholds_about,
     usual_gain,
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
 
 TIMES = 6
 CODES = ((1.6, 27), (1.9, 27), (2.2, 20), (2.2, 30), (2.5, 25))
@@ -79,9 +81,11 @@ def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
 
 def scored(table: Circuit, evidence: Evidence, gain: float, seed: int) -> tuple[np.ndarray, float]:
     """Return r at each of the accuracies, and the offset in ms."""
-    test = msprt_sweeps(evidence, gain)[OWN]
+    test = msprt_sweeps(evidence, gain)[MSPRT_AT_GAIN]
     model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
-    own = sweeps(model, evidence, thresholds_about(test), decoder_tau_ms=None)[CIRCUIT]
+    own = decide_at_thresholds(model, evidence, thresholds_about(test), decoder_tau_ms=None)[
+        CIRCUIT
+    ]
     rng = stream(0, "unused")
     found = compare(test, own, rng=rng, accuracies=ACCURACIES, resamples=2)
     values = found.set_index("measure")["value"]

@@ -1,0 +1,1 @@
+"""What the spiking circuit was tuned on, with seeds that never score."""

@@ -1,0 +1,56 @@
+"""Names that options take, each listed once where it is defined."""
+
+from __future__ import annotations
+
+
+class Name(str):
+    """A name out of a list that grows; help shows the list, and what is unknown is refused."""
+
+    @classmethod
+    def known(cls) -> tuple[str, ...]:
+        """Return all names."""
+        raise NotImplementedError
+
+    @classmethod
+    def parse(cls, given: str) -> Name:
+        """Return a name; ValueError with those that there are if it is none."""
+        if given not in cls.known():
+            raise ValueError(f"it must be one of {', '.join(cls.known())}, got {given!r}")
+        return cls(given)
+
+
+class CircuitName(Name):
+    """Name of a table."""
+
+    @classmethod
+    def known(cls) -> tuple[str, ...]:
+        """Return the tables that there are."""
+        from circuits.anatomy import CIRCUITS
+
+        return tuple(CIRCUITS)
+
+
+class EngineName(Name):
+    """Name of an engine."""
+
+    @classmethod
+    def known(cls) -> tuple[str, ...]:
+        """Return the engines that there are."""
+        from circuits.engines import ENGINES
+
+        return tuple(ENGINES)
+
+
+class TimedEngineName(EngineName):
+    """Name of an engine whose decisions take time: a fixed point has none."""
+
+    @classmethod
+    def known(cls) -> tuple[str, ...]:
+        """Return the engines that there are but the algebra."""
+        return tuple(name for name in super().known() if name != "algebra")
+
+
+SPIKING_MSPRT = CircuitName("spiking_msprt")
+ENSEMBLE = EngineName("ensemble")
+RATE = TimedEngineName("rate")
+"""What commands take unless another one is named."""

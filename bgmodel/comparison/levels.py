@@ -1,0 +1,151 @@
+"""A circuit at levels of dopamine, its threshold fixed, held against the MSPRT."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.comparison.circuits import msprt_sweeps
+from bgmodel.comparison.compare import Sweep, curve, interval, resampled
+from bgmodel.dopamine import (
+    COARSE,
+    THRESHOLD_NATS,
+    criterion,
+    decide_at_levels,
+    levels_between,
+    working_range,
+)
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.seeds import stream
+from circuits.anatomy import circuit
+from circuits.spec import Circuit
+
+Array = npt.NDArray[np.float64]
+GAIN = 0.5
+"""Nats in the circuit per nat of evidence."""
+STEPS = {2: 120, 4: 160}
+"""Alternatives that are run, and most readings in a trial."""
+LEVELS = 14
+THRESHOLDS_NATS = {2: 0.3, 4: 0.34}
+"""OUT at which each circuit decides, so that levels of at most 2 take the measured posterior to
+.75: readings carry it past the fixed point's."""
+LATENCY_MS = {2: 54.0, 4: 71.0}
+"""Non-decision time: the spiking circuit's offset against the MSPRT at this gain (`python -m
+benchmarks.scores.agreement --gain 0.5`, d' = .5, every 50 ms). It is taken off beside the full
+MSPRT too, so that what the lower gain costs is not."""
+ENGINES = ("rate", "ensemble")
+
+
+def level_table(
+    swept: Sweep,
+    tests: Mapping[str, Sweep],
+    *,
+    circuit: Circuit,
+    gain: float,
+    latency_ms: float,
+    threshold_nats: float = THRESHOLD_NATS,
+    rng: np.random.Generator,
+    resamples: int = 500,
+) -> pd.DataFrame:
+    """Return what each level of dopamine does, beside the fixed point and tests.
+
+    Parameters
+    ----------
+    swept : Sweep
+        As from ``dopamine.decide_at_levels``.
+    tests : mapping of Sweep
+        By name, as from ``comparison.circuits.msprt_sweeps``, on the same evidence.
+    circuit, gain, threshold_nats :
+        The circuit that was swept.
+    latency_ms : float
+        What is no decision time: known from elsewhere, not fitted to what is judged by it.
+    rng : numpy.random.Generator
+        For the bootstrap over trials.
+
+    Returns
+    -------
+    DataFrame
+        One row a level and measure: level, measure, value, low, high, reference. Measures:
+        criterion (mean posterior of what is chosen), fixed_point (the posterior at which the fixed
+        point decides, NaN outside its range), mean_ms, forced, premature; and beside each test
+        accuracy_gap (expected accuracy minus the test's at the same mean time less the latency) and
+        extra_ms (mean time minus the test's at the same expected accuracy, the latency not taken
+        off).
+    """
+    weights = resampled(swept.trials, resamples, rng)
+    weights = weights / weights.sum(axis=1, keepdims=True)
+    values = {
+        ("criterion", ""): weights @ swept.posterior.T,
+        ("mean_ms", ""): weights @ swept.time_ms.T,
+        ("forced", ""): weights @ swept.forced.T,
+        ("premature", ""): weights @ swept.premature.T,
+    }
+    reached, took = values["criterion", ""], values["mean_ms", ""]
+    for name, test in tests.items():
+        known, time = curve(test, weights)
+        values["accuracy_gap", name] = reached - _between(took - latency_ms, time, known)
+        values["extra_ms", name] = took - _between(reached, known, time)
+    low, high = working_range(circuit, threshold_nats)
+    rows = []
+    for k, level in enumerate(swept.settings):
+        inside = low < level < high
+        exact = criterion(circuit, float(level), threshold_nats, gain) if inside else np.nan
+        rows.append((level, "fixed_point", exact, np.nan, np.nan, ""))
+        rows += [(level, m, *interval(found[:, k]), name) for (m, name), found in values.items()]
+    return pd.DataFrame(rows, columns=["level", "measure", "value", "low", "high", "reference"])
+
+
+def _between(at: Array, x: Array, y: Array) -> Array:
+    """Return y where x is ``at``, row by row; NaN beyond the curve."""
+    return np.array([np.interp(*row, np.nan, np.nan) for row in zip(at, x, y, strict=True)])
+
+
+def levels_against_msprt(seed: int, trials: int) -> pd.DataFrame:
+    """Return ``level_table`` for 2 and 4 alternatives and two engines, beside the tests' curves.
+
+    Parameters
+    ----------
+    seed : int
+        Of evidence, noise and bootstrap.
+    trials : int
+        Trials of Gaussian evidence for each number of alternatives.
+
+    Returns
+    -------
+    DataFrame
+        The columns of ``level_table``, and channels and engine. Rows with the measure "curve" are
+        those of a test: level is its posterior, value its mean time, ms.
+    """
+    parts = []
+    for channels, steps in STEPS.items():
+        table, threshold = circuit("spiking_msprt", channels), THRESHOLDS_NATS[channels]
+        low, high = working_range(table, threshold)
+        levels = levels_between(1.01 * low, 0.98 * high, LEVELS)
+        rng = stream(seed, "figD2", channels)
+        evidence = gaussian_evidence(
+            trials, steps, 0.5 / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
+        )
+        tests = msprt_sweeps(evidence, GAIN)
+        for engine in ENGINES:
+            options = COARSE if engine == "rate" else {}
+            model = BasalGanglia(table, engine, GAIN, seed, options)
+            found = level_table(
+                decide_at_levels(model, evidence, levels, threshold),
+                tests,
+                circuit=table,
+                gain=GAIN,
+                latency_ms=LATENCY_MS[channels],
+                threshold_nats=threshold,
+                rng=stream(seed, "bootstrap"),
+            )
+            parts.append(found.assign(channels=channels, engine=engine))
+        for name, test in tests.items():
+            line = {"level": test.posterior.mean(axis=1), "value": test.time_ms.mean(axis=1)}
+            parts.append(
+                pd.DataFrame(line).assign(measure="curve", reference=name, channels=channels)
+            )
+    return pd.concat(parts, ignore_index=True)

@@ -1,0 +1,145 @@
+"""Worlds of a learner: what it plays in a trial comes back as a reward."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.comparison.compare import Sweep
+from bgmodel.decision import Trace, crossing_of_each
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.sprt import Sprt, threshold_from_gap
+from bgmodel.learning.reinforce import Environment
+from bgmodel.learning.reward import check_xi, reward, reward_of
+
+Array = npt.NDArray[np.float64]
+
+
+def trials_of(
+    draws: Sequence[Callable[[int], Evidence]], xi: float, block: int = 500
+) -> Environment:
+    """Return an environment whose run i decides the trials of ``draws[i]``.
+
+    Parameters
+    ----------
+    draws : list of callables
+        ``draws[i](trials)`` returns the next trials of run i, from that run's own generator.
+    xi : float
+        Cost of an error in readings.
+    block : int
+        How many trials are drawn at a time.
+    """
+    check_xi(xi)
+    drawn = -1
+    out: list[npt.NDArray] = []
+    truth: list[npt.NDArray] = []
+    ends: list[npt.NDArray] = []
+    traces: list[Trace] = []
+
+    def rewards(episode: int, gaps: Array) -> Array:
+        nonlocal drawn
+        if episode // block != drawn:
+            drawn = episode // block
+            parts = [draw(block) for draw in draws]
+            traces[:] = [Sprt().run(part) for part in parts]
+            out[:] = [np.stack([trace.out_nats for trace in traces], axis=1)]
+            truth[:] = [np.stack([part.truth for part in parts], axis=1)]  # type: ignore[misc]
+            ends[:] = [np.stack([part.readings for part in parts], axis=1) + 1]
+        now = episode % block
+        # The same trial of every run: its number is the episode's.
+        numbers = np.full(len(draws), episode)
+        trace = replace(traces[0], out_nats=out[0][now], ends=ends[0][now], numbers=numbers)
+        decision = crossing_of_each(trace, threshold_from_gap(gaps))
+        return reward(decision, truth[0][now], xi)
+
+    return rewards
+
+
+@dataclass(frozen=True)
+class LevelOutcomes:
+    """Outcomes of a circuit's decisions at each level of dopamine, on the same trials.
+
+    Parameters
+    ----------
+    levels : array (K,)
+        Dopamine, rising.
+    correct : bool array (K, trials)
+        Whether the choice was right.
+    steps : array (K, trials)
+        Time of the decision in readings, all latencies included.
+    forced : array (K,)
+        Share of trials that the deadline decided.
+    """
+
+    levels: Array
+    correct: npt.NDArray[np.bool_]
+    steps: Array
+    forced: Array
+
+    def __post_init__(self) -> None:
+        shape = (len(self.levels), self.correct.shape[-1])
+        if self.correct.shape != shape or self.steps.shape != shape:
+            raise ValueError(
+                f"correct and steps must be (levels, trials) = {shape}, got {self.correct.shape} "
+                f"and {self.steps.shape}"
+            )
+        if not np.all(np.diff(self.levels) > 0):
+            raise ValueError(f"levels must rise, got {self.levels}")
+
+    @classmethod
+    def of(cls, found: Sweep, evidence: Evidence) -> LevelOutcomes:
+        """Build from decisions and the truth."""
+        if evidence.truth is None:
+            raise ValueError("reward needs the truth of each trial")
+        if evidence.trials != found.trials:
+            raise ValueError(f"decisions of {found.trials} trials, evidence of {evidence.trials}")
+        steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
+        correct = found.choice == evidence.truth
+        forced = found.forced.mean(axis=1)
+        return cls(found.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
+
+    def rewards(self, xi: float) -> Array:
+        """Return ``r = xi W - T`` of each level and trial, (K, trials)."""
+        return reward_of(~self.correct, self.steps, xi)
+
+    def expected(self, level: npt.ArrayLike, xi: float) -> Array:
+        """Return the mean reward at levels, linear between those that were run."""
+        means: Array = self.rewards(xi).mean(axis=1)
+        return np.interp(np.asarray(level, dtype=np.float64), self.levels, means)
+
+    def best(self, xi: float) -> tuple[float, float]:
+        """Return the level with the highest mean reward, and that reward: exhaustive search."""
+        means: Array = self.rewards(xi).mean(axis=1)
+        return float(self.levels[means.argmax()]), float(means.max())
+
+    def environment(self, xi: float, rngs: Sequence[np.random.Generator]) -> Environment:
+        """Return the world of a learner: it plays levels, one a run, and gets rewards.
+
+        Each run draws its trials at random from those that were simulated. A level between two
+        that were run is one of both by chance, so that the mean reward is linear between them.
+        """
+        table = self.rewards(xi)
+        count, trials = table.shape
+        where = np.arange(count, dtype=np.float64)
+
+        def rewards(episode: int, played: Array) -> Array:
+            place = np.interp(played, self.levels, where)
+            chance = np.array([rng.random(2) for rng in rngs])
+            row = np.minimum(np.floor(place + chance[:, 0]).astype(np.intp), count - 1)
+            return table[row, (chance[:, 1] * trials).astype(np.intp)]
+
+        return rewards
+
+
+def switching(worlds: Sequence[Environment], every: int) -> Environment:
+    """Return a world that changes: ``every`` trials of each in turn, again and again."""
+    if not worlds or every < 1:
+        raise ValueError(f"worlds must hold one or more, every >= 1, got {len(worlds)}, {every}")
+
+    def rewards(episode: int, played: Array) -> Array:
+        return worlds[(episode // every) % len(worlds)](episode, played)
+
+    return rewards
