@@ -198,10 +198,11 @@ class Projection:
 
 
 def _check_name(name: str) -> None:
-    """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", or nothing."""
-    if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\]=/>]+", name):
+    """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", "a.b", nothing."""
+    if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\].=/>]+", name):
         raise ValueError(
-            f"a population's name is text without blanks, brackets, '=', '/' and '>', got {name!r}"
+            "a population's name is text without blanks, brackets, '.', '=', '/' and '>', got "
+            f"{name!r}"
         )
 
 

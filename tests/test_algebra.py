@@ -122,8 +122,8 @@ def test_linear_gpe_is_lamberts_w(slope):
     [
         anatomy.linear_gpe(4),
         anatomy.linear_gpe(4, slope=0.84),
-        anatomy.bogacz_gurney(4).changed("STN", transfer="linear"),
-        anatomy.appendix_b(4).changed("STN", transfer="rectified"),
+        anatomy.bogacz_gurney(4).with_population("STN", transfer="linear"),
+        anatomy.appendix_b(4).with_population("STN", transfer="rectified"),
     ],
     ids=["GPe linear", "GPe linear .84", "STN linear", "STN rectified"],
 )
@@ -339,7 +339,7 @@ def test_rates_decode_to_the_activity_they_stand_for():
     )
 
 
-HELD = anatomy.spiking_msprt(4).changed("common", cell=Integrator(), bias_nats=-22)
+HELD = anatomy.spiking_msprt(4).with_population("common", cell=Integrator(), bias_nats=-22)
 
 
 def test_an_integrator_loop_settles_where_its_input_is_zero():

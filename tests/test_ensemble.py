@@ -15,7 +15,7 @@ from circuits.ticks import cell_factors, lif_tick, spike_hz
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)
-ESCAPE = BASE.changed("STN", cell=Escape(1.0))
+ESCAPE = BASE.with_population("STN", cell=Escape(1.0))
 
 
 def ramp(trials, steps, channels=2, top=1.4):
@@ -131,7 +131,7 @@ def test_what_lies_downstream_never_changes_what_lies_upstream():
     given = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
     whole = ensemble.run(BASE, drive, **given).spikes
     edits = [
-        BASE.changed("SNr", neurons=10, noise_mv=1.0),
+        BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0),
         BASE.without("D1", 0.5),
         BASE.scaled("STN", "SNr", 0.2),
     ]
@@ -297,6 +297,6 @@ def test_strong_inhibition_is_not_taken_for_a_refractory_period():
 
 
 def test_an_edit_without_a_state_of_rest_warns():
-    unheld = BASE.changed("common", cell=Integrator()).without("STN")
+    unheld = BASE.with_population("common", cell=Integrator()).without("STN")
     with pytest.warns(UserWarning, match="as edited has no state of rest"):
         ensemble.run(unheld, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)

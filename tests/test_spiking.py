@@ -138,7 +138,11 @@ def test_one_program_runs_many_times():
             expected.output_nats,
         )
         weights = {"ctx->SNr": 0.6, "SNr->SNr": -0.3}
-        heavier = small().changed("ctx->SNr", weight=0.6).changed("SNr->SNr", weight=-0.3)
+        heavier = (
+            small()
+            .with_projection("ctx", "SNr", weight=0.6)
+            .with_projection("SNr", "SNr", weight=-0.3)
+        )
         ran = program.run(-DRIVE, seed=2, first_trial=7, weights=weights)
         assert ran.circuit == heavier
         options = STEPS | {"spikes": given["spikes"], "first_trial": 7}

@@ -118,7 +118,8 @@ class Standalone:
             )
         circuit = self.circuit
         for name, weight in (weights or {}).items():
-            circuit = circuit.changed(name, weight=weight)
+            source, _, target = name.partition("->")
+            circuit = circuit.with_projection(source, target, weight=weight)
         warn_beyond_range(circuit, drive)
         layout = replace(self.layout, scheme=Scheme(wired(circuit), self.clock.dt_ms))
         with self._active():
