@@ -147,12 +147,12 @@ def test_a_file_that_is_not_there(tmp_path, capsys):
 @pytest.mark.parametrize("written", ["ctx->D1[=2", "ctx->D1[x]=2", "ctx->D1[-1]=2", "ctx->D1[0=2"])
 def test_a_channel_is_a_number_in_brackets(written):
     with pytest.raises(ValueError, match="a channel is a number in brackets"):
-        Edits(scale=(written,)).of(anatomy.spiking_msprt())
+        Edits(scale=(written,)).apply(anatomy.spiking_msprt())
 
 
 def test_one_channel_is_edited_as_written():
     circuit = anatomy.spiking_msprt(4)
-    edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).of(circuit)
+    edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).apply(circuit)
     assert edited == circuit.scaled("ctx", "D1", 1.1, channel=2).scaled("STN", "GPe", 0.5)
 
 
