@@ -20,9 +20,9 @@ OF_LINES = ("cell.tau_ms", "cell.signed")
 class Edits:
     """Differences from the table: the hypothesis.
 
-    Made in this order: first every row, then new and single rows, then factors on what is there.
-    Examples are those of an experiment's file; at the terminal `change = ["A", "B"]` is
-    `--edits.change "A" "B"`, in Python `Edits(change=("A", "B")).apply(circuit)`.
+    Edits are made in this order: first every row, then new and single rows, then factors on what
+    is there. Examples are those of an experiment's file. At the terminal they are written
+    `--edits.change "STN->GPe.delay_ms=4" "STN.bias_nats=-0.2"`.
     """
 
     neurons: int | None = None

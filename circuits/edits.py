@@ -101,6 +101,8 @@ def new_row(circuit: Circuit, text: str) -> Row:
     """
     with naming(text):
         name, given = _new(text)
+        if name in {p.name for p in circuit.populations} | {p.name for p in circuit.projections}:
+            raise ValueError(f"{name} is there already; {A_CHANGE}")
         source, arrow, target = name.partition("->")
         kind = Projection if arrow else Population
         like = circuit.row(given.pop("like")) if "like" in given else None
@@ -189,16 +191,20 @@ def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
     A text that is no such value stays text: the dataclass refuses it and says what it takes.
     """
     # Where a text is read: importing it takes a tenth of a second.
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import TypeAdapter
 
     types, values = get_type_hints(kind), dict[str, Any](given)
     for name, text in given.items():
-        parts: str | list[str] = text
-        if get_origin(types[name]) is tuple:
-            parts = text.split(",") if text else []
-        with suppress(ValidationError):
-            values[name] = TypeAdapter(types[name]).validate_python(parts)
+        with suppress(ValueError):
+            values[name] = TypeAdapter(types[name]).validate_python(_parts(types[name], text))
     return values
+
+
+def _parts(kind: type, text: str) -> object:
+    """Return a text as pydantic takes it: a tuple in parts, a whole number also as 1e3."""
+    if get_origin(kind) is tuple:
+        return text.split(",") if text else []
+    return float(text) if kind is int else text
 
 
 def _names(kind: type, cell: type | None = None) -> list[str]:

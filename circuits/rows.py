@@ -102,7 +102,9 @@ class Population:
         if isinstance(self.cell, Integrator) and not self.tau_ms:
             raise ValueError(f"{self.name}: tau_ms of an Integrator must be > 0, got {self.tau_ms}")
         if isinstance(self.cell, Lif) and self.tau_ms:
-            raise ValueError(f"{self.name}: tau_ms is that of the Lif cell, leave it 0 here")
+            raise ValueError(
+                f"{self.name}: tau_ms is that of the Lif cell, cell.tau_ms: leave it 0 here"
+            )
 
     def _check_ranges(self) -> None:
         if self.neurons < 1:

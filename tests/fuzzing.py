@@ -393,6 +393,11 @@ TABLE = [
     ["--edits.scale", "STN->ctx=1"],
     ["--edits.scale", "STN->GPe[9]=1"],
     ["--edits.dopamine", "3"],
+    ["--edits.change", "STN.wieght=1"],
+    ["--edits.change", "STM.bias_nats=1"],
+    ["--edits.change", "STN->GPe.delay_ms=fast"],
+    ["--edits.add", "D1->GPe"],
+    ["--edits.add", "TRN like=thalamus"],
     ["--edits.neurons", "3", "--engine", "algebra"],
     ["--edits.connections", "2"],
     ["--edits.spread", "5"],
@@ -442,6 +447,8 @@ def edits(rng: Rng, name: str = "spiking_msprt") -> list:
         ["--edits.without", f"STN={rng.uniform(0, 0.05):.3f}"],
         ["--edits.scale", f"STN->GPe={rng.uniform(0.98, 1.02):.3f}"],
         ["--edits.scale", f"D1->SNr[0]={rng.uniform(0.98, 1.02):.3f}"],
+        ["--edits.change", f"STN.cite={rng.integers(9)}"],
+        ["--edits.add", f"STN->D2 weight={rng.uniform(0, 0.001):.4f}"],
     )
 
 
@@ -626,6 +633,8 @@ GOOD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
         Population("TRN", pick(rng, Rate(), Escape(), Phase(0.3)), 10.0),
         Projection("STN", "TRN", rng.uniform(0, 2), delay_ms=2),
     ),
+    "text": lambda c, rng: c.edited(f"STN->GPe.tau_ms={rng.uniform(0, 20)}"),
+    "row in text": lambda c, rng: c.with_rows(f"STN->D1 weight={rng.uniform(0, 1)}"),
     "cite": lambda c, rng: c.with_population("STN", cite="mine"),
 }
 BAD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
@@ -643,6 +652,8 @@ BAD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
     "weight": lambda c, rng: c.with_projection(
         "STN", "GPe", weight=pick(rng, np.inf, "x", None, True)
     ),
+    "text": lambda c, rng: c.edited(pick(rng, "STN.bias_nats", "STN.x=1", "", 3, "X.tau_ms=1")),
+    "row in text": lambda c, rng: c.with_rows(pick(rng, "X", "D1->X weight=-1", "X like=Y")),
     "field": lambda c, rng: c.with_population("STN", wieght=1.0),
     "neurons": lambda c, rng: c.with_neurons(pick(rng, 0, 2.5, "3", -1, np.nan)),
     "spread": lambda c, rng: c.with_spread(pick(rng, 5, -1, "a", np.nan)),
