@@ -361,10 +361,8 @@ class Circuit:
         """
         if (populations, projections) == (self.populations, self.projections):
             return self
-        old = self.populations + self.projections
-        exact = self.exact and [*map(_computes, old)] == [
-            *map(_computes, populations + projections)
-        ]
+        old, new = self.populations + self.projections, populations + projections
+        exact = self.exact and [*map(_computes, old)] == [*map(_computes, new)]
         return replace(self, populations=populations, projections=projections, exact=exact)
 
     def _everywhere(self, **values: Any) -> Circuit:

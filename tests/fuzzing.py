@@ -783,7 +783,7 @@ KINDS: dict[str, tuple[int, Callable[[Rng, Path], Case]]] = {
         200,
         command(
             show,
-            [*TABLE[:10], ["--channels", "0"], ["--channels", "2000"], ["--noise", "0.1"],
+            [*TABLE[:15], ["--channels", "0"], ["--channels", "2000"], ["--noise", "0.1"],
              ["--drawing", "x.doc"], ["more"], ["--rest", "3"]],
         ),
     ),

@@ -233,7 +233,7 @@ def test_channels_are_two_or_more(table, channels):
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
-        (lambda c: c.with_rows("STN"), "'STN': STN needs cell, or like=ROW"),
+        (lambda c: c.with_rows("STN"), "'STN': STN is there already; a change is"),
         (lambda c: c.with_rows(None), "a row is a Population, a Projection or text, got None"),
         (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
         (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
