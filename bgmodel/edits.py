@@ -8,67 +8,148 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from circuits.spec import Circuit
 
+OF_SPIKES = ("neurons", "probability", "spread")
+"""Fields of rows that act in spikes alone."""
+OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
+"""Fields that a fixed point does not depend on."""
+
 
 @dataclass(frozen=True)
 class Edits:
-    """What differs from the table: the hypothesis."""
+    """Differences from the table: the hypothesis.
 
-    without: tuple[str, ...] = ()
-    """Nuclei to lesion, whole ("STN") or by a fraction ("STN=0.5")."""
-    replaced: bool = False
-    """Whether the lost output is given back as a constant."""
-    scale: tuple[str, ...] = ()
-    """Pathways to scale, as "STN->GPe=0.5", or "ctx->D1[0]=1.1" in one channel."""
-    dopamine: float = 1.0
-    """Dopamine level, 0..2; 1 is normal."""
+    Edits are made in this order: first every row, then new and single rows, then factors on what
+    is there. Examples are those of an experiment's file. At the terminal they are written
+    `--edits.change "STN->GPe.delay_ms=4" "STN.bias_nats=-0.2"`.
+    """
+
     neurons: int | None = None
-    """Cells a channel of every spiking nucleus."""
+    """Cells per channel of every spiking nucleus: `neurons = 100`."""
     connections: float | None = None
-    """Connection probability between spiking nuclei, fixed in-degree."""
+    """Connection probability between spiking nuclei, fixed in-degree: `connections = 0.25`."""
     spread: float | None = None
-    """Spread of cell constants, as a fraction."""
+    """Spread of cell constants, as a fraction: `spread = 0.1`."""
+    add: tuple[str, ...] = ()
+    """New pathways and nuclei, as they are or like others:
+    `add = ["D1->GPe weight=-0.1 delay_ms=4", "TRN like=STN bias_nats=-1"]`."""
+    change: tuple[str, ...] = ()
+    """Fields of a pathway, a nucleus or its cells, all changed at once:
+    `change = ["STN->GPe.delay_ms=4", "STN.bias_nats=-0.2", "STN.cell.cv=0.2"]`."""
+    without: tuple[str, ...] = ()
+    """Nuclei to lesion, whole or by a fraction: `without = ["GPe", "STN=0.5"]`."""
+    replaced: bool = False
+    """Whether the output lost to lesions is given back as a constant:
+    `without = ["GPe"]`, `replaced = true`."""
+    scale: tuple[str, ...] = ()
+    """Pathways to scale, in all channels or in one: `scale = ["STN->GPe=0.5", "ctx->D1[0]=1.1"]`.
+    """
+    dopamine: float = 1.0
+    """Dopamine level, 0..2; 1 is normal: `dopamine = 1.1`."""
 
     def used(self) -> dict[str, Any]:
-        """Return the edits that change something, by name: for provenance."""
+        """Return the edits that change something, by name: for provenance.
+
+        The sentence `applied` has them in the order in which they were made.
+        """
+        changed = self._changed()
+        return changed | ({"applied": self.said()} if changed else {})
+
+    def said(self) -> str:
+        """Return the edits that change something, in the order in which they are made."""
+        return "; ".join(_said(name, value) for name, value in self._changed().items())
+
+    def _changed(self) -> dict[str, Any]:
         changed = (f for f in fields(self) if getattr(self, f.name) != f.default)
         return {f.name: getattr(self, f.name) for f in changed}
 
     def check_engine(self, engine: str) -> None:
         """Raise ValueError for edits of cells where an engine has none: they would do nothing."""
         # Importing it with the package would cost time that only circuits need.
+        from circuits.cells import CELLS
         from circuits.engines import SPIKING
 
-        idle = [name for name in ("neurons", "connections", "spread") if getattr(self, name)]
-        if idle and engine not in SPIKING:
-            raise ValueError(f"{idle[0]} is of cells, it says nothing to the {engine} engine")
+        of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
+        if engine in SPIKING:
+            return
+        for name in ("neurons", "connections", "spread"):
+            if getattr(self, name):
+                raise ValueError(f"{name} is of cells, it says nothing to the {engine} engine")
+        for edit in self.change:
+            field = edit.partition("=")[0].partition(".")[2].strip()
+            spikes = field.startswith("cell.") and field not in of_rates
+            if spikes or field in OF_SPIKES or (engine == "algebra" and field in OF_TIME):
+                raise ValueError(f"{edit!r} says nothing to the {engine} engine")
 
-    def of(self, table: Circuit) -> Circuit:
-        """Return the edited circuit."""
+    def apply(self, circuit: Circuit) -> Circuit:
+        """Return the edited circuit.
+
+        Raises
+        ------
+        ValueError
+            One sentence with the edit as it was written and what is allowed.
+        """
+        if self.neurons is not None:
+            circuit = circuit.with_neurons(self.neurons)
+        if self.connections is not None:
+            circuit = circuit.with_connections(self.connections)
+        if self.spread is not None:
+            circuit = circuit.with_spread(self.spread)
+        circuit = circuit.with_rows(*self.add).edited(*self.change)
         for edit in self.without:
             name, fraction = _value(edit, 1.0)
-            table = table.without(name, fraction, replaced=self.replaced)
+            circuit = circuit.without(name, fraction, replaced=self.replaced)
         for edit in self.scale:
-            name, factor = _value(edit, None)
-            name, channel = _channel(name)
-            source, arrow, target = name.partition("->")
-            if not arrow:
-                raise ValueError(f'scale needs a pathway like "STN->GPe=0.5", got {edit!r}')
-            table = table.scaled(source, target, factor, channel)
-        table = table.dopamine(self.dopamine)
-        if self.neurons is not None:
-            table = table.with_neurons(self.neurons)
-        if self.connections is not None:
-            table = table.with_connections(self.connections)
-        return table if self.spread is None else table.with_spread(self.spread)
+            circuit = _scaled(circuit, edit)
+        return circuit.dopamine(self.dopamine)
+
+
+def written(edit: str, *, replaced: bool = False) -> Edits:
+    """Return the one edit that a text says, told by its form.
+
+    ``D1->GPe weight=-0.1`` adds, ``STN->GPe.delay_ms=4`` changes, ``STN->GPe=0.5`` scales,
+    ``dopamine=0.9`` is the level, and ``STN`` or ``STN=0.5`` lesions.
+
+    Parameters
+    ----------
+    edit : str
+        The text.
+    replaced : bool
+        Whether a lesion's lost output is given back as a constant.
+    """
+    place = edit.replace(" ->", "->").replace("-> ", "->").partition("=")[0].strip()
+    if " " in place:
+        return Edits(add=(edit,))
+    if "." in place:
+        return Edits(change=(edit,))
+    if "->" in place:
+        return Edits(scale=(edit,))
+    if place == "dopamine":
+        return Edits(dopamine=_value(edit, None)[1])
+    return Edits(without=(edit,), replaced=replaced)
+
+
+def _scaled(circuit: Circuit, edit: str) -> Circuit:
+    name, factor = _value(edit, None)
+    name, channel = _channel(name)
+    source, arrow, target = name.partition("->")
+    if not arrow:
+        raise ValueError(f'scale needs a pathway like "STN->GPe=0.5", got {edit!r}')
+    return circuit.scaled(source.strip(), target.strip(), factor, channel)
+
+
+def _said(name: str, value: object) -> str:
+    if value is True:
+        return name
+    return f"{name} {', '.join(value) if isinstance(value, tuple) else value}"
 
 
 def _value(edit: str, default: float | None) -> tuple[str, float]:
     """Split "name=number"."""
     name, equals, number = edit.partition("=")
     if not equals and default is not None:
-        return name, default
+        return name.strip(), default
     try:
-        return name, float(number)
+        return name.strip(), float(number)
     except ValueError:
         raise ValueError(f"an edit is a name, =, and a number; got {edit!r}") from None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
 
 import numpy as np
@@ -24,21 +24,22 @@ def perturbed(circuit: Circuit, fraction: float = 0.2) -> dict[str, Circuit]:
     """
     changed: dict[str, Circuit] = {}
 
-    def put(name: str, values: Mapping[str, float]) -> None:
-        for field, value in values.items():
+    def put(row: object, edit: Callable[..., Circuit], names: Iterable[str], *ends: str) -> None:
+        for field in names:
+            value = getattr(row, field)
+            if not value or isinstance(value, bool):
+                continue
             for sign in (1, -1):
                 new = value * (1 + sign * fraction)
                 new = round(new, 1) if field == "delay_ms" else new
-                key = f"{name} {field} {sign * fraction:+.0%}"
-                changed[key] = circuit.changed(name, **{field: new})
+                key = f"{'->'.join(ends)} {field} {sign * fraction:+.0%}"
+                changed[key] = edit(*ends, **{field: new})
 
     for row in circuit.populations:
-        cell = {f.name: getattr(row.cell, f.name) for f in fields(row.cell)}
-        own = {name: getattr(row, name) for name in OF_POPULATIONS}
-        put(row.name, {k: v for k, v in (own | cell).items() if v and not isinstance(v, bool)})
+        put(row, circuit.with_population, OF_POPULATIONS, row.name)
+        put(row.cell, circuit.with_cell, [f.name for f in fields(row.cell)], row.name)
     for p in circuit.projections:
-        values = {name: getattr(p, name) for name in OF_PROJECTIONS}
-        put(p.name, {k: v for k, v in values.items() if v})
+        put(p, circuit.with_projection, OF_PROJECTIONS, p.source, p.target)
     for sign in (1, -1):
         tau_ms = circuit.readout_tau_ms * (1 + sign * fraction)
         key = f"read-out tau_ms {sign * fraction:+.0%}"
@@ -83,13 +84,15 @@ def linear_stn(circuit: Circuit) -> Circuit:
     rest = float(wiring.activity(rates, "STN").mean())
     bias = circuit.population("STN").bias_nats + 1 - float(np.log(rest))
     spare = circuit.population("SNr").bias_nats + SPARE_NATS
-    edited = circuit.changed("STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias)
+    edited = circuit.with_population(
+        "STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias
+    )
     for target in ("common", "GPe", "SNr"):
         edited = edited.scaled("STN", target, rest)
-    return edited.changed("SNr", bias_nats=spare)
+    return edited.with_population("SNr", bias_nats=spare)
 
 
 def shuffled_stn(circuit: Circuit) -> Circuit:
     """Return the circuit where SNr hears N times the next channel's STN in place of STN's sum."""
     weight = circuit.channels * circuit.projection("STN", "SNr").weight
-    return circuit.changed("STN->SNr", pattern="neighbour", weight=weight)
+    return circuit.with_projection("STN", "SNr", pattern="neighbour", weight=weight)

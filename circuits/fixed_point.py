@@ -22,7 +22,7 @@ def wired(circuit: Circuit) -> Wiring:
     """Return the circuit's wiring, replaced lesions at the rates of the intact circuit at rest."""
     if not any(row.replaced for row in circuit.populations):
         return wire(circuit)
-    return wire(circuit, rest_rates(wire(circuit.intact)))
+    return wire(circuit, rest_rates(wire(circuit.unlesioned)))
 
 
 def rest_rates(wiring: Wiring) -> Array:

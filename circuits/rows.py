@@ -100,7 +100,9 @@ class Population:
         self._check_ranges()
         if self.cell.hears == "nats" and self.tau_ms:
             kind = type(self.cell).__name__
-            raise ValueError(f"{self.name}: tau_ms is that of the {kind} cell, leave it 0 here")
+            raise ValueError(
+                f"{self.name}: tau_ms is that of the {kind} cell, cell.tau_ms: leave it 0 here"
+            )
 
     def _check_ranges(self) -> None:
         if self.neurons < 1:
@@ -196,10 +198,11 @@ class Projection:
 
 
 def _check_name(name: str) -> None:
-    """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", or nothing."""
-    if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\]=/>]+", name):
+    """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", "a.b", nothing."""
+    if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\].=/>]+", name):
         raise ValueError(
-            f"a population's name is text without blanks, brackets, '=', '/' and '>', got {name!r}"
+            "a population's name is text without blanks, brackets, '.', '=', '/' and '>', got "
+            f"{name!r}"
         )
 
 

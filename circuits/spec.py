@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from circuits.cells import Cell, Lif
 from circuits.checks import check_number, check_types
+from circuits.edits import changed_rows, naming, new_row, with_fields
 from circuits.rows import GABA, GLUTAMATE, PATTERNS, RECEPTORS, SIGNS, Population, Projection
+
+NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite")
+"""Fields of rows that leave the fixed point as it is."""
 
 __all__ = ["GABA", "GLUTAMATE", "PATTERNS", "Circuit", "Population", "Projection"]
 
@@ -145,6 +148,13 @@ class Circuit:
         valid = ", ".join(p.name for p in self.projections)
         raise ValueError(f"{self.name} has no pathway {source}->{target}: {valid}")
 
+    def row(self, name: str) -> Population | Projection:
+        """Return a population, ``"STN"``, or a projection, ``"STN->GPe"``, by its name."""
+        if "->" not in name:
+            return self.population(name)
+        source, _, target = name.partition("->")
+        return self.projection(source, target)
+
     def channels_of(self, name: str) -> int:
         """Return how many channels a population has."""
         return 1 if self.population(name).pooled else self.channels
@@ -167,37 +177,29 @@ class Circuit:
 
     # ---- edits: each returns a new circuit
 
-    def changed(self, name: str, **values: Any) -> Circuit:
-        """Return the circuit with fields of one row changed.
+    def with_population(self, name: str, /, **fields: object) -> Circuit:
+        """Return the circuit with fields of a population changed: ``bias_nats=-2.3``."""
+        return self._with(with_fields(self.population(name), fields, name))
 
-        Parameters
-        ----------
-        name : str
-            A population, ``"STN"``, or a projection, ``"STN->GPe"``.
-        **values
-            Fields of ``Population``, of its cell, or of ``Projection``.
+    def with_cell(self, name: str, /, **constants: object) -> Circuit:
+        """Return the circuit with constants of a population's cells changed: ``cv=0.2``."""
+        cell = with_fields(self.population(name).cell, constants, f"the cell of {name}")
+        return self.with_population(name, cell=cell)
+
+    def with_projection(self, source: str, target: str, /, **fields: object) -> Circuit:
+        """Return the circuit with fields of a projection changed: ``delay_ms=4``."""
+        row = self.projection(source, target)
+        return self._with(with_fields(row, fields, row.name))
+
+    def edited(self, *changes: str) -> Circuit:
+        """Return the circuit with fields changed by text, all at once.
+
+        ``circuit.edited("STN.bias_nats=-2.3", "STN.cell.cv=0.2", "STN->GPe.delay_ms=4")``: the
+        forms are those of ``circuits.edits``. ValueError names the change as it was written.
         """
-        if "->" in name:
-            old = self.projection(*name.split("->", 1))
-            _fields(name, old, values)
-            rows = tuple(replace(p, **values) if p is old else p for p in self.projections)
-            keeps = set(values) <= {"delay_ms", "tau_ms", "probability", "cite"}
-            return replace(self, projections=rows, exact=self.exact and keeps)
-        row = self.population(name)
-        cell = values.get("cell", row.cell)
-        if not isinstance(cell, Cell):
-            raise ValueError(f"{name}: cell must be a cell type, got {cell!r}")
-        of_cell = set(cell.__dataclass_fields__) - set(row.__dataclass_fields__)
-        inner = {k: v for k, v in values.items() if k in of_cell}
-        if isinstance(cell, Lif) and "tau_ms" in values:
-            inner["tau_ms"] = values["tau_ms"]
-        outer = {k: v for k, v in values.items() if k not in inner}
-        _fields(name, row, outer)
-        new = replace(row, **outer)
-        new = replace(new, cell=replace(new.cell, **inner))
-        rows_ = tuple(new if p is row else p for p in self.populations)
-        keeps = set(outer) <= {"neurons", "spread", "tau_ms", "cite"} and not inner
-        return replace(self, populations=rows_, exact=self.exact and keeps)
+        rows = changed_rows(self, changes)
+        with naming(*changes):
+            return self._with(*rows)
 
     def without(self, name: str, fraction: float = 1.0, *, replaced: bool = False) -> Circuit:
         """Return the circuit with a fraction of a nucleus lesioned.
@@ -231,7 +233,7 @@ class Circuit:
             raise ValueError(f"fraction must lie in 0..1, got {fraction}")
         if fraction == 0:
             return self
-        return self.changed(name, intact=row.intact * (1 - fraction), replaced=replaced)
+        return self.with_population(name, intact=row.intact * (1 - fraction), replaced=replaced)
 
     def scaled(
         self, source: str, target: str, factor: float, channel: int | None = None
@@ -258,7 +260,7 @@ class Circuit:
         if not 0 <= factor < math.inf:
             raise ValueError(f"factor must be >= 0, got {factor}")
         if channel is None:
-            return self.changed(row.name, weight=row.weight * factor) if factor != 1 else self
+            return self.with_projection(source, target, weight=row.weight * factor)
         count = self.channels_of(target)
         if channel not in range(count):
             raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel}")
@@ -266,7 +268,7 @@ class Circuit:
             return self
         factors = list(row.factors or (1.0,) * count)
         factors[channel] *= factor
-        return self.changed(row.name, factors=tuple(factors))
+        return self.with_projection(source, target, factors=tuple(factors))
 
     def dopamine(self, level: float) -> Circuit:
         """Return the circuit at a dopamine level relative to this one; the range is 0..2.
@@ -289,7 +291,7 @@ class Circuit:
                     )
                 circuit = circuit.scaled(p.source, p.target, 1 + change)
                 bias = row.bias_nats - change * p.weight * row.pivot_nats
-                circuit = circuit.changed(row.name, bias_nats=bias)
+                circuit = circuit.with_population(row.name, bias_nats=bias)
         return circuit
 
     def with_channels(self, channels: int) -> Circuit:
@@ -321,25 +323,47 @@ class Circuit:
         )
         return replace(self, projections=rows)
 
-    def with_rows(self, *rows: Population | Projection) -> Circuit:
-        """Return the circuit with rows added: a nucleus or a pathway of your own."""
+    def with_rows(self, *rows: Population | Projection | str) -> Circuit:
+        """Return the circuit with rows added: a nucleus or a pathway of your own.
+
+        A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``, ``"TRN like=STN bias_nats=-1"``.
+        """
         for row in rows:
-            if not isinstance(row, (Population, Projection)):
-                raise ValueError(f"a row is a Population or a Projection, got {row!r}")
-        nuclei = tuple(r for r in rows if isinstance(r, Population))
-        paths = tuple(r for r in rows if isinstance(r, Projection))
-        return replace(
-            self,
-            populations=self.populations + nuclei,
-            projections=self.projections + paths,
-            exact=False,
-        )
+            if not isinstance(row, (Population, Projection, str)):
+                raise ValueError(f"a row is a Population, a Projection or text, got {row!r}")
+        new = [new_row(self, row) if isinstance(row, str) else row for row in rows]
+        with naming(*(row for row in rows if isinstance(row, str))):
+            return self._with_tables(
+                self.populations + tuple(row for row in new if isinstance(row, Population)),
+                self.projections + tuple(row for row in new if isinstance(row, Projection)),
+            )
 
     @property
-    def intact(self) -> Circuit:
+    def unlesioned(self) -> Circuit:
         """The circuit with every lesion undone."""
         rows = tuple(replace(p, intact=1.0, replaced=False) for p in self.populations)
         return replace(self, populations=rows)
+
+    def _with(self, *rows: Population | Projection) -> Circuit:
+        """Return the circuit with these rows in place of those of their names."""
+        new: dict[str, Any] = {row.name: row for row in rows}
+        return self._with_tables(
+            tuple(new.get(p.name, p) for p in self.populations),
+            tuple(new.get(p.name, p) for p in self.projections),
+        )
+
+    def _with_tables(
+        self, populations: tuple[Population, ...], projections: tuple[Projection, ...]
+    ) -> Circuit:
+        """Return the circuit with other tables; itself if they are the same.
+
+        It stays exact if they differ in nothing that a fixed point depends on.
+        """
+        if (populations, projections) == (self.populations, self.projections):
+            return self
+        old, new = self.populations + self.projections, populations + projections
+        exact = self.exact and [*map(_computes, old)] == [*map(_computes, new)]
+        return replace(self, populations=populations, projections=projections, exact=exact)
 
     def _everywhere(self, **values: Any) -> Circuit:
         if not any(row.spiking for row in self.populations):
@@ -367,8 +391,6 @@ class Circuit:
             raise ValueError(f"no pathway is left from {self.input} to {self.readout}")
 
 
-def _fields(name: str, row: Population | Projection, values: dict[str, Any]) -> None:
-    for key in values:
-        if key not in row.__dataclass_fields__:
-            valid = ", ".join(row.__dataclass_fields__)
-            raise ValueError(f"{name} has no {key!r}: {valid}")
+def _computes(row: Population | Projection) -> list[object]:
+    """Return the fields of a row that a fixed point depends on."""
+    return [getattr(row, f.name) for f in fields(row) if f.name not in NOT_COMPUTED]

@@ -165,11 +165,11 @@ class Scheme:
     def start(self) -> tuple[Array, Array, Array]:
         """Units (without constant), block states in nats, and rates in Hz of the intact rest."""
         edited = self.wiring.circuit
-        intact = wire(edited.intact)
+        intact = wire(edited.unlesioned)
         x = rest(intact)
         rates = intact.rates(x)
         try:
-            if edited != edited.intact:
+            if edited != edited.unlesioned:
                 rest(self.wiring)
         except ValueError:
             warnings.warn(

@@ -56,7 +56,7 @@ def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) 
     DataFrame
         Columns nucleus, input_nats, rate_hz and error_hz (standard error over repeats of 1 s).
     """
-    row = CIRCUIT.changed(name, neurons=CELLS, bias_nats=0.0).population(name)
+    row = CIRCUIT.with_population(name, neurons=CELLS, bias_nats=0.0).population(name)
     levels = len(input_nats)
     alone = Circuit(
         name, (row,), (), levels, input=name, readout=name, reference_nats=np.log(levels)

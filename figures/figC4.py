@@ -74,7 +74,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
     evidence = gaussian(settings, "wiring", settings.varied_trials, 4, 1.0)
     table = circuit("spiking_msprt", 4)
     edited = {
-        "Poisson cortex": table.changed("ctx", cv=1.0),
+        "Poisson cortex": table.with_cell("ctx", cv=1.0),
         "10 % spread": table.with_spread(0.1),
         "and 25 % connections": table.with_spread(0.1).with_connections(0.25),
         "shared noise .05 nats": correlated(table, 0.05),

@@ -44,7 +44,7 @@ def edits(table: Circuit) -> dict[str, Circuit]:
 def _freed(table: Circuit, total_nats: float) -> Circuit:
     """Return the circuit without its common mode, driven to some S at rest."""
     bias = total_nats - table.reference_nats
-    return table.without("common").changed("ctx", bias_nats=bias)
+    return table.without("common").with_population("ctx", bias_nats=bias)
 
 
 def compute(settings: Settings, *, output: Path) -> None:

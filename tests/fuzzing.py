@@ -393,6 +393,11 @@ TABLE = [
     ["--edits.scale", "STN->ctx=1"],
     ["--edits.scale", "STN->GPe[9]=1"],
     ["--edits.dopamine", "3"],
+    ["--edits.change", "STN.wieght=1"],
+    ["--edits.change", "STM.bias_nats=1"],
+    ["--edits.change", "STN->GPe.delay_ms=fast"],
+    ["--edits.add", "D1->GPe"],
+    ["--edits.add", "TRN like=thalamus"],
     ["--edits.neurons", "3", "--engine", "algebra"],
     ["--edits.connections", "2"],
     ["--edits.spread", "5"],
@@ -442,6 +447,8 @@ def edits(rng: Rng, name: str = "spiking_msprt") -> list:
         ["--edits.without", f"STN={rng.uniform(0, 0.05):.3f}"],
         ["--edits.scale", f"STN->GPe={rng.uniform(0.98, 1.02):.3f}"],
         ["--edits.scale", f"D1->SNr[0]={rng.uniform(0.98, 1.02):.3f}"],
+        ["--edits.change", f"STN.cite={rng.integers(9)}"],
+        ["--edits.add", f"STN->D2 weight={rng.uniform(0, 0.001):.4f}"],
     )
 
 
@@ -616,9 +623,9 @@ GOOD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
     "replaced": lambda c, rng: c.without("GPe", rng.uniform(0, 1), replaced=True),
     "scale": lambda c, rng: c.scaled("STN", "GPe", rng.uniform(0.9, 1.1)),
     "dopamine": lambda c, rng: c.dopamine(rng.uniform(0.8, 1.2)),
-    "delay": lambda c, rng: c.changed("STN->GPe", delay_ms=int(rng.integers(1, 20))),
-    "tau": lambda c, rng: c.changed("STN->GPe", tau_ms=rng.uniform(0, 20)),
-    "bias": lambda c, rng: c.changed("D1", bias_nats=c.population("D1").bias_nats + 0.01),
+    "delay": lambda c, rng: c.with_projection("STN", "GPe", delay_ms=int(rng.integers(1, 20))),
+    "tau": lambda c, rng: c.with_projection("STN", "GPe", tau_ms=rng.uniform(0, 20)),
+    "bias": lambda c, rng: c.with_population("D1", bias_nats=c.population("D1").bias_nats + 0.01),
     "neurons": lambda c, rng: c.with_neurons(int(rng.integers(1, 50))),
     "spread": lambda c, rng: c.with_spread(rng.uniform(0, 0.3)),
     "wires": lambda c, rng: c.with_connections(rng.uniform(0.1, 1)),
@@ -626,7 +633,9 @@ GOOD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
         Population("TRN", pick(rng, Rate(), Phase(1.0), Phase(0.3)), 10.0),
         Projection("STN", "TRN", rng.uniform(0, 2), delay_ms=2),
     ),
-    "cite": lambda c, rng: c.changed("STN", cite="mine"),
+    "text": lambda c, rng: c.edited(f"STN->GPe.tau_ms={rng.uniform(0, 20)}"),
+    "row in text": lambda c, rng: c.with_rows(f"STN->D1 weight={rng.uniform(0, 1)}"),
+    "cite": lambda c, rng: c.with_population("STN", cite="mine"),
 }
 BAD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
     "no nucleus": lambda c, rng: c.without("thalamus"),
@@ -636,10 +645,16 @@ BAD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
     "factor": lambda c, rng: c.scaled("STN", "GPe", pick(rng, -1, np.nan, np.inf, "2")),
     "channel": lambda c, rng: c.scaled("D1", "SNr", 1.1, channel=pick(rng, 99, -1, "0")),
     "dopamine": lambda c, rng: c.dopamine(pick(rng, -0.1, 2.1, np.nan, "1")),
-    "delay": lambda c, rng: c.changed("STN->GPe", delay_ms=pick(rng, -1, 1e9, "4", np.nan)),
-    "sign": lambda c, rng: c.changed("D1->SNr", weight=0.5),
-    "weight": lambda c, rng: c.changed("STN->GPe", weight=pick(rng, np.inf, "x", None, True)),
-    "field": lambda c, rng: c.changed("STN", wieght=1.0),
+    "delay": lambda c, rng: c.with_projection(
+        "STN", "GPe", delay_ms=pick(rng, -1, 1e9, "4", np.nan)
+    ),
+    "sign": lambda c, rng: c.with_projection("D1", "SNr", weight=0.5),
+    "weight": lambda c, rng: c.with_projection(
+        "STN", "GPe", weight=pick(rng, np.inf, "x", None, True)
+    ),
+    "text": lambda c, rng: c.edited(pick(rng, "STN.bias_nats", "STN.x=1", "", 3, "X.tau_ms=1")),
+    "row in text": lambda c, rng: c.with_rows(pick(rng, "X", "D1->X weight=-1", "X like=Y")),
+    "field": lambda c, rng: c.with_population("STN", wieght=1.0),
     "neurons": lambda c, rng: c.with_neurons(pick(rng, 0, 2.5, "3", -1, np.nan)),
     "spread": lambda c, rng: c.with_spread(pick(rng, 5, -1, "a", np.nan)),
     "wires": lambda c, rng: c.with_connections(pick(rng, 0, 1.5, "a", np.nan)),
@@ -648,10 +663,10 @@ BAD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
     "twice": lambda c, rng: c.with_rows(c.population("STN")),
     "end": lambda c, rng: c.with_rows(Projection("STN", "thalamus", 1.0)),
     "channels": lambda c, rng: c.with_channels(pick(rng, 0, 1, "2", 2.5, np.nan)),
-    "cell": lambda c, rng: c.changed("STN", cell=pick(rng, "Lif", None, 3)),
-    "transfer": lambda c, rng: c.changed("STN", transfer="cube"),
-    "pattern": lambda c, rng: c.changed("STN->GPe", pattern="ring"),
-    "gain": lambda c, rng: c.changed("STN", gain_hz_per_nat=pick(rng, 0, -1, "1", np.nan)),
+    "cell": lambda c, rng: c.with_population("STN", cell=pick(rng, "Lif", None, 3)),
+    "transfer": lambda c, rng: c.with_population("STN", transfer="cube"),
+    "pattern": lambda c, rng: c.with_projection("STN", "GPe", pattern="ring"),
+    "gain": lambda c, rng: c.with_population("STN", gain_hz_per_nat=pick(rng, 0, -1, "1", np.nan)),
     "engine": lambda c, rng: run(c, np.zeros((1, 1, c.channels)), engine="pen", step_ms=1.0),
     "spikes": lambda c, rng: run(
         c, np.zeros((1, 1, c.channels)), engine="algebra", step_ms=1.0, spikes=("STN",)
@@ -768,7 +783,7 @@ KINDS: dict[str, tuple[int, Callable[[Rng, Path], Case]]] = {
         200,
         command(
             show,
-            [*TABLE[:10], ["--channels", "0"], ["--channels", "2000"], ["--noise", "0.1"],
+            [*TABLE[:15], ["--channels", "0"], ["--channels", "2000"], ["--noise", "0.1"],
              ["--drawing", "x.doc"], ["more"], ["--rest", "3"]],
         ),
     ),

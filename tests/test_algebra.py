@@ -121,8 +121,8 @@ def test_linear_gpe_is_lamberts_w(slope):
     [
         anatomy.linear_gpe(4),
         anatomy.linear_gpe(4, slope=0.84),
-        anatomy.bogacz_gurney(4).changed("STN", transfer="linear"),
-        anatomy.appendix_b(4).changed("STN", transfer="rectified"),
+        anatomy.bogacz_gurney(4).with_population("STN", transfer="linear"),
+        anatomy.appendix_b(4).with_population("STN", transfer="rectified"),
     ],
     ids=["GPe linear", "GPe linear .84", "STN linear", "STN rectified"],
 )

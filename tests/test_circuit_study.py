@@ -302,11 +302,15 @@ def test_compare_command_on_gratings(tmp_path, capsys):
 
 def test_lesion_command(tmp_path, capsys):
     out = tmp_path / "l.csv"
-    given = ("STN=0.1", "D1->SNr=0.95", *SMALL, "--accuracies", 0.9)
+    edits = ("STN=0.1", "D1->SNr=0.95", "STN->GPe.delay_ms=4", "D1->GPe weight=-0.01")
+    given = (*edits, *SMALL, "--accuracies", 0.9)
     assert run("circuit", "lesion", out, *given) == 0
     shown = capsys.readouterr().out
     assert "a prediction" in shown
-    assert {"intact", "STN=0.1", "D1->SNr=0.95"} == set(pd.read_csv(out, comment="#")["variant"])
+    assert {"intact", *edits} == set(pd.read_csv(out, comment="#")["variant"])
+    idle = ("circuit", "lesion", out, "STN.neurons=3", "--engine", "rate", "--force")
+    assert run(*idle) == 2
+    assert "'STN.neurons=3' says nothing to the rate engine" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -156,11 +156,11 @@ def edited(number):
     for p in rng.choice(np.array(circuit.projections), 3, replace=False):
         circuit = circuit.scaled(p.source, p.target, rng.uniform(0.5, 1.5))
     stn = circuit.population("STN").bias_nats + rng.normal(0, 0.1)
-    circuit = circuit.changed("STN", bias_nats=stn)
+    circuit = circuit.with_population("STN", bias_nats=stn)
     return [
         circuit.with_rows(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
         circuit.without("STN", 0.4, replaced=True),
-        circuit.changed("STN", cell=Phase(0.9)),
+        circuit.with_population("STN", cell=Phase(0.9)),
         circuit.with_spread(0.2),
     ][number % 4]
 

@@ -127,7 +127,7 @@ def test_what_lies_downstream_never_changes_what_lies_upstream():
     given = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
     whole = ensemble.run(BASE, drive, **given).spikes
     edits = [
-        BASE.changed("SNr", neurons=10, noise_mv=1.0),
+        BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0),
         BASE.without("D1", 0.5),
         BASE.scaled("STN", "SNr", 0.2),
     ]

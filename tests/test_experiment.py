@@ -111,6 +111,21 @@ def test_a_file_says_what_is_run(small):
         ("[task]", "[task", "small.toml is no TOML: "),
         ('["STN=0.2"]', '["GPi=0.2"]', "has no nucleus 'GPi': ctx, common"),
         ('without = ["STN=0.2"]', 'scale = ["ctx->D1[2]=1"]', "channel must lie in 0..1, got 2"),
+        (
+            'without = ["STN=0.2"]',
+            'change = ["STN.bias_nat=1"]',
+            "'STN.bias_nat=1': STN has no 'bias_nat': cell, baseline_hz, ",
+        ),
+        (
+            'without = ["STN=0.2"]',
+            'add = ["D1->GPe weight=0.1"]',
+            "'D1->GPe weight=0.1': D1->GPe: D1 releases GABA, so the weight must be <= 0, got 0.1",
+        ),
+        (
+            'without = ["STN=0.2"]',
+            'change = ["STN->GPe.delay_ms=4"]',
+            "'STN->GPe.delay_ms=4' says nothing to the algebra engine",
+        ),
         ("trials = 120", "trials = 90", "an interval needs 100 trials or more, got 90"),
         ("[manipulation]", "[control]\nwithout = ['STN=0.9']\n[manipulation]", "decide without"),
     ],
@@ -152,13 +167,50 @@ def test_a_file_that_is_not_there(tmp_path, capsys):
 @pytest.mark.parametrize("written", ["ctx->D1[=2", "ctx->D1[x]=2", "ctx->D1[-1]=2", "ctx->D1[0=2"])
 def test_a_channel_is_a_number_in_brackets(written):
     with pytest.raises(ValueError, match="a channel is a number in brackets"):
-        Edits(scale=(written,)).of(anatomy.spiking_msprt())
+        Edits(scale=(written,)).apply(anatomy.spiking_msprt())
 
 
 def test_one_channel_is_edited_as_written():
     circuit = anatomy.spiking_msprt(4)
-    edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).of(circuit)
+    edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).apply(circuit)
     assert edited == circuit.scaled("ctx", "D1", 1.1, channel=2).scaled("STN", "GPe", 0.5)
+
+
+DELAY = """
+name = "A longer delay from STN to GPe"
+published = "nothing: a hypothesis"
+source = "nobody"
+note = "2 ms more, and a pathway that the table has not."
+engine = "rate"
+[task]
+d_prime = 0.8
+trials = 120
+t_max = 40
+[control]
+add = ["D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"]
+[manipulation]
+add = ["D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"]
+change = ["STN->GPe.delay_ms=4"]
+[[predictions]]
+measure = "accuracy"
+direction = "none"
+at_least = 0.05
+"""
+
+
+def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(small, tmp_path, capsys):
+    small.write_text(DELAY)
+    out = tmp_path / "out.csv"
+    assert run("experiment", small, out) == 0
+    page = capsys.readouterr().out
+    row = "add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"
+    assert f"control: {row}\nmanipulation: {row}; change STN->GPe.delay_ms=4\n" in page
+    assert "accuracy none, to within 0.05: the model agrees" in page
+    made = read_provenance(out)["parameters"]["experiment"]["manipulation"]
+    assert made["applied"] == f"{row}; change STN->GPe.delay_ms=4"
+    small.write_text(DELAY.replace('delay_ms=4"]\n[[', 'delay_ms=2"]\n[['))
+    assert run("experiment", small) == 2
+    assert "control and manipulation are alike" in capsys.readouterr().err
 
 
 # ---- measures

@@ -35,9 +35,9 @@ def counted(cell, drive, dt_ms, run_ms, rest_ms=0.0, shift_mv=0.0):
     shift_mv : float
         Added to the threshold.
     """
-    stream = noise.stream_key(11, 0, f"{cell.kind} {dt_ms}")
-    step = {"lif": lif_step, "phase": phase_step}[cell.kind]
-    state = noise.uniform(stream, noise.START_TICK, drive.size) * (cell.kind == "phase")
+    stream = noise.stream_key(11, 0, f"{cell.kind.lower()} {dt_ms}")
+    step = {"Lif": lif_step, "Phase": phase_step}[cell.kind]
+    state = noise.uniform(stream, noise.START_TICK, drive.size) * (cell.kind == "Phase")
     ready = np.zeros(drive.size, dtype=int)
     held = whole_ticks("refractory_ms", getattr(cell, "refractory_ms", 0.0), dt_ms)
     spikes = np.zeros(drive.size, dtype=int)

@@ -234,8 +234,13 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     [
         (TABLE.with_spread(0.1), "those of ctx differ by 10%"),
         (TABLE.with_connections(0.25), "ctx->D1 connects 25%"),
-        (TABLE.changed("STN->GPe", transfer="rectified"), "STN->GPe is rectified"),
-        (TABLE.changed("STN->GPe", delay_ms=20).changed("GPe->STN", delay_ms=20), "is unstable"),
+        (TABLE.with_projection("STN", "GPe", transfer="rectified"), "STN->GPe is rectified"),
+        (
+            TABLE.with_projection("STN", "GPe", delay_ms=20).with_projection(
+                "GPe", "STN", delay_ms=20
+            ),
+            "is unstable",
+        ),
     ],
 )
 def test_what_is_not_known_is_refused(table, what):

@@ -59,7 +59,7 @@ def by_the_scheme(circuit, drive, clock):
 @pytest.mark.parametrize("fastest_ms", [0.0, 0.5, 2.0])
 def test_every_tick_follows_the_scheme(name, fastest_ms):
     """However many ticks are computed together: that depends on the shortest delay."""
-    circuit = anatomy.circuit(name, 3).changed("STN->SNr", delay_ms=fastest_ms)
+    circuit = anatomy.circuit(name, 3).with_projection("STN", "SNr", delay_ms=fastest_ms)
     circuit = replace(circuit.without("GPe", 0.3, replaced=True), readout_tau_ms=10)
     drive = evidence(2, 3, 3)
     clock = Clock(3, 6.0, dt_ms=0.25, sample_ms=1.5, settle_ms=4.0)
@@ -132,12 +132,12 @@ def test_delays_are_kept_to_the_tick():
         activity = rate.run(circuit, drive, step_ms=30, sample_ms=0.1)
         return activity.time_ms[np.abs(activity.output_nats[0, :, 0] - np.log(2)) > 1e-9][0]
 
-    circuit = anatomy.bogacz_gurney().changed("ctx->D1", delay_ms=7)
+    circuit = anatomy.bogacz_gurney().with_projection("ctx", "D1", delay_ms=7)
     # ctx-STN 3 ms, STN-SNr 2 ms; a sample's time is the end of its tick.
     assert moves_ms(circuit) == pytest.approx(5.1)
-    assert moves_ms(circuit.changed("ctx->STN", delay_ms=6)) == pytest.approx(8.1)
+    assert moves_ms(circuit.with_projection("ctx", "STN", delay_ms=6)) == pytest.approx(8.1)
     # Through D1, 7 + 2 ms, once that is the shortest.
-    assert moves_ms(circuit.changed("ctx->STN", delay_ms=20)) == pytest.approx(9.1)
+    assert moves_ms(circuit.with_projection("ctx", "STN", delay_ms=20)) == pytest.approx(9.1)
 
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
@@ -168,9 +168,13 @@ def test_a_drive_beyond_the_stated_range_warns_once_with_the_number():
 
 def loop(stn_ms, gpe_ms, delay_ms):
     """Return the exact circuit with other time constants and delays to GPe and back."""
-    circuit = anatomy.bogacz_gurney().changed("STN", tau_ms=stn_ms).changed("GPe", tau_ms=gpe_ms)
-    circuit = circuit.changed("STN->GPe", delay_ms=delay_ms[0])
-    return circuit.changed("GPe->STN", delay_ms=delay_ms[1])
+    circuit = (
+        anatomy.bogacz_gurney()
+        .with_population("STN", tau_ms=stn_ms)
+        .with_population("GPe", tau_ms=gpe_ms)
+    )
+    circuit = circuit.with_projection("STN", "GPe", delay_ms=delay_ms[0])
+    return circuit.with_projection("GPe", "STN", delay_ms=delay_ms[1])
 
 
 def closed_form(stn_ms, gpe_ms, delay_ms):
@@ -288,6 +292,6 @@ def test_bad_input_to_stability():
     circuit = anatomy.bogacz_gurney()
     with pytest.raises(ValueError, match=r"drive must be \(2,\), got shape \(3,\)"):
         stability.growth(circuit, np.zeros(3))
-    unstable = circuit.changed("STN->GPe", transfer="linear", weight=400, delay_ms=50)
+    unstable = circuit.with_projection("STN", "GPe", transfer="linear", weight=400, delay_ms=50)
     with pytest.raises(ValueError, match=r"unstable already at S = 0\.25 nats"):
         stability.onset(unstable)

@@ -21,9 +21,9 @@ EDITS = {
     "weight": lambda c: c.scaled("STN", "GPe", 0.5),
     "one channel": lambda c: c.scaled("D1", "SNr", 0.5, channel=1),
     "dopamine": lambda c: c.dopamine(0.8),
-    "delay": lambda c: c.changed("STN->GPe", delay_ms=7),
-    "time constant": lambda c: c.changed("STN", tau_ms=7),
-    "neurons": lambda c: c.changed("STN", neurons=7),
+    "delay": lambda c: c.with_projection("STN", "GPe", delay_ms=7),
+    "time constant": lambda c: c.with_population("STN", tau_ms=7),
+    "neurons": lambda c: c.with_population("STN", neurons=7),
     "channels": lambda c: c.with_channels(5),
     "row": lambda c: c.with_rows(Population("TRN", c.population("STN").cell)),
 }
@@ -52,9 +52,9 @@ def test_edits_that_change_nothing_return_the_circuit(circuit):
 
 def test_fields_of_a_cell_are_edited_like_those_of_its_row():
     circuit = anatomy.spiking_msprt()
-    edited = circuit.changed("STN", cv=0.1, neurons=40)
+    edited = circuit.with_cell("STN", cv=0.1).with_population("STN", neurons=40)
     assert (edited.population("STN").cell.cv, edited.population("STN").neurons) == (0.1, 40)
-    assert circuit.changed("GPe", tau_ms=20).population("GPe").cell.tau_ms == 20
+    assert circuit.with_cell("GPe", tau_ms=20).population("GPe").cell.tau_ms == 20
     small = circuit.with_neurons(7).with_spread(0.1).with_connections(0.25)
     assert {row.neurons for row in small.populations if row.spiking} == {7}
     assert {row.spread for row in small.populations} == {0.1, 0.0}
@@ -95,7 +95,7 @@ def test_what_one_channel_cannot_have():
     with pytest.raises(ValueError, match="STN->GPe: only a linear pathway can be scaled in one"):
         anatomy.bogacz_gurney().scaled("STN", "GPe", 0.5, channel=0)
     with pytest.raises(ValueError, match=r"factors must be >= 0, got \(-1, 1\)"):
-        circuit.changed("ctx->D1", factors=(-1, 1))
+        circuit.with_projection("ctx", "D1", factors=(-1, 1))
     silent = anatomy.bogacz_gurney().scaled("D1", "SNr", 0, 0).scaled("D1", "SNr", 0, 1)
     with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
         silent.without("STN")
@@ -104,7 +104,7 @@ def test_what_one_channel_cannot_have():
 def test_lesions_multiply_and_can_be_undone(circuit):
     twice = circuit.without("STN", 0.5).without("STN", 0.5)
     assert twice.population("STN").intact == 0.25
-    assert twice.intact.populations == circuit.populations
+    assert twice.unlesioned.populations == circuit.populations
 
 
 def test_unknown_names_list_the_valid_ones(circuit):
@@ -112,7 +112,7 @@ def test_unknown_names_list_the_valid_ones(circuit):
     for edit in (
         circuit.population,
         circuit.without,
-        lambda name: circuit.changed(name, neurons=2),
+        lambda name: circuit.with_population(name, neurons=2),
     ):
         with pytest.raises(ValueError, match=rf"no nucleus 'GPi': {nuclei}$"):
             edit("GPi")
@@ -120,17 +120,17 @@ def test_unknown_names_list_the_valid_ones(circuit):
     with pytest.raises(ValueError, match=f"no pathway STN->GPi: {paths}$"):
         circuit.scaled("STN", "GPi", 2)
     with pytest.raises(ValueError, match="no pathway STN->GPi: "):
-        circuit.changed("STN->GPi", weight=2)
-    with pytest.raises(ValueError, match=r"STN has no 'tau': name, cell"):
-        circuit.changed("STN", tau=3)
-    with pytest.raises(ValueError, match="has no 'delay': source, target"):
-        circuit.changed("STN->GPe", delay=3)
+        circuit.with_projection("STN", "GPi", weight=2)
+    with pytest.raises(ValueError, match=r"STN has no 'tau': cell, baseline_hz"):
+        circuit.with_population("STN", tau=3)
+    with pytest.raises(ValueError, match="has no 'delay': weight, pattern"):
+        circuit.with_projection("STN", "GPe", delay=3)
     with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gpr'"):
         anatomy.circuit("gpr")
     with pytest.raises(ValueError, match=r"transfer must be one of linear, .*got 'cubic'"):
-        circuit.changed("STN", transfer="cubic")
+        circuit.with_population("STN", transfer="cubic")
     with pytest.raises(ValueError, match=r"pattern must be one of 'channel', .*got 'random'"):
-        circuit.changed("STN->GPe", pattern="random")
+        circuit.with_projection("STN", "GPe", pattern="random")
 
 
 def test_input_and_readout_cannot_be_lesioned(circuit):
@@ -171,6 +171,14 @@ def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
         anatomy.appendix_b(**weights)
 
 
+def edit(circuit, row, values):
+    """Change a pathway, a population, or a cell, written "GPe.cell"."""
+    if "->" in row:
+        return circuit.with_projection(*row.split("->"), **values)
+    name, _, cell = row.partition(".")
+    return circuit.with_cell(name, **values) if cell else circuit.with_population(name, **values)
+
+
 @pytest.mark.parametrize(
     ("row", "values", "message"),
     [
@@ -189,12 +197,12 @@ def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
         ("STN", {"intact": 1.1}, r"STN: intact must lie in 0\.\.1"),
         ("STN", {"gain_hz_per_nat": 0}, "STN: gain_hz_per_nat must be > 0, got 0"),
         ("STN", {"bias_nats": math.nan}, "STN: bias_nats must be finite"),
-        ("STN", {"cv": 1.5}, r"cv must lie in 0\.\.1, got 1.5"),
+        ("STN.cell", {"cv": 1.5}, r"cv must lie in 0\.\.1, got 1.5"),
         ("STN", {"transmitter": "glycine"}, "transmitter must be one of 'glutamate', 'GABA'"),
-        ("GPe", {"tau_ms": 0}, "tau_ms of a Lif cell must be > 0, got 0"),
-        ("GPe", {"noise_mv": -1}, "noise_mv of a Lif cell must be > 0"),
-        ("GPe", {"refractory_ms": -1}, "refractory_ms must be >= 0, got -1"),
-        ("GPe", {"reset_mv": 20}, "reset_mv must lie below threshold_mv, got 20 and 15"),
+        ("GPe.cell", {"tau_ms": 0}, "tau_ms of a Lif cell must be > 0, got 0"),
+        ("GPe.cell", {"noise_mv": -1}, "noise_mv of a Lif cell must be > 0"),
+        ("GPe.cell", {"refractory_ms": -1}, "refractory_ms must be >= 0, got -1"),
+        ("GPe.cell", {"reset_mv": 20}, "reset_mv must lie below threshold_mv, got 20 and 15"),
         ("STN->GPe", {"delay_ms": "4"}, "STN->GPe: delay_ms must be a number, got '4'"),
         ("STN->GPe", {"delay_ms": 1e9}, r"delay_ms must lie in 0..10000, got 1000000000.0"),
         ("STN->GPe", {"weight": "x"}, "STN->GPe: weight must be a number, got 'x'"),
@@ -207,12 +215,12 @@ def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
         ("STN", {"pooled": 1}, "STN: pooled must be true or false, got 1"),
         ("STN", {"cell": "Lif"}, "STN: cell must be a cell type, got 'Lif'"),
         ("STN", {"gain_hz_per_nat": "1"}, "STN: gain_hz_per_nat must be a number, got '1'"),
-        ("GPe", {"tau_ms": "x"}, "a Lif cell: tau_ms must be a number, got 'x'"),
+        ("GPe.cell", {"tau_ms": "x"}, "a Lif cell: tau_ms must be a number, got 'x'"),
     ],
 )
 def test_numbers_without_sense_are_refused(row, values, message):
     with pytest.raises(ValueError, match=message):
-        anatomy.spiking_msprt().changed(row, **values)
+        edit(anatomy.spiking_msprt(), row, values)
 
 
 @pytest.mark.parametrize("table", anatomy.CIRCUITS.values())
@@ -225,8 +233,8 @@ def test_channels_are_two_or_more(table, channels):
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
-        (lambda c: c.with_rows("STN"), "a row is a Population or a Projection, got 'STN'"),
-        (lambda c: c.with_rows(None), "a row is a Population or a Projection, got None"),
+        (lambda c: c.with_rows("STN"), "'STN': STN is there already; a change is"),
+        (lambda c: c.with_rows(None), "a row is a Population, a Projection or text, got None"),
         (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
         (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
         (lambda c: c.without("STN", "a"), "fraction must be a number, got 'a'"),
@@ -260,7 +268,7 @@ def test_tables_without_sense_are_refused():
     with pytest.raises(ValueError, match="channels must be a whole number >= 2, got 1"):
         circuit.with_channels(1)
     with pytest.raises(ValueError, match="ctx and SNr need a channel an alternative"):
-        circuit.changed("SNr", pooled=True)
+        circuit.with_population("SNr", pooled=True)
     with pytest.raises(ValueError, match="readout_tau_ms must be >= 0"):
         replace(circuit, readout_tau_ms=-1)
     with pytest.raises(ValueError, match="reference_nats must be finite"):
@@ -268,7 +276,7 @@ def test_tables_without_sense_are_refused():
     with pytest.raises(ValueError, match="STN: tau_ms is that of the Lif cell"):
         replace(stn, cell=Lif(10, 3, 15, 5, 2, 0, 1))
     with pytest.raises(ValueError, match="probability < 1 must be linear"):
-        circuit.changed("STN->GPe", probability=0.5)
+        circuit.with_projection("STN", "GPe", probability=0.5)
     with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
         circuit.scaled("STN", "GPe", -1)
     with pytest.raises(ValueError, match=r"dopamine level must lie in 0\.\.2, got 3"):
@@ -291,8 +299,8 @@ def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away(
     exact = anatomy.bogacz_gurney()
     for same in (
         exact.with_channels(7),
-        exact.changed("STN", tau_ms=3, neurons=2),
-        exact.changed("STN->GPe", delay_ms=3, tau_ms=2),
+        exact.with_population("STN", tau_ms=3, neurons=2),
+        exact.with_projection("STN", "GPe", delay_ms=3, tau_ms=2),
         exact.dopamine(1),
     ):
         assert same.exact
@@ -300,8 +308,8 @@ def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away(
         exact.without("STN", 0.1),
         exact.scaled("STN", "GPe", 0.5),
         exact.dopamine(1.1),
-        exact.changed("STN", transfer="linear"),
-        exact.changed("STN->SNr", pattern="channel"),
+        exact.with_population("STN", transfer="linear"),
+        exact.with_projection("STN", "SNr", pattern="channel"),
         exact.with_rows(Population("TRN", exact.population("STN").cell)),
         anatomy.linear_gpe(),
     ):
@@ -332,7 +340,7 @@ def test_a_drive_that_does_not_fit(circuit, drive, message):
 
 def test_times_are_whole_ticks():
     assert whole_ticks("delay", 2.5, 0.1) == 25
-    circuit = anatomy.bogacz_gurney().changed("STN->GPe", delay_ms=2.05)
+    circuit = anatomy.bogacz_gurney().with_projection("STN", "GPe", delay_ms=2.05)
     with pytest.raises(
         ValueError, match=r"delay of STN->GPe of 2.05 ms is no multiple of dt_ms = 0.1"
     ):

@@ -18,7 +18,9 @@ def test_out_for_other_filters_is_that_of_a_run_with_them():
     """D1 and STN fire alike in both runs; what differs is how SNr's own spikes fall."""
     evidence = tuning_evidence(20, 2, 4.0, SEED)
     table = circuit("spiking_msprt")
-    slow = table.changed("D1->SNr", tau_ms=20, delay_ms=15).changed("STN->SNr", tau_ms=60)
+    slow = table.with_projection("D1", "SNr", tau_ms=20, delay_ms=15).with_projection(
+        "STN", "SNr", tau_ms=60
+    )
     slow = replace(slow, readout_tau_ms=60.0)
     run = Run(table, evidence, GAIN, SEED)
 

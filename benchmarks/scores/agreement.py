@@ -87,7 +87,7 @@ def conditions(trials: int | None = None) -> Iterator[tuple[str, Circuit, Eviden
         yield f"{name}, every 50 ms", table, drawn(many, 50.0)
         if name.startswith("gaussian d' 0.5") and count < 8:
             evidence = drawn(usual, 50.0)
-            yield f"{name}, Poisson cortex", table.changed("ctx", cv=1.0), evidence
+            yield f"{name}, Poisson cortex", table.with_cell("ctx", cv=1.0), evidence
             apart = table.with_spread(0.1).with_connections(0.25)
             yield f"{name}, 10 % spread, 25 % connections", apart, evidence
         # Slow readings take ten times as long to simulate.

@@ -39,7 +39,7 @@ def cases(table: Circuit) -> Iterator[tuple[str, str, Circuit]]:
 def with_cells(table: Circuit, names: list[str]) -> Circuit:
     """Return the circuit with ``TIMES`` the cells in some populations."""
     for name in names:
-        table = table.changed(name, neurons=TIMES * table.population(name).neurons)
+        table = table.with_population(name, neurons=TIMES * table.population(name).neurons)
     return table
 
 

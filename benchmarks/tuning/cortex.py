@@ -53,15 +53,15 @@ def coded(table: Circuit, top_nats: float, hz_per_nat: float) -> Circuit:
         Cortex's gain.
     """
     by = table.reference_nats - top_nats
-    table = table.changed("ctx", gain_hz_per_nat=hz_per_nat)
+    table = table.with_population("ctx", gain_hz_per_nat=hz_per_nat)
     for name in ("D1", "D2"):
         row = table.population(name)
         moved = {"bias_nats": row.bias_nats + by, "pivot_nats": row.pivot_nats - by}
-        table = table.changed(name, **moved)
+        table = table.with_population(name, **moved)
     # D2 brings its share of the exponent, already moved.
     own = table.projection("ctx", "STN").weight
     bias = table.population("STN").bias_nats + own * by
-    return replace(table.changed("STN", bias_nats=bias), reference_nats=top_nats)
+    return replace(table.with_population("STN", bias_nats=bias), reference_nats=top_nats)
 
 
 def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
@@ -69,7 +69,7 @@ def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
     yield "as it is", table
     for row in table.populations:
         if row.spiking and row.name != "D2":
-            more = table.changed(row.name, neurons=TIMES * row.neurons)
+            more = table.with_population(row.name, neurons=TIMES * row.neurons)
             yield f"{TIMES} times the cells of {row.name}", more
     floor = table.population("ctx").baseline_hz
     tops = [(rest + float(np.log(table.channels)), hz) for rest, hz in CODES]

@@ -90,8 +90,8 @@ def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
     yield "as it is", table
     direct = ((4, 5), (6, 4), (8, 4), (12, 4))
     for read_out, kernel, (tau, delay) in product((36, 28, 24), (24, 30, 34, 40), direct):
-        edited = table.changed("D1->SNr", tau_ms=tau, delay_ms=delay)
-        edited = edited.changed("STN->SNr", tau_ms=kernel)
+        edited = table.with_projection("D1", "SNr", tau_ms=tau, delay_ms=delay)
+        edited = edited.with_projection("STN", "SNr", tau_ms=kernel)
         name = f"read-out {read_out}, STN->SNr {kernel}, D1->SNr {tau} after {delay} ms"
         yield name, replace(edited, readout_tau_ms=read_out)
 

@@ -41,9 +41,9 @@ def tuning_evidence(trials: int, channels: int, d_prime: float, seed: int) -> Ev
 
 def synapses(table: Circuit, cortical_ms: float, striatal_ms: float) -> Circuit:
     """Return the circuit with other time constants of the direct pathway's two synapses."""
-    table = table.changed("D1->SNr", tau_ms=striatal_ms)
+    table = table.with_projection("D1", "SNr", tau_ms=striatal_ms)
     for target in ("D1", "D2", "STN"):
-        table = table.changed(f"ctx->{target}", tau_ms=cortical_ms)
+        table = table.with_projection("ctx", target, tau_ms=cortical_ms)
     return table
 
 
@@ -52,37 +52,37 @@ def steeper_d1(table: Circuit, gain_hz_per_nat: float) -> Circuit:
     cell = table.population("D1").cell
     rest, slope = fit_current(cell, 0, gain_hz_per_nat, (4, 90))
     cell = replace(cell, rest_mv=rest, mv_per_nat=slope)
-    return table.changed("D1", cell=cell, gain_hz_per_nat=gain_hz_per_nat)
+    return table.with_population("D1", cell=cell, gain_hz_per_nat=gain_hz_per_nat)
 
 
 def neighbours(table: Circuit) -> dict[str, Circuit]:
     """Return what was tried beside the table."""
 
     def common(acts_ms: float) -> Circuit:
-        return table.changed("common", tau_ms=10 * acts_ms)
+        return table.with_population("common", tau_ms=10 * acts_ms)
 
     def read_out(tau_ms: float, kernel_ms: float) -> Circuit:
-        return replace(table.changed("STN->SNr", tau_ms=kernel_ms), readout_tau_ms=tau_ms)
+        return replace(table.with_projection("STN", "SNr", tau_ms=kernel_ms), readout_tau_ms=tau_ms)
 
     def direct(tau_ms: float, delay_ms: float) -> Circuit:
-        return table.changed("D1->SNr", tau_ms=tau_ms, delay_ms=delay_ms)
+        return table.with_projection("D1", "SNr", tau_ms=tau_ms, delay_ms=delay_ms)
 
     return {
         "common mode 100 ms": common(100),
         "common mode 400 ms": common(400),
         "GPe replaced by its rest": table.without("GPe", replaced=True),
         "synapses of 8 ms, read-out 25": replace(synapses(table, 8, 8), readout_tau_ms=25),
-        "STN-GPe loop 5 and 8 ms": table.changed("STN->GPe", tau_ms=5).changed(
-            "GPe->STN", tau_ms=8
+        "STN-GPe loop 5 and 8 ms": table.with_projection("STN", "GPe", tau_ms=5).with_projection(
+            "GPe", "STN", tau_ms=8
         ),
         "kernel 24 ms": read_out(28, 24),
         "kernel 40 ms": read_out(28, 40),
         "read-out 36, kernel 26 ms": read_out(36, 26),
         "read-out 36, kernel 34 ms": read_out(36, 34),
         "read-out 20, kernel 34 ms": read_out(20, 34),
-        "STN filter 8 ms": table.changed("STN", tau_ms=8),
-        "Poisson cortex": table.changed("ctx", cv=1.0),
-        "STN of CV 0.6": table.changed("STN", cv=0.6),
+        "STN filter 8 ms": table.with_population("STN", tau_ms=8),
+        "Poisson cortex": table.with_cell("ctx", cv=1.0),
+        "STN of CV 0.6": table.with_cell("STN", cv=0.6),
         "D1->SNr 12 ms": direct(12, 4),
         "D1->SNr 4 ms, delay 2 ms": direct(4, 2),
         "D1 of 120 Hz a nat": steeper_d1(table, 120),

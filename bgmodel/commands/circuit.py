@@ -35,7 +35,8 @@ class CircuitShow(Writes):
     """Print a circuit's table, as edited; draw it if a file is given.
 
     Examples: bgmodel circuit show spiking_msprt;
-    bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf
+    bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf;
+    bgmodel circuit show --edits.change "STN->GPe.delay_ms=4" --edits.add "D1->GPe weight=-0.1"
     """
 
     circuit: Positional[CircuitName] = SPIKING_MSPRT
@@ -55,7 +56,7 @@ class CircuitShow(Writes):
         from circuits.anatomy import circuit
         from circuits.show import text
 
-        table = self.edits.of(circuit(self.circuit, self.channels))
+        table = self.edits.apply(circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
             from circuits.show import draw
@@ -68,6 +69,8 @@ class CircuitShow(Writes):
             with files.replacing(self.drawing) as beside:
                 figure.savefig(beside, format=self.drawing.suffix[1:], bbox_inches="tight")
         print(text(table))
+        if said := self.edits.said():
+            print(f"\nedited, in this order: {said}")
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthere are no cells that spike")
         elif self.rest:
@@ -145,7 +148,7 @@ class CircuitRun(Writes):
         self._check()
         trials = self.stimuli.draw(self.seed, "circuit run")
         evidence = trials.evidence
-        table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
+        table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
         threshold = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
         check_threshold(table, threshold)
         options: dict[str, Any] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +19,7 @@ from bgmodel.commands.checks import (
     say_before,
 )
 from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
-from bgmodel.edits import Edits
+from bgmodel.edits import Edits, written
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.stimuli import Stimuli
@@ -93,11 +93,13 @@ class CircuitLesion(Comparison):
     """Compare edited circuits with the circuit as it is, on the same evidence and noise.
 
     Each edit is a circuit of its own: a nucleus to lesion, whole ("STN") or by a fraction
-    ("STN=0.2"), or a pathway to scale ("D1->SNr=0.9"). Behaviour is shown at the intact circuit's
-    threshold, and with thresholds tuned anew. No experiment says that this is what happens: what a
-    lesion does here is the model's prediction.
+    ("STN=0.2"), a pathway to scale ("D1->SNr=0.9"), a field to change ("STN->GPe.delay_ms=4"), a
+    new row ("D1->GPe weight=-0.1") or a level of dopamine ("dopamine=0.9"); --edits are made
+    before, in all of them. Behaviour is shown at the intact circuit's threshold, and with
+    thresholds tuned anew. No experiment says that this is what happens: what a lesion does here is
+    the model's prediction.
 
-    Example: bgmodel circuit lesion lesions.csv STN=0.2 GPe=0.2 "D1->SNr=0.9" --channels 4
+    Example: bgmodel circuit lesion lesions.csv STN=0.2 "STN->GPe.delay_ms=4" --channels 4
     """
 
     lesions: Positional[tuple[str, ...]] = LESIONS
@@ -111,8 +113,9 @@ class CircuitLesion(Comparison):
         model, evidence = _model(self)
         edited = {}
         for edit in self.lesions:
-            one = Edits(scale=(edit,)) if "->" in edit else Edits(without=(edit,))
-            edited[edit] = replace(one, replaced=self.edits.replaced).of(model.circuit)
+            one = written(edit, replaced=self.edits.replaced)
+            one.check_engine(self.engine)
+            edited[edit] = one.apply(model.circuit)
         if self.lesions == LESIONS:
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         say_before(model, evidence, model.batch(evidence))
@@ -154,7 +157,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
             f"accuracies must lie above chance, {1 / evidence.hypotheses:.3g}, got "
             f"{min(asked_for.accuracies)}"
         )
-    table = asked_for.edits.of(circuit(asked_for.circuit, evidence.hypotheses))
+    table = asked_for.edits.apply(circuit(asked_for.circuit, evidence.hypotheses))
     options: dict[str, Any] = {}
     if asked_for.engine == "ensemble":
         options = {"workers": asked_for.workers}

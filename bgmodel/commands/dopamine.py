@@ -68,7 +68,7 @@ class CircuitLearn(Writes):
         if self.stimuli.evidence is not None:
             print(trials.said())
         evidence = trials.evidence
-        table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
+        table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
         options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
         model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
         model.warn_beyond_range(evidence)

@@ -129,7 +129,7 @@ class Experiment:
         """Raise ValueError if both conditions are one circuit that decides at one threshold."""
         channels = self.trials().evidence.hypotheses
         both = [
-            (c.of(circuit(self.circuit, channels)), self.threshold_nats(c, channels))
+            (c.apply(circuit(self.circuit, channels)), self.threshold_nats(c, channels))
             for c in (self.control, self.manipulation)
         ]
         if both[0] == both[1]:
@@ -155,7 +155,7 @@ class Experiment:
 
     def model(self, condition: Condition, channels: int, workers: int = 1) -> BasalGanglia:
         """Return a condition's circuit, with the noise that both have."""
-        table = condition.of(circuit(self.circuit, channels))
+        table = condition.apply(circuit(self.circuit, channels))
         options: dict[str, Any] = {}
         if self.engine == "ensemble":
             options = {"workers": workers, "rates": False}

@@ -77,6 +77,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
         f"{experiment.name} ({experiment.source})",
         f"published: {experiment.published}",
         experiment.note,
+        *_edits(experiment),
         "",
         f"{'':<16}" + "".join(f"{name:<26}" for name in CONDITIONS),
     ]
@@ -93,6 +94,12 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
             f"({_cell(measure, *found)})"
         )
     return "\n".join(line.rstrip() for line in lines)
+
+
+def _edits(experiment: Experiment) -> list[str]:
+    """Return what is edited in each condition that is, in the order in which it is done."""
+    said = {"control": experiment.control.said(), "manipulation": experiment.manipulation.said()}
+    return [f"{condition}: {edits}" for condition, edits in said.items() if edits]
 
 
 def _cell(measure: str, value: float, low: float, high: float) -> str:

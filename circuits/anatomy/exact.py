@@ -100,7 +100,7 @@ def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
     if not slope > 0:
         raise ValueError(f"slope must be > 0, got {slope}")
     exact = bogacz_gurney(channels)
-    linear = exact.changed("STN->GPe", transfer="linear", weight=slope, cite=BG2007)
+    linear = exact.with_projection("STN", "GPe", transfer="linear", weight=slope, cite=BG2007)
     # Up to a loop gain slope * Sigma of 4, as the exact circuit: it oscillates from 4.5.
     high = 4 + math.log(4 / slope)
     return _renamed(linear, "linear_gpe", "GPe linear in its input; Bogacz & Gurney 2007", high)

@@ -81,6 +81,8 @@ class Cell:
         "nats", its input, which it filters for itself; or "hz", the rate of its line.
     state : tuple of str
         Variables of a cell that spikes.
+    of_rates : tuple of str
+        Constants that act in rates too, not in spikes alone.
     brian : BrianText
         Its tick as Brian2 text.
     """
@@ -88,12 +90,13 @@ class Cell:
     spikes: ClassVar[bool] = True
     hears: ClassVar[str] = "hz"
     state: ClassVar[tuple[str, ...]] = ()
+    of_rates: ClassVar[tuple[str, ...]] = ()
     brian: ClassVar[BrianText | None] = None
 
     @property
     def kind(self) -> str:
-        """Its name in tables that are shown."""
-        return type(self).__name__.lower()
+        """Its name in tables and edits: a key of ``CELLS``."""
+        return type(self).__name__
 
     @property
     def lowest_hz(self) -> float:

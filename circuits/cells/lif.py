@@ -62,6 +62,7 @@ class Lif(Cell):
     mv_per_nat: float
     hears: ClassVar[str] = "nats"
     state: ClassVar[tuple[str, ...]] = ("v", "wait")
+    of_rates: ClassVar[tuple[str, ...]] = ("tau_ms",)
     begin = staticmethod(_begin)
     tick = staticmethod(_tick)
     brian: ClassVar[BrianText | None] = BrianText(

@@ -24,6 +24,7 @@ class Rate(Cell):
 
     signed: bool = False
     spikes: ClassVar[bool] = False
+    of_rates: ClassVar[tuple[str, ...]] = ("signed",)
 
     def __post_init__(self) -> None:
         check_types(self, "a Rate cell")

@@ -1,0 +1,221 @@
+"""Edits of a circuit as text: the same words in Python, in a file and at the terminal.
+
+A change names one field of one row, and a value of the type that the field declares::
+
+    STN.bias_nats=-2.3                  a field of a population
+    STN.cell.cv=0.2                     a constant of its cell
+    STN.cell=Phase                      another type of cell, with its constants as cell.NAME
+    STN->GPe.delay_ms=4                 a field of a pathway
+
+A new row is its name and its fields; what is not given is the default, or that of the row which
+it is like. A value with blanks stands in quotes::
+
+    D1->GPe weight=-0.1 delay_ms=4      a pathway
+    D1->GPe like=D1->SNr weight=-0.1    a pathway like another
+    TRN like=STN bias_nats=-1           a population like another
+    TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import MISSING, fields, replace
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+
+from circuits.cells import CELLS, Cell
+from circuits.rows import Population, Projection
+
+if TYPE_CHECKING:
+    from circuits.spec import Circuit
+
+Row = Population | Projection
+Edited = TypeVar("Edited", Population, Projection, Cell)
+
+A_CHANGE = 'a change is ROW.FIELD=VALUE, such as "STN->GPe.delay_ms=4"'
+A_ROW = 'a new row is its name and FIELD=VALUE, such as "D1->GPe weight=-0.1 delay_ms=4"'
+NAMES = ("name", "source", "target")
+"""Fields that say which row it is: no edit changes them."""
+OF_CELL = "cell."
+
+
+def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited:
+    """Return a row, or a cell, with some of its fields changed.
+
+    Parameters
+    ----------
+    row : Population, Projection or Cell
+        What is changed.
+    values : mapping
+        New values by field.
+    owner : str
+        What a message calls it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown field, with the names that there are, or a value without sense.
+    """
+    cell = type(row.cell) if isinstance(row, Population) else None
+    _check_names(values, _names(type(row)), owner, _names(type(row), cell))
+    new: Edited = _made(type(row), row, values, owner)
+    return new
+
+
+def changed_rows(circuit: Circuit, changes: Sequence[str]) -> list[Row]:
+    """Return the rows that changes in text name, as changed.
+
+    All changes of a row are made at once, so their order does not matter.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the change as it was written and what is allowed.
+    """
+    written: dict[str, list[str]] = {}
+    for text in changes:
+        with naming(text):
+            row = circuit.row(_change(text)[0])
+        written.setdefault(row.name, []).append(text)
+    return [_changed(circuit.row(name), texts) for name, texts in written.items()]
+
+
+def _changed(row: Row, texts: Sequence[str]) -> Row:
+    with naming(*texts):
+        changes = [_change(text) for text in texts]
+        given = {field: value for _, field, value in changes}
+        if len(given) < len(changes):
+            raise ValueError(f"one field of {row.name} is changed twice")
+        return _row(type(row), row, given, {})
+
+
+def new_row(circuit: Circuit, text: str) -> Row:
+    """Return the row that a text adds to a circuit.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the row as it was written and what is allowed.
+    """
+    with naming(text):
+        name, given = _new(text)
+        if name in {p.name for p in circuit.populations} | {p.name for p in circuit.projections}:
+            raise ValueError(f"{name} is there already; {A_CHANGE}")
+        source, arrow, target = name.partition("->")
+        kind = Projection if arrow else Population
+        like = circuit.row(given.pop("like")) if "like" in given else None
+        if like is not None and not isinstance(like, kind):
+            raise ValueError(f"{name} can't be like {like.name}: one of them is a pathway")
+        identity = {"source": source, "target": target} if arrow else {"name": name}
+        return _row(kind, like, given, identity)
+
+
+@contextmanager
+def naming(*edits: str) -> Iterator[None]:
+    """Name edits, as they were written, in front of a ValueError about them."""
+    try:
+        yield
+    except ValueError as error:
+        said = ", ".join(map(repr, edits))
+        raise ValueError(f"{said}: {error}" if said else str(error)) from None
+
+
+def _tidied(text: str) -> str:
+    """Return an edit without blanks about "->" and "="."""
+    if not isinstance(text, str):
+        raise ValueError("an edit is text")
+    return re.sub(r"\s*(->|=)\s*", r"\1", text.strip())
+
+
+def _change(text: str) -> tuple[str, str, str]:
+    """Return row, field and value of a change."""
+    place, equals, value = _tidied(text).partition("=")
+    row, _, field = place.partition(".")
+    if not (row and field and equals) or " " in place:
+        raise ValueError(A_CHANGE)
+    return row, field, value
+
+
+def _new(text: str) -> tuple[str, dict[str, str]]:
+    """Return the name and the fields of a new row."""
+    name, *words = shlex.split(_tidied(text)) or [""]
+    pairs = [word.partition("=") for word in words]
+    given = {field: value for field, equals, value in pairs if equals}
+    if not name or "=" in name or len(given) < len(pairs):
+        raise ValueError(f"{A_ROW}, each field once")
+    return name, given
+
+
+def _row(
+    kind: type[Row], old: Row | None, given: Mapping[str, str], identity: Mapping[str, str]
+) -> Row:
+    """Return a row from the texts of its fields; the rest is the old row's, if there is one."""
+    owner = "->".join(identity.values()) or (old.name if old else "")
+    cell = type(old.cell) if isinstance(old, Population) else None
+    if kind is Population and "cell" in given:
+        cell = _cell_type(given["cell"], owner)
+    _check_names(given, _names(kind, cell), owner)
+    constants = {k.removeprefix(OF_CELL): v for k, v in given.items() if k.startswith(OF_CELL)}
+    own = {k: v for k, v in given.items() if k != "cell" and not k.startswith(OF_CELL)}
+    values = {**_typed(kind, own), **identity}
+    if cell and (constants or "cell" in given):
+        kept = old.cell if isinstance(old, Population) and "cell" not in given else None
+        values["cell"] = _made(cell, kept, _typed(cell, constants), f"{owner}: the cell")
+    row: Row = _made(kind, old, values, owner)
+    return row
+
+
+def _made(kind: type, old: Any, values: Mapping[str, Any], owner: str) -> Any:
+    """Return a dataclass with these values; the rest is the old one's, or the default."""
+    if old is not None:
+        return replace(old, **values)
+    needed = [f.name for f in fields(kind) if f.default is MISSING and f.name not in values]
+    if needed:
+        hint = ", or like=ROW" if kind in get_args(Row) else ""
+        raise ValueError(f"{owner} needs {' and '.join(needed)}{hint}")
+    return kind(**values)
+
+
+def _cell_type(kind: str, owner: str) -> type[Cell]:
+    if kind not in CELLS:
+        raise ValueError(f"{owner}: cell must be one of {', '.join(CELLS)}, got {kind!r}")
+    return CELLS[kind]
+
+
+def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
+    """Return texts as values of the types that a dataclass declares.
+
+    A text that is no such value stays text: the dataclass refuses it and says what it takes.
+    """
+    # Where a text is read: importing it takes a tenth of a second.
+    from pydantic import TypeAdapter
+
+    types, values = get_type_hints(kind), dict[str, Any](given)
+    for name, text in given.items():
+        with suppress(ValueError):
+            values[name] = TypeAdapter(types[name]).validate_python(_parts(types[name], text))
+    return values
+
+
+def _parts(kind: type, text: str) -> object:
+    """Return a text as pydantic takes it: a tuple in parts, a whole number also as 1e3."""
+    if get_origin(kind) is tuple:
+        return text.split(",") if text else []
+    return float(text) if kind is int else text
+
+
+def _names(kind: type, cell: type | None = None) -> list[str]:
+    """Return the fields of a row that can be changed, and the constants of its cell."""
+    own = [f.name for f in fields(kind) if f.name not in NAMES]
+    return own + [OF_CELL + f.name for f in (fields(cell) if cell else ())]
+
+
+def _check_names(
+    given: Iterable[str], valid: Sequence[str], owner: str, shown: Sequence[str] = ()
+) -> None:
+    for name in given:
+        if name not in valid:
+            listed = ", ".join(shown or valid) or "there is none"
+            raise ValueError(f"{owner} has no {name!r}: {listed}")

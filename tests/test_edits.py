@@ -1,0 +1,132 @@
+"""Edits as a person writes them: one dialect for a file, the terminal and Python."""
+
+import inspect
+import re
+import tomllib
+from dataclasses import fields
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel.cli import parsed
+from bgmodel.edits import Edits, written
+from bgmodel.experiments import toml_files
+from circuits import anatomy
+
+TABLE = anatomy.spiking_msprt()
+DELAY, BIAS = "STN->GPe.delay_ms=4", "STN.bias_nats=-2.3"
+PATHWAY, NUCLEUS = "D1->GPe weight=-0.1 delay_ms=4", "TRN like=STN bias_nats=-1"
+
+
+def examples():
+    """Yield the examples that stand in the documentation of each edit."""
+    source = inspect.getsource(Edits)
+    for field in fields(Edits):
+        after = re.search(rf'\n    {field.name}: [^\n]*\n    """(.*?)"""', source, re.DOTALL)
+        assert after, field.name
+        found = re.findall("`([^`]+)`", after[1])
+        assert any(example.startswith(f"{field.name} = ") for example in found), field.name
+        yield field.name, "\n".join(found)
+
+
+@pytest.mark.parametrize(("name", "example"), examples())
+def test_the_example_of_every_edit_runs_and_edits(name, example):
+    given = tomllib.loads(example)
+    edits = toml_files.decoded(given, Edits, "example")
+    assert name in given
+    assert edits.apply(TABLE) != TABLE
+    assert edits.said().startswith(next(iter(given)))
+
+
+def at_the_terminal(*options):
+    return parsed(["circuit", "show", "spiking_msprt", *options]).edits
+
+
+def test_a_file_the_terminal_and_python_say_the_same():
+    told = {"change": [DELAY, BIAS], "add": [PATHWAY, NUCLEUS]}
+    file = toml_files.decoded(told, Edits, "mine.toml")
+    typed = at_the_terminal("--edits.change", DELAY, BIAS, "--edits.add", PATHWAY, NUCLEUS)
+    python = Edits(change=(DELAY, BIAS), add=(PATHWAY, NUCLEUS))
+    assert file == typed == python
+    assert python.apply(TABLE) == TABLE.with_rows(PATHWAY, NUCLEUS).edited(DELAY, BIAS)
+    assert python.apply(TABLE).projection("STN", "GPe").delay_ms == 4
+
+
+def test_edits_are_made_in_the_order_of_their_fields():
+    """What is said of one row holds against what is said of all; factors come last."""
+    edits = Edits(
+        dopamine=1.1,
+        scale=("D1->GPe=0.5",),
+        without=("TRN=0.5",),
+        change=("STN.neurons=50", "TRN.neurons=30", "D1->GPe.weight=-0.3"),
+        add=(PATHWAY, NUCLEUS),
+        neurons=20,
+    )
+    by_hand = TABLE.with_neurons(20).with_rows(PATHWAY, NUCLEUS).with_population("STN", neurons=50)
+    by_hand = by_hand.with_population("TRN", neurons=30).with_projection("D1", "GPe", weight=-0.3)
+    by_hand = by_hand.without("TRN", 0.5).scaled("D1", "GPe", 0.5).dopamine(1.1)
+    assert edits.apply(TABLE) == by_hand
+    assert edits.said() == (
+        f"neurons 20; add {PATHWAY}, {NUCLEUS}; change STN.neurons=50, TRN.neurons=30, "
+        "D1->GPe.weight=-0.3; without TRN=0.5; scale D1->GPe=0.5; dopamine 1.1"
+    )
+    assert edits.used()["applied"] == edits.said()
+    assert list(edits.used())[:-1] == [f.name for f in fields(Edits) if f.name in edits.used()]
+
+
+@given(st.floats(0.01, 0.99), st.sampled_from(["D1", "D2", "STN", "GPe"]))
+def test_edits_undone_leave_the_circuit(fraction, name):
+    lesioned = Edits(without=(f"{name}={fraction!r}",)).apply(TABLE)
+    assert lesioned.unlesioned == TABLE
+    assert lesioned.edited(f"{name}.intact=1") == TABLE
+    halved = Edits(scale=("STN->GPe=0.5",)).apply(TABLE)
+    assert Edits(scale=("STN->GPe=2",)).apply(halved) == TABLE
+
+
+def test_no_edits_leave_the_circuit_and_say_nothing():
+    assert Edits().apply(TABLE) is TABLE
+    assert Edits().used() == {}
+    assert Edits().said() == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "edits"),
+    [
+        ("STN", Edits(without=("STN",), replaced=True)),
+        ("STN=0.5", Edits(without=("STN=0.5",), replaced=True)),
+        ("STN->GPe=0.5", Edits(scale=("STN->GPe=0.5",))),
+        ("ctx -> D1[0]=1.1", Edits(scale=("ctx -> D1[0]=1.1",))),
+        (DELAY, Edits(change=(DELAY,))),
+        ("STN -> GPe.delay_ms = 4", Edits(change=("STN -> GPe.delay_ms = 4",))),
+        (PATHWAY, Edits(add=(PATHWAY,))),
+        (NUCLEUS, Edits(add=(NUCLEUS,))),
+        ("dopamine=0.9", Edits(dopamine=0.9)),
+    ],
+)
+def test_the_form_of_a_text_says_which_edit_it_is(text, edits):
+    found = written(text, replaced=True)
+    assert found == edits
+    assert found.apply(TABLE) != TABLE
+
+
+@pytest.mark.parametrize(
+    ("engine", "edit"),
+    [
+        ("algebra", "STN->GPe.delay_ms=4"),
+        ("algebra", "STN.tau_ms=4"),
+        ("algebra", "GPe.cell.tau_ms=4"),
+        ("rate", "STN.cell.cv=0.1"),
+        ("rate", "STN.neurons=7"),
+        ("rate", "STN->GPe.probability=0.5"),
+    ],
+)
+def test_a_change_that_an_engine_does_not_feel_is_refused(engine, edit):
+    Edits(change=(edit,)).check_engine("ensemble")
+    with pytest.raises(ValueError, match=f"^'{edit}' says nothing to the {engine} engine$"):
+        Edits(change=(edit,)).check_engine(engine)
+
+
+@pytest.mark.parametrize("edit", [DELAY, "GPe.cell.tau_ms=12", "STN.tau_ms=7", BIAS])
+def test_rates_feel_times_and_biases(edit):
+    Edits(change=(edit,)).check_engine("rate")
