@@ -12,10 +12,12 @@ from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PACKAGES = ("bgmodel", "numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY = b"bgmodel"
@@ -159,6 +161,8 @@ def checksum(path: str | Path) -> str:
 
 def read_table(path: str | Path) -> pd.DataFrame:
     """Read a ``.parquet`` or ``.csv`` table; raise one clear ValueError if that can't be done."""
+    import pandas as pd
+
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"there is no table {str(path)!r}")

@@ -5,8 +5,6 @@ from __future__ import annotations
 from graphlib import TopologicalSorter
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring, wire
@@ -62,6 +60,10 @@ def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
     An integrator counts as a loop: where it stands still is not given by its input alone. A
     lesioned one may stand anywhere.
     """
+    # Importing scipy.sparse takes a tenth of a second: only where a fixed point is asked for.
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     reach = (wiring.weight != 0) @ (wiring.deliver != 0)
     target, source = (wiring.owner[blocks] for blocks in np.nonzero(reach))
     rows = len(wiring.circuit.populations)
