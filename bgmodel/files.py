@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bgmodel.version import __version__
+
 if TYPE_CHECKING:
     import pandas as pd
 
-PACKAGES = ("bgmodel", "numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
+PACKAGES = ("numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY = b"bgmodel"
 MOST_NAME_BYTES = 200
 """Longest name of a result: what is written on the way has a longer one."""
@@ -59,6 +61,7 @@ def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
         "seed": seed,
         "versions": {
             "python": platform.python_version(),
+            "bgmodel": __version__,
             **{name: version for name in PACKAGES if (version := _version(name))},
         },
     }
