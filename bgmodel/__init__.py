@@ -13,9 +13,11 @@ from bgmodel.integrators.sprt import (
     criterion_from_posterior,
     threshold_from_gap,
 )
+from bgmodel.moved import tell_old_names
 from bgmodel.seeds import stream
+from bgmodel.version import __version__
 
-__version__ = "0.1.0"
+tell_old_names()
 
 __all__ = [
     "Decision",
@@ -23,6 +25,7 @@ __all__ = [
     "Msprt",
     "Sprt",
     "Trace",
+    "__version__",
     "criterion_from_gap",
     "criterion_from_posterior",
     "first_crossing",

@@ -12,12 +12,16 @@ from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
-PACKAGES = ("bgmodel", "numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
+from bgmodel.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PACKAGES = ("numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY = b"bgmodel"
 MOST_NAME_BYTES = 200
 """Longest name of a result: what is written on the way has a longer one."""
@@ -57,6 +61,7 @@ def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
         "seed": seed,
         "versions": {
             "python": platform.python_version(),
+            "bgmodel": __version__,
             **{name: version for name in PACKAGES if (version := _version(name))},
         },
     }
@@ -159,6 +164,8 @@ def checksum(path: str | Path) -> str:
 
 def read_table(path: str | Path) -> pd.DataFrame:
     """Read a ``.parquet`` or ``.csv`` table; raise one clear ValueError if that can't be done."""
+    import pandas as pd
+
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"there is no table {str(path)!r}")

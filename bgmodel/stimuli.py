@@ -11,7 +11,6 @@ import numpy as np
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.memory import check_evidence_memory
 from bgmodel.seeds import stream
-from bgmodel.tables.evidence import read_trials
 from bgmodel.tables.trials import Trials
 
 
@@ -101,6 +100,8 @@ class Stimuli:
     def draw(self, seed: int, name: str) -> Trials:
         """Return the evidence, the names of its hypotheses, and the other columns of a table."""
         if self.evidence is not None:
+            from bgmodel.tables.evidence import read_trials
+
             return read_trials(self.evidence, step_ms=self.step_ms)
         check_evidence_memory(self.trials, self.t_max, self.channels)
         rng = stream(seed, name)

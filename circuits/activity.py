@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.signal import welch
 
 from circuits.spec import Circuit
 from circuits.wiring import Array, Wiring
@@ -105,6 +104,9 @@ class Activity:
             One-sided density, Hz^2 / Hz, mean over trials and segments. Independent Poisson cells
             have twice their rate over their number.
         """
+        # Importing scipy.signal takes half a second: only where a spectrum is asked for.
+        from scipy.signal import welch
+
         late = self.time_ms > from_ms
         rates = np.asarray(self.rates_hz[name], dtype=np.float64)[:, late].mean(axis=2)
         apart_ms = float(self.time_ms[1] - self.time_ms[0])

@@ -5,8 +5,6 @@ from __future__ import annotations
 from graphlib import TopologicalSorter
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from circuits.spec import Circuit
 from circuits.wiring import Array, Index, Wiring, wire
@@ -58,6 +56,10 @@ def solve(wiring: Wiring, drive: Array) -> Array:
 
 def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
     """Return the blocks that settle together, upstream first, and whether they are a loop."""
+    # Importing scipy.sparse takes a tenth of a second: only where a fixed point is asked for.
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     reach = (wiring.weight != 0) @ (wiring.deliver != 0)
     target, source = (wiring.owner[blocks] for blocks in np.nonzero(reach))
     rows = len(wiring.circuit.populations)

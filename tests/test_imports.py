@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Each module may import only from modules on lower levels.
 LEVELS = [
+    {"bgmodel.version"},
     {
         "bgmodel.comparison",
         "bgmodel.crossing",
@@ -24,6 +25,7 @@ LEVELS = [
         "bgmodel.learning.policies",
         "bgmodel.memory",
         "bgmodel.ours",
+        "bgmodel.moved",
         "bgmodel.plots",
         "bgmodel.seeds",
         "bgmodel.tables",
@@ -160,10 +162,28 @@ def test_every_package_is_shipped():
     assert set(settings["packages"]) == found
 
 
-def test_import_is_light():
-    code = "import sys, bgmodel; print(*sys.modules)"
+HEAVY = {"torch", "brian2", "matplotlib", "numba", "cv2", "scipy", "tqdm", "platformdirs"}
+HELP = """
+import contextlib, sys, bgmodel.cli
+with contextlib.suppress(SystemExit):
+    bgmodel.cli.main(["--help"])
+"""
+SHOW = "import sys, bgmodel.cli\nbgmodel.cli.main(['circuit', 'show'])"
+
+
+@pytest.mark.parametrize(
+    ("code", "heavy"),
+    [
+        ("import sys, bgmodel", HEAVY | {"pandas", "pyarrow", "tyro", "circuits.spec"}),
+        (HELP, HEAVY | {"pandas", "pyarrow", "circuits.spec"}),
+        (SHOW, HEAVY),
+    ],
+    ids=["import bgmodel", "bgmodel --help", "bgmodel circuit show"],
+)
+def test_heavy_packages_load_only_where_they_are_used(code, heavy):
+    code += "\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"torch", "brian2", "matplotlib", "numba", "cv2"} & set(done.stdout.split())
+    assert not heavy & set(done.stdout.splitlines()[-1].split())
 
 
 def test_circuits_is_ours():

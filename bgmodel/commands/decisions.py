@@ -24,7 +24,6 @@ from bgmodel.learning.reinforce import Learner
 from bgmodel.memory import check_evidence_memory, check_learning_memory
 from bgmodel.seeds import stream
 from bgmodel.tables import trials as tables
-from bgmodel.tables.evidence import read_trials
 from bgmodel.tactile.likelihood import Density
 
 GAP_NATS = 4.0
@@ -152,6 +151,8 @@ class Decide(Writes):
 
     def _trials(self) -> tables.Trials:
         if self.evidence is not None:
+            from bgmodel.tables.evidence import read_trials
+
             return read_trials(
                 self.evidence,
                 prior=self.prior,

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from bgmodel.decision import Trace, any_crossing
 from bgmodel.evidence import Evidence
@@ -216,6 +215,9 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     tau_ms : float
         Time constant with which it counts, ms.
     """
+    # Importing scipy.signal takes half a second: only where spikes are decoded.
+    from scipy.signal import lfilter
+
     y = activity.decoded_nats(activity.circuit.input)
     keep = np.exp(-float(activity.time_ms[0]) / tau_ms)
     # What all channels share changes nothing: at the start none is ahead.

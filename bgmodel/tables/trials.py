@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from bgmodel.decision import Decision
 from bgmodel.evidence import Evidence
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 RESULT = ("rt", "response", "stimulus", "correct", "undecided", "forced", "premature", "steps",
           "condition", "seed", "model", "anticipatory")  # fmt: skip
 """Columns of results: a user's own column of that name comes back as ``given_<name>``."""
+
+
+def _no_columns() -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame()
 
 
 @dataclass(frozen=True)
@@ -35,7 +44,7 @@ class Trials:
 
     evidence: Evidence
     names: list[str]
-    columns: pd.DataFrame = field(default_factory=pd.DataFrame)
+    columns: pd.DataFrame = field(default_factory=_no_columns)
     varying: list[str] = field(default_factory=list)
 
     def where(self, chosen: npt.NDArray[np.bool_]) -> Trials:
@@ -90,6 +99,8 @@ def trial_table(
     ValueError
         If there are several thresholds.
     """
+    import pandas as pd
+
     if decision.choice.ndim != 1:
         raise ValueError(
             f"a trial table holds one threshold, got decisions of shape {decision.choice.shape}"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Kind = Literal["kde", "t"]
 FloatArray = npt.NDArray[np.float64]
@@ -177,6 +179,8 @@ def calibration(
     DataFrame
         One row a non-empty bin: stated (mean posterior), observed (frequency), count.
     """
+    import pandas as pd
+
     y = log_likelihood - log_likelihood.max(axis=1, keepdims=True)
     posterior = np.exp(y)
     posterior /= posterior.sum(axis=1, keepdims=True)

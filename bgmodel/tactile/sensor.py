@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.tactile.skin import Skin
@@ -14,6 +13,8 @@ from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from bgmodel.tactile.library import Library
 
 Floats = NDArray[np.float64]
@@ -107,6 +108,8 @@ def simulate(
         skin or radius.
     """
     # Solvers and compilers load where taps are made, not where options are listed.
+    import pandas as pd
+
     from bgmodel.tactile.library import contact_library
     from bgmodel.tactile.pressing import LibraryPlan
 

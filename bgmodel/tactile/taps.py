@@ -1,17 +1,21 @@
 """Taps: displacements of the pins with their labels, and the images made of them."""
 
+from __future__ import annotations
+
 import json
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.files import replacing
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STIMULI = ("grating", "edge")
 """What can be tapped."""
@@ -45,7 +49,7 @@ class Taps:
     def __len__(self) -> int:
         return len(self.labels)
 
-    def select(self, mask: ArrayLike) -> "Taps":
+    def select(self, mask: ArrayLike) -> Taps:
         """Taps where a mask is true, or with the given indices, in that order."""
         which = np.asarray(mask)
         if which.dtype == bool and which.shape != (len(self),):
@@ -55,8 +59,10 @@ class Taps:
         return Taps(self.displacement_mm[rows], self.rest_mm, labels, self.stimulus)
 
     @staticmethod
-    def concatenate(parts: Sequence["Taps"]) -> "Taps":
+    def concatenate(parts: Sequence[Taps]) -> Taps:
         """Taps of several sets with the same pins, one after the other."""
+        import pandas as pd
+
         if not parts:
             raise ValueError("parts: got none, must be one or more")
         if any(not np.array_equal(p.rest_mm, parts[0].rest_mm) for p in parts):
@@ -83,8 +89,10 @@ class Taps:
         return path
 
     @classmethod
-    def load(cls, path: str | Path) -> tuple["Taps", dict[str, Any]]:
+    def load(cls, path: str | Path) -> tuple[Taps, dict[str, Any]]:
         """Read taps and their provenance; ValueError if the file holds anything else."""
+        import pandas as pd
+
         path = Path(path)
         if not path.is_file():
             raise ValueError(f"there are no taps {str(path)!r}")

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
-from scipy.special import erfcx
 
 if TYPE_CHECKING:
     from circuits.cells import Lif
@@ -31,6 +29,8 @@ def lif_rate_hz(cell: Lif, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float64]:
     ``1/r = refractory + tau sqrt(pi) int exp(u^2)(1 + erf u) du`` from ``(reset - mean)`` to
     ``(threshold - mean)``, both over ``sqrt 2 noise_mv``.
     """
+    from scipy.special import erfcx
+
     mean = np.asarray(mean_mv, dtype=np.float64)
     width = np.sqrt(2) * cell.noise_mv
     low, high = (cell.reset_mv - mean) / width, (cell.threshold_mv - mean) / width
@@ -44,6 +44,8 @@ def lif_rate_hz(cell: Lif, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 def lif_mean_mv(cell: Lif, rate_hz: float) -> float:
     """Return the mean potential at which the cell fires at a rate, mV."""
+    from scipy.optimize import brentq
+
     if not (rate_hz > 0 and rate_hz * cell.refractory_ms < 1000):
         raise ValueError(f"rate_hz must lie in 0..1000/refractory_ms, got {rate_hz}")
     low, high = cell.threshold_mv - 12 * cell.noise_mv, cell.threshold_mv + 2000.0

@@ -7,7 +7,6 @@ silence above all; here is the fixed point that they settle at.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import root
 
 from circuits.wiring import Array, Wiring
 
@@ -44,6 +43,8 @@ def settled(wiring: Wiring, drive: Array, start: Array, extra_hz: Array | float 
     ValueError
         If no fixed point was found.
     """
+    from scipy.optimize import root
+
     outside, found = wiring.drive(drive), np.empty_like(start)
     extra = np.broadcast_to(extra_hz, start.shape)
     for t in range(len(start)):

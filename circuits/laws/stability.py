@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from circuits.fixed_point import parts, solve, wired
 from circuits.spec import Circuit
@@ -91,6 +90,7 @@ def onset(circuit: Circuit) -> Onset:
     ValueError
         If it is unstable already at the lowest S, or has no fixed point there.
     """
+    from scipy.optimize import brentq
 
     def at(total: float) -> complex:
         return growth(replace(circuit, reference_nats=total))

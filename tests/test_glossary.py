@@ -1,0 +1,59 @@
+"""The glossary speaks of the code as it is."""
+
+import importlib
+import re
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import pytest
+
+from bgmodel.cli import COMMANDS
+
+TEXT = (Path(__file__).parents[1] / "docs/glossary.md").read_text()
+NAMES = sorted(set(re.findall(r"`((?:bgmodel|circuits)\.[\w.]+)`", TEXT)))
+
+
+def is_there(dotted):
+    """Whether a module, what it holds, or a field of a class has this name."""
+    try:
+        importlib.import_module(dotted)
+    except ModuleNotFoundError:
+        owner, _, name = dotted.rpartition(".")
+        if not owner or not is_there(owner):
+            return False
+        held = found(owner)
+        return hasattr(held, name) or name in getattr(held, "__annotations__", {})
+    return True
+
+
+def found(dotted):
+    try:
+        return importlib.import_module(dotted)
+    except ModuleNotFoundError:
+        owner, _, name = dotted.rpartition(".")
+        return getattr(found(owner), name)
+
+
+def options(commands):
+    """Yield the options of all commands, as they are typed."""
+    for command in commands.values():
+        kind = command[1] if isinstance(command, tuple) else command
+        if is_dataclass(kind):
+            yield from (f"--{field.name.replace('_', '-')}" for field in fields(kind))
+        else:
+            yield from options(kind)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_in_code_that_the_glossary_mentions_exists(name):
+    assert is_there(name)
+
+
+def test_an_option_that_the_glossary_mentions_exists():
+    assert set(re.findall(r"`(--[\w-]+)`", TEXT)) <= set(options(COMMANDS))
+
+
+def test_every_entry_says_what_it_is_called_in_the_code():
+    entries = [block for block in TEXT.split("\n\n") if block.startswith("**")]
+    assert len(entries) == len(re.findall(r"^\*\*.+?\*\*: ", TEXT, re.MULTILINE)) > 50
+    assert [e for e in entries if not re.search(r"^> .*\bcode\b", e, re.MULTILINE)] == []
