@@ -14,10 +14,10 @@ from collections.abc import Iterator
 import pandas as pd
 
 from benchmarks.scoring import OUT, SCORING_SEED, conditions
-from bgmodel.comparison.circuits import OWN, against, usual_gain
+from bgmodel.comparison.circuits import OWN, against
 from bgmodel.comparison.page import page
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import SPIKING, BasalGanglia, Circuit
+from bgmodel.integrators.basal_ganglia import SPIKING, BasalGanglia, Circuit, gain_of
 
 TIMES = 6
 """So many times the cells."""
@@ -52,7 +52,7 @@ def main() -> None:
         fast = name.endswith("every 50 ms") and table.channels <= 4
         if not fast or given.only not in name:
             continue
-        gain, parts = usual_gain(table.channels), []
+        gain, parts = gain_of(table), []
         for case, engine, edited in cases(table):
             noisy = engine in SPIKING
             options = {"workers": given.workers} if noisy else {}

@@ -19,11 +19,11 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.commands.comparing import sample_ms
-from bgmodel.comparison.circuits import OWN, against, usual_gain
+from bgmodel.comparison.circuits import OWN, against
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia, Circuit, circuit, gain_of
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
 
@@ -106,7 +106,7 @@ def main() -> None:
     for name, table, evidence in conditions(given.trials):
         if given.only not in name:
             continue
-        gain = given.gain or usual_gain(table.channels)
+        gain = gain_of(table, given.gain)
         if given.gain:
             name += f", gain {gain:g}"
         path = OUT / f"scoring {name.replace('/', ' ')}.csv"

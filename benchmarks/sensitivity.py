@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import usual_gain, variants
+from bgmodel.comparison.circuits import variants
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, gain_of
 from circuits.controls import perturbed
 
 OUT = Path(__file__).parent / "out"
@@ -60,7 +60,7 @@ def main() -> None:
     )
     table = circuit("spiking_msprt")
     edited = dict(list(perturbed(table).items())[:: given.every])
-    gain = usual_gain(2)
+    gain = gain_of(table)
     model = BasalGanglia(table, "ensemble", gain, SCORING_SEED, {"workers": given.workers})
     found = variants(model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,), resamples=500)
     scored = table_of(found)

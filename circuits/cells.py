@@ -140,3 +140,5 @@ class Phase:
 
 Cell = Rate | Integrator | Lif | Escape | Phase
 SPIKING = (Lif, Escape, Phase)
+CELLS: dict[str, type] = {kind.__name__: kind for kind in (Rate, Integrator, Lif, Escape, Phase)}
+"""Cell types by the name of their class."""

@@ -14,7 +14,7 @@ def check_types(row: Any, owner: str) -> None:
     Parameters
     ----------
     row : dataclass
-        Its fields of type float, int, bool, str and tuple[float, ...] are looked at.
+        Its fields of type float, int, bool, str, of numbers or of None are looked at.
     owner : str
         What the row is called in the message.
     """
@@ -60,6 +60,13 @@ _KINDS = {
         "numbers",
         lambda value: isinstance(value, (tuple, list)) and all(map(is_number, value)),
     ),
+    "tuple[float, float]": (
+        "two numbers",
+        lambda value: (
+            isinstance(value, (tuple, list)) and len(value) == 2 and all(map(is_number, value))
+        ),
+    ),
+    "float | None": ("a number", lambda value: value is None or is_number(value)),
 }
 
 

@@ -1,5 +1,6 @@
 """A circuit on one page, as a drawing and as NWB; the command that shows and runs it."""
 
+import inspect
 import json
 from typing import get_args, get_type_hints
 
@@ -9,7 +10,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.cli import main
-from bgmodel.commands.circuit import Name, Run
+from bgmodel.commands.circuit import Run, Show
 from circuits import anatomy, show
 from circuits.engines import ENGINES
 from circuits.engines.ensemble import run as ensemble
@@ -79,7 +80,8 @@ def test_nwb_reads_back(tmp_path):
 
 
 def test_the_command_names_all_circuits_and_engines():
-    assert set(get_args(Name)) == set(anatomy.CIRCUITS)
+    lines = " ".join(inspect.getsource(Show).split())
+    assert f"({', '.join(anatomy.CIRCUITS)})" in lines
     assert set(get_args(get_type_hints(Run)["engine"])) == set(ENGINES)
 
 

@@ -124,8 +124,8 @@ def test_unknown_names_list_the_valid_ones(circuit):
         circuit.changed("STN", tau=3)
     with pytest.raises(ValueError, match="has no 'delay': source, target"):
         circuit.changed("STN->GPe", delay=3)
-    with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gpr'"):
-        anatomy.circuit("gpr")
+    with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gprx'"):
+        anatomy.circuit("gprx")
     with pytest.raises(ValueError, match=r"transfer must be one of linear, .*got 'cubic'"):
         circuit.changed("STN", transfer="cubic")
     with pytest.raises(ValueError, match=r"pattern must be one of 'channel', .*got 'random'"):

@@ -6,7 +6,7 @@ import importlib.util
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
@@ -15,6 +15,7 @@ from tyro.conf import Positional
 from bgmodel import files
 from bgmodel.commands.checks import (
     Writes,
+    check_circuit,
     check_ending,
     check_whole,
     options_of,
@@ -28,7 +29,10 @@ from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables import trials as tables
 
-Name = Literal["bogacz_gurney", "appendix_b", "linear_gpe", "spiking_msprt"]
+if TYPE_CHECKING:
+    from bgmodel.integrators.basal_ganglia import Circuit
+
+DEFAULT_POSTERIOR = 0.9
 
 
 @dataclass(frozen=True)
@@ -36,16 +40,20 @@ class Show(Writes):
     """Print a circuit's table, as edited; draw it if a file is given.
 
     Examples: bgmodel circuit show spiking_msprt;
-    bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf
+    bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf;
+    bgmodel circuit show spiking_msprt --channels 4 --save mine.toml; bgmodel circuit show mine.toml
     """
 
-    circuit: Positional[Name] = "spiking_msprt"
-    """Name of the table."""
-    channels: int = 2
-    """Number of alternatives."""
+    circuit: Positional[str] = "spiking_msprt"
+    """Name of the table (bogacz_gurney, appendix_b, linear_gpe, spiking_msprt, gpr), or the path of
+    a .toml file."""
+    channels: int | None = None
+    """Number of alternatives; 2 unless given, or that of the file."""
     edits: Edits = field(default_factory=Edits)
     drawing: Path | None = None
     """Where a drawing goes, .pdf, .svg or .png."""
+    save: Path | None = None
+    """Where the table goes as a file of your own, .toml, as edited."""
     rest: bool = False
     """Whether to run it without evidence too, and print rates and how irregular its cells fire."""
     noise: float | None = None
@@ -53,8 +61,10 @@ class Show(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import circuit, text
+        from bgmodel.integrators.basal_ganglia import circuit, text, write_circuit
 
+        if self.save is not None:
+            check_ending("save", self.save, ".toml")
         table = self.edits.of(circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
@@ -78,12 +88,15 @@ class Show(Writes):
             print(found.to_string(index=False, float_format="{:.2f}".format))
         if scatter is not None:
             print(f"\n{scatter}")
+        if self.save is not None:
+            print(f"\n{table.name}, {table.channels} channels -> {write_circuit(table, self.save)}")
 
 
-def _scatter(table: Any, posterior: float) -> str:
+def _scatter(table: Circuit, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
     from bgmodel.integrators.basal_ganglia import out_variance
 
+    table.check_nats("a posterior (--noise)")
     # Between the readable OUTs, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
@@ -116,17 +129,19 @@ class Run(Writes):
 
     output: Positional[Path]
     """Where the trial table goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
-    """Name of the table."""
+    circuit: str = "spiking_msprt"
+    """Name of the table, or the path of a .toml file."""
     engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
     """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
     gain: float | None = None
-    """Nats in the circuit a nat of evidence, kappa; unless given, what scores are made with: .7 for
-    two alternatives, .5 for three to seven, .6 from eight on."""
-    posterior: float = 0.9
-    """Posterior probability, in the circuit's nats, at which it decides."""
+    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the
+    table's default unless given."""
+    posterior: float | None = None
+    """Posterior probability, in the circuit's nats, at which it decides; .9 unless given."""
+    threshold: float | None = None
+    """OUT at which it decides, in the circuit's unit, in place of a posterior."""
     workers: int = 2
     """Threads of the ensemble engine; they change no byte."""
     rates: Path | None = None
@@ -137,14 +152,14 @@ class Run(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import usual_gain
         from bgmodel.integrators import basal_ganglia
 
         self._check()
         trials = self.stimuli.draw(self.seed, "circuit run")
         evidence = trials.evidence
         table = self.edits.of(basal_ganglia.circuit(self.circuit, evidence.hypotheses))
-        threshold = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
+        gain = basal_ganglia.gain_of(table, self.gain)
+        threshold = self._threshold(table)
         basal_ganglia.check_threshold(table, threshold)
         options: dict[str, Any] = {}
         if self.engine in basal_ganglia.SPIKING and self.nwb is not None:
@@ -154,7 +169,6 @@ class Run(Writes):
         if self.engine == "ensemble":
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
-        gain = usual_gain(evidence.hypotheses) if self.gain is None else self.gain
         model = basal_ganglia.BasalGanglia(table, self.engine, gain, self.seed, options)
         say_before(model, evidence, evidence.trials)
         model.warn_of_noise(threshold)
@@ -163,15 +177,20 @@ class Run(Writes):
         seed = self.seed if self._draws() else None
         about = f"{table.name} {self.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
-        behind = options_of(self, gain=gain)
-        files.write_table(result, self.output, seed=seed, command=behind)
+        posterior = self._posterior() if self.threshold is None else None
+        behind = {
+            "command": options_of(self, gain=gain, posterior=posterior),
+            "circuit": basal_ganglia.identity(table),
+        }
+        files.write_table(result, self.output, seed=seed, **behind)
         if self.rates is not None:
-            files.write_table(activity.rate_table(), self.rates, seed=seed, command=behind)
+            files.write_table(activity.rate_table(), self.rates, seed=seed, **behind)
         if self.nwb is not None:
             basal_ganglia.write_nwb(activity, self.nwb)
         if self.stimuli.evidence is not None:
             print(trials.said())
-        say_of_trials(result, criterion="--posterior, or another --gain")
+        criterion = "--posterior" if self.threshold is None else "--threshold"
+        say_of_trials(result, criterion=f"{criterion}, or another --gain")
         known = evidence.truth is not None
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
@@ -180,6 +199,16 @@ class Run(Writes):
             f"-> {self.output}"
         )
 
+    def _posterior(self) -> float:
+        return DEFAULT_POSTERIOR if self.posterior is None else self.posterior
+
+    def _threshold(self, table: Circuit) -> float:
+        """Return the OUT at which it decides, in the circuit's unit."""
+        if self.threshold is not None:
+            return self.threshold
+        table.check_nats("a posterior", f"; give --threshold, an OUT in {table.unit}")
+        return float(criterion_from_posterior(self._posterior(), table.channels))
+
     def _draws(self) -> bool:
         """Whether anything is drawn with the seed: evidence, or the noise of cells."""
         return self.stimuli.evidence is None or self.engine in ("ensemble", "brian2")
@@ -187,11 +216,16 @@ class Run(Writes):
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         check_ending("output", self.output, ".parquet", ".csv")
+        check_circuit(self.circuit)
         self.edits.check_engine(self.engine)
         self.stimuli.check()
         check_whole(workers=self.workers)
-        if self.stimuli.evidence is None:
-            criterion_from_posterior(self.posterior, self.stimuli.channels)
+        if self.threshold is not None and self.posterior is not None:
+            raise ValueError("give posterior or threshold, not both")
+        if self.threshold is not None and not np.isfinite(self.threshold):
+            raise ValueError(f"threshold must be finite, got {self.threshold}")
+        if self.stimuli.evidence is None and self.threshold is None:
+            criterion_from_posterior(self._posterior(), self.stimuli.channels)
         for name, endings in (("rates", (".parquet", ".csv")), ("nwb", (".nwb",))):
             if (path := getattr(self, name)) is not None:
                 check_ending(name, path, *endings)

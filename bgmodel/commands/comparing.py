@@ -12,13 +12,13 @@ from tyro.conf import Positional
 from bgmodel import files
 from bgmodel.commands.checks import (
     Writes,
+    check_circuit,
     check_ending,
     check_whole,
     options_of,
     say,
     say_before,
 )
-from bgmodel.commands.circuit import Name
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import NEED_ZERO, RIVALS
@@ -38,15 +38,15 @@ class Comparison(Writes):
 
     output: Positional[Path]
     """Where the table of measures goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
-    """Name of the table."""
+    circuit: str = "spiking_msprt"
+    """Name of the table, or the path of a .toml file."""
     engine: Literal["ensemble", "algebra", "rate", "brian2"] = "ensemble"
     """Compiled spikes, the exact fixed point, rates, or spikes in Brian2."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
     gain: float | None = None
-    """Nats in the circuit a nat of evidence, kappa; unless given, what scores are made with: .7 for
-    two alternatives, .5 for three to seven, .6 from eight on."""
+    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the
+    table's default unless given."""
     accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
     """Expected accuracies at which thresholds are matched."""
     workers: int = 2
@@ -79,9 +79,7 @@ class Compare(Comparison):
             say(f"{' and '.join(NEED_ZERO)} are left out: the zero of this evidence means nothing")
         say_before(model, evidence, model.batch(evidence))
         table = against(model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies)
-        files.write_table(
-            table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
-        )
+        files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         print(page(table))
         print(f"{evidence.trials} trials -> {self.output}")
 
@@ -115,9 +113,7 @@ class Lesion(Comparison):
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         say_before(model, evidence, model.batch(evidence))
         table = variants(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
-        files.write_table(
-            table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
-        )
+        files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         print("at the intact circuit's threshold (a prediction):")
         print(behaviour(table))
         print("\nagainst the MSPRT, thresholds tuned anew:")
@@ -130,14 +126,22 @@ def sample_ms(step_ms: float) -> float:
     return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
 
 
+def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
+    """Return what a result was made with, for its provenance."""
+    from bgmodel.integrators.basal_ganglia import identity
+
+    command = options_of(asked_for, gain=model.gain)
+    return {"command": command, "circuit": identity(model.circuit)}
+
+
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
-    from bgmodel.comparison.circuits import usual_gain
     from bgmodel.comparison.compare import MARGIN, check_trials
     from bgmodel.integrators import basal_ganglia
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")
+    check_circuit(asked_for.circuit)
     stimuli.check(MANY)
     check_whole(workers=asked_for.workers)
     asked_for.edits.check_engine(asked_for.engine)
@@ -162,6 +166,11 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
         options = {"workers": asked_for.workers}
     if asked_for.engine in ("ensemble", "rate"):
         options["sample_ms"] = sample_ms(evidence.step_ms)
-    gain = usual_gain(evidence.hypotheses) if asked_for.gain is None else asked_for.gain
+    gain = basal_ganglia.gain_of(table, asked_for.gain)
+    if table.unit != basal_ganglia.NATS:
+        say(
+            f"{table.name} works in {table.unit}, not nats: its thresholds are in {table.unit}, "
+            "matched to accuracies that the evidence's own posterior gives, beside the full MSPRT"
+        )
     model = basal_ganglia.BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
     return model, evidence

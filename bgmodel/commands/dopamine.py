@@ -10,8 +10,14 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
-from bgmodel.commands.circuit import Name
+from bgmodel.commands.checks import (
+    Writes,
+    check_circuit,
+    check_ending,
+    check_whole,
+    options_of,
+    say,
+)
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
@@ -34,14 +40,15 @@ class Learn(Writes):
 
     output: Positional[Path]
     """Where the table of trials goes, .parquet or .csv."""
-    circuit: Name = "spiking_msprt"
-    """Name of the table."""
+    circuit: str = "spiking_msprt"
+    """Name of the table, or the path of a .toml file."""
     engine: Literal["rate", "ensemble", "brian2"] = "rate"
     """Rates, compiled spikes, or spikes in Brian2."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
-    gain: float = 0.5
-    """Nats in the circuit a nat of evidence, kappa."""
+    gain: float | None = None
+    """Nats in the circuit per nat of evidence, kappa; unless given, .5 for spiking_msprt, and else
+    the table's default."""
     posterior: float = 0.74
     """Posterior, in the circuit's nats, at which it decides at a level of 1."""
     xi: float = 50.0
@@ -57,7 +64,7 @@ class Learn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit
+        from bgmodel.integrators.basal_ganglia import BasalGanglia, circuit, gain_of, identity
         from bgmodel.learning.level import (
             COARSE,
             body,
@@ -74,8 +81,10 @@ class Learn(Writes):
             print(trials.said())
         evidence = trials.evidence
         table = self.edits.of(circuit(self.circuit, evidence.hypotheses))
+        table.check_nats("a criterion that dopamine sets")
+        gain = gain_of(table, self.gain, study=True)
         options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
-        model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
+        model = BasalGanglia(table, self.engine, gain, self.seed, options)
         model.warn_of(evidence)
         threshold_nats = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
         levels = playable_levels(model, self.levels, threshold_nats)
@@ -97,7 +106,12 @@ class Learn(Writes):
             )
         if any(late):
             say(f"the deadline decides most trials at {sum(late)} of {len(levels)} levels")
-        behind: dict[str, Any] = {"seed": self.seed, "command": options_of(self)}
+        command = options_of(self, gain=gain)
+        behind: dict[str, Any] = {
+            "seed": self.seed,
+            "command": command,
+            "circuit": identity(table),
+        }
         try:
             learned = learn_level(
                 met,
@@ -125,6 +139,7 @@ class Learn(Writes):
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         check_ending("output", self.output, ".parquet", ".csv")
+        check_circuit(self.circuit)
         self.edits.check_engine(self.engine)
         self.stimuli.check(TOUCHED)
         check_whole(runs=self.runs)

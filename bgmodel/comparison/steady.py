@@ -31,6 +31,7 @@ def out_shift(
     laws : str
         "table", "cells" or "finite", as for ``circuits.engines.algebra``.
     """
+    circuit.check_nats("an OUT of -ln P")
     n = circuit.channels
     out = np.asarray(out_nats, dtype=np.float64)
     drive = np.zeros((out.size, 1, n))
@@ -62,6 +63,7 @@ def steady_out(
     mean_ms : int
         The time that is averaged, after ``SETTLE_MS``.
     """
+    circuit.check_nats("a drive of log odds")
     odds = np.asarray(log_odds, dtype=np.float64)
     drive = np.zeros((len(odds) * trials, 1, circuit.channels))
     drive[:, 0, 0] = np.repeat(odds, trials)

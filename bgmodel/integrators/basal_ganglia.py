@@ -26,7 +26,9 @@ try:
     from circuits.laws.spectra import out_variance
     from circuits.nwb import write_nwb
     from circuits.show import draw, text
-    from circuits.spec import Circuit, Population, Projection
+    from circuits.spec import NATS, Circuit, Population, Projection
+    from circuits.table_files import digest, is_path
+    from circuits.table_files import write as write_circuit
 except ImportError as error:
     if not (error.name or "").startswith("circuits"):
         raise
@@ -46,6 +48,9 @@ WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
 """
 LONG_S = 120.0
 """Runs that take longer say so."""
+STUDY_GAIN = {"spiking_msprt": 0.5}
+"""Gains, by circuit, of experiments and learning by dopamine, where not the default: with this one
+the posteriors at which dopamine lets it decide lie widest apart."""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
@@ -54,6 +59,7 @@ __all__ = [
     "CIRCUITS",
     "DROPPING",
     "ENGINES",
+    "NATS",
     "NOISE_SHARE",
     "SPIKING",
     "BasalGanglia",
@@ -66,14 +72,19 @@ __all__ = [
     "circuit",
     "deciding_thresholds",
     "decoded_input",
+    "digest",
     "draw",
     "drive_of",
+    "gain_of",
+    "identity",
+    "is_path",
     "out_variance",
     "rest_out",
     "run_engine",
     "share_crossed",
     "text",
     "warn_beyond_range",
+    "write_circuit",
     "write_nwb",
 ]
 
@@ -89,7 +100,8 @@ class BasalGanglia:
     engine : str
         "algebra", "rate", "ensemble" or "brian2".
     gain : float
-        Nats of drive a nat of evidence, kappa: OUT is then ``-ln softmax(kappa L)``.
+        Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then
+        ``-ln softmax(kappa L)``.
     seed : int, optional
         Key of the noise; the engines that spike need one.
     options : dict
@@ -227,7 +239,7 @@ class BasalGanglia:
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
                 # A part at a time it would be said many times: ``warn_of`` says it once.
-                warnings.filterwarnings("ignore", message="S runs from")
+                warnings.filterwarnings("ignore", message="(S|the input) runs from")
                 activity = self.activity(part, first_trial + first)
             yield part, activity
 
@@ -264,8 +276,39 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     return BasalGanglia.trace(replace(activity, output_nats=Msprt().output(seen)), evidence)
 
 
+def gain_of(circuit: Circuit, given: float | None = None, *, study: bool = False) -> float:
+    """Return the gain that is given, or else the circuit's default.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    given : float, optional
+        A gain that was asked for.
+    study : bool
+        Whether it is for an experiment or for learning by dopamine, see ``STUDY_GAIN``.
+
+    Raises
+    ------
+    ValueError
+        If none is given and the circuit has no default: that of another table would mean nothing.
+    """
+    found = circuit.default_gain if given is None else given
+    if found is None:
+        raise ValueError(
+            f"{circuit.name} has no default gain: give a gain (--gain), the circuit's "
+            f"{circuit.unit} per nat of evidence"
+        )
+    return STUDY_GAIN.get(circuit.name, found) if study and given is None else found
+
+
+def identity(circuit: Circuit) -> dict[str, str]:
+    """Return the name and the hash of a circuit, as edited: for provenance."""
+    return {"name": circuit.name, "sha256": digest(circuit)}
+
+
 def rest_out(circuit: Circuit) -> float:
-    """Return the lowest OUT at the fixed point of rest, nats; infinity where there is none."""
+    """Return the lowest OUT at the fixed point of rest; infinity where there is none."""
     try:
         silence = np.zeros((1, 1, circuit.channels))
         found = run_engine(circuit, silence, engine="algebra", step_ms=1.0).output_nats.min()
@@ -282,7 +325,7 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     circuit : Circuit
         The table.
     threshold_nats : float
-        OUT at which it decides.
+        OUT at which it decides, in the circuit's unit.
 
     Raises
     ------
@@ -293,12 +336,16 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     if at_rest <= threshold_nats:
         raise ValueError(
             f"{circuit.name} rests at OUT = {at_rest:.2f}, which is not above the threshold of "
-            f"{threshold_nats:.2f} nats: it would decide without evidence"
+            f"{threshold_nats:.2f} {circuit.unit}: it would decide without evidence"
         )
     if threshold_nats < low:
+        at, of = "", ""
+        if circuit.unit == NATS:
+            at = f", a posterior of {np.exp(-low):.3f}"
+            of = f", one of {np.exp(-threshold_nats):.3f}"
         raise ValueError(
-            f"{circuit.name} reads no OUT below {low:.3g} nats, a posterior of {np.exp(-low):.3f}; "
-            f"the threshold is {threshold_nats:.2f} nats, one of {np.exp(-threshold_nats):.3f}"
+            f"{circuit.name} reads no OUT below {low:.3g} {circuit.unit}{at}; the threshold is "
+            f"{threshold_nats:.2f} {circuit.unit}{of}"
         )
 
 

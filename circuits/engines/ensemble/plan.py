@@ -49,7 +49,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     units = [wiring.projection(q) for q in range(wiring.units)]
     for law in [row.transfer for row in rows] + [q.transfer for q in units]:
         if law not in kernel.TRANSFERS:
-            raise ValueError(f"the ensemble engine knows no transfer {law!r}: use brian2")
+            raise ValueError(f"the ensemble engine knows no transfer {law!r}: use rate or brian2")
     for row in rows:
         if row.cell.kind not in kernel.KINDS:
             raise ValueError(f"the ensemble engine knows no cell {row.cell.kind!r}: use brian2")
