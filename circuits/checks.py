@@ -26,7 +26,7 @@ def check_types(row: Any, owner: str) -> None:
 
 def is_number(value: Any) -> bool:
     """Whether a value is a real number; True and False are none."""
-    return isinstance(value, Real) and not _is_bool(value)
+    return isinstance(value, Real) and not is_bool(value)
 
 
 def is_whole(value: Any) -> bool:
@@ -47,14 +47,15 @@ def check_time(what: str, value: Any, *, zero: bool = False) -> None:
         raise ValueError(f"{what} must be {'>= 0' if zero else '> 0'} and finite, got {value}")
 
 
-def _is_bool(value: Any) -> bool:
+def is_bool(value: Any) -> bool:
+    """Whether a value is True or False, also NumPy's."""
     return type(value).__name__ in ("bool", "bool_")
 
 
 _KINDS = {
     "float": ("a number", is_number),
     "int": ("a whole number", is_whole),
-    "bool": ("true or false", _is_bool),
+    "bool": ("true or false", is_bool),
     "str": ("text", lambda value: isinstance(value, str)),
     "tuple[float, ...]": (
         "numbers",

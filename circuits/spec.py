@@ -132,6 +132,9 @@ class Circuit:
             raise ValueError(f"reach_nats must be > 0, got {self.reach_nats}")
         if not 0 <= self.readout_tau_ms < math.inf:
             raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
+        for name in ("range_nats", "readable_nats"):
+            if any(map(math.isnan, getattr(self, name))):
+                raise ValueError(f"{name} must be two numbers, got {getattr(self, name)}")
         for name in ("reference_nats", "drive_gain"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{name} must be finite, got {getattr(self, name)}")

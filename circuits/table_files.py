@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from circuits.cells import CELLS
+from circuits.checks import is_bool
 from circuits.spec import Circuit, Population, Projection
 
 FORMAT = 1
@@ -29,8 +30,8 @@ TABLES: dict[str, type[Population] | type[Projection]] = {
     "projections": Projection,
 }
 KEYS = ("format", *(f.name for f in fields(Circuit) if f.init), "cells")
-MOST_DIGITS = 10**18
-"""Whole numbers from here on are written as floats: TOML's have 64 bits."""
+LARGE = 1e15
+"""Floats from here on are not written as whole numbers."""
 TYPE = "type"
 """The key of a cell that holds the name of its type."""
 
@@ -78,10 +79,14 @@ def text(circuit: Circuit) -> str:
 
 
 def write(circuit: Circuit, path: str | Path) -> Path:
-    """Write a circuit as a file, whole or not at all; ValueError unless it ends in .toml."""
+    """Write a circuit as a file, whole or not at all; ValueError unless it ends in .toml.
+
+    Folders that are not there are made.
+    """
     path = Path(path)
     if path.suffix != SUFFIX:
         raise ValueError(f"a circuit is written as {SUFFIX}, got {str(path)!r}")
+    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{os.getpid()}.partial.{path.name}")
     try:
         beside.write_text(text(circuit), encoding="utf-8")
@@ -110,7 +115,9 @@ def _canonical(value: Any) -> Any:
         return {key: _canonical(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
         return [_canonical(inner) for inner in value]
-    if isinstance(value, (str, bool, int)):
+    if is_bool(value):
+        return bool(value)
+    if isinstance(value, (str, int)):
         return value
     return int(value) if float(value).is_integer() else float(value)
 
@@ -165,10 +172,8 @@ def _value(value: Any) -> str:
 
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, (str, bool)):
-        return str(tomlkit.item(value).as_string())
-    whole = _canonical(value)
-    return repr(whole if abs(whole) < MOST_DIGITS else float(value))
+    large = isinstance(value, float) and abs(value) >= LARGE
+    return str(tomlkit.item(float(value) if large else _canonical(value)).as_string())
 
 
 # ---- reading

@@ -10,7 +10,10 @@ from bgmodel.comparison.steady import out_shift
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits import anatomy, show
 from circuits.activity import total_nats
+from circuits.controls import correlated, linear_stn
 from circuits.engines import run
+from circuits.laws.stability import onset
+from circuits.nwb import write_nwb
 
 SALIENCES = [(0.0, 0.0), (0.5, 0.2), (0.8, 0.3), (0.9, 0.0), (0.3, 0.3), (1.0, 1.0)]
 
@@ -98,6 +101,9 @@ def test_what_needs_nats_is_refused_without_them():
     for refused in (
         lambda: total_nats(circuit, np.zeros((1, 2))),
         lambda: out_shift(circuit, circuit, [0.1]),
+        lambda: onset(circuit),
+        lambda: linear_stn(circuit),
+        lambda: correlated(circuit, 0.1),
         lambda: dopamine.decided_out(circuit, 1.0, 1.0),
         lambda: dopamine.working_range(circuit, 0.1),
         lambda: dopamine.criterion(circuit, 1.0, 0.1, 1.0),
@@ -113,6 +119,13 @@ def test_a_page_of_saliences_calls_nothing_nats():
     assert "gain_hz_per_salience" in page
     assert "bias_salience" in page
     assert page.count("nats") == 1
+
+
+def test_its_out_is_no_nats_in_a_file_of_recordings(tmp_path):
+    pynwb = pytest.importorskip("pynwb")
+    write_nwb(run(anatomy.gpr(), [[[0.5, 0.2]]], engine="rate", step_ms=5.0), tmp_path / "a.nwb")
+    with pynwb.NWBHDF5IO(str(tmp_path / "a.nwb"), "r") as file:
+        assert file.read().acquisition["OUT"].unit == "salience"
 
 
 def test_it_decides_at_a_threshold_of_its_own(tmp_path, capsys):

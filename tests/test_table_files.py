@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -76,7 +77,7 @@ def test_a_table_is_one_line_per_row_and_says_only_what_differs():
 
 def test_equal_circuits_have_one_hash_and_others_another():
     circuit = anatomy.spiking_msprt()
-    written = circuit.changed("STN", tau_ms=5.0, neurons=300.0)
+    written = circuit.changed("STN", tau_ms=np.float64(5), neurons=300.0, pooled=np.False_)
     assert written == circuit
     assert table_files.digest(written) == table_files.digest(circuit)
     for other in (
@@ -155,6 +156,7 @@ WRONG = [
     ("Lif_GPe   = {", "Lif_GPe   = { speed = 1,", LIF, "no constant of a Lif cell 'speed'; there"),
     ('"Lif", tau_ms = 10,', '"Lif",', LIF, "a Lif cell needs tau_ms"),
     ('"Lif", tau_ms = 10,', '"Lif", tau_ms = 0,', LIF, "tau_ms of a Lif cell must be > 0"),
+    ("range_nats = [1,", "range_nats = [nan,", line_of("range_nats"), "must be two numbers, got"),
     ("channels = 2", "channels = 1", 5, "channels must be a whole number >= 2, got 1"),
     ("channels = 2", 'channels = "two"', 5, "channels must be a whole number, got 'two'"),
     ("channels = 2", 'channels = 2\nunit = "bits"', 6, "unit must be one of nats, salience, got"),
@@ -202,6 +204,47 @@ def test_what_is_missing_or_no_toml_is_said(old, new, says):
     with pytest.raises(ValueError, match=r"^mine\.toml") as caught:
         table_files.parse(wrong, "mine.toml")
     assert says in str(caught.value)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.integers(0, len(TEXT)),
+    st.integers(0, 40),
+    st.sampled_from(
+        [
+            "",
+            "#",
+            "1",
+            "-1e400",
+            "nan",
+            "true",
+            '"',
+            '"x"',
+            "[",
+            "]",
+            "[]",
+            "{}",
+            "=",
+            ",",
+            "1979-05-27",
+        ]
+    ),
+)
+def test_a_mangled_file_gives_a_circuit_or_one_sentence(start, length, put):
+    mangled = TEXT[:start] + put + TEXT[start + length :]
+    circuit, said = circuit_or_sentence(mangled)
+    if circuit is None:
+        assert said.startswith("mine.toml")
+        assert "\n" not in said
+    else:
+        assert table_files.parse(table_files.text(circuit), "mine.toml") == circuit
+
+
+def circuit_or_sentence(text):
+    try:
+        return table_files.parse(text, "mine.toml"), ""
+    except ValueError as error:
+        return None, str(error)
 
 
 def test_a_file_that_cannot_be_read_is_said(tmp_path):

@@ -265,6 +265,7 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     tau_ms : float
         Time constant with which it counts, ms.
     """
+    activity.circuit.check_nats("-ln softmax of its input")
     y = activity.decoded_nats(activity.circuit.input)
     keep = np.exp(-float(activity.time_ms[0]) / tau_ms)
     # What all channels share changes nothing: at the start none is ahead.

@@ -91,6 +91,7 @@ def onset(circuit: Circuit) -> Onset:
     ValueError
         If it is unstable already at the lowest S, or has no fixed point there.
     """
+    circuit.check_nats("S, the sum at which it oscillates,")
 
     def at(total: float) -> complex:
         return growth(replace(circuit, reference_nats=total))
