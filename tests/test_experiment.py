@@ -537,7 +537,11 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(small, tmp_path,
     files = [tmp_path / f"{name}.csv" for name in "abc"]
     assert run("experiment", small, files[0], "--workers", 1) == 0
     assert run("experiment", small, files[1], "--workers", 3) == 0
-    for name in ("basal_ganglia.BATCH", "basal_ganglia.WIDE_BATCH", "experiment.BATCH"):
+    for name in (
+        "integrators.basal_ganglia.BATCH",
+        "integrators.basal_ganglia.WIDE_BATCH",
+        "experiments.experiment.BATCH",
+    ):
         monkeypatch.setattr(f"bgmodel.{name}", 37)
     assert run("experiment", small, files[2], "--workers", 2) == 0
     assert len({path.read_bytes() for path in files}) == 1
