@@ -148,6 +148,8 @@ def _sentence(box: str) -> str:
     kept = [parts[0].split("Got errors:")[0], *(p for p in parts[1:] if "Available" in p)]
     said = re.sub(r"(__tyro-dummy-inner__\.)+", "--", " ".join(kept))
     said = re.sub(r"\s+", " ", said).strip().rstrip(".")
+    said = re.sub(r"^Error parsing --(\S+): it must", r"\1 must", said)
+    said = re.sub(r"^Error parsing \[.*?\]: it must", "the name must", said)
     return f"{said} (bgmodel COMMAND --help lists the options)"
 
 

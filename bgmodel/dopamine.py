@@ -47,11 +47,13 @@ def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Arra
     log_odds : array (M,) or float
         Of the leader against each other alternative, in the circuit's nats.
     """
+    circuit.check_nats("a drive of log odds")
     return leader_out(circuit.dopamine(level), log_odds)
 
 
 def _odds(circuit: Circuit) -> Array:
     """Return log odds from none to the most that the circuit takes: its reach, or its range."""
+    circuit.check_nats("a criterion that dopamine sets")
     n = circuit.channels
     most = (circuit.range_nats[1] - circuit.reference_nats + np.log(n)) * n / (n - 1)
     return np.linspace(0.0, min(circuit.reach_nats, most), 201)
@@ -70,13 +72,13 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
     ValueError
         If the circuit does not read the threshold, or no level in 0..2 serves.
     """
+    odds = _odds(circuit)
     low_nats, high_nats = circuit.readable_nats
     if not low_nats < threshold_nats < high_nats:
         raise ValueError(
             f"{circuit.name} reads OUT between {low_nats:.3g} and {high_nats:.3g} nats, the "
             f"threshold is {threshold_nats:g}"
         )
-    odds = _odds(circuit)
 
     def turns(log_odds: Array) -> float:
         def past(level: float) -> float:

@@ -35,7 +35,7 @@ def _members(old: str, new: str, names: str) -> dict[str, str]:
 MOVED |= _members(
     "bgmodel.comparison",
     "bgmodel.comparison.compare",
-    "Sweep sweep levels curve time_at latency resampled interval shown check_trials equivalent "
+    "Sweep sweep curve time_at latency resampled interval shown check_trials equivalent "
     "reads_nothing",
 )
 MOVED |= _members(

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from circuits.spec import Circuit
+from circuits.spec import NATS, Circuit
 from circuits.wiring import Array, Wiring
 
 
@@ -164,18 +164,20 @@ def checked_drive(circuit: Circuit, drive: npt.ArrayLike) -> Array:
 
 def total_nats(circuit: Circuit, drive: Array) -> Array:
     """Return ``S = ln sum exp y`` of a drive (..., channels), nats."""
+    circuit.check_nats("S = ln sum exp y")
     top = drive.max(axis=-1)
     total = top + np.log(np.exp(drive - top[..., None]).sum(axis=-1))
     return circuit.reference_nats + total - np.log(circuit.channels)
 
 
 def warn_beyond_range(circuit: Circuit, drive: Array) -> None:
-    """Warn once if ``S`` leaves the range that the circuit states for its dynamics."""
-    total = total_nats(circuit, drive)
+    """Warn once if ``S``, or without nats the input, leaves the range that the circuit states."""
+    in_nats = circuit.unit == NATS
+    found = total_nats(circuit, drive) if in_nats else circuit.rest_drive + drive
     low, high = circuit.range_nats
-    if total.min() < low or total.max() > high:
+    if found.min() < low or found.max() > high:
         warnings.warn(
-            f"S runs from {total.min():.2f} to {total.max():.2f} nats, {circuit.name} works from "
-            f"{low:g} to {high:g}",
+            f"{'S' if in_nats else 'the input'} runs from {found.min():.2f} to {found.max():.2f} "
+            f"{circuit.unit}, {circuit.name} works from {low:g} to {high:g}",
             stacklevel=3,
         )

@@ -14,7 +14,7 @@ def check_types(row: Any, owner: str) -> None:
     Parameters
     ----------
     row : dataclass
-        Its fields of type float, int, bool, str and tuple[float, ...] are looked at.
+        Its fields of type float, int, bool, str, of numbers or of None are looked at.
     owner : str
         What the row is called in the message.
     """
@@ -26,7 +26,7 @@ def check_types(row: Any, owner: str) -> None:
 
 def is_number(value: Any) -> bool:
     """Whether a value is a real number; True and False are none."""
-    return isinstance(value, Real) and not _is_bool(value)
+    return isinstance(value, Real) and not is_bool(value)
 
 
 def is_whole(value: Any) -> bool:
@@ -57,19 +57,27 @@ def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
     return count
 
 
-def _is_bool(value: Any) -> bool:
+def is_bool(value: Any) -> bool:
+    """Whether a value is True or False, also NumPy's."""
     return type(value).__name__ in ("bool", "bool_")
 
 
 _KINDS = {
     "float": ("a number", is_number),
     "int": ("a whole number", is_whole),
-    "bool": ("true or false", _is_bool),
+    "bool": ("true or false", is_bool),
     "str": ("text", lambda value: isinstance(value, str)),
     "tuple[float, ...]": (
         "numbers",
         lambda value: isinstance(value, (tuple, list)) and all(map(is_number, value)),
     ),
+    "tuple[float, float]": (
+        "two numbers",
+        lambda value: (
+            isinstance(value, (tuple, list)) and len(value) == 2 and all(map(is_number, value))
+        ),
+    ),
+    "float | None": ("a number", lambda value: value is None or is_number(value)),
 }
 
 

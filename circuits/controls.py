@@ -62,6 +62,7 @@ def correlated(
         It comes from this many Poisson cells of 20 Hz, filtered with this time constant (ms); their
         mean input is taken off.
     """
+    circuit.check_nats("noise in nats")
     rate_hz = 20.0
     # Shot noise through an exponential filter (Campbell): variance = rate / (2 tau cells).
     sd_hz = np.sqrt(rate_hz / (2 * tau_ms / 1000 * cells))
@@ -79,6 +80,7 @@ def linear_stn(circuit: Circuit) -> Circuit:
     then the average less the winner, as far as cortex is not silent. It falls further than -ln P:
     SNr gets ``SPARE_NATS`` more tonic drive, or it would fall silent before a decision at .95.
     """
+    circuit.check_nats("the tangent of an exponential STN")
     wiring = wired(circuit)
     rates = rest_rates(wiring)[wiring.blocks_of("STN")]
     rest = float(wiring.activity(rates, "STN").mean())

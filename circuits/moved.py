@@ -45,9 +45,14 @@ MOVED = {
 class _Finder(MetaPathFinder):
     """Finder that stops the import of an old name."""
 
-    def __init__(self, moved: Mapping[str, str]) -> None:
-        self.moved = moved
-        self.holders = {old.rpartition(".")[0] for old in moved}
+    def __init__(self) -> None:
+        self.moved: dict[str, str] = {}
+        self.holders: set[str] = set()
+
+    def add(self, moved: Mapping[str, str]) -> None:
+        """Know more old names."""
+        self.moved |= moved
+        self.holders |= {old.rpartition(".")[0] for old in moved}
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -78,6 +83,11 @@ class _Finder(MetaPathFinder):
         raise AttributeError(f"module {module!r} has no attribute {name!r}")
 
 
+_FINDER = _Finder()
+
+
 def tell(moved: Mapping[str, str]) -> None:
     """Raise an ImportError with the new name wherever one of these old ones is imported."""
-    sys.meta_path.insert(0, _Finder(moved))
+    if _FINDER not in sys.meta_path:
+        sys.meta_path.insert(0, _FINDER)
+    _FINDER.add(moved)

@@ -55,7 +55,7 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
     )
     time_s = activity.time_ms / 1000
     series = {f"{name} rate": (rates[trial], "Hz") for name, rates in activity.rates_hz.items()}
-    series["OUT"] = (activity.output_nats[trial], "nats")
+    series["OUT"] = (activity.output_nats[trial], activity.circuit.unit)
     for name, (data, unit) in series.items():
         file.add_acquisition(
             TimeSeries(

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from circuits.cells import Cell
-from circuits.spec import GABA, Circuit, Population
+from circuits.spec import GABA, NATS, Circuit, Population
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +27,8 @@ COLOURS = {"glutamate": "#b2182b", GABA: "#2166ac"}
 
 
 def nuclei(circuit: Circuit) -> pd.DataFrame:
-    """Return the populations as a table: one row a nucleus, units in the column names."""
+    """Return the populations as a table: one row per nucleus, units in the column names."""
+    unit = circuit.unit.removesuffix("s")
     rows = [
         {
             "nucleus": p.name,
@@ -36,9 +37,9 @@ def nuclei(circuit: Circuit) -> pd.DataFrame:
             "cells": p.neurons if p.spiking else 0,
             "releases": p.transmitter,
             "baseline_hz": p.baseline_hz,
-            "gain_hz_per_nat": p.gain_hz_per_nat,
+            f"gain_hz_per_{unit}": p.gain_hz_per_nat,
             "f": p.transfer,
-            "bias_nats": p.bias_nats,
+            f"bias_{circuit.unit}": p.bias_nats,
             "tau_ms": p.tau_ms,
             "receptor": p.receptor,
             "spread": p.spread,
@@ -72,14 +73,22 @@ def pathways(circuit: Circuit) -> pd.DataFrame:
 def text(circuit: Circuit) -> str:
     """Return the whole circuit on one page."""
     low, high = circuit.range_nats
+    at_rest = (
+        f"S = {circuit.reference_nats:.3g} nats at rest, works"
+        if circuit.unit == NATS
+        else f"in {circuit.unit}, not nats: no posterior follows from OUT; "
+        f"{circuit.rest_drive:.3g} at rest, works"
+    )
+    gain = circuit.default_gain
+    default = "no default gain" if gain is None else f"default gain {gain:g} per nat of evidence"
     head = (
         f"{circuit.name}: {circuit.about}\n"
         f"{circuit.channels} channels, evidence into {circuit.input}, OUT from {circuit.readout}, "
         f"{'exact' if circuit.exact else 'not exact'}\n"
-        f"S = {circuit.reference_nats:.3g} nats at rest, works from {low:g} to {high:g}; OUT is "
-        f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}; "
-        f"drives at most {circuit.reach_nats:g} nats apart, drive gain {circuit.drive_gain:g}, "
-        f"read-out filter {circuit.readout_tau_ms:g} ms"
+        f"{at_rest} from {low:g} to {high:g}; OUT is "
+        f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}\n"
+        f"drives at most {circuit.reach_nats:g} {circuit.unit} apart, drive gain "
+        f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
     )
     tables = [_text(table) for table in (nuclei(circuit), pathways(circuit))]
     return "\n\n".join([head, *tables, constants(circuit)])

@@ -20,7 +20,11 @@ from circuits.rows import GABA, GLUTAMATE, PATTERNS, RECEPTORS, SIGNS, Populatio
 NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite")
 """Fields of rows that leave the fixed point as it is."""
 
-__all__ = ["GABA", "GLUTAMATE", "PATTERNS", "Circuit", "Population", "Projection"]
+NATS = "nats"
+UNITS = (NATS, "salience")
+"""Units of a circuit's drive and OUT."""
+
+__all__ = ["GABA", "GLUTAMATE", "NATS", "PATTERNS", "UNITS", "Circuit", "Population", "Projection"]
 
 
 @dataclass(frozen=True)
@@ -28,8 +32,8 @@ class Circuit:
     """A whole circuit; every engine reads this and nothing else.
 
     The evidence enters ``input`` as a drive in nats, one number a channel, that is zero at rest:
-    the input is ``drive_gain * (drive + reference_nats - ln channels)``. The decoded rate of
-    ``readout`` is OUT.
+    the input is ``drive_gain * (drive + rest_drive)``. The decoded rate of ``readout`` is OUT. In
+    a circuit of another ``unit`` drive, OUT and every field whose name ends in nats are in that.
 
     Parameters
     ----------
@@ -41,8 +45,12 @@ class Circuit:
         Number of alternatives.
     input, readout : str
         Populations where evidence enters and where OUT is read.
+    unit : str
+        Of drive and OUT: "nats", or "salience", from which no posterior follows.
     reference_nats : float
-        ``S = ln sum exp y`` at rest.
+        ``S = ln sum exp y`` at rest; of another unit than nats, each channel's input at rest.
+    default_gain : float, optional
+        Nats of drive per nat of evidence that the circuit was made with; none if that is not known.
     drive_gain : float
         Factor on the drive that keeps OUT in nats.
     readout_tau_ms : float
@@ -50,7 +58,7 @@ class Circuit:
     exact : bool
         Whether its fixed point claims to be ``-ln P``; an edit of a weight takes the claim away.
     range_nats : tuple of float
-        Lowest and highest ``S`` at which the circuit works.
+        Lowest and highest ``S`` (of another unit than nats, input) at which the circuit works.
     readable_nats : tuple of float
         Lowest and highest OUT that the read-out's rate stands for.
     reach_nats : float
@@ -80,6 +88,8 @@ class Circuit:
     most_channels: int = 1000
     wiring_seed: int = 0
     about: str = ""
+    unit: str = NATS
+    default_gain: float | None = None
     _known: dict[str, Population] = field(init=False, repr=False, compare=False, hash=False)
 
     def __post_init__(self) -> None:
@@ -97,6 +107,7 @@ class Circuit:
                 f"{self.name} takes at most {self.most_channels} alternatives, got {self.channels}"
             )
         self._check_numbers()
+        self._check_unit()
         for p in self.projections:
             self.population(p.target)
             sign = SIGNS[self.population(p.source).transmitter]
@@ -124,9 +135,32 @@ class Circuit:
             raise ValueError(f"reach_nats must be > 0, got {self.reach_nats}")
         if not 0 <= self.readout_tau_ms < math.inf:
             raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
+        for name in ("range_nats", "readable_nats"):
+            if any(map(math.isnan, getattr(self, name))):
+                raise ValueError(f"{name} must be two numbers, got {getattr(self, name)}")
         for name in ("reference_nats", "drive_gain"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
+
+    def _check_unit(self) -> None:
+        if self.unit not in UNITS:
+            raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
+        if self.exact:
+            self.check_nats("exact, OUT = -ln P,")
+        if self.default_gain is not None and not 0 < self.default_gain < math.inf:
+            raise ValueError(f"default_gain must be > 0 and finite, got {self.default_gain}")
+
+    def check_nats(self, what: str, instead: str = "") -> None:
+        """Raise ValueError, in a circuit of another unit, for what has a meaning in nats alone."""
+        if self.unit != NATS:
+            raise ValueError(
+                f"{self.name} works in {self.unit}, not nats: {what} has no meaning there{instead}"
+            )
+
+    @property
+    def rest_drive(self) -> float:
+        """What the input adds to the drive of each channel: its input at rest."""
+        return self.reference_nats - (np.log(self.channels) if self.unit == NATS else 0.0)
 
     def population(self, name: str) -> Population:
         """Return a row by name.
@@ -295,8 +329,9 @@ class Circuit:
         return circuit
 
     def with_channels(self, channels: int) -> Circuit:
-        """Return the circuit for another number of alternatives."""
-        return replace(self, channels=channels)
+        """Return the circuit for another number of alternatives, for which no gain was found."""
+        gain = self.default_gain if channels == self.channels else None
+        return replace(self, channels=channels, default_gain=gain)
 
     def with_neurons(self, neurons: int) -> Circuit:
         """Return the circuit with another number of cells in every spiking population.

@@ -68,6 +68,13 @@ TRANSFERS: dict[str, Transfer] = {
         "clip({x}, 0, inf)",
         "no less than zero",
     ),
+    "ramp": Transfer(
+        lambda x: np.clip(x, 0.0, 1.0),
+        lambda x: ((x > 0) & (x < 1)).astype(np.float64),
+        np.zeros_like,
+        "clip({x}, 0, 1)",
+        "no less than zero, no more than one; Gurney, Prescott & Redgrave 2001",
+    ),
     "exp": Transfer(
         _capped,
         _capped,
@@ -83,7 +90,7 @@ TRANSFERS: dict[str, Transfer] = {
         "S - ln S of what STN delivers to GPe; Bogacz & Gurney 2007. No input drives nothing",
     ),
 }
-"""All transfers by name. The compiled engine knows these four; a fifth runs in the others."""
+"""All transfers by name. The compiled engine has no ramp, and none that is added here."""
 
 
 def named(name: str) -> Transfer:

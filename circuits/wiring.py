@@ -181,8 +181,7 @@ def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
     rows = [circuit.populations[i] for i in owner]
     start = {row.name: owner.index(i) for i, row in enumerate(circuit.populations)}
     bias = np.array([row.bias_nats for row in rows])
-    rest = circuit.reference_nats - np.log(circuit.channels)
-    bias[[row.name == circuit.input for row in rows]] += circuit.drive_gain * rest
+    bias[[row.name == circuit.input for row in rows]] += circuit.drive_gain * circuit.rest_drive
 
     path, deliver, constant, weights = [], [], [], []
     for i, p in enumerate(circuit.projections):

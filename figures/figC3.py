@@ -19,12 +19,11 @@ from bgmodel.comparison.circuits import (
     decide_at_thresholds,
     msprt_sweeps,
     thresholds_about,
-    usual_gain,
 )
 from bgmodel.comparison.compare import Sweep, compare, curve, sweep
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import MaxVsAverage, Race
 from bgmodel.tactile.task import SameDifferent, source
 from circuits.anatomy import circuit
@@ -53,7 +52,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     measures, trials = [], []
     for name, evidence in conditions(settings, read_table(taps)):
         table = circuit("spiking_msprt", evidence.hypotheses)
-        gain = usual_gain(evidence.hypotheses)
+        gain = gain_of(table)
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
         swept = msprt_sweeps(evidence, gain)
         swept |= decide_at_thresholds(model, evidence, thresholds_about(swept[MSPRT_AT_GAIN]))

@@ -26,7 +26,6 @@ from bgmodel.comparison.circuits import (
     decide_at_thresholds,
     msprt_sweeps,
     thresholds_about,
-    usual_gain,
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.page import behaviour, page
@@ -244,7 +243,7 @@ def test_compare_command(tmp_path, capsys):
     found = pd.read_csv(out, comment="#")
     assert {"circuit", "cortical decoder", "race", "LCA"} <= set(found["model"])
     behind = json.loads(provenance_path(out).read_text())
-    assert behind["parameters"]["command"]["gain"] == usual_gain(2) == 0.7
+    assert behind["parameters"]["command"]["gain"] == 0.7
     again = tmp_path / "b.csv"
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()

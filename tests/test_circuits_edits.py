@@ -179,7 +179,7 @@ def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
         (("STN.neurons=2.5",), "STN: neurons must be a whole number, got '2.5'"),
         (("STN.pooled=maybe",), "STN: pooled must be true or false, got 'maybe'"),
         (("ctx->D1.factors=1,x",), "ctx->D1: factors must be numbers, got '1,x'"),
-        (("STN.cell=adex",), "STN: cell must be one of rate, .*phase, got 'adex'"),
+        (("STN.cell=adex",), "STN: cell must be one of AdEx, .*Rate, got 'adex'"),
         (("STN.cell=Phase",), "STN: the cell needs cv"),
         (("STN.cell.tau_ms=12",), "STN has no 'cell.tau_ms': cell, .*, cell.cv"),
         (("GPe.tau_ms=12",), "GPe: tau_ms is that of the Lif cell, cell.tau_ms: leave it 0"),

@@ -230,7 +230,18 @@ def cannot(**given):
 
 def test_warnings_are_a_sentence_and_say_when_the_deadline_decides(tmp_path, capsys):
     out = tmp_path / "out.csv"
-    arguments = ["--engine", "algebra", "--circuit", "bogacz_gurney", "--trials", 20, "--t-max", 2]
+    arguments = [
+        "--engine",
+        "algebra",
+        "--circuit",
+        "bogacz_gurney",
+        "--gain",
+        0.7,
+        "--trials",
+        20,
+        "--t-max",
+        2,
+    ]
     assert run("circuit", "run", out, *arguments, "--posterior", 0.99) == 0
     said = capsys.readouterr().err
     assert "bgmodel: 20 of 20 trials never met the threshold" in said

@@ -11,7 +11,7 @@ from circuits.engines import DROPPING, ENGINES, SPIKING, run
 from circuits.spec import Projection
 
 SEED = 11
-FAST = {"algebra": {}, "rate": {}, "ensemble": {}, "brian2": {"target": "numpy"}}
+FAST = {"algebra": {}, "rate": {}, "ensemble": {}, "brian2": {}, "plain": {}}
 TABLE = anatomy.spiking_msprt(3).with_neurons(20)
 CENTRED = np.array([[1.1, -0.3, -0.8], [0.0, 0.0, 0.0], [-0.5, 1.5, -1.0]])
 
@@ -109,7 +109,7 @@ def test_spiking_engines_need_a_seed(engine):
 
 
 def test_an_unknown_engine_lists_those_that_there_are():
-    with pytest.raises(ValueError, match="algebra, rate, ensemble, brian2, got 'nest'"):
+    with pytest.raises(ValueError, match="algebra, rate, ensemble, brian2, plain, got 'nest'"):
         run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine="nest", step_ms=10)
 
 

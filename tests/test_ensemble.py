@@ -282,6 +282,6 @@ def test_strong_inhibition_is_not_taken_for_a_refractory_period():
 
 
 def test_an_edit_without_a_state_of_rest_warns():
-    runaway = BASE.with_rows(Projection("STN", "STN", 3.0, "diffuse"))
+    runaway = BASE.with_rows(Projection("STN", "STN", 0.5, "diffuse")).without("common")
     with pytest.warns(UserWarning, match="as edited has no state of rest"):
         ensemble.run(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)

@@ -123,13 +123,29 @@ def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv)
 # ---- a circuit
 
 
+def shot_covariance(cell, hz, a, b):
+    """Return that of a cell's spikes through exp(-a t) and exp(-b t), rates in Hz (Cox 1962)."""
+
+    def later(s):
+        """Return the transform of the rate after a spike."""
+        passed = np.exp((1 - np.sqrt(1 + 2 * s * cell.cv**2 / hz)) / cell.cv**2)
+        return passed / (1 - passed)
+
+    return hz / (a + b) * (1 + later(a) + later(b)) - hz**2 / (a * b)
+
+
 @pytest.mark.parametrize("tau_ms", [0.0, 5.0])
-def test_poisson_noise_lifts_an_exponential_by_half_its_variance(tau_ms):
-    """Shot noise through filters of 4 and tau ms: variance r / (2 (4 + tau) n) a squared gain."""
+def test_noise_of_spikes_lifts_an_exponential_by_half_its_variance(tau_ms):
+    """Renewal shot noise through filters of 4 and tau ms, in closed form."""
     cells = 200
     wiring, x = state(fed(cells=cells, tau_ms=tau_ms))
     extra = extra_rates(wiring, x[None])[0]
-    variance = 40.0 / (2 * (4 + tau_ms) / 1000 * cells) / 20.0**2
+    a, of = 1000 / 4, lambda x, y: shot_covariance(Phase(1.0), 40.0, x, y)
+    variance = of(a, a) * a**2
+    if tau_ms:
+        b = 1000 / tau_ms
+        variance = (of(a, a) - 2 * of(a, b) + of(b, b)) * (a * b / (a - b)) ** 2
+    variance /= cells * 20.0**2
     target = wiring.blocks_of("target")
     expected = wiring.rates(x)[target] * variance / 2
     np.testing.assert_allclose(extra[target], expected, rtol=0.01 if tau_ms else 0.04)

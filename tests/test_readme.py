@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from itertools import groupby
 from pathlib import Path
 
 import pytest
@@ -41,10 +42,11 @@ def lines(example):
 def commands(example):
     """Yield the arguments of every ``bgmodel`` command of a console block, and its line."""
     for line in lines(example):
-        for part in " ".join(shlex.split(line, comments=True)).split(" && "):
-            words = shlex.split(part)
-            if words[0] == "bgmodel":
-                yield words[1:], line
+        words = shlex.split(line, comments=True)
+        for then, part in groupby(words, lambda word: word == "&&"):
+            name, *arguments = part
+            if not then and name == "bgmodel":
+                yield arguments, line
 
 
 @pytest.fixture

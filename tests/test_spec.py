@@ -125,8 +125,8 @@ def test_unknown_names_list_the_valid_ones(circuit):
         circuit.with_population("STN", tau=3)
     with pytest.raises(ValueError, match="has no 'delay': weight, pattern"):
         circuit.with_projection("STN", "GPe", delay=3)
-    with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gpr'"):
-        anatomy.circuit("gpr")
+    with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gprx'"):
+        anatomy.circuit("gprx")
     with pytest.raises(ValueError, match=r"transfer must be one of linear, .*got 'cubic'"):
         circuit.with_population("STN", transfer="cubic")
     with pytest.raises(ValueError, match=r"pattern must be one of 'channel', .*got 'random'"):
@@ -213,7 +213,7 @@ def edit(circuit, row, values):
         ("STN", {"neurons": math.nan}, "STN: neurons must be a whole number, got nan"),
         ("STN", {"spread": 5}, "STN: spread must lie in 0..1, got 5"),
         ("STN", {"pooled": 1}, "STN: pooled must be true or false, got 1"),
-        ("STN", {"cell": "Lif"}, "STN: cell must be a cell type, got 'Lif'"),
+        ("STN", {"cell": "Lif"}, "STN: cell must be one of AdEx, .*got 'Lif'"),
         ("STN", {"gain_hz_per_nat": "1"}, "STN: gain_hz_per_nat must be a number, got '1'"),
         ("GPe.cell", {"tau_ms": "x"}, "a Lif cell: tau_ms must be a number, got 'x'"),
     ],

@@ -23,12 +23,11 @@ from bgmodel.comparison.circuits import (
     MSPRT_AT_GAIN,
     compare_with_msprt,
     sample_ms,
-    usual_gain,
 )
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
 from circuits.anatomy import circuit
@@ -111,7 +110,7 @@ def main() -> None:
     for name, table, evidence in conditions(given.trials):
         if given.only not in name:
             continue
-        gain = given.gain or usual_gain(table.channels)
+        gain = gain_of(table, given.gain)
         if given.gain:
             name += f", gain {gain:g}"
         path = OUT / f"scoring {name.replace('/', ' ')}.csv"

@@ -15,10 +15,10 @@ import pandas as pd
 
 from benchmarks import OUT
 from benchmarks.scores.agreement import SCORING_SEED, conditions
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt, usual_gain
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt
 from bgmodel.comparison.page import page
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.engines import SPIKING
 from circuits.spec import Circuit
 
@@ -55,7 +55,7 @@ def main() -> None:
         fast = name.endswith("every 50 ms") and table.channels <= 4
         if not fast or given.only not in name:
             continue
-        gain, parts = usual_gain(table.channels), []
+        gain, parts = gain_of(table), []
         for case, engine, edited in cases(table):
             noisy = engine in SPIKING
             options = {"workers": given.workers} if noisy else {}

@@ -13,10 +13,10 @@ import pandas as pd
 
 from benchmarks import OUT
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits, usual_gain
+from bgmodel.comparison.circuits import compare_edits
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import circuit
 from circuits.controls import perturbed
 
@@ -60,7 +60,7 @@ def main() -> None:
     )
     table = circuit("spiking_msprt")
     edited = dict(list(perturbed(table).items())[:: given.every])
-    gain = usual_gain(2)
+    gain = gain_of(table)
     model = BasalGanglia(table, "ensemble", gain, SCORING_SEED, {"workers": given.workers})
     found = compare_edits(
         model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,), resamples=500

@@ -25,11 +25,10 @@ from bgmodel.comparison.circuits import (
     decide_at_thresholds,
     msprt_sweeps,
     thresholds_about,
-    usual_gain,
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import circuit
 from circuits.spec import Circuit
 
@@ -99,7 +98,8 @@ def main() -> None:
     parser.add_argument("--d-prime", type=float, default=1.0)
     parser.add_argument("--trials", type=int, default=1000)
     given = parser.parse_args()
-    gain = usual_gain(given.channels)
+    table = circuit("spiking_msprt", given.channels)
+    gain = gain_of(table)
     drawn = [
         (seed, tuning_evidence(given.trials, given.channels, given.d_prime, seed))
         for seed in TUNING_SEEDS
@@ -107,7 +107,7 @@ def main() -> None:
     print(
         f"N = {given.channels}, d' {given.d_prime:g}, gain {gain:g}, {given.trials} trials a seed"
     )
-    for name, edited in tried(circuit("spiking_msprt", given.channels)):
+    for name, edited in tried(table):
         found = [scored(edited, evidence, gain, seed) for seed, evidence in drawn]
         r = np.mean([every for every, _ in found], axis=0)
         offset = np.mean([offset for _, offset in found])

@@ -21,11 +21,11 @@ from scipy.signal import lfilter
 
 from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_sweeps, thresholds_about, usual_gain
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_sweeps, thresholds_about
 from bgmodel.comparison.compare import compare, sweep
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import circuit
 from circuits.spec import Circuit
 
@@ -105,7 +105,7 @@ def main() -> None:
     parser.add_argument("--gain", type=float)
     given = parser.parse_args()
     table = circuit("spiking_msprt", given.channels)
-    gain = given.gain or usual_gain(given.channels)
+    gain = gain_of(table, given.gain)
     runs = []
     for seed in TUNING_SEEDS:
         evidence = tuning_evidence(given.trials, given.channels, given.d_prime, seed)

@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import at_rest, compare_edits, usual_gain
+from bgmodel.comparison.circuits import at_rest, compare_edits
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import circuit
 from circuits.laws.firing import fit_current
 from circuits.spec import Circuit
@@ -96,7 +96,8 @@ def main() -> None:
     parser.add_argument("--d-prime", type=float, default=0.5)
     parser.add_argument("--trials", type=int, default=500)
     given = parser.parse_args()
-    table, gain = circuit("spiking_msprt", given.channels), usual_gain(given.channels)
+    table = circuit("spiking_msprt", given.channels)
+    gain = gain_of(table)
     tried = neighbours(table)
     for name, row in {"as it is": table, **tried}.items():
         at = at_rest(row, seed=TUNING_SEEDS[0])

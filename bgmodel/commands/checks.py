@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 COMPILES = "the first run of a kind of circuit compiles: half a minute or less"
 """What a command says before it runs the ensemble engine."""
-OUTPUTS = ("output", "drawing", "rates", "nwb")
+OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed")
 """Options that change no byte of a result; the seed stands apart."""
@@ -64,9 +64,15 @@ def recorded(value: Any) -> Any:
     if is_dataclass(value):
         named = {field.name: recorded(getattr(value, field.name)) for field in fields(value)}
         return {"kind": type(value).__name__, **named}
-    if isinstance(value, Path) and value.is_file():
-        return {"file": value.name, "sha256": files.checksum(value)}
+    path = circuit_file(value) if isinstance(value, str) else value
+    if isinstance(path, Path) and path.is_file():
+        return {"file": path.name, "sha256": files.checksum(path)}
     return value
+
+
+def circuit_file(name: str) -> Path | None:
+    """Return the path of a circuit that is a file; None for the name of a table."""
+    return Path(name) if name.endswith(".toml") else None
 
 
 def check_ending(name: str, path: Path, *allowed: str) -> None:
@@ -106,6 +112,8 @@ def check_apart(paths: Iterable[tuple[str, Path]]) -> None:
 def _paths(options: Any) -> Iterator[tuple[str, Path]]:
     for field in fields(options):
         value = getattr(options, field.name)
+        if field.name == "circuit":
+            value = circuit_file(value)
         if isinstance(value, Path):
             yield field.name, value
         elif is_dataclass(value):

@@ -6,7 +6,7 @@ import importlib.util
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
@@ -29,6 +29,11 @@ from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables import trials as tables
 
+if TYPE_CHECKING:
+    from circuits.spec import Circuit
+
+DEFAULT_POSTERIOR = 0.9
+
 
 @dataclass(frozen=True)
 class CircuitShow(Writes):
@@ -37,15 +42,18 @@ class CircuitShow(Writes):
     Examples: bgmodel circuit show spiking_msprt;
     bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf;
     bgmodel circuit show --edits.change "STN->GPe.delay_ms=4" --edits.add "D1->GPe weight=-0.1"
+    bgmodel circuit show spiking_msprt --channels 4 --save mine.toml; bgmodel circuit show mine.toml
     """
 
     circuit: Positional[CircuitName] = SPIKING_MSPRT
-    """Name of the table."""
-    channels: int = 2
-    """Number of alternatives."""
+    """Name of the table, or the path of a .toml file."""
+    channels: int | None = None
+    """Number of alternatives; 2 unless given, or that of the file."""
     edits: Edits = field(default_factory=Edits)
     drawing: Path | None = None
     """Where a drawing goes, .pdf, .svg or .png."""
+    save: Path | None = None
+    """Where the table goes as a file of your own, .toml, as edited."""
     rest: bool = False
     """Whether to run it without evidence too, and print rates and how irregular its cells fire."""
     noise: float | None = None
@@ -56,6 +64,8 @@ class CircuitShow(Writes):
         from circuits.anatomy import circuit
         from circuits.show import text
 
+        if self.save is not None:
+            check_ending("save", self.save, ".toml")
         table = self.edits.apply(circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
@@ -81,13 +91,18 @@ class CircuitShow(Writes):
             print(found.to_string(index=False, float_format="{:.2f}".format))
         if scatter is not None:
             print(f"\n{scatter}")
+        if self.save is not None:
+            from circuits.table_files import write
+
+            print(f"\n{table.name}, {table.channels} channels -> {write(table, self.save)}")
 
 
-def _scatter(table: Any, posterior: float) -> str:
+def _scatter(table: Circuit, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
     from bgmodel.comparison.steady import leader_drive
     from circuits.laws.spectra import out_variance
 
+    table.check_nats("a posterior (--noise)")
     # Between the readable OUTs, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
@@ -120,16 +135,18 @@ class CircuitRun(Writes):
     output: Positional[Path]
     """Where the trial table goes, .parquet or .csv."""
     circuit: CircuitName = SPIKING_MSPRT
-    """Name of the table."""
+    """Name of the table, or the path of a .toml file."""
     engine: EngineName = ENSEMBLE
     """How the circuit is run: compiled spikes, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
     gain: float | None = None
-    """Nats in the circuit a nat of evidence, kappa; unless given, what scores are made with: .7 for
-    two alternatives, .5 for three to seven, .6 from eight on."""
-    posterior: float = 0.9
-    """Posterior probability, in the circuit's nats, at which it decides."""
+    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the
+    table's default unless given."""
+    posterior: float | None = None
+    """Posterior probability, in the circuit's nats, at which it decides; .9 unless given."""
+    threshold: float | None = None
+    """OUT at which it decides, in the circuit's unit, in place of a posterior."""
     workers: int = 2
     """Threads of the ensemble engine; they change no byte."""
     rates: Path | None = None
@@ -140,8 +157,12 @@ class CircuitRun(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import usual_gain
-        from bgmodel.integrators.basal_ganglia import BasalGanglia, check_threshold
+        from bgmodel.integrators.basal_ganglia import (
+            BasalGanglia,
+            check_threshold,
+            gain_of,
+            identity,
+        )
         from circuits.anatomy import circuit
         from circuits.engines import SPIKING
 
@@ -149,7 +170,8 @@ class CircuitRun(Writes):
         trials = self.stimuli.draw(self.seed, "circuit run")
         evidence = trials.evidence
         table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
-        threshold = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
+        gain = gain_of(table, self.gain)
+        threshold = self._threshold(table)
         check_threshold(table, threshold)
         options: dict[str, Any] = {}
         if self.engine in SPIKING and self.nwb is not None:
@@ -159,7 +181,6 @@ class CircuitRun(Writes):
         if self.engine == "ensemble":
             options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
-        gain = usual_gain(evidence.hypotheses) if self.gain is None else self.gain
         model = BasalGanglia(table, self.engine, gain, self.seed, options)
         say_before(model, evidence, evidence.trials)
         model.warn_of_noise(threshold)
@@ -168,17 +189,22 @@ class CircuitRun(Writes):
         seed = self.seed if self._draws() else None
         about = f"{table.name} {self.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
-        behind = options_of(self, gain=gain)
-        files.write_table(result, self.output, seed=seed, command=behind)
+        posterior = self._posterior() if self.threshold is None else None
+        behind = {
+            "command": options_of(self, gain=gain, posterior=posterior),
+            "circuit": identity(table),
+        }
+        files.write_table(result, self.output, seed=seed, **behind)
         if self.rates is not None:
-            files.write_table(activity.rate_table(), self.rates, seed=seed, command=behind)
+            files.write_table(activity.rate_table(), self.rates, seed=seed, **behind)
         if self.nwb is not None:
             from circuits.nwb import write_nwb
 
             write_nwb(activity, self.nwb)
         if self.stimuli.evidence is not None:
             print(trials.said())
-        say_of_trials(result, criterion="--posterior, or another --gain")
+        criterion = "--posterior" if self.threshold is None else "--threshold"
+        say_of_trials(result, criterion=f"{criterion}, or another --gain")
         known = evidence.truth is not None
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
@@ -186,6 +212,16 @@ class CircuitRun(Writes):
             f"forced {result['forced'].sum()}, in {time.perf_counter() - started:.1f} s "
             f"-> {self.output}"
         )
+
+    def _posterior(self) -> float:
+        return DEFAULT_POSTERIOR if self.posterior is None else self.posterior
+
+    def _threshold(self, table: Circuit) -> float:
+        """Return the OUT at which it decides, in the circuit's unit."""
+        if self.threshold is not None:
+            return self.threshold
+        table.check_nats("a posterior", f"; give --threshold, an OUT in {table.unit}")
+        return float(criterion_from_posterior(self._posterior(), table.channels))
 
     def _draws(self) -> bool:
         """Whether anything is drawn with the seed: evidence, or the noise of cells."""
@@ -199,8 +235,12 @@ class CircuitRun(Writes):
         self.edits.check_engine(self.engine)
         self.stimuli.check()
         check_whole(workers=self.workers)
-        if self.stimuli.evidence is None:
-            criterion_from_posterior(self.posterior, self.stimuli.channels)
+        if self.threshold is not None and self.posterior is not None:
+            raise ValueError("give posterior or threshold, not both")
+        if self.threshold is not None and not np.isfinite(self.threshold):
+            raise ValueError(f"threshold must be finite, got {self.threshold}")
+        if self.stimuli.evidence is None and self.threshold is None:
+            criterion_from_posterior(self._posterior(), self.stimuli.channels)
         for name, endings in (("rates", (".parquet", ".csv")), ("nwb", (".nwb",))):
             if (path := getattr(self, name)) is not None:
                 check_ending(name, path, *endings)

@@ -39,14 +39,14 @@ class Comparison(Writes):
     output: Positional[Path]
     """Where the table of measures goes, .parquet or .csv."""
     circuit: CircuitName = SPIKING_MSPRT
-    """Name of the table."""
+    """Name of the table, or the path of a .toml file."""
     engine: EngineName = ENSEMBLE
     """How the circuit is run: compiled spikes, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
     gain: float | None = None
-    """Nats in the circuit a nat of evidence, kappa; unless given, what scores are made with: .7 for
-    two alternatives, .5 for three to seven, .6 from eight on."""
+    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the
+    table's default unless given."""
     accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
     """Expected accuracies at which thresholds are matched."""
     workers: int = 2
@@ -81,9 +81,7 @@ class Compare(Comparison):
         table = compare_with_msprt(
             model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies
         )
-        files.write_table(
-            table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
-        )
+        files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         print(page(table))
         print(f"{evidence.trials} trials -> {self.output}")
 
@@ -120,9 +118,7 @@ class CircuitLesion(Comparison):
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         say_before(model, evidence, model.batch(evidence))
         table = compare_edits(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
-        files.write_table(
-            table, self.output, seed=self.seed, command=options_of(self, gain=model.gain)
-        )
+        files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         print("at the intact circuit's threshold (a prediction):")
         print(behaviour(table))
         print("\nagainst the MSPRT, thresholds tuned anew:")
@@ -130,12 +126,21 @@ class CircuitLesion(Comparison):
         print(f"{evidence.trials} trials -> {self.output}")
 
 
+def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
+    """Return what a result was made with, for its provenance."""
+    from bgmodel.integrators.basal_ganglia import identity
+
+    command = options_of(asked_for, gain=model.gain)
+    return {"command": command, "circuit": identity(model.circuit)}
+
+
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
-    from bgmodel.comparison.circuits import sample_ms, usual_gain
+    from bgmodel.comparison.circuits import sample_ms
     from bgmodel.comparison.compare import MARGIN, check_trials
-    from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
     from circuits.anatomy import circuit
+    from circuits.spec import NATS
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")
@@ -163,6 +168,11 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
         options = {"workers": asked_for.workers}
     if asked_for.engine in ("ensemble", "rate"):
         options["sample_ms"] = sample_ms(evidence.step_ms)
-    gain = usual_gain(evidence.hypotheses) if asked_for.gain is None else asked_for.gain
+    gain = gain_of(table, asked_for.gain)
+    if table.unit != NATS:
+        say(
+            f"{table.name} works in {table.unit}, not nats: its thresholds are in {table.unit}, "
+            "matched to accuracies that the evidence's own posterior gives, beside the full MSPRT"
+        )
     model = BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
     return model, evidence

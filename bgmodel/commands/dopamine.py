@@ -35,13 +35,14 @@ class CircuitLearn(Writes):
     output: Positional[Path]
     """Where the table of trials goes, .parquet or .csv."""
     circuit: CircuitName = SPIKING_MSPRT
-    """Name of the table."""
+    """Name of the table, or the path of a .toml file."""
     engine: TimedEngineName = RATE
     """How the circuit is run: rates, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
-    gain: float = 0.5
-    """Nats in the circuit a nat of evidence, kappa."""
+    gain: float | None = None
+    """Nats in the circuit per nat of evidence, kappa; unless given, .5 for spiking_msprt, and else
+    the table's default."""
     posterior: float = 0.74
     """Posterior, in the circuit's nats, at which it decides at a level of 1."""
     xi: float = 50.0
@@ -58,7 +59,7 @@ class CircuitLearn(Writes):
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.dopamine import COARSE, playable_levels
-        from bgmodel.integrators.basal_ganglia import BasalGanglia
+        from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of, identity
         from bgmodel.learning.level import learn_level, learned_table, level_outcomes, regret
         from bgmodel.learning.reinforce import LearningStopped
         from circuits.anatomy import circuit
@@ -69,8 +70,10 @@ class CircuitLearn(Writes):
             print(trials.said())
         evidence = trials.evidence
         table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
+        table.check_nats("a criterion that dopamine sets")
+        gain = gain_of(table, self.gain)
         options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
-        model = BasalGanglia(table, self.engine, self.gain, self.seed, options)
+        model = BasalGanglia(table, self.engine, gain, self.seed, options)
         model.warn_beyond_range(evidence)
         threshold_nats = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
         levels = playable_levels(model, self.levels, threshold_nats)
@@ -92,7 +95,12 @@ class CircuitLearn(Writes):
             )
         if any(late):
             say(f"the deadline decides most trials at {sum(late)} of {len(levels)} levels")
-        behind: dict[str, Any] = {"seed": self.seed, "command": options_of(self)}
+        command = options_of(self, gain=gain)
+        behind: dict[str, Any] = {
+            "seed": self.seed,
+            "command": command,
+            "circuit": identity(table),
+        }
         try:
             learned = learn_level(
                 outcomes,

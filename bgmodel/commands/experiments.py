@@ -39,6 +39,7 @@ class ExperimentRun(Writes):
         """Run the command."""
         from bgmodel.experiments import experiment as experiments
         from bgmodel.experiments.outcomes import outcomes, page
+        from bgmodel.integrators.basal_ganglia import identity
 
         if not self.file:
             for name, one in experiments.shipped().items():
@@ -58,7 +59,14 @@ class ExperimentRun(Writes):
             said = outcomes(experiment, table).assign(condition="change")
             kept = ["condition", "measure", "direction", "at_least", "outcome"]
             whole = table.merge(said[kept], how="left", on=["condition", "measure"])
-            behind = {"seed": experiment.seed, "experiment": recorded(experiment)}
+            control, manipulation = done.models
+            ran = replace(experiment, gain=control.gain)
+            behind = {
+                "seed": experiment.seed,
+                "experiment": recorded(ran),
+                "control": identity(control.circuit),
+                "manipulation": identity(manipulation.circuit),
+            }
             files.write_table(whole, self.output, **behind)
             files.write_table(done.trials, self._trials_path(), **behind)
         if experiment.task.evidence is not None:

@@ -20,7 +20,7 @@ class Name(str):
 
 
 class CircuitName(Name):
-    """Name of a table."""
+    """Name of a table, or the path of a .toml file."""
 
     @classmethod
     def known(cls) -> tuple[str, ...]:
@@ -28,6 +28,13 @@ class CircuitName(Name):
         from circuits.anatomy import CIRCUITS
 
         return tuple(CIRCUITS)
+
+    @classmethod
+    def parse(cls, given: str) -> Name:
+        """Return a name, or a path as it is; ValueError for a name that there is not."""
+        from circuits.table_files import is_path
+
+        return cls(given) if is_path(given) else super().parse(given)
 
 
 class EngineName(Name):

@@ -31,7 +31,7 @@ from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.seeds import stream
 from circuits.engines import DROPPING, SPIKING
-from circuits.spec import Circuit
+from circuits.spec import NATS, Circuit
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
@@ -45,18 +45,10 @@ ROUNDING_NATS = 0.01
 """The same where nothing is decoded."""
 
 
-def usual_gain(alternatives: int) -> float:
-    """Return the nats in ``spiking_msprt`` a nat of evidence that its scores are made with.
-
-    Near a decision OUT follows the evidence with a slope ``kappa (1 - P)``, P the softmax of
-    ``kappa L``: a higher gain drowns the noise of cortex, and beyond a point that of all others
-    drowns OUT. With two alternatives the slope at accuracies of .90 to .97 stands higher for longer
-    than with four; with eight OUT at .90 lies above what the circuit reads unless the gain is
-    higher. Tuned on seeds of its own with ``benchmarks/tuning/filters.py``.
-    """
-    if alternatives <= 2:
-        return 0.7
-    return 0.5 if alternatives < 8 else 0.6
+def references(model: BasalGanglia, evidence: Evidence) -> dict[str, Sweep]:
+    """Return the tests that a circuit is held to: without nats no MSPRT has its gain."""
+    found = msprt_sweeps(evidence, model.gain)
+    return found if model.circuit.unit == NATS else {MSPRT: found[MSPRT]}
 
 
 def sample_ms(step_ms: float) -> float:
@@ -87,11 +79,16 @@ def thresholds_of(
 ) -> npt.NDArray[np.float64]:
     """Return those of ``thresholds_about`` that a circuit reads, and is not past without evidence.
 
+    Without nats they lie evenly from OUT at rest down to the lowest that is read.
+
     Raises
     ------
     ValueError
         If there is none: the circuit would decide without evidence at each.
     """
+    if circuit.unit != NATS:
+        lowest = max(circuit.readable_nats[0], _silent(circuit))
+        return np.linspace(rest_out(circuit), lowest, THRESHOLDS + 2)[1:-1]
     about = thresholds_about(test, highest)
     found = deciding_thresholds(circuit, about)
     if not found.size:
@@ -128,7 +125,8 @@ def decide_at_thresholds(
     Where the engine can, a trial is dropped once its OUT is a little below the lowest threshold. If
     the decoder has not crossed all thresholds by then, the trial is run again, to its end.
     """
-    decodes = model.engine in SPIKING and decoder_tau_ms is not None
+    in_nats = model.circuit.unit == NATS
+    decodes = in_nats and model.engine in SPIKING and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
     if model.engine in DROPPING:
         level = lowest - (BELOW_NATS if decodes else ROUNDING_NATS)
@@ -186,19 +184,19 @@ def compare_with_msprt(
     """
     check_trials(evidence.trials)
     model.warn_beyond_range(evidence)
-    references = msprt_sweeps(evidence, model.gain)
+    tests = references(model, evidence)
     found = decide_at_thresholds(
-        model, evidence, thresholds_of(model.circuit, references[MSPRT_AT_GAIN])
+        model, evidence, thresholds_of(model.circuit, next(iter(tests.values())))
     )
     _warn_of_noise(model, found[CIRCUIT], accuracies)
-    pairs = [(name, reference) for reference in references for name in found]
+    pairs = [(name, reference) for reference in tests for name in found]
     for name in RIVALS if rivals is None else rivals:
         found[name] = sweep(RIVALS[name]().run(evidence), evidence)
         pairs.append((name, MSPRT))
     parts = []
     for name, reference in pairs:
         table = compare(
-            references[reference],
+            tests[reference],
             found[name],
             rng=stream(seed, "bootstrap"),
             truth=evidence.truth,
@@ -244,7 +242,7 @@ def compare_edits(
     """
     check_trials(evidence.trials)
     model.warn_beyond_range(evidence)
-    test = msprt_sweeps(evidence, model.gain)[MSPRT_AT_GAIN]
+    test = next(iter(references(model, evidence).values()))
     levels = thresholds_of(model.circuit, test, highest)
     intact = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
     _warn_of_noise(model, intact, accuracies)
@@ -253,8 +251,7 @@ def compare_edits(
         same = name == "intact"
         changed = replace(model, circuit=circuit)
         # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
-        moved = np.nan_to_num(out_shift(model.circuit, circuit, levels))
-        both = np.union1d(levels, levels + moved)
+        both = np.union1d(levels, levels + _moved(model.circuit, circuit, levels))
         both = both[both > _silent(circuit)]
         found = (
             intact
@@ -280,6 +277,14 @@ def compare_edits(
 def _warn_of_noise(model: BasalGanglia, found: Sweep, accuracies: Sequence[float]) -> None:
     """Warn if noise alone crosses the highest of the thresholds that are compared."""
     model.warn_of_noise(max(found.setting(accuracy) for accuracy in accuracies))
+
+
+def _moved(
+    before: Circuit, after: Circuit, levels: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return what an edit adds to OUT at each level; 0 where that is not known."""
+    known = before.unit == NATS
+    return np.nan_to_num(out_shift(before, after, levels)) if known else np.zeros_like(levels)
 
 
 def _silent(circuit: Circuit) -> float:

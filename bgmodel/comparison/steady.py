@@ -68,6 +68,7 @@ def out_shift(
     laws : str
         "table", "cells" or "finite", as for ``circuits.engines.algebra``.
     """
+    circuit.check_nats("an OUT of -ln P")
     n = circuit.channels
     out = np.asarray(out_nats, dtype=np.float64)
     odds = np.log(n - 1) - np.log(np.expm1(out))
@@ -94,6 +95,7 @@ def steady_out(
     mean_ms : int
         The time that is averaged, after ``SETTLE_MS``.
     """
+    circuit.check_nats("a drive of log odds")
     odds = np.asarray(log_odds, dtype=np.float64)
     drive = leader_drive(np.repeat(odds, trials), circuit.channels)
     model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})

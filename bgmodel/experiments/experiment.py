@@ -22,12 +22,20 @@ from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.experiments import toml_files
 from bgmodel.experiments.measures import MEASURES, Behaviour
-from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia, check_engine, check_threshold
+from bgmodel.integrators.basal_ganglia import (
+    BATCH,
+    BasalGanglia,
+    check_engine,
+    check_threshold,
+    gain_of,
+)
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.anatomy import circuit
+from circuits.spec import Circuit
+from circuits.table_files import is_path
 
 SHIPPED = resources("bgmodel.experiments") / "shipped"
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"
@@ -97,11 +105,11 @@ class Experiment:
     task: Stimuli
     control: Condition = Condition()
     circuit: str = "spiking_msprt"
-    """Name of the table."""
+    """Name of the table, or the path of a .toml file, as seen from the experiment's."""
     engine: str = "ensemble"
     """Name of the engine."""
-    gain: float = 0.5
-    """Nats in the circuit a nat of evidence, kappa."""
+    gain: float | None = None
+    """Nats in the circuit per nat of evidence, kappa; the table's default unless given."""
     posterior: float = 0.82
     """Posterior, in the circuit's nats, at which the control decides, and the manipulation unless
     it says otherwise."""
@@ -129,7 +137,7 @@ class Experiment:
         """Raise ValueError if both conditions are one circuit that decides at one threshold."""
         channels = self.trials().evidence.hypotheses
         both = [
-            (c.apply(circuit(self.circuit, channels)), self.threshold_nats(c, channels))
+            (self.table(c, channels), self.threshold_nats(c, channels))
             for c in (self.control, self.manipulation)
         ]
         if both[0] == both[1]:
@@ -153,13 +161,20 @@ class Experiment:
         asked = self.posterior if condition.posterior is None else condition.posterior
         return float(criterion_from_posterior(asked, hypotheses))
 
+    def table(self, condition: Condition, channels: int) -> Circuit:
+        """Return a condition's circuit, for so many alternatives."""
+        table = condition.apply(circuit(self.circuit, channels))
+        table.check_nats("an experiment's criterion at a posterior")
+        return table
+
     def model(self, condition: Condition, channels: int, workers: int = 1) -> BasalGanglia:
         """Return a condition's circuit, with the noise that both have."""
-        table = condition.apply(circuit(self.circuit, channels))
+        table = self.table(condition, channels)
+        gain = gain_of(table, self.gain)
         options: dict[str, Any] = {}
         if self.engine == "ensemble":
             options = {"workers": workers, "rates": False}
-        return BasalGanglia(table, self.engine, self.gain, self.seed, options)
+        return BasalGanglia(table, self.engine, gain, self.seed, options)
 
 
 def shipped() -> dict[str, Experiment]:
@@ -178,9 +193,11 @@ def read_experiment(file: str | Path) -> Experiment:
     path = Path(file)
     if path.suffix == ".toml":
         found = toml_files.read(path, Experiment)
+        # As seen from the file that names them.
+        if is_path(found.circuit):
+            found = replace(found, circuit=str(path.parent / found.circuit))
         if found.task.evidence is None:
             return found
-        # As seen from the file that names it.
         evidence = path.parent / found.task.evidence
         return replace(found, task=replace(found.task, evidence=evidence))
     inside = SHIPPED / f"{file}.toml"
@@ -202,6 +219,8 @@ class Outcome:
     ----------
     given : Trials
         What both conditions were given.
+    models : tuple of BasalGanglia
+        Control and manipulation.
     measures : DataFrame
         One row per condition ("control", "manipulation", and "change", the second minus the first)
         and measure of ``MEASURES``: condition, measure, value, low, high, the last two the 95 %
@@ -212,6 +231,7 @@ class Outcome:
     """
 
     given: Trials
+    models: tuple[BasalGanglia, ...]
     measures: pd.DataFrame
     trials: pd.DataFrame
 
@@ -260,7 +280,7 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
     ]
     columns = ["condition", "measure", "value", "low", "high"]
     measures = pd.DataFrame(rows, columns=columns)
-    return Outcome(given, measures, pd.concat(trials, ignore_index=True))
+    return Outcome(given, tuple(models), measures, pd.concat(trials, ignore_index=True))
 
 
 def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -> None:

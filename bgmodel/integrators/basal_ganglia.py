@@ -21,7 +21,7 @@ try:
     from circuits.cost import cells, ensemble_s, memory_bytes
     from circuits.engines import ENGINES, SPIKING
     from circuits.engines import run as run_engine
-    from circuits.spec import Circuit
+    from circuits.spec import NATS, Circuit
 except ImportError as error:
     raise explained(error) from error
 
@@ -51,7 +51,8 @@ class BasalGanglia:
     engine : str
         A name in ``circuits.engines.ENGINES``.
     gain : float
-        Nats of drive a nat of evidence, kappa: OUT is then ``-ln softmax(kappa L)``.
+        Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then
+        ``-ln softmax(kappa L)``.
     seed : int, optional
         Key of the noise; the engines that spike need one.
     options : dict
@@ -188,7 +189,7 @@ class BasalGanglia:
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
                 # A part at a time it would be said many times: ``warn_beyond_range`` says it once.
-                warnings.filterwarnings("ignore", message="S runs from")
+                warnings.filterwarnings("ignore", message="(S|the input) runs from")
                 activity = self.activity(part, first_trial + first)
             yield part, activity
 
@@ -218,6 +219,7 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     # Importing scipy.signal takes half a second: only where spikes are decoded.
     from scipy.signal import lfilter
 
+    activity.circuit.check_nats("-ln softmax of its input")
     y = activity.decoded_nats(activity.circuit.input)
     keep = np.exp(-float(activity.time_ms[0]) / tau_ms)
     # What all channels share changes nothing: at the start none is ahead.
@@ -229,8 +231,39 @@ def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) 
     return BasalGanglia.trace(replace(activity, output_nats=Msprt().output(seen)), evidence)
 
 
+def gain_of(circuit: Circuit, given: float | None = None) -> float:
+    """Return the gain that is given, or else the circuit's default.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    given : float, optional
+        A gain that was asked for.
+
+    Raises
+    ------
+    ValueError
+        If none is given and the circuit has no default: that of another table would mean nothing.
+    """
+    found = circuit.default_gain if given is None else given
+    if found is None:
+        raise ValueError(
+            f"{circuit.name} has no default gain: give a gain (--gain), the circuit's "
+            f"{circuit.unit} per nat of evidence"
+        )
+    return found
+
+
+def identity(circuit: Circuit) -> dict[str, str]:
+    """Return the name and the hash of a circuit, as edited: for provenance."""
+    from circuits.table_files import digest
+
+    return {"name": circuit.name, "sha256": digest(circuit)}
+
+
 def rest_out(circuit: Circuit) -> float:
-    """Return the lowest OUT at the fixed point of rest, nats; infinity where there is none."""
+    """Return the lowest OUT at the fixed point of rest; infinity where there is none."""
     try:
         silence = np.zeros((1, 1, circuit.channels))
         found = run_engine(circuit, silence, engine="algebra", step_ms=1.0).output_nats.min()
@@ -247,7 +280,7 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     circuit : Circuit
         The table.
     threshold_nats : float
-        OUT at which it decides.
+        OUT at which it decides, in the circuit's unit.
 
     Raises
     ------
@@ -258,12 +291,16 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     if at_rest <= threshold_nats:
         raise ValueError(
             f"{circuit.name} rests at OUT = {at_rest:.2f}, which is not above the threshold of "
-            f"{threshold_nats:.2f} nats: it would decide without evidence"
+            f"{threshold_nats:.2f} {circuit.unit}: it would decide without evidence"
         )
     if threshold_nats < low:
+        at, of = "", ""
+        if circuit.unit == NATS:
+            at = f", a posterior of {np.exp(-low):.3f}"
+            of = f", one of {np.exp(-threshold_nats):.3f}"
         raise ValueError(
-            f"{circuit.name} reads no OUT below {low:.3g} nats, a posterior of {np.exp(-low):.3f}; "
-            f"the threshold is {threshold_nats:.2f} nats, one of {np.exp(-threshold_nats):.3f}"
+            f"{circuit.name} reads no OUT below {low:.3g} {circuit.unit}{at}; the threshold is "
+            f"{threshold_nats:.2f} {circuit.unit}{of}"
         )
 
 

@@ -7,8 +7,11 @@ from each row's baseline and gain. Where a source is "assumed" or "tuned", that 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
+from circuits import table_files
 from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
+from circuits.anatomy.gpr import gpr
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.spec import Circuit
 
@@ -17,6 +20,7 @@ __all__ = [
     "appendix_b",
     "bogacz_gurney",
     "circuit",
+    "gpr",
     "linear_gpe",
     "spiking_msprt",
 ]
@@ -26,12 +30,31 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {
     "appendix_b": appendix_b,
     "linear_gpe": linear_gpe,
     "spiking_msprt": spiking_msprt,
+    "gpr": gpr,
 }
 """All tables by name; each takes the number of channels."""
 
 
-def circuit(name: str, channels: int = 2) -> Circuit:
-    """Return a circuit by name; raises ValueError with the names that there are."""
+def circuit(name: str | Path, channels: int | None = None) -> Circuit:
+    """Return a circuit by name, or from a table's file.
+
+    Parameters
+    ----------
+    name : str or path
+        A name in ``CIRCUITS``, or the path of a file that ends in .toml.
+    channels : int, optional
+        Number of alternatives; unless given, 2, or that of the file.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name, with the names that there are; or as ``table_files.read``.
+    """
+    if table_files.is_path(name):
+        return table_files.read(name, channels)
     if name not in CIRCUITS:
-        raise ValueError(f"circuit must be one of {', '.join(CIRCUITS)}, got {name!r}")
-    return CIRCUITS[name](channels)
+        names = ", ".join(CIRCUITS)
+        raise ValueError(
+            f"circuit must be one of {names}, or the path of a .toml file, got {str(name)!r}"
+        )
+    return CIRCUITS[str(name)](2 if channels is None else channels)

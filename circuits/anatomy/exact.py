@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from circuits.anatomy.columns import rows
 from circuits.cells import Rate
 from circuits.checks import check_channels
-from circuits.spec import GABA, Circuit, Population, Projection
+from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
 
 BG2007 = "Bogacz & Gurney 2007"
 APPENDIX_B = "Bogacz & Gurney 2007, appendix B"
@@ -53,42 +54,48 @@ def appendix_b(
     if not math.isclose(w_d1_snr, 1 + w_d2_gpe):
         raise ValueError(f"w_d1_snr must be 1 + w_d2_gpe = {1 + w_d2_gpe}, got {w_d1_snr}")
     simple = w_gpe_snr == 0 and w_d2_gpe == 0
-    cite = BG2007 if simple else APPENDIX_B
-    signed, unit = Rate(signed=True), Rate()
+    source = BG2007 if simple else APPENDIX_B
     # The source is algebraic: what only dynamics and Hz need is ours.
-    weight, cite = cite + "; delay assumed", cite + "; tau and gain in Hz assumed"
-    nuclei = [
-        Population("ctx", signed, 0, 10, cite="y = g* Y, " + BG2007 + "; gain in Hz assumed"),
+    row, path = f"{source}; tau and gain in Hz assumed", f"{source}; delay assumed"
+    ctx = f"y = g* Y, {BG2007}; gain in Hz assumed"
+    line, unit = Rate(signed=True), Rate()
+    # fmt: off
+    populations = rows(Population, (
+        "name  cell  baseline_hz gain_hz_per_nat transmitter receptor transfer  pooled tau_ms cite",
+        ("ctx", line, 0,         10,             GLUTAMATE,  "",       "linear", False, 0.0,   ctx),
         # The direct leg lasts as long as the one through STN: only so OUT has no dip in passing.
-        Population("D1", signed, 0, 10, GABA, tau_ms=5, receptor="D1", cite=cite),
-        Population("D2", signed, 0, 10, GABA, tau_ms=10, receptor="D2", cite=cite),
-        Population("STN", unit, 0, 8, transfer="exp", tau_ms=5, cite=cite),
-        Population("GPe", signed, 0, 15, GABA, pooled=simple, tau_ms=10, cite=cite),
-        Population("SNr", unit, 0, 30, GABA, tau_ms=5, cite=cite),
-    ]
-    paths = [
-        Projection("ctx", "D1", 1, delay_ms=3, cite=weight),
-        Projection("ctx", "D2", 1, delay_ms=5, cite=weight),
-        Projection("ctx", "STN", 1, delay_ms=3, cite=weight),
-        Projection("D1", "SNr", -w_d1_snr, delay_ms=2, cite=weight),
-        Projection("D2", "GPe", -w_d2_gpe, delay_ms=4, cite=weight),
-        Projection("STN", "GPe", 1, "diffuse", 2, transfer="s_minus_log_s", cite=weight),
-        Projection("STN", "SNr", 1, "diffuse", 2, cite=weight),
-        Projection("GPe", "STN", -w_gpe_stn, delay_ms=2, cite=weight),
-        Projection("GPe", "SNr", -w_gpe_snr, delay_ms=2, cite=weight),
-    ]
+        ("D1",  line, 0,         10,             GABA,       "D1",     "linear", False, 5,     row),
+        ("D2",  line, 0,         10,             GABA,       "D2",     "linear", False, 10,    row),
+        ("STN", unit, 0,         8,              GLUTAMATE,  "",       "exp",    False, 5,     row),
+        ("GPe", line, 0,         15,             GABA,       "",       "linear", simple,10,    row),
+        ("SNr", unit, 0,         30,             GABA,       "",       "linear", False, 5,     row),
+    ))
+    projections = rows(Projection, (
+        "source target weight       pattern    delay_ms  transfer         cite",
+        ("ctx", "D1",  1,          "channel", 3,        "linear",        path),
+        ("ctx", "D2",  1,          "channel", 5,        "linear",        path),
+        ("ctx", "STN", 1,          "channel", 3,        "linear",        path),
+        ("D1",  "SNr", -w_d1_snr,  "channel", 2,        "linear",        path),
+        ("D2",  "GPe", -w_d2_gpe,  "channel", 4,        "linear",        path),
+        ("STN", "GPe", 1,          "diffuse", 2,        "s_minus_log_s", path),
+        ("STN", "SNr", 1,          "diffuse", 2,        "linear",        path),
+        ("GPe", "STN", -w_gpe_stn, "channel", 2,        "linear",        path),
+        ("GPe", "SNr", -w_gpe_snr, "channel", 2,        "linear",        path),
+    ))
+    # fmt: on
     if simple:
-        nuclei = [row for row in nuclei if row.name != "D2"]
-        paths = [p for p in paths if "D2" not in p.name and p.name != "GPe->SNr"]
+        populations = tuple(p for p in populations if p.name != "D2")
+        silent = {"ctx->D2", "D2->GPe", "GPe->SNr"}
+        projections = tuple(p for p in projections if p.name not in silent)
     return Circuit(
         name="bogacz_gurney" if simple else "appendix_b",
-        populations=tuple(nuclei),
-        projections=tuple(paths),
+        populations=populations,
+        projections=projections,
         channels=channels,
         drive_gain=1 / (1 + w_gpe_stn * w_d2_gpe),
         exact=True,
         range_nats=(0.0, 5.0),
-        about=f"OUT = -ln P exactly; {BG2007 if simple else APPENDIX_B}",
+        about=f"OUT = -ln P exactly; {source}",
     )
 
 

@@ -92,6 +92,8 @@ def onset(circuit: Circuit) -> Onset:
     """
     from scipy.optimize import brentq
 
+    circuit.check_nats("S, the sum at which it oscillates,")
+
     def at(total: float) -> complex:
         return growth(replace(circuit, reference_nats=total))
 

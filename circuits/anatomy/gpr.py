@@ -1,0 +1,68 @@
+"""The table of Gurney, Prescott & Redgrave 2001: saliences in, one rate per channel that falls."""
+
+from __future__ import annotations
+
+from circuits.anatomy.columns import rows
+from circuits.cells import Rate
+from circuits.checks import check_channels, check_number
+from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+
+GPR = "Gurney, Prescott & Redgrave 2001"
+ASSUMED = "1 is 100 Hz, assumed"
+
+
+def gpr(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
+    """Return the circuit of Gurney, Prescott & Redgrave 2001, rates that follow ramps of 0 to 1.
+
+    Saliences 0..1 come in; the output of each channel, SNr and GPi, is a rate of 0..1. A channel is
+    selected where its output falls below a threshold, in the same unit. No posterior follows from
+    either. The thresholds of the ramps are negative biases here. Tau is 1/k of the authors'
+    code (ModelDB 83560; k = 25 per s); a port of the model to SpineML has 10 ms.
+
+    Parameters
+    ----------
+    channels : int
+        Alternatives; six in the paper.
+    dopamine : float
+        lambda, 0..1: cortical weights are ``1 + lambda`` onto D1 and ``1 - lambda`` onto D2.
+    """
+    check_channels(channels)
+    check_number("dopamine", dopamine)
+    if not 0 <= dopamine <= 1:
+        raise ValueError(f"dopamine must lie in 0..1, got {dopamine}")
+    unit, weight, gained = Rate(), GPR, f"{GPR}, lambda {dopamine:g}"
+    salience = f"{GPR}, saliences 0 to 1; {ASSUMED}"
+    ramp = f"{GPR}, its ramp; tau, authors' code; {ASSUMED}"
+    # fmt: off
+    populations = rows(Population, (
+        "name   cell  gain_hz_per_nat  transmitter  receptor  transfer  tau_ms  bias_nats cite",
+        ("ctx", unit, 100,             GLUTAMATE,   "",       "ramp",   0,      0,        salience),
+        ("D1",  unit, 100,             GABA,        "D1",     "ramp",   40,     -0.2,     ramp),
+        ("D2",  unit, 100,             GABA,        "D2",     "ramp",   40,     -0.2,     ramp),
+        ("STN", unit, 100,             GLUTAMATE,   "",       "ramp",   40,     0.25,     ramp),
+        ("GPe", unit, 100,             GABA,        "",       "ramp",   40,     0.2,      ramp),
+        ("SNr", unit, 100,             GABA,        "",       "ramp",   40,     0.2,      ramp),
+    ))
+    projections = rows(Projection, (
+        "source target weight        pattern    cite",
+        ("ctx", "D1",  1 + dopamine, "channel", gained),
+        ("ctx", "D2",  1 - dopamine, "channel", gained),
+        ("ctx", "STN", 1,            "channel", weight),
+        ("D1",  "SNr", -1,           "channel", weight),
+        ("D2",  "GPe", -1,           "channel", weight),
+        ("STN", "GPe", 0.9,          "diffuse", weight),
+        ("STN", "SNr", 0.9,          "diffuse", weight),
+        ("GPe", "STN", -1,           "channel", weight),
+        ("GPe", "SNr", -0.3,         "channel", weight),
+    ))
+    # fmt: on
+    return Circuit(
+        name="gpr",
+        populations=populations,
+        projections=projections,
+        channels=channels,
+        unit="salience",
+        reference_nats=0.0,
+        range_nats=(-float("inf"), 1.0),
+        about=f"rates select the channel of the largest salience; {GPR}",
+    )

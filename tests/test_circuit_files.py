@@ -1,0 +1,198 @@
+"""A circuit of one's own, wherever the name of a table is taken."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from bgmodel.cli import main
+from bgmodel.experiments.experiment import read_experiment, run_experiment
+from bgmodel.files import provenance_path, read_provenance
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits import anatomy, table_files
+from circuits.anatomy import circuit
+from circuits.table_files import digest
+
+SMALL = ["--trials", "100", "--t-max", "6", "--engine", "rate"]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*arguments):
+    return main([str(a) for a in arguments])
+
+
+def said(path):
+    return json.loads(provenance_path(path).read_text())["parameters"]
+
+
+def one_sentence(capsys):
+    error = capsys.readouterr().err
+    assert error.startswith("bgmodel: ")
+    assert error.count("\n") == 1
+    return error
+
+
+def test_show_saves_a_table_as_edited_and_shows_it_again(here, capsys):
+    edits = ["--channels", 3, "--edits.without", "STN=0.5"]
+    assert run("circuit", "show", "spiking_msprt", *edits, "--save", "mine.toml") == 0
+    first = capsys.readouterr().out
+    assert first.splitlines()[-1] == "spiking_msprt, 3 channels -> mine.toml"
+    lesioned = anatomy.spiking_msprt(3).without("STN", 0.5)
+    assert anatomy.circuit(here / "mine.toml") == lesioned
+    assert run("circuit", "show", "mine.toml") == 0
+    assert capsys.readouterr().out.strip() == first[: first.index("\n\nedited")].strip()
+
+
+def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_read(here, capsys):
+    assert run("circuit", "show", "gpr", "--save", "mine.toml") == 0
+    before = (here / "mine.toml").read_bytes()
+    capsys.readouterr()
+    assert run("circuit", "show", "gpr", "--save", "mine.toml", "--channels", 4) == 2
+    assert "'mine.toml' is there already" in one_sentence(capsys)
+    assert run("circuit", "show", "mine.toml", "--save", "mine.toml", "--force") == 2
+    assert "circuit and save are one file" in one_sentence(capsys)
+    assert (here / "mine.toml").read_bytes() == before
+    assert run("circuit", "show", "gpr", "--save", "mine.toml", "--channels", 4, "--force") == 0
+    assert anatomy.circuit("mine.toml").channels == 4
+    capsys.readouterr()
+    assert run("circuit", "show", "gpr", "--save", "mine.csv") == 2
+    assert "save must end in .toml, got 'mine.csv'" in one_sentence(capsys)
+    assert [path.name for path in here.iterdir()] == ["mine.toml"]
+
+
+@pytest.mark.parametrize("command", [("circuit", "run"), ("compare",), ("circuit", "lesion")])
+def test_a_file_runs_as_the_table_that_it_was_written_from(here, command):
+    table_files.write(anatomy.spiking_msprt(2), "mine.toml")
+    edit = ["STN=0.2"] if command[-1] == "lesion" else []
+    for name, output in (("spiking_msprt", "a.csv"), ("mine.toml", "b.csv")):
+        assert run(*command, output, *edit, "--circuit", name, *SMALL) == 0
+    assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
+    behind = {"name": "spiking_msprt", "sha256": digest(anatomy.spiking_msprt(2))}
+    assert said(here / "a.csv")["circuit"] == said(here / "b.csv")["circuit"] == behind
+    assert said(here / "a.csv")["command"]["circuit"] == "spiking_msprt"
+    assert said(here / "b.csv")["command"]["circuit"]["file"] == "mine.toml"
+
+
+def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):
+    assert run("circuit", "run", "a.csv", *SMALL, "--edits.without", "D2=0.5") == 0
+    assert said(here / "a.csv")["circuit"]["sha256"] == digest(
+        anatomy.spiking_msprt().without("D2", 0.5)
+    )
+
+
+def test_dopamine_learns_in_a_file_as_in_its_table(here):
+    table_files.write(anatomy.spiking_msprt(2), "mine.toml")
+    few = ["--task", "gaussian", "--d-prime", 1]
+    few += ["--trials", 60, "--t-max", 20, "--levels", 3, "--runs", 1, "--learner.episodes", 600]
+    for name, output in (("spiking_msprt", "a.parquet"), ("mine.toml", "b.parquet")):
+        assert run("circuit", "learn", output, "--circuit", name, *few) == 0
+    pd.testing.assert_frame_equal(pd.read_parquet("a.parquet"), pd.read_parquet("b.parquet"))
+    behind = [read_provenance(name)["parameters"] for name in ("a.parquet", "b.parquet")]
+    assert behind[0]["circuit"] == behind[1]["circuit"]
+    assert behind[0]["command"]["gain"] == 0.7
+
+
+EXPERIMENT = """
+name = "mine"
+published = "nothing"
+source = "nobody"
+note = "none"
+circuit = "tables/mine.toml"
+engine = "rate"
+[task]
+trials = 100
+t_max = 20
+d_prime = 1.0
+[manipulation]
+without = ["D2=0.2"]
+[[predictions]]
+measure = "mean_ms"
+direction = "down"
+at_least = 20
+"""
+
+
+def test_an_experiment_names_a_file_as_seen_from_its_own(here, capsys):
+    (here / "in" / "tables").mkdir(parents=True)
+    table_files.write(anatomy.spiking_msprt(2), here / "in" / "tables" / "mine.toml")
+    (here / "in" / "experiment.toml").write_text(EXPERIMENT)
+    assert run("experiment", "in/experiment.toml", "a.csv") == 0
+    behind = said(here / "a.csv")
+    assert behind["experiment"]["circuit"]["file"] == "mine.toml"
+    assert behind["experiment"]["gain"] == 0.7
+    assert behind["control"]["sha256"] == digest(anatomy.spiking_msprt())
+    assert behind["manipulation"]["sha256"] == digest(anatomy.spiking_msprt().without("D2", 0.2))
+    file = here / "in" / "experiment.toml"
+    file.write_text(EXPERIMENT.replace("tables/mine.toml", "spiking_msprt"))
+    assert run("experiment", file, "b.csv") == 0
+    assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
+    capsys.readouterr()
+    file.write_text(EXPERIMENT.replace("tables/mine.toml", "mine.toml"))
+    assert run("experiment", file, "c.csv") == 2
+    assert "mine.toml' can't be read: No such file" in one_sentence(capsys)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        (
+            "gpr",
+            "works in salience, not nats: an experiment's criterion at a posterior has no mean",
+        ),
+        ("bogacz_gurney", "has no default gain: give a gain (--gain)"),
+    ],
+)
+def test_an_experiment_needs_nats_and_a_gain(here, name, says):
+    (here / "mine.toml").write_text(EXPERIMENT.replace("tables/mine.toml", name))
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        run_experiment(read_experiment("mine.toml"))
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("circuit", "show"), ("circuit", "run", "a.csv"), ("circuit", "lesion", "a.csv", "STN=0.2"),
+     ("circuit", "learn", "a.csv"), ("compare", "a.csv")],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        (
+            "nope",
+            "must be one of bogacz_gurney, appendix_b, linear_gpe, spiking_msprt, gpr",
+        ),
+        ("nope.toml", "the circuit 'nope.toml' can't be read: No such file or directory"),
+        ("bad.toml", "bad.toml, line 17: STN: gain_hz_per_nat must be a number, got 'x'"),
+    ],
+)
+def test_a_circuit_that_is_not_there_or_wrong_gets_one_sentence(here, command, name, says, capsys):
+    text = table_files.text(anatomy.bogacz_gurney())
+    place = next(k for k, line in enumerate(text.splitlines()) if '["STN", ' in line)
+    lines = text.splitlines()
+    lines[place] = lines[place].replace("8,", '"x",')
+    (here / "bad.toml").write_text("\n".join(lines))
+    name = [name] if command[-1] == "show" else ["--circuit", name]
+    assert run(*command, *name) == 2
+    assert says.replace("line 17", f"line {place + 1}") in one_sentence(capsys)
+    assert [path.name for path in here.iterdir()] == ["bad.toml"]
+
+
+def test_a_gain_is_the_tables_own_or_asked_for():
+    spiking = {n: gain_of(anatomy.spiking_msprt(n)) for n in (2, 3, 4, 7, 8, 12)}
+    assert spiking == {2: 0.7, 3: 0.5, 4: 0.5, 7: 0.5, 8: 0.6, 12: 0.6}
+    assert gain_of(anatomy.spiking_msprt(), 0.3) == 0.3
+    for name in ("bogacz_gurney", "appendix_b", "linear_gpe"):
+        with pytest.raises(
+            ValueError, match=rf"{name} has no default gain: give a gain \(--gain\)"
+        ):
+            gain_of(circuit(name))
+        assert gain_of(circuit(name), 0.7) == 0.7
+    # Numbers made for two alternatives say nothing of five.
+    assert anatomy.spiking_msprt(2).with_channels(5).default_gain is None
+    assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
+    assert BasalGanglia(circuit("bogacz_gurney")).gain == 1
