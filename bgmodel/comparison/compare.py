@@ -19,7 +19,6 @@ from scipy.stats import rankdata
 
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import Msprt
 
 Array = npt.NDArray[np.float64]
 
@@ -125,10 +124,9 @@ def sweep(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = N
     """
     chosen = levels(trace) if thresholds is None else np.sort(np.asarray(thresholds))[::-1]
     decided = first_crossing(trace, chosen)
-    known = np.exp(-Msprt().run(evidence).out_nats)
     reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
     reading = np.minimum(reading, evidence.readings)
-    posterior = known[np.arange(evidence.trials), reading, decided.choice]
+    posterior = evidence.posterior[np.arange(evidence.trials), reading, decided.choice]
     return Sweep(
         chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior
     )
