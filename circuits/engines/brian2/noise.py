@@ -30,7 +30,7 @@ def tick_key(stream: Ints, tick: Ints) -> Ints:
 
 def random_word(cell: Ints, key: Ints) -> Ints:
     """Return ``noise.words`` as int32, for arrays of cells and of keys."""
-    x = _u32(cell) * np.uint32(noise.SPREAD) + _u32(np.asarray(key) >> 32)
+    x = _u32(cell) * np.uint32(noise.GOLDEN_32) + _u32(np.asarray(key) >> 32)
     x ^= x >> np.uint32(16)
     x = x * np.uint32(noise.FIRST) + _u32(key)
     x ^= x >> np.uint32(15)

@@ -36,63 +36,64 @@ class Entry(NamedTuple):
         Which loops.
     columns : callable
         (cell, dt_ms) -> fields of its record, for cells that are alike.
-    apart : callable
+    varied : callable
         (cell, factors, dt_ms) -> rows (5, neurons) of ``Plan.constants``.
     """
 
     kind: int
     columns: Callable[[Any, float], Columns]
-    apart: Callable[[Any, Any, float], Any]
+    varied: Callable[[Any, Any, float], Any]
 
 
 def _lif_columns(cell: Lif, dt_ms: float) -> Columns:
     constants = cell.constants(NO_SPREAD, dt_ms)
-    names = ("keep", "rest", "slope", "kick", "threshold")
+    names = ("rest", "slope", "noise_step", "threshold")
     return {name: constants[name] for name in names} | {
-        "hold": -float(lanes.WAIT) * float(constants["held"]),
+        "membrane_decay": constants["decay"],
+        "refractory": -float(lanes.WAIT) * float(constants["held"]),
         "begin_span": constants["threshold"],
     }
 
 
-def _lif_apart(cell: Lif, factors: Any, dt_ms: float) -> Any:
+def _lif_varied(cell: Lif, factors: Any, dt_ms: float) -> Any:
     own = cell.constants(factors, dt_ms)
-    return [own[name] for name in ("keep", "rest", "slope", "kick", "unit")]
+    return [own[name] for name in ("decay", "rest", "slope", "noise_step", "unit")]
 
 
 def _phase_columns(cell: Phase, dt_ms: float) -> Columns:
-    return {"jitter": cell.constants(NO_SPREAD, dt_ms)["kick"], "begin_span": 1.0}
+    return {"jitter": cell.constants(NO_SPREAD, dt_ms)["noise_step"], "begin_span": 1.0}
 
 
-def _phase_apart(cell: Phase, factors: Any, dt_ms: float) -> Any:
+def _phase_varied(cell: Phase, factors: Any, dt_ms: float) -> Any:
     own = cell.constants(factors, dt_ms)
     none = np.zeros_like(own["factor"])
-    return [none, none, none, own["kick"], own["factor"]]
+    return [none, none, none, own["noise_step"], own["factor"]]
 
 
 ENTRIES: dict[type[Cell], Entry] = {
-    Lif: Entry(kernel.LIF, _lif_columns, _lif_apart),
-    Phase: Entry(kernel.PHASE, _phase_columns, _phase_apart),
+    Lif: Entry(kernel.LIF, _lif_columns, _lif_varied),
+    Phase: Entry(kernel.PHASE, _phase_columns, _phase_varied),
 }
 _UNIT = Entry(kernel.RATE, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 0.0)
 
 
-def _own_apart(cell: Cell, factors: Any, dt_ms: float) -> Any:
+def _general_varied(cell: Cell, factors: Any, dt_ms: float) -> Any:
     none = np.zeros(np.shape(factors)[1:])
     return [none, none, none, none, none + 1]
 
 
-def _own_columns(cell: Cell, dt_ms: float) -> Columns:
+def _general_columns(cell: Cell, dt_ms: float) -> Columns:
     made = loops(type(cell))
     return {"advance": made.advance.address, "place": made.place.address}
 
 
-OWN = Entry(kernel.OWN, _own_columns, _own_apart)
+GENERAL = Entry(kernel.GENERAL, _general_columns, _general_varied)
 """Of every type without loops of its own."""
 
 
 def entry(cell: Cell) -> Entry:
     """Return the entry of a cell; its exact type counts, for a subclass may tick otherwise."""
-    return ENTRIES.get(type(cell), OWN if cell.spikes else _UNIT)
+    return ENTRIES.get(type(cell), GENERAL if cell.spikes else _UNIT)
 
 
 # ---- a tick as it stands
@@ -134,7 +135,7 @@ def _kept_single(x):
 
 
 class Loops(NamedTuple):
-    """A cell type's compiled loops, called by address; keep this for as long as they are used."""
+    """A cell type's compiled loops, called by address: keep it while they are used."""
 
     advance: Any
     place: Any
