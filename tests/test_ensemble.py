@@ -249,7 +249,7 @@ def test_a_tick_of_a_lif_is_the_exact_solution_of_its_equation():
         mean = cell.rest_mv + cell.mv_per_nat * slope * nats
         step = cell.noise_mv * np.sqrt(1 - alpha**2)
         exact = mean + (v - mean) * alpha + step * (ones - 4) / np.sqrt(2)
-        kept = c["decay_mv"] * c["unit"] * (v - cell.reset_mv)
+        kept = c["decay"] * c["unit"] * (v - cell.reset_mv)
         moved = kept + (c["rest"] + c["slope"] * nats + c["noise_step"] * ones)
         npt.assert_allclose(cell.reset_mv + moved / c["unit"], exact, rtol=1e-6)
 
