@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from circuits.arrays import Array
 from circuits.spec import NATS, Circuit
-from circuits.wiring import Array, Wiring
+from circuits.wiring import Wiring
 
 
 @dataclass(frozen=True)

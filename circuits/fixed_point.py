@@ -6,8 +6,9 @@ from graphlib import TopologicalSorter
 
 import numpy as np
 
+from circuits.arrays import Array, Index
 from circuits.spec import Circuit
-from circuits.wiring import Array, Index, Wiring, wire
+from circuits.wiring import Wiring, wire
 
 MOST_STEPS = 200
 TOLERANCE = 1e-9

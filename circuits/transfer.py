@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from circuits.arrays import Array
 
 EXP_MOST = 60.0
 """Exponents are capped here, nats: far above any rate, far below overflow."""

@@ -14,10 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise, transfer
+from circuits.arrays import Array, Index
 from circuits.spec import Circuit, Population, Projection
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,10 @@ import pandas as pd
 from scipy.optimize import isotonic_regression
 from scipy.stats import rankdata
 
+from bgmodel.arrays import Array
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Msprt
-
-Array = npt.NDArray[np.float64]
 
 ACCURACIES = (0.90, 0.95, 0.97)
 FEWEST_TRIALS = 100

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array
 from bgmodel.decision import Trace, any_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Msprt, totals
@@ -28,7 +29,6 @@ except ImportError as error:
 if TYPE_CHECKING:
     from circuits.activity import Activity
 
-Array = npt.NDArray[np.float64]
 BATCH = 250
 """Trials that ``BasalGanglia.batches`` runs at a time."""
 WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000

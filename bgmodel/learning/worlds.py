@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array, Truths
 from bgmodel.comparison.compare import Sweep
 from bgmodel.decision import Trace, crossing_of_each
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
 from bgmodel.learning.reinforce import Environment
 from bgmodel.learning.reward import check_xi, reward, reward_of
-
-Array = npt.NDArray[np.float64]
 
 
 def trials_of(
@@ -75,7 +74,7 @@ class LevelOutcomes:
     """
 
     levels: Array
-    correct: npt.NDArray[np.bool_]
+    correct: Truths
     steps: Array
     forced: Array
 

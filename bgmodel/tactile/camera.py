@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bgmodel.arrays import Array
 from bgmodel.tactile.tips import Tip
 
-Floats = NDArray[np.float64]
 _DARK, _BRIGHT = 18.0, 225.0
 
 
@@ -24,7 +24,7 @@ def pixels_per_mm(tip: Tip, shape: tuple[int, int] = (480, 640)) -> float:
 
 def marker_pixels(
     displacement_mm: ArrayLike, tip: Tip, shape: tuple[int, int] = (480, 640)
-) -> Floats:
+) -> Array:
     """Places of the markers in a picture.
 
     Parameters
@@ -98,7 +98,7 @@ def render(
     return np.round((_DARK + (_BRIGHT - _DARK) * light) * lit.clip(0)).astype(np.uint8)
 
 
-def _discs(middles: Floats, radius: float, shape: tuple[int, int]) -> Floats:
+def _discs(middles: Array, radius: float, shape: tuple[int, int]) -> Array:
     """Blurred discs of brightness 1, true to a fraction of a pixel in their places."""
     blur = max(0.5, 0.2 * radius)
     reach = int(np.ceil(radius + 4 * blur))

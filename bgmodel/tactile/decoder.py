@@ -10,8 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from bgmodel.arrays import Reals
 from bgmodel.files import check_writable, provenance, replacing
-from bgmodel.tactile.networks import NETWORKS, FloatArray, import_torch, set_scale
+from bgmodel.tactile.networks import NETWORKS, import_torch, set_scale
 from bgmodel.tactile.taps import Taps
 
 BATCH = 4096
@@ -91,11 +92,11 @@ class Decoder:
 
     network: Any
     training: Training
-    rest_mm: FloatArray
+    rest_mm: Reals
     history: list[dict[str, float]]
     about: dict[str, Any]
 
-    def decode(self, taps: Taps) -> dict[str, FloatArray]:
+    def decode(self, taps: Taps) -> dict[str, Reals]:
         """Read the angle of each tap.
 
         Returns
@@ -227,18 +228,18 @@ def _check_stimulus(taps: Taps, training: Training) -> None:
         )
 
 
-def _built(training: Training, rest_mm: FloatArray) -> Any:
+def _built(training: Training, rest_mm: Reals) -> Any:
     shape = (2 * len(rest_mm),)
     return NETWORKS[training.network].build(shape, training.width, training.dropout)
 
 
-def _checked_inputs(inputs: FloatArray) -> FloatArray:
+def _checked_inputs(inputs: Reals) -> Reals:
     if not np.isfinite(inputs).all():
         raise ValueError("taps must be finite displacements, got NaN or infinity")
     return np.ascontiguousarray(inputs, dtype=np.float32)
 
 
-def _outputs(network: Any, inputs: FloatArray) -> FloatArray:
+def _outputs(network: Any, inputs: Reals) -> Reals:
     torch = import_torch()
     network.eval()
     with torch.no_grad():

@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
+from bgmodel.arrays import Singles
 from bgmodel.files import replacing
 from bgmodel.tactile import sampling
 from bgmodel.tactile.pressing import LibraryPlan, press
-
-Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array, Integers
+
 if TYPE_CHECKING:
     import pandas as pd
 
 Kind = Literal["kde", "t"]
-FloatArray = npt.NDArray[np.float64]
 # So many readings a hypothesis are enough for one shrinkage, three parameters, a density.
 SHRINK_SAMPLES = 4000
 FISHRINK_SAMPLES = 1500
@@ -38,13 +39,13 @@ class Likelihood:
         Largest log-likelihood ratio between two hypotheses.
     """
 
-    grid_deg: FloatArray
-    log_density: FloatArray
+    grid_deg: Array
+    log_density: Array
     period_deg: float | None
     shrink: float
     cap_nats: float
 
-    def __call__(self, reading_deg: npt.ArrayLike) -> FloatArray:
+    def __call__(self, reading_deg: npt.ArrayLike) -> Array:
         """Return ``log p(reading | hypothesis)``, shape (..., hypotheses), nats.
 
         Raises ValueError if a reading is not finite or lies outside the table.
@@ -99,8 +100,8 @@ class Density:
             raise ValueError(f"inner_folds must be at least 2, got {self.inner_folds}")
 
 
-Pool = Sequence[FloatArray]
-Readings = Callable[[Pool], list[FloatArray]]
+Pool = Sequence[Array]
+Readings = Callable[[Pool], list[Array]]
 
 
 def fit_likelihood(
@@ -147,7 +148,7 @@ def fit_likelihood(
     grid = np.linspace(*range_deg, 721)
     period = range_deg[1] - range_deg[0] if circular else None
 
-    def log_densities(part: Pool) -> FloatArray:
+    def log_densities(part: Pool) -> Array:
         count = min(len(p) for p in part)
         return np.stack([_log_density(x, grid, period, count, density) for x in readings(part)])
 
@@ -160,9 +161,7 @@ def fit_likelihood(
     return Likelihood(grid, np.maximum(logs, -cap), period, float(shrink), cap)
 
 
-def calibration(
-    log_likelihood: FloatArray, truth: npt.NDArray[np.integer], bins: int = 10
-) -> pd.DataFrame:
+def calibration(log_likelihood: Array, truth: Integers, bins: int = 10) -> pd.DataFrame:
     """Compare stated posteriors with observed frequencies.
 
     Parameters
@@ -201,7 +200,7 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
     """
     from scipy.optimize import minimize_scalar
 
-    held: list[list[FloatArray]] = []
+    held: list[list[Array]] = []
     for k in range(density.inner_folds):
         inside = [np.arange(len(part)) % density.inner_folds == k for part in pool]
         logs = log_densities([part[~i] for part, i in zip(pool, inside, strict=True)])
@@ -217,7 +216,7 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
             "inner folds hold a reading of every hypothesis"
         )
 
-    def losses(factor: float) -> FloatArray:
+    def losses(factor: float) -> Array:
         """Mean negative log score of each inner fold, nats a reading."""
         scores = [[np.log(np.exp(factor * y).sum(axis=1)).mean() for y in fold] for fold in held]
         return np.mean(scores, axis=1)
@@ -232,15 +231,13 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
     return float(best) if doubt(best) < 0 else 0.0
 
 
-def _against_truth(x, truth: int, grid, logs: FloatArray, period: float | None) -> FloatArray:
+def _against_truth(x, truth: int, grid, logs: Array, period: float | None) -> Array:
     """Return every hypothesis's log-likelihood relative to the true one's, (readings, N)."""
     y = np.stack([np.interp(x, grid, row, period=period) for row in logs], axis=-1)
     return y - y[:, [truth]]
 
 
-def _log_density(
-    x: FloatArray, grid: FloatArray, period: float | None, taps: int, density: Density
-) -> FloatArray:
+def _log_density(x: Array, grid: Array, period: float | None, taps: int, density: Density) -> Array:
     if density.kind == "t":
         return _log_t(x, grid, period)
     from scipy.ndimage import gaussian_filter1d
@@ -264,7 +261,7 @@ def _log_density(
     return np.log(smooth / len(x) + 1e-9)
 
 
-def _silverman(x: FloatArray, period: float | None, taps: int) -> float:
+def _silverman(x: Array, period: float | None, taps: int) -> float:
     """Return Silverman's bandwidth with a robust spread; ``taps``, not pairs, are independent."""
     if period is not None:
         x = np.mod(x - _circular_mean(x, period) + period / 2, period)
@@ -273,7 +270,7 @@ def _silverman(x: FloatArray, period: float | None, taps: int) -> float:
     return 0.9 * spread * taps ** (-1 / 5)
 
 
-def _log_t(x: FloatArray, grid: FloatArray, period: float | None) -> FloatArray:
+def _log_t(x: Array, grid: Array, period: float | None) -> Array:
     from scipy.stats import t
 
     some = _thinned(x, FISHRINK_SAMPLES)
@@ -288,10 +285,10 @@ def _log_t(x: FloatArray, grid: FloatArray, period: float | None) -> FloatArray:
     return np.log(t.pdf(offset + turns, df, loc, scale).sum(axis=0))
 
 
-def _thinned(x: FloatArray, most: int = SHRINK_SAMPLES) -> FloatArray:
+def _thinned(x: Array, most: int = SHRINK_SAMPLES) -> Array:
     # A prime stride, since readings that are pairs of taps come in rows of equal length.
     return x if len(x) <= most else x[(np.arange(most) * 7919) % len(x)]
 
 
-def _circular_mean(x: FloatArray, period: float) -> float:
+def _circular_mean(x: Array, period: float) -> float:
     return float(np.angle(np.exp(2j * np.pi * x / period).mean()) * period / (2 * np.pi))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bgmodel.arrays import Array, Singles
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
     from bgmodel.tactile.library import Library
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 _BLOCK = 512  # taps at a time: bounds the memory, and changes no number
 
 
@@ -166,8 +165,8 @@ def noiseless(labels: pd.DataFrame, tip: Tip, library: Library) -> Singles:
 
 
 def _pins_moved(
-    period_mm: float, taps: pd.DataFrame, rest: Floats, tip: Tip, library: Library
-) -> Floats:
+    period_mm: float, taps: pd.DataFrame, rest: Array, tip: Tip, library: Library
+) -> Array:
     """Displacements (taps, pins, 2) for taps on one grating."""
     yaw = np.deg2rad(taps["yaw_deg"].to_numpy())
     cos, sin = np.cos(yaw), np.sin(yaw)
@@ -197,7 +196,7 @@ def _filmed(
     return kept, frame
 
 
-def _stimuli(periods_mm: ArrayLike, yaw_deg: ArrayLike) -> tuple[Floats, Floats]:
+def _stimuli(periods_mm: ArrayLike, yaw_deg: ArrayLike) -> tuple[Array, Array]:
     """Give periods and yaws of equal length, or ValueError."""
     periods, yaws = np.asarray(periods_mm, dtype=float), np.asarray(yaw_deg, dtype=float)
     try:

@@ -14,10 +14,11 @@ from scipy.sparse import csr_array
 
 from circuits import transfer
 from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.arrays import Array, Index
 from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
-from circuits.wiring import Array, Index, Wiring
+from circuits.wiring import Wiring
 
 MOST_TICKS = 64
 """Ticks computed together at most: more only cost memory."""

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from circuits.arrays import Array, Complex
+
 if TYPE_CHECKING:
     from circuits.cells import Lif, Phase
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 NODES = 100
 """Steps from threshold to reset: right to .5 % up to 4 kHz, .2 % up to 300 Hz."""
