@@ -13,3 +13,5 @@ Reals = npt.NDArray[np.floating]
 """Numbers in either precision."""
 Integers = npt.NDArray[np.integer]
 Truths = npt.NDArray[np.bool_]
+Image = npt.NDArray[np.uint8]
+"""Grey values of pixels, row by row from the top."""

@@ -168,7 +168,8 @@ def total_nats(circuit: Circuit, drive: Array) -> Array:
     circuit.check_nats("S = ln sum exp y")
     top = drive.max(axis=-1)
     total = top + np.log(np.exp(drive - top[..., None]).sum(axis=-1))
-    return circuit.reference_nats + total - np.log(circuit.channels)
+    above: Array = circuit.reference_nats + total - np.log(circuit.channels)
+    return above
 
 
 def warn_beyond_range(circuit: Circuit, drive: Array) -> None:

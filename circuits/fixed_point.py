@@ -31,7 +31,7 @@ def rest_rates(wiring: Wiring) -> Array:
 
 def rest(wiring: Wiring) -> Array:
     """Return the state (blocks,) at rest, nats."""
-    return solve(wiring, np.zeros((1, wiring.circuit.channels)))[0]
+    return np.asarray(solve(wiring, np.zeros((1, wiring.circuit.channels)))[0])
 
 
 def solve(wiring: Wiring, drive: Array) -> Array:

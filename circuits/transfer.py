@@ -40,7 +40,8 @@ class Transfer:
 
 
 def _capped(x: Array) -> Array:
-    return np.exp(np.minimum(x, EXP_MOST))
+    values: Array = np.exp(np.minimum(x, EXP_MOST))
+    return values
 
 
 def _s_minus_log_s(s: Array) -> Array:

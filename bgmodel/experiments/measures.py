@@ -103,7 +103,9 @@ def mean(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
     """Return the mean of values (trials,) among some trials, (B,); NaN where there are none."""
     total = weights @ among
     sums = weights @ np.where(among, values, 0)
-    return np.divide(sums, total, out=np.full(len(weights), np.nan), where=total > 0)
+    means = np.full(len(weights), np.nan)
+    np.divide(sums, total, out=means, where=total > 0)
+    return means
 
 
 def median(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:

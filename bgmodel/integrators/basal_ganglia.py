@@ -332,4 +332,4 @@ def drive_of(
     """
     total = gain * totals(evidence)
     total = np.maximum(total, total.max(axis=2, keepdims=True) - reach_nats)
-    return total - total.mean(axis=2, keepdims=True)
+    return np.asarray(total - total.mean(axis=2, keepdims=True))

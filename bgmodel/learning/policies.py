@@ -121,7 +121,7 @@ class BernoulliPolicy:
     def sizes(self) -> Array:
         """``s_j`` (units,), nats."""
         powers = 0.5 ** np.arange(1, self.units + 1)
-        return DELTA_RANGE[1] * powers / powers.sum()
+        return np.asarray(DELTA_RANGE[1] * powers / powers.sum(), dtype=np.float64)
 
     def start(self, runs: int, mean: float) -> Array:
         """Return w (runs, units), all equal, with this mean gap."""
@@ -140,7 +140,7 @@ class BernoulliPolicy:
         """Return ``sum_j s_j p_j`` (runs,)."""
         from scipy.special import expit
 
-        return expit(parameters) @ self.sizes
+        return np.asarray(expit(parameters) @ self.sizes)
 
     def bounded(self, parameters: Array) -> Array:
         """Hold every w within the saturation."""

@@ -177,4 +177,4 @@ def smoothed(curve: Array, window: int) -> Array:
     total = np.cumsum(np.insert(curve, 0, 0.0, axis=-1), axis=-1)
     end = np.arange(1, curve.shape[-1] + 1)
     begin = np.maximum(end - window, 0)
-    return (total[..., end] - total[..., begin]) / (end - begin)
+    return np.asarray((total[..., end] - total[..., begin]) / (end - begin))

@@ -27,7 +27,8 @@ def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
         If xi is not finite and above 0.
     """
     check_xi(xi)
-    return -xi * np.asarray(error) - np.asarray(steps)
+    found: Array = -xi * np.asarray(error) - np.asarray(steps)
+    return found
 
 
 def reward(decision: Decision, truth: Integers, xi: float) -> Array:

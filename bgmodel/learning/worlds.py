@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array, Truths
+from bgmodel.arrays import Array, Integers, Reals, Truths
 from bgmodel.comparison.compare import Sweep
 from bgmodel.decision import Trace, crossing_of_each
 from bgmodel.evidence import Evidence
@@ -33,9 +33,9 @@ def trials_of(
     """
     check_xi(xi)
     drawn = -1
-    out: list[npt.NDArray] = []
-    truth: list[npt.NDArray] = []
-    ends: list[npt.NDArray] = []
+    out: list[Reals] = []
+    truth: list[Integers] = []
+    ends: list[Integers] = []
     traces: list[Trace] = []
 
     def rewards(episode: int, gaps: Array) -> Array:
@@ -128,7 +128,7 @@ class LevelOutcomes:
             place = np.interp(played, self.levels, where)
             chance = np.array([rng.random(2) for rng in rngs])
             row = np.minimum(np.floor(place + chance[:, 0]).astype(np.intp), count - 1)
-            return table[row, (chance[:, 1] * trials).astype(np.intp)]
+            return np.asarray(table[row, (chance[:, 1] * trials).astype(np.intp)])
 
         return rewards
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import fft
 
 from bgmodel.arrays import Array, Truths
@@ -34,10 +34,10 @@ def wavenumbers(shape: tuple[int, int], dx_mm: float, *, mirrored: bool = False)
         along_y = np.pi * np.arange(shape[1]) / (shape[1] * dx_mm)
     else:
         along_y = 2 * np.pi * fft.fftfreq(shape[1], dx_mm)
-    return np.hypot(along_x[:, None], along_y)
+    return np.asarray(np.hypot(along_x[:, None], along_y))
 
 
-def unfold(half: NDArray) -> NDArray:
+def unfold(half: Array) -> Array:
     """Whole field (nx, 2 ny) of a mirrored one (nx, ny), y increasing."""
     return np.concatenate([half[:, ::-1], half], axis=1)
 
@@ -198,18 +198,19 @@ def _misfit(clearance: Array, pressure: Array, touching: Truths) -> float:
     """Departure from contact: pressure-weighted rms gap, or overlap per touching cell, mm."""
     inside = np.sqrt(np.vdot(pressure, clearance**2) / pressure.sum())
     outside = -np.minimum(clearance[~touching], 0.0).sum() / np.count_nonzero(touching)
-    return max(inside, outside)
+    return float(max(inside, outside))
 
 
 def _periodic_convolution(kernel: Array, values: Array) -> Array:
     # Axes are named in this order because the last one named is the one that is halved.
     spectrum = fft.rfft2(values, axes=(1, 0))
     spectrum *= kernel
-    return fft.irfft2(spectrum, s=values.shape[::-1], axes=(1, 0), overwrite_x=True)
+    moved = fft.irfft2(spectrum, s=values.shape[::-1], axes=(1, 0), overwrite_x=True)
+    return np.asarray(moved)
 
 
 def _mirrored_convolution(kernel: Array, values: Array) -> Array:
     spectrum = fft.rfft(fft.dct(values, axis=1), axis=0)
     spectrum *= kernel
     rows = fft.irfft(spectrum, n=values.shape[0], axis=0, overwrite_x=True)
-    return fft.idct(rows, axis=1, overwrite_x=True)
+    return np.asarray(fft.idct(rows, axis=1, overwrite_x=True))

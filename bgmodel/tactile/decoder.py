@@ -6,14 +6,17 @@ import copy
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from bgmodel.arrays import Reals
 from bgmodel.files import check_writable, provenance, replacing
-from bgmodel.tactile.networks import NETWORKS, import_torch, set_scale
+from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
 from bgmodel.tactile.taps import Taps
+
+if TYPE_CHECKING:
+    import torch
 
 BATCH = 4096
 
@@ -250,7 +253,9 @@ def _outputs(network: Any, inputs: Reals) -> Reals:
     return np.concatenate(parts)
 
 
-def _fit(network, training, inputs, yaw, held_inputs, held_yaw) -> list[dict[str, float]]:
+def _fit(
+    network: Any, training: Training, inputs: Reals, yaw: Reals, held_inputs: Reals, held_yaw: Reals
+) -> list[dict[str, float]]:
     """Train in place, keeping the epoch of least validation error; return the history."""
     from tqdm import tqdm
 
@@ -268,7 +273,7 @@ def _fit(network, training, inputs, yaw, held_inputs, held_yaw) -> list[dict[str
     best, history = {}, []
     epochs = tqdm(range(training.epochs), desc="training", unit="epoch", disable=None)
     for epoch in epochs:
-        loss = _epoch(torch, network, training, kind, x, y, optimiser, schedule)
+        loss = _epoch(network, training, kind, x, y, optimiser, schedule)
         errors = kind.errors(kind.read(_outputs(network, held_inputs)), held_yaw)
         history.append({"loss": loss, **errors})
         epochs.set_postfix(mae=f"{errors['mae_deg']:.1f}")
@@ -282,8 +287,17 @@ def _fit(network, training, inputs, yaw, held_inputs, held_yaw) -> list[dict[str
     return history
 
 
-def _epoch(torch, network, training, kind, x, y, optimiser, schedule) -> float:
+def _epoch(
+    network: Any,
+    training: Training,
+    kind: Network,
+    x: torch.Tensor,
+    y: torch.Tensor,
+    optimiser: torch.optim.Optimizer,
+    schedule: torch.optim.lr_scheduler.OneCycleLR,
+) -> float:
     """Pass once over the taps; return the mean loss."""
+    torch = import_torch()
     weights = torch.tensor(kind.weights)
     dense = [m for m in network if isinstance(m, torch.nn.Linear)][:-1]
     network.train()

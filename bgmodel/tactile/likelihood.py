@@ -192,7 +192,14 @@ def calibration(log_likelihood: Array, truth: Integers, bins: int = 10) -> pd.Da
     return table.reset_index()
 
 
-def _cross_validated_shrink(pool, readings, grid, period, log_densities, density) -> float:
+def _cross_validated_shrink(
+    pool: Pool,
+    readings: Readings,
+    grid: Array,
+    period: float | None,
+    log_densities: Callable[[Pool], Array],
+    density: Density,
+) -> float:
     """Return the factor on log-likelihood ratios that surely predicts held-out taps best.
 
     It maximises the gain in log score over saying nothing less its standard error over the inner
@@ -219,7 +226,7 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
     def losses(factor: float) -> Array:
         """Mean negative log score of each inner fold, nats a reading."""
         scores = [[np.log(np.exp(factor * y).sum(axis=1)).mean() for y in fold] for fold in held]
-        return np.mean(scores, axis=1)
+        return np.asarray(np.mean(scores, axis=1))
 
     silent = losses(0.0)
 
@@ -231,10 +238,10 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
     return float(best) if doubt(best) < 0 else 0.0
 
 
-def _against_truth(x, truth: int, grid, logs: Array, period: float | None) -> Array:
+def _against_truth(x: Array, truth: int, grid: Array, logs: Array, period: float | None) -> Array:
     """Return every hypothesis's log-likelihood relative to the true one's, (readings, N)."""
     y = np.stack([np.interp(x, grid, row, period=period) for row in logs], axis=-1)
-    return y - y[:, [truth]]
+    return np.asarray(y - y[:, [truth]])
 
 
 def _log_density(x: Array, grid: Array, period: float | None, taps: int, density: Density) -> Array:
@@ -258,7 +265,7 @@ def _log_density(x: Array, grid: Array, period: float | None, taps: int, density
     else:
         smooth = gaussian_filter1d(counts, width / step, mode="reflect", truncate=6)
     # A floor far below one tap keeps logarithms finite; the cap decides how much it matters.
-    return np.log(smooth / len(x) + 1e-9)
+    return np.asarray(np.log(smooth / len(x) + 1e-9))
 
 
 def _silverman(x: Array, period: float | None, taps: int) -> float:
@@ -267,7 +274,7 @@ def _silverman(x: Array, period: float | None, taps: int) -> float:
         x = np.mod(x - _circular_mean(x, period) + period / 2, period)
     quartiles = np.percentile(x, [25, 75])
     spread = min(x.std(), (quartiles[1] - quartiles[0]) / 1.349) or x.std()
-    return 0.9 * spread * taps ** (-1 / 5)
+    return float(0.9 * spread * taps ** (-1 / 5))
 
 
 def _log_t(x: Array, grid: Array, period: float | None) -> Array:
@@ -280,9 +287,9 @@ def _log_t(x: Array, grid: Array, period: float | None) -> Array:
     df, loc, scale = t.fit(some, 4.0, loc=np.median(some), scale=some.std() / 2)
     offset = grid - centre
     if period is None:
-        return t.logpdf(offset, df, loc, scale)
+        return np.asarray(t.logpdf(offset, df, loc, scale))
     turns = period * np.arange(-2, 3)[:, None]
-    return np.log(t.pdf(offset + turns, df, loc, scale).sum(axis=0))
+    return np.asarray(np.log(t.pdf(offset + turns, df, loc, scale).sum(axis=0)))
 
 
 def _thinned(x: Array, most: int = SHRINK_SAMPLES) -> Array:

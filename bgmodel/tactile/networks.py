@@ -44,10 +44,10 @@ class GratingNetwork:
         nn = import_torch().nn
         c1, c2 = max(1, round(64 * width)), max(1, round(128 * width))
 
-        def norm(n: int, flat: bool = False):
+        def norm(n: int, flat: bool = False) -> torch.nn.Module:
             return (nn.BatchNorm1d if flat else nn.BatchNorm2d)(n, eps=1e-3)
 
-        def dense(n_in: int, n_out: int):
+        def dense(n_in: int, n_out: int) -> list[torch.nn.Module]:
             layers = [nn.Linear(n_in, n_out), nn.ReLU(), norm(n_out, flat=True)]
             return [*layers, nn.Dropout(0.2 * dropout)]
 
@@ -156,7 +156,7 @@ def _standardise(features: int) -> Any:
             self.register_buffer("mean", torch.zeros(features))
             self.register_buffer("sd", torch.ones(features))
 
-        def forward(self, x):
+        def forward(self, x: Any) -> Any:
             return (x - self.mean) / self.sd
 
     return Standardise()

@@ -1,9 +1,9 @@
 """Values between the grid points, phases and forces at which a contact was solved."""
 
 import numpy as np
-from numba import njit
 
 from bgmodel.arrays import Array, Singles
+from bgmodel.compiling import compiled
 
 
 def phase_weights(phase: Array, count: int) -> Array:
@@ -31,7 +31,7 @@ def node_weights(value: Array, nodes: tuple[float, ...]) -> Array:
     return weights
 
 
-@njit(cache=True)
+@compiled
 def gather(
     coefficients: Singles, points: Array, weights: Singles, out: Singles
 ) -> None:  # pragma: no cover - compiled

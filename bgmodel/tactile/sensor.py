@@ -62,7 +62,7 @@ class Nuisance:
         if self.noise_per == "tap":
             return np.ones(1, dtype=np.float32)
         rise = np.sin(np.pi * np.arange(1, self.frames + 1) / (self.frames + 1))
-        return (rise / rise.max()).astype(np.float32)
+        return np.asarray(rise / rise.max(), dtype=np.float32)
 
 
 def simulate(
@@ -177,7 +177,8 @@ def _pins_moved(
     moved = library.sample(period_mm, phase, force, places @ axes, tip.pin_mm)
     lateral = moved[..., :2] @ axes.transpose(0, 2, 1)
     nearing = rest * (moved[..., 2:] / tip.camera_height_mm)
-    return lateral + nearing + taps[["shear_x_mm", "shear_y_mm"]].to_numpy()[:, None]
+    shear = taps[["shear_x_mm", "shear_y_mm"]].to_numpy()
+    return np.asarray(lateral + nearing + shear[:, None])
 
 
 def _filmed(

@@ -126,4 +126,4 @@ def _decaying(s: Array) -> Array:
     one = np.ones_like(s)
     rows = [[one, s], [-one, 1 - s], [-2 * one, -2 * s], [2 * one, 2 * (s - 1)]]
     states = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-    return states * np.exp(-s)[:, None, None]
+    return np.asarray(states * np.exp(-s)[:, None, None])

@@ -127,7 +127,7 @@ class Taps:
         size = size - size.mean(axis=1, keepdims=True)
         spread = size.std(axis=1, keepdims=True)
         size /= np.where(spread > 0, spread, 1)
-        return size.reshape(-1, 1, *shape).astype(np.float32)
+        return np.asarray(size.reshape(-1, 1, *shape), dtype=np.float32)
 
 
 def _grid(rest_mm: Array, shape: tuple[int, int]) -> Array:
@@ -145,4 +145,4 @@ def _interpolation(rest_mm: Array, grid: Array) -> Singles:
     weights = LinearNDInterpolator(rest_mm, each)(grid)
     outside = np.isnan(weights).any(axis=1)
     weights[outside] = NearestNDInterpolator(rest_mm, each)(grid[outside])
-    return weights.T.astype(np.float32)
+    return np.asarray(weights.T, dtype=np.float32)

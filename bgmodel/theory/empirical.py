@@ -78,8 +78,8 @@ class Empirical:
     def heavy(self) -> Truths:
         """Atoms (n,) heavy enough to bring two walks to exactly the same place."""
         floor = max(HEAVY, np.sort(self.weights)[-min(MAX_HEAVY, self.weights.size)])
-        mask = self.weights >= floor
-        return mask if mask.sum() <= MAX_HEAVY else self.weights > floor
+        mask: Truths = self.weights >= floor
+        return mask if mask.sum() <= MAX_HEAVY else np.asarray(self.weights > floor)
 
     @cached_property
     def cumulative(self) -> tuple[Array, Array]:

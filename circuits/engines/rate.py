@@ -179,7 +179,8 @@ def _filter(values: Array, decay: Array, state: Array) -> Array:
 
 
 def _product(matrix: csr_array, values: Array) -> Array:
-    return (matrix @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
+    product: Array = matrix @ values.reshape(len(values), -1)
+    return product.reshape(-1, *values.shape[1:])
 
 
 def _bent(wiring: Wiring) -> list[tuple[transfer.Transfer, Index]]:

@@ -134,11 +134,11 @@ class _Membrane:
 
     def outflow(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return the flux through threshold, 1/s."""
-        return self.step * self.up[-1] * density[-1]
+        return np.asarray(self.step * self.up[-1] * density[-1])
 
     def area(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return the whole probability."""
-        return self.step * density.sum(axis=0)
+        return np.asarray(self.step * density.sum(axis=0))
 
 
 def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Array:

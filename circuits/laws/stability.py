@@ -75,7 +75,7 @@ def roots(circuit: Circuit, drive: npt.ArrayLike | None = None) -> Complex:
     x = solve(wiring, held[None])[0]
     loops = [_roots(wiring, x, blocks) for blocks, loop in parts(wiring) if loop]
     found = np.concatenate([np.zeros(0, np.complex128), *loops])
-    return found[np.argsort(-found.real, kind="stable")]
+    return np.asarray(found[np.argsort(-found.real, kind="stable")])
 
 
 def is_stable(circuit: Circuit, drive: npt.ArrayLike | None = None) -> bool:
@@ -170,4 +170,4 @@ def _chebyshev(intervals: int) -> Array:
     sign = np.where((k == 0) | (k == intervals), 2.0, 1.0) * (-1.0) ** k
     apart = nodes[:, None] - nodes + np.eye(intervals + 1)
     matrix = np.outer(sign, 1 / sign) / apart
-    return matrix - np.diag(matrix.sum(axis=1))
+    return np.asarray(matrix - np.diag(matrix.sum(axis=1)))

@@ -116,7 +116,8 @@ class Layout:
 
     def index(self, group: str, places: npt.ArrayLike) -> Index:
         """Return the indices (trials, places) in a group from places in a trial."""
-        return np.arange(self.trials)[:, None] * self.size(group) + np.atleast_1d(places)
+        first = np.arange(self.trials)[:, None] * self.size(group)
+        return np.asarray(first + np.atleast_1d(places))
 
     def cells(self, block: int) -> Index:
         """Return the indices (trials, neurons) of a block's cells in their group."""

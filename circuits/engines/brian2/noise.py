@@ -82,7 +82,8 @@ def load_brian() -> ModuleType:
     import brian2
 
     sys.excepthook = hook
-    return brian2
+    module: ModuleType = brian2
+    return module
 
 
 def functions() -> dict[str, Any]:
