@@ -84,13 +84,14 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
     said = io.StringIO()
     try:
         with redirect_stderr(said):
-            return tyro.cli(
+            command: Callable[[], None] = tyro.cli(
                 choices(COMMANDS),
                 prog="bgmodel",
                 description=ABOUT,
                 args=arguments,
                 registry=_registry(),
             )
+            return command
     except SystemExit as stop:
         if stop.code == 2:
             raise ValueError(_sentence(said.getvalue())) from None

@@ -1,14 +1,19 @@
 """The compiled inner loops of the stopping rule and of the SPRT's sum."""
 
+from __future__ import annotations
+
 import numpy as np
-from numba import njit
+import numpy.typing as npt
+
+from bgmodel.arrays import Array, Integers, Reals
+from bgmodel.compiling import compiled, inlined
 
 # Sums of readings that differ by less are equal, as in ``theory``: 0.1 + 0.2 reaches 0.3.
 ROUNDING = 1e-10
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _replaces(number, equal):
+@inlined
+def _replaces(number: int, equal: int) -> bool:
     """Whether, in trial ``number``, the last of so many ``equal`` channels is taken instead.
 
     True with a chance of 1 / equal, so that going through them takes each with the same chance
@@ -20,11 +25,11 @@ def _replaces(number, equal):
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         z ^= z >> np.uint64(31)
-    return ((z >> np.uint64(32)) * np.uint64(equal)) >> np.uint64(32) == 0
+    return bool(((z >> np.uint64(32)) * np.uint64(equal)) >> np.uint64(32) == 0)
 
 
-@njit(cache=True, nogil=True)
-def lowest(row, number):
+@compiled
+def lowest(row: Reals, number: int) -> int:
     """Return the index of the lowest output, in trial ``number`` one of those that are equal."""
     best, equal = 0, 1
     for i in range(1, row.shape[0]):
@@ -37,8 +42,10 @@ def lowest(row, number):
     return best
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _compete(i, below, number, k, choice, margin, equal):
+@inlined
+def _compete(
+    i: int, below: float, number: int, k: int, choice: Integers, margin: Array, equal: Integers
+) -> None:
     """Let channel i, so far below threshold k, take its place if none is further below."""
     if below > margin[k] + ROUNDING:
         choice[k], margin[k], equal[k] = i, below, 1
@@ -48,8 +55,11 @@ def _compete(i, below, number, k, choice, margin, equal):
             choice[k], margin[k] = i, below
 
 
-@njit(cache=True, nogil=True, inline="always")
-def cross_trial(out, first, order, level, number, tick, choice, margin, equal, pointer):
+@inlined
+def cross_trial(
+    out: Reals, first: int, order: Integers, level: Array, number: int, tick: Integers,
+    choice: Integers, margin: Array, equal: Integers, pointer: Integers,
+) -> None:  # fmt: skip
     """Fill ``tick`` and ``choice`` (K,) for one trial; a tick of -1 means never crossed.
 
     A channel's thresholds are met from the highest down, so one pointer a channel that moves at
@@ -83,8 +93,10 @@ def cross_trial(out, first, order, level, number, tick, choice, margin, equal, p
                 choice[k] = last
 
 
-@njit(cache=True, nogil=True)
-def cross_all(out, first, order, level, ends, numbers):
+@compiled
+def cross_all(
+    out: Reals, first: int, order: Integers, level: Array, ends: Integers, numbers: Integers
+) -> tuple[Integers, Integers]:
     """Return tick and choice (trials, K); tick -1 where the end of the trial was reached."""
     trials, count = out.shape[0], order.shape[1]
     tick = np.empty((trials, count), np.int32)
@@ -100,8 +112,11 @@ def cross_all(out, first, order, level, ends, numbers):
     return tick, choice
 
 
-@njit(cache=True, nogil=True)
-def tally_all(out, truth, first, level, steps_at, ends, numbers):
+@compiled
+def tally_all(
+    out: Reals, truth: Integers, first: int, level: Array, steps_at: Array, ends: Integers,
+    numbers: Integers,
+) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64]]:  # fmt: skip
     """Return correct, steps and forced (K,), each summed over trials; thresholds from the highest.
 
     The lowest channel of a tick then decides for every threshold met at that tick, a run of
@@ -137,8 +152,8 @@ def tally_all(out, truth, first, level, steps_at, ends, numbers):
     return np.cumsum(correct)[:count], np.cumsum(steps)[:count], np.cumsum(forced)[:count]
 
 
-@njit(cache=True, nogil=True)
-def log_odds(log_likelihood, start, out):
+@compiled
+def log_odds(log_likelihood: Reals, start: float, out: Array) -> None:
     """Fill ``out`` (trials, 1 + steps, 2) with Z and -Z: Z_0 = start, then summed log ratios."""
     for n in range(log_likelihood.shape[0]):
         z = start
@@ -150,8 +165,10 @@ def log_odds(log_likelihood, start, out):
             out[n, t + 1, 1] = -z
 
 
-@njit(cache=True, nogil=True)
-def cross_each(out, first, levels, ends, numbers):
+@compiled
+def cross_each(
+    out: Reals, first: int, levels: Array, ends: Integers, numbers: Integers
+) -> tuple[Integers, Integers]:
     """Return tick and choice (trials,) where trial n has the threshold ``levels[n]``."""
     trials, _, channels = out.shape
     tick = np.empty((trials, 1), np.int32)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array, Integers, Reals, Truths
+
 UNDECIDED = -1
 
 
@@ -29,12 +31,12 @@ class Trace:
         Number of each trial, as in ``Evidence``: it decides ties. 0, 1, 2, ... if left out.
     """
 
-    out_nats: npt.NDArray[np.floating]
-    time_ms: npt.NDArray[np.float64]
+    out_nats: Reals
+    time_ms: Array
     onset_ms: float = 0.0
     step_ms: float = 1.0
-    ends: npt.NDArray[np.integer] | None = None
-    numbers: npt.NDArray[np.integer] | None = None
+    ends: Integers | None = None
+    numbers: Integers | None = None
 
     def of_trials(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Return the number of ticks of each trial, and the number that decides its ties."""
@@ -64,15 +66,15 @@ class Decision:
         End of each trial, from onset, ms.
     """
 
-    choice: npt.NDArray[np.integer]
-    time_ms: npt.NDArray[np.float64]
-    forced: npt.NDArray[np.bool_]
-    premature: npt.NDArray[np.bool_]
+    choice: Integers
+    time_ms: Array
+    forced: Truths
+    premature: Truths
     step_ms: float
-    deadline_ms: npt.NDArray[np.float64]
+    deadline_ms: Array
 
     @property
-    def steps(self) -> npt.NDArray[np.float64]:
+    def steps(self) -> Array:
         """Time in readings, the paper's T (never below 0; NaN where undecided)."""
         return np.maximum(self.time_ms, 0.0) / self.step_ms
 
@@ -107,18 +109,19 @@ def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = Tr
     ValueError
         If a threshold is not finite or the shape is none of the three.
     """
+    # Importing Numba takes most of a second: only where a decision is made.
+    from bgmodel.crossing import cross_all
+
     order, level = _sorted_levels(thresholds, trace.out_nats.shape[2])
     out = _contiguous(trace.out_nats)
     ends, numbers = trace.of_trials()
-    tick, choice = _compiled().cross_all(out, _first_reading(trace), order, level, ends, numbers)
+    tick, choice = cross_all(out, _first_reading(trace), order, level, ends, numbers)
     if np.ndim(thresholds) == 0:
         tick, choice = tick[:, 0], choice[:, 0]
     return _decision(trace, tick.T, choice.T, forced)
 
 
-def crossing_of_each(
-    trace: Trace, thresholds: npt.NDArray[np.floating], *, forced: bool = True
-) -> Decision:
+def crossing_of_each(trace: Trace, thresholds: Reals, *, forced: bool = True) -> Decision:
     """Decide each trial with a threshold of its own, as a learner that explores does.
 
     Parameters
@@ -130,6 +133,8 @@ def crossing_of_each(
     forced : bool
         Whether the deadline forces a response.
     """
+    from bgmodel.crossing import cross_each
+
     levels = np.asarray(thresholds, dtype=np.float64)
     if levels.shape != trace.out_nats.shape[:1] or not np.isfinite(levels).all():
         raise ValueError(
@@ -137,13 +142,11 @@ def crossing_of_each(
         )
     out = _contiguous(trace.out_nats)
     ends, numbers = trace.of_trials()
-    tick, choice = _compiled().cross_each(out, _first_reading(trace), levels, ends, numbers)
+    tick, choice = cross_each(out, _first_reading(trace), levels, ends, numbers)
     return _decision(trace, tick, choice, forced)
 
 
-def any_crossing(
-    out_nats: npt.NDArray[np.floating], threshold_nats: float
-) -> npt.NDArray[np.bool_]:
+def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
     """Whether each trial of a time without evidence ends in a response, (trials,).
 
     The rule is that of ``first_crossing`` up to the onset of evidence.
@@ -167,7 +170,7 @@ class Tally:
 
     trials: int
     correct: npt.NDArray[np.int64]
-    steps: npt.NDArray[np.float64]
+    steps: Array
     forced: npt.NDArray[np.int64]
 
     def __add__(self, other: Tally) -> Tally:
@@ -180,17 +183,17 @@ class Tally:
         )
 
     @property
-    def accuracy(self) -> npt.NDArray[np.float64]:
+    def accuracy(self) -> Array:
         """Proportion correct, (K,)."""
         return self.correct / self.trials
 
     @property
-    def mean_steps(self) -> npt.NDArray[np.float64]:
+    def mean_steps(self) -> Array:
         """Mean decision time in readings, (K,)."""
         return self.steps / self.trials
 
 
-def tally(trace: Trace, truth: npt.NDArray[np.integer] | None, thresholds: npt.ArrayLike) -> Tally:
+def tally(trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike) -> Tally:
     """Count what ``first_crossing`` would decide, without keeping each decision.
 
     Parameters
@@ -207,6 +210,8 @@ def tally(trace: Trace, truth: npt.NDArray[np.integer] | None, thresholds: npt.A
     ValueError
         If the truth is not known, or thresholds are not (K,) finite numbers.
     """
+    from bgmodel.crossing import tally_all
+
     if np.ndim(thresholds) != 1:
         raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
     if truth is None:
@@ -214,12 +219,12 @@ def tally(trace: Trace, truth: npt.NDArray[np.integer] | None, thresholds: npt.A
     order, level = _sorted_levels(thresholds, trace.out_nats.shape[2])
     steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
     out, truth, first = _contiguous(trace.out_nats), np.asarray(truth), _first_reading(trace)
-    sums = _compiled().tally_all(out, truth, first, level[0], steps_at, *trace.of_trials())
+    correct, steps, forced = tally_all(out, truth, first, level[0], steps_at, *trace.of_trials())
     back = np.argsort(order[0])
-    return Tally(len(out), *(values[back] for values in sums))
+    return Tally(len(out), correct[back], steps[back], forced[back])
 
 
-def _decision(trace: Trace, tick: np.ndarray, choice: np.ndarray, forced: bool) -> Decision:
+def _decision(trace: Trace, tick: Integers, choice: Integers, forced: bool) -> Decision:
     """Put crossings into the words of a task; tick is -1 where no threshold was reached."""
     reached = tick >= 0
     relative_ms = trace.time_ms - trace.onset_ms
@@ -244,14 +249,7 @@ def _first_reading(trace: Trace) -> int:
     return int(np.searchsorted(trace.time_ms, reading_ms * (1 - 1e-12), side="left"))
 
 
-def _compiled():
-    # Importing Numba takes most of a second: only where a decision is made.
-    from bgmodel import crossing
-
-    return crossing
-
-
-def _contiguous(out: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+def _contiguous(out: Reals) -> Reals:
     if out.ndim != 3 or 0 in out.shape:
         raise ValueError(
             f"out_nats must be (trials, ticks, hypotheses), not empty, got {out.shape}"
@@ -259,7 +257,7 @@ def _contiguous(out: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
     return np.ascontiguousarray(out)
 
 
-def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int):
+def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int) -> tuple[Integers, Array]:
     """Return, for each channel, the thresholds from highest to lowest and where they came from."""
     levels = np.asarray(thresholds, dtype=np.float64)
     if not np.isfinite(levels).all():

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+from bgmodel.arrays import Array
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Sweep
 from bgmodel.comparison.steady import leader_out
@@ -23,7 +24,6 @@ from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
 from circuits.engines import SPIKING
 from circuits.spec import Circuit
 
-Array = npt.NDArray[np.float64]
 ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
 MARGIN = 0.02

@@ -82,17 +82,17 @@ class Evidence:
     @property
     def trials(self) -> int:
         """Number of trials."""
-        return self.log_likelihood.shape[0]
+        return int(self.log_likelihood.shape[0])
 
     @property
     def steps(self) -> int:
         """Number of readings that the longest trial holds, T_max."""
-        return self.log_likelihood.shape[1]
+        return int(self.log_likelihood.shape[1])
 
     @property
     def hypotheses(self) -> int:
         """Number of hypotheses."""
-        return self.log_likelihood.shape[2]
+        return int(self.log_likelihood.shape[2])
 
     @property
     def readings(self) -> npt.NDArray[np.integer]:

@@ -186,8 +186,11 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
 
     path = Path(path)
     if path.suffix == ".csv":
-        return json.loads(provenance_path(path).read_text())
-    return json.loads(pq.read_schema(path).metadata[KEY])
+        text = provenance_path(path).read_text()
+    else:
+        text = pq.read_schema(path).metadata[KEY]
+    found: dict[str, Any] = json.loads(text)
+    return found
 
 
 def check_writable(folder: str | Path) -> Path:

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from circuits.arrays import Array
 from circuits.spec import NATS, Circuit
-from circuits.wiring import Array, Wiring
+from circuits.wiring import Wiring
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,8 @@ def total_nats(circuit: Circuit, drive: Array) -> Array:
     circuit.check_nats("S = ln sum exp y")
     top = drive.max(axis=-1)
     total = top + np.log(np.exp(drive - top[..., None]).sum(axis=-1))
-    return circuit.reference_nats + total - np.log(circuit.channels)
+    above: Array = circuit.reference_nats + total - np.log(circuit.channels)
+    return above
 
 
 def warn_beyond_range(circuit: Circuit, drive: Array) -> None:

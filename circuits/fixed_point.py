@@ -6,8 +6,9 @@ from graphlib import TopologicalSorter
 
 import numpy as np
 
+from circuits.arrays import Array, Index
 from circuits.spec import Circuit
-from circuits.wiring import Array, Index, Wiring, wire
+from circuits.wiring import Wiring, wire
 
 MOST_STEPS = 200
 TOLERANCE = 1e-9
@@ -30,7 +31,7 @@ def rest_rates(wiring: Wiring) -> Array:
 
 def rest(wiring: Wiring) -> Array:
     """Return the state (blocks,) at rest, nats."""
-    return solve(wiring, np.zeros((1, wiring.circuit.channels)))[0]
+    return np.asarray(solve(wiring, np.zeros((1, wiring.circuit.channels)))[0])
 
 
 def solve(wiring: Wiring, drive: Array) -> Array:

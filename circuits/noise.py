@@ -106,7 +106,7 @@ def bits8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.floa
 
     One word serves four ticks, a byte each.
     """
-    return (ones8(stream, tick, neurons).astype(np.float64) - 4) / np.sqrt(2)
+    return np.asarray((ones8(stream, tick, neurons).astype(np.float64) - 4) / np.sqrt(2))
 
 
 def ones8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.float32]:
@@ -128,7 +128,7 @@ def bits32(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.flo
     """
     counts = byte_counts(words(stream, tick, neurons))
     ones = sum((counts >> np.uint32(shift)) & np.uint32(15) for shift in (0, 8, 16, 24))
-    return (np.asarray(ones, dtype=np.float64) - 16) / np.sqrt(8)
+    return np.asarray((np.asarray(ones, dtype=np.float64) - 16) / np.sqrt(8))
 
 
 def stream_keys(seed: int, trials: npt.ArrayLike, names: list[str]) -> npt.NDArray[np.uint64]:

@@ -7,6 +7,7 @@ import json
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
         If there is no such trial.
     """
     try:
-        from pynwb import NWBHDF5IO, NWBFile, TimeSeries
+        from pynwb import NWBHDF5IO, NWBFile
     except ImportError as error:
         raise ImportError('NWB needs pynwb: pip install ".[nwb]"') from error
     trials = len(activity.output_nats)
@@ -53,6 +54,22 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
         notes=json.dumps(about, sort_keys=True, default=str),
         protocol=text(activity.circuit),
     )
+    _add_rates(file, activity, trial)
+    _add_units(file, activity, trial)
+    path = Path(path)
+    beside = path.with_name(f".part-{path.stem}.nwb")
+    try:
+        with NWBHDF5IO(str(beside), "w") as out:
+            out.write(file)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _add_rates(file: Any, activity: Activity, trial: int) -> None:
+    """Add a time series of rates per nucleus, and OUT."""
+    from pynwb import TimeSeries
+
     time_s = activity.time_ms / 1000
     series = {f"{name} rate": (rates[trial], "Hz") for name, rates in activity.rates_hz.items()}
     series["OUT"] = (activity.output_nats[trial], activity.circuit.unit)
@@ -66,6 +83,10 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
                 description="one column a channel; time from the onset of evidence",
             )
         )
+
+
+def _add_units(file: Any, activity: Activity, trial: int) -> None:
+    """Add the spike times of each cell."""
     for name, table in (activity.spikes or {}).items():
         if file.units is None:
             for column, about_it in COLUMNS.items():
@@ -78,11 +99,3 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
             when = np.asarray(times.get(place, np.empty(0))) / 1000
             channel, neuron = place
             file.add_unit(spike_times=when, population=name, channel=channel, neuron=neuron)
-    path = Path(path)
-    beside = path.with_name(f".part-{path.stem}.nwb")
-    try:
-        with NWBHDF5IO(str(beside), "w") as out:
-            out.write(file)
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

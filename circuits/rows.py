@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,7 @@ def _one_to_one(targets: int, sources: int) -> npt.NDArray[np.float64]:
     return np.eye(targets, sources)
 
 
-PATTERNS = {
+PATTERNS: dict[str, Callable[[int, int], npt.NDArray[np.float64]]] = {
     "channel": _one_to_one,
     "diffuse": lambda targets, sources: np.ones((targets, sources)),
     "neighbour": lambda targets, sources: np.roll(_one_to_one(targets, sources), 1, axis=0),

@@ -10,9 +10,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-
-Single = npt.NDArray[np.float32]
 
 ZERO, ONE = np.float32(0), np.float32(1)
 LOWEST, HIGHEST = np.float32(-87), np.float32(60)

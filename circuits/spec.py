@@ -207,7 +207,7 @@ class Circuit:
         weight.
         """
         pattern = PATTERNS[p.pattern](self.channels_of(p.target), self.channels_of(p.source))
-        return pattern * np.array(p.factors)[:, None] if p.factors else pattern
+        return np.asarray(pattern * np.array(p.factors)[:, None]) if p.factors else pattern
 
     # ---- edits: each returns a new circuit
 

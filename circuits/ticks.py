@@ -28,11 +28,12 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise
+from circuits.arrays import Array, Index
 from circuits.cells.cell import Cell, Constants
 from circuits.checks import check_time, whole_ticks
 from circuits.fixed_point import rest
 from circuits.spec import Circuit
-from circuits.wiring import Array, Index, Wiring, wire
+from circuits.wiring import Wiring, wire
 
 SPIKE_BITS = 40
 """Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from circuits.arrays import Array
 
 EXP_MOST = 60.0
 """Exponents are capped here, nats: far above any rate, far below overflow."""
@@ -40,7 +40,8 @@ class Transfer:
 
 
 def _capped(x: Array) -> Array:
-    return np.exp(np.minimum(x, EXP_MOST))
+    values: Array = np.exp(np.minimum(x, EXP_MOST))
+    return values
 
 
 def _s_minus_log_s(s: Array) -> Array:

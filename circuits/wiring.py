@@ -14,10 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise, transfer
+from circuits.arrays import Array, Index
 from circuits.spec import Circuit, Population, Projection
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -68,11 +66,11 @@ class Wiring:
 
     def row(self, block: int) -> Population:
         """Return the population of a block."""
-        return self.circuit.populations[self.owner[block]]
+        return self.circuit.populations[int(self.owner[block])]
 
     def projection(self, unit: int) -> Projection:
         """Return the projection of a unit."""
-        return self.circuit.projections[self.path[unit]]
+        return self.circuit.projections[int(self.path[unit])]
 
     def blocks_of(self, name: str) -> Index:
         """Return the blocks of a population, in the order of its channels."""
@@ -100,7 +98,7 @@ class Wiring:
         Raises ValueError for a cell type that has no single one.
         """
         membrane = [self.row(b).cell.membrane_ms() for b in range(self.blocks)]
-        return self.column("tau_ms") + np.array(membrane)
+        return self.column("tau_ms") + np.array(membrane, dtype=np.float64)
 
     @cached_property
     def floor_hz(self) -> Array:

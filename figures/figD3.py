@@ -6,6 +6,7 @@ the grating.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -15,13 +16,14 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.dopamine import COARSE, playable_levels
+from bgmodel.evidence import Evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.gap import increments
 from bgmodel.learning.level import after_errors, learn_level, level_outcomes
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed
-from bgmodel.learning.worlds import switching, trials_of
+from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
 from bgmodel.tactile.task import SameDifferent, Source, source
 from bgmodel.theory.sprt import optimal_delta
 from circuits.anatomy import circuit
@@ -41,65 +43,85 @@ EXPLORED = {"first_share": 0.08, "last_share": 0.08}
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     """Let algorithm and rate circuit learn in worlds that switch, and see what errors leave."""
     read = read_table(taps)
-    sources = {
-        p: source(read, SameDifferent(), period_mm=p, fold=0)
-        for p in {period for world in WORLDS.values() for period, _ in world}
-    }
+    periods = {period for world in WORLDS.values() for period, _ in world}
+    sources = {p: source(read, SameDifferent(), period_mm=p, fold=0) for p in periods}
     model = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options=COARSE)
     levels = playable_levels(model, 22)
-    explored = GaussianPolicy(bounds=(levels[0], levels[-1]), **EXPLORED)
     outcomes = {
-        period: level_outcomes(
-            model,
-            readings.draw(
-                settings.circuit_trials,
-                settings.t_max,
-                rng=stream(settings.seed, "figD3", period),
-                step_ms=STEP_MS,
-            ),
-            levels,
-        )
+        period: level_outcomes(model, _drawn(readings, settings, period), levels)
         for period, readings in sources.items()
     }
-    every = settings.episodes // BLOCK_SHARE
-    learner = Learner(**{**STEADY.__dict__, "episodes": settings.episodes})
+    policy = GaussianPolicy(bounds=(levels[0], levels[-1]), **EXPLORED)
     parts = []
-    for name, world in WORLDS.items():
-        abstract = learn(
-            switching([_sprt(sources[p], xi, settings, name) for p, xi in world], every),
-            4.0,
-            rngs=_explored(settings, name, "algorithm"),
-            policy=GaussianPolicy(**EXPLORED),
-            learner=learner,
-        )
-        best = [
-            optimal_delta(*increments(sources[p]), xi, t_max=settings.t_max, bounds=(0, 8)).delta
-            for p, xi in world
-        ]
-        parts.append(_course(abstract, best, every).assign(world=name, model="algorithm"))
-        draws = [stream(settings.seed, "figD3", name, i, "trials") for i in range(RUNS)]
-        dopamine = learn(
-            switching([outcomes[p].environment(xi, draws) for p, xi in world], every),
-            1.2,
-            rngs=_explored(settings, name, "circuit"),
-            policy=explored,
-            learner=learner,
-        )
-        best = [outcomes[p].best(xi)[0] for p, xi in world]
-        parts.append(_course(dopamine, best, every).assign(world=name, model="circuit"))
-    for carried in CARRIED:
-        learned = learn_level(
-            outcomes[1.5],
-            xi=settings.xi,
-            start_level=1.3,
-            runs=RUNS,
-            seed=settings.seed,
-            name=("after errors", carried),
-            policy=explored,
-            learner=Learner(**{**learner.__dict__, "carried": carried}),
-        )
-        parts.append(after_errors(learned, settings.xi).assign(world="errors", carried=carried))
+    for name in WORLDS:
+        parts.append(_algorithm(sources, settings, name).assign(world=name, model="algorithm"))
+        course = _circuit(outcomes, settings, name, policy)
+        parts.append(course.assign(world=name, model="circuit"))
+    parts += [_after_errors(outcomes[1.5], settings, carried, policy) for carried in CARRIED]
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def _drawn(readings: Source, settings: Settings, period_mm: float) -> Evidence:
+    rng = stream(settings.seed, "figD3", period_mm)
+    return readings.draw(settings.circuit_trials, settings.t_max, rng=rng, step_ms=STEP_MS)
+
+
+def _algorithm(sources: dict[float, Source], settings: Settings, name: str) -> pd.DataFrame:
+    """Learn the gap of an SPRT in a world that switches."""
+    world, every = WORLDS[name], _block(settings)
+    learned = learn(
+        switching([_sprt(sources[p], xi, settings, name) for p, xi in world], every),
+        4.0,
+        rngs=_explored(settings, name, "algorithm"),
+        policy=GaussianPolicy(**EXPLORED),
+        learner=_learner(settings),
+    )
+    best = [
+        optimal_delta(*increments(sources[p]), xi, t_max=settings.t_max, bounds=(0, 8)).delta
+        for p, xi in world
+    ]
+    return _course(learned, best, every)
+
+
+def _circuit(
+    outcomes: dict[float, LevelOutcomes], settings: Settings, name: str, policy: GaussianPolicy
+) -> pd.DataFrame:
+    """Learn the level of dopamine in a world that switches."""
+    world, every = WORLDS[name], _block(settings)
+    draws = [stream(settings.seed, "figD3", name, i, "trials") for i in range(RUNS)]
+    learned = learn(
+        switching([outcomes[p].environment(xi, draws) for p, xi in world], every),
+        1.2,
+        rngs=_explored(settings, name, "circuit"),
+        policy=policy,
+        learner=_learner(settings),
+    )
+    return _course(learned, [outcomes[p].best(xi)[0] for p, xi in world], every)
+
+
+def _after_errors(
+    outcomes: LevelOutcomes, settings: Settings, carried: float, policy: GaussianPolicy
+) -> pd.DataFrame:
+    """Learn a level with the last reward carried over, and see the trial after an error."""
+    learned = learn_level(
+        outcomes,
+        xi=settings.xi,
+        start_level=1.3,
+        runs=RUNS,
+        seed=settings.seed,
+        name=("after errors", carried),
+        policy=policy,
+        learner=replace(_learner(settings), carried=carried),
+    )
+    return after_errors(learned, settings.xi).assign(world="errors", carried=carried)
+
+
+def _learner(settings: Settings) -> Learner:
+    return replace(STEADY, episodes=settings.episodes)
+
+
+def _block(settings: Settings) -> int:
+    return settings.episodes // BLOCK_SHARE
 
 
 def _explored(settings: Settings, *name: str) -> list[np.random.Generator]:

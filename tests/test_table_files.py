@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuits import anatomy, table_files
+from circuits import anatomy, table_files, table_reader
 from circuits.cells import CELLS, Lif, Phase, Rate
 from circuits.spec import Population, Projection
 
@@ -49,7 +49,7 @@ EDITS = [
 def test_every_table_comes_back_from_its_file(name, channels, tmp_path):
     circuit = anatomy.circuit(name, channels)
     path = table_files.write(circuit, tmp_path / "mine.toml")
-    assert table_files.read(path) == table_files.read(path, channels) == circuit
+    assert table_reader.read(path) == table_reader.read(path, channels) == circuit
     assert anatomy.circuit(path) == anatomy.circuit(str(path), channels) == circuit
     assert [found.name for found in tmp_path.iterdir()] == ["mine.toml"]
 
@@ -63,7 +63,7 @@ def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
             circuit = edit(circuit)
         except ValueError:  # two of a name, or a lesion of another kind
             continue
-    found = table_files.parse(table_files.text(circuit), "mine.toml")
+    found = table_reader.parse(table_files.text(circuit), "mine.toml")
     assert found == circuit
     assert table_files.digest(found) == table_files.digest(circuit)
 
@@ -108,13 +108,13 @@ def test_a_file_of_ones_own_needs_no_more_than_what_differs():
         columns = ["source", "target", "weight"]
         rows = [["ctx", "D1", 1], ["D1", "SNr", -1]]
     """
-    circuit = table_files.parse(text, "mine.toml")
+    circuit = table_reader.parse(text, "mine.toml")
     assert circuit.name == "mine"
     assert circuit.population("ctx") == Population("ctx", Phase(0.5), cite="mine")
     assert circuit.projection("D1", "SNr") == Projection("D1", "SNr", -1)
     # Where rows share lines they are counted.
     with pytest.raises(ValueError, match=r"^mine\.toml, populations, row 3: transmitter must"):
-        table_files.parse(text.replace('"Rate", "GABA"', '"Rate", "gaba"'), "mine.toml")
+        table_reader.parse(text.replace('"Rate", "GABA"', '"Rate", "gaba"'), "mine.toml")
 
 
 TEXT = table_files.text(anatomy.spiking_msprt(2))
@@ -174,7 +174,7 @@ def test_what_is_wrong_is_said_with_its_line(old, new, line, says):
     assert old in TEXT
     wrong = TEXT.replace(old, new, 1)
     with pytest.raises(ValueError, match=rf"^mine\.toml, line {line}: ") as caught:
-        table_files.parse(wrong, "mine.toml")
+        table_reader.parse(wrong, "mine.toml")
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -204,7 +204,7 @@ def test_what_is_missing_or_no_toml_is_said(old, new, says):
     wrong = TEXT.replace(old, new, 1)
     assert wrong != TEXT
     with pytest.raises(ValueError, match=r"^mine\.toml") as caught:
-        table_files.parse(wrong, "mine.toml")
+        table_reader.parse(wrong, "mine.toml")
     assert says in str(caught.value)
 
 
@@ -239,12 +239,12 @@ def test_a_mangled_file_gives_a_circuit_or_one_sentence(start, length, put):
         assert said.startswith("mine.toml")
         assert "\n" not in said
     else:
-        assert table_files.parse(table_files.text(circuit), "mine.toml") == circuit
+        assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit
 
 
 def circuit_or_sentence(text):
     try:
-        return table_files.parse(text, "mine.toml"), ""
+        return table_reader.parse(text, "mine.toml"), ""
     except ValueError as error:
         return None, str(error)
 

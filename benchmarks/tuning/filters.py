@@ -16,7 +16,6 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 from scipy.signal import lfilter
 
 from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, tuning_evidence
@@ -27,9 +26,9 @@ from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import circuit
+from circuits.arrays import Array
 from circuits.spec import Circuit
 
-Array = npt.NDArray[np.float64]
 ACCURACIES = tuple(np.arange(0.885, 0.98, 0.01).round(3))
 
 

@@ -23,13 +23,17 @@ from bgmodel.commands.checks import (
     say_of_trials,
 )
 from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
-from bgmodel.decision import first_crossing
+from bgmodel.decision import Decision, first_crossing
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables import trials as tables
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from bgmodel.evidence import Evidence
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.spec import Circuit
 
 DEFAULT_POSTERIOR = 0.9
@@ -157,31 +161,18 @@ class CircuitRun(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import (
-            BasalGanglia,
-            check_threshold,
-            gain_of,
-            identity,
-        )
-        from circuits.anatomy import circuit
-        from circuits.engines import SPIKING
+        from bgmodel.integrators.basal_ganglia import check_threshold, identity
 
         self._check()
         trials = self.stimuli.draw(self.seed, "circuit run")
         evidence = trials.evidence
-        table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
-        gain = gain_of(table, self.gain)
+        model = self._model(evidence)
+        table = model.circuit
         threshold = self._threshold(table)
         check_threshold(table, threshold)
-        options: dict[str, Any] = {}
-        if self.engine in SPIKING and self.nwb is not None:
-            options["spikes"] = [p.name for p in table.populations if p.spiking]
         if self.engine == "brian2":
             say("Brian2 writes and compiles its program: 10 to 30 seconds")
-        if self.engine == "ensemble":
-            options |= {"workers": self.workers, "progress": True}
         started = time.perf_counter()
-        model = BasalGanglia(table, self.engine, gain, self.seed, options)
         say_before(model, evidence, evidence.trials)
         model.warn_of_noise(threshold)
         activity = model.activity(evidence)
@@ -191,7 +182,7 @@ class CircuitRun(Writes):
         result = tables.trial_table(decision, trials, seed=seed, model=about)
         posterior = self._posterior() if self.threshold is None else None
         behind = {
-            "command": options_of(self, gain=gain, posterior=posterior),
+            "command": options_of(self, gain=model.gain, posterior=posterior),
             "circuit": identity(table),
         }
         files.write_table(result, self.output, seed=seed, **behind)
@@ -203,14 +194,33 @@ class CircuitRun(Writes):
             write_nwb(activity, self.nwb)
         if self.stimuli.evidence is not None:
             print(trials.said())
+        known, seconds = evidence.truth is not None, time.perf_counter() - started
+        self._say_decided(result, decision, known, seconds)
+
+    def _model(self, evidence: Evidence) -> BasalGanglia:
+        """Return the circuit as edited, on its engine."""
+        from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+        from circuits.anatomy import circuit
+        from circuits.engines import SPIKING
+
+        table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
+        options: dict[str, Any] = {}
+        if self.engine in SPIKING and self.nwb is not None:
+            options["spikes"] = [p.name for p in table.populations if p.spiking]
+        if self.engine == "ensemble":
+            options |= {"workers": self.workers, "progress": True}
+        return BasalGanglia(table, self.engine, gain_of(table, self.gain), self.seed, options)
+
+    def _say_decided(
+        self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
+    ) -> None:
+        """Print how many trials decided, how well and how fast."""
         criterion = "--posterior" if self.threshold is None else "--threshold"
         say_of_trials(result, criterion=f"{criterion}, or another --gain")
-        known = evidence.truth is not None
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
             f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
-            f"forced {result['forced'].sum()}, in {time.perf_counter() - started:.1f} s "
-            f"-> {self.output}"
+            f"forced {result['forced'].sum()}, in {seconds:.1f} s -> {self.output}"
         )
 
     def _posterior(self) -> float:

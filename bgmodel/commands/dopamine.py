@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
+from bgmodel.arrays import Array
 from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
 from bgmodel.commands.names import RATE, SPIKING_MSPRT, CircuitName, TimedEngineName
 from bgmodel.edits import Edits
+from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
 from bgmodel.memory import check_learning_memory, check_memory
 from bgmodel.stimuli import Stimuli
+
+if TYPE_CHECKING:
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from bgmodel.learning.reinforce import Learned
+    from bgmodel.learning.worlds import LevelOutcomes
 
 TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=500, t_max=30)
 
@@ -58,71 +66,82 @@ class CircuitLearn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.dopamine import COARSE, playable_levels
-        from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of, identity
+        from bgmodel.dopamine import playable_levels
+        from bgmodel.integrators.basal_ganglia import identity
         from bgmodel.learning.level import learn_level, learned_table, level_outcomes, regret
         from bgmodel.learning.reinforce import LearningStopped
-        from circuits.anatomy import circuit
 
         self._check()
         trials = self.stimuli.draw(self.seed, "learn")
         if self.stimuli.evidence is not None:
             print(trials.said())
         evidence = trials.evidence
-        table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
-        table.check_nats("a criterion that dopamine sets")
-        gain = gain_of(table, self.gain)
-        options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
-        model = BasalGanglia(table, self.engine, gain, self.seed, options)
-        model.warn_beyond_range(evidence)
+        model = self._model(evidence)
         threshold_nats = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
         levels = playable_levels(model, self.levels, threshold_nats)
-        start = levels[-1] if self.start_level is None else self.start_level
-        if not levels[0] <= start <= levels[-1]:
-            raise ValueError(
-                f"start_level must lie where {table.name} decides by evidence, "
-                f"{levels[0]:.3f}..{levels[-1]:.3f}, got {start:g}"
-            )
-        say(
-            f"{evidence.trials} trials at {self.levels} levels, {levels[0]:.3f} to {levels[-1]:.3f}"
-        )
+        start = self._start(levels, model.circuit.name)
+        low, high = f"{levels[0]:.3f}", f"{levels[-1]:.3f}"
+        say(f"{evidence.trials} trials at {self.levels} levels, {low} to {high}")
         outcomes = level_outcomes(model, evidence, levels, threshold_nats)
-        late = [share > 0.5 for share in outcomes.forced]
-        if all(late):
-            raise ValueError(
-                "the deadline decides most trials at every level: there is nothing to learn, give "
-                "more readings"
-            )
-        if any(late):
-            say(f"the deadline decides most trials at {sum(late)} of {len(levels)} levels")
-        command = options_of(self, gain=gain)
+        _check_decided(outcomes)
         behind: dict[str, Any] = {
             "seed": self.seed,
-            "command": command,
-            "circuit": identity(table),
+            "command": options_of(self, gain=model.gain),
+            "circuit": identity(model.circuit),
         }
+        given: dict[str, Any] = {"runs": self.runs, "seed": self.seed, "learner": self.learner}
         try:
-            learned = learn_level(
-                outcomes,
-                xi=self.xi,
-                start_level=start,
-                runs=self.runs,
-                seed=self.seed,
-                name="learn",
-                learner=self.learner,
-            )
+            learned = learn_level(outcomes, xi=self.xi, start_level=start, name="learn", **given)
         except LearningStopped as stop:
             files.write_table(learned_table(stop.learned), self.output, **behind)
             raise ValueError(f"{stop}; what was learned until then -> {self.output}") from None
-        cost = regret(learned.learned, outcomes, self.xi)
-        best = outcomes.best(self.xi)
-        summary = {"level": learned.learned.tolist(), "regret": cost.tolist(), "best": best}
+        summary = self._summary(learned, outcomes)
         files.write_table(learned_table(learned), self.output, summary=summary, **behind)
+        self._say_learned(summary, float(regret(start, outcomes, self.xi)))
+
+    def _model(self, evidence: Evidence) -> BasalGanglia:
+        """Return the circuit as edited, on its engine."""
+        from bgmodel.dopamine import COARSE
+        from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+        from circuits.anatomy import circuit
+
+        table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
+        table.check_nats("a criterion that dopamine sets")
+        options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
+        gain = gain_of(table, self.gain)
+        model = BasalGanglia(table, self.engine, gain, self.seed, options)
+        model.warn_beyond_range(evidence)
+        return model
+
+    def _start(self, levels: Array, name: str) -> float:
+        """Return the level at the start, checked against those that the circuit can use."""
+        start = levels[-1] if self.start_level is None else self.start_level
+        if not levels[0] <= start <= levels[-1]:
+            raise ValueError(
+                f"start_level must lie where {name} decides by evidence, "
+                f"{levels[0]:.3f}..{levels[-1]:.3f}, got {start:g}"
+            )
+        return start
+
+    def _summary(self, learned: Learned, outcomes: LevelOutcomes) -> dict[str, Any]:
+        """Return what goes beside the table: what was learned, what it costs, what is best."""
+        from bgmodel.learning.level import regret
+
+        cost = regret(learned.learned, outcomes, self.xi)
+        return {
+            "level": learned.learned.tolist(),
+            "regret": cost.tolist(),
+            "best": outcomes.best(self.xi),
+        }
+
+    def _say_learned(self, summary: dict[str, Any], start_regret: float) -> None:
+        """Print what was learned in one sentence."""
+        levels = np.array(summary["level"])
         print(
-            f"learned level {learned.learned.mean():.2f} (sd {learned.learned.std():.2f} over "
-            f"{self.runs} runs), best of {self.levels} on these trials {best[0]:.2f}, regret "
-            f"{100 * cost.mean():.1f} % (at the start "
-            f"{100 * float(regret(start, outcomes, self.xi)):.0f} %) -> {self.output}"
+            f"learned level {levels.mean():.2f} (sd {levels.std():.2f} over {self.runs} runs), "
+            f"best of {self.levels} on these trials {summary['best'][0]:.2f}, regret "
+            f"{100 * np.mean(summary['regret']):.1f} % (at the start {100 * start_regret:.0f} %) "
+            f"-> {self.output}"
         )
 
     def _check(self) -> None:
@@ -138,3 +157,15 @@ class CircuitLearn(Writes):
             raise ValueError(f"levels must be >= 2, got {self.levels}")
         if self.stimuli.evidence is None:
             criterion_from_posterior(self.posterior, self.stimuli.channels)
+
+
+def _check_decided(outcomes: LevelOutcomes) -> None:
+    """Say at how many levels the deadline decides; ValueError if at all of them."""
+    late = [share > 0.5 for share in outcomes.forced]
+    if all(late):
+        raise ValueError(
+            "the deadline decides most trials at every level: there is nothing to learn, give "
+            "more readings"
+        )
+    if any(late):
+        say(f"the deadline decides most trials at {sum(late)} of {len(late)} levels")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tyro.conf import Positional
 
 from bgmodel import files
+from bgmodel.arrays import Array, Reals
 from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of
 from bgmodel.memory import check_memory
 from bgmodel.seeds import stream
@@ -17,6 +19,9 @@ from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.tips import Tip
+
+if TYPE_CHECKING:
+    from bgmodel.tactile.taps import Taps
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,8 @@ class Simulate(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.tactile.library import LibraryPlan, contact_library
+        from bgmodel.tactile.library import contact_library
+        from bgmodel.tactile.pressing import LibraryPlan
         from bgmodel.tactile.sensor import simulate
 
         check_whole(taps=self.taps, workers=self.workers)
@@ -90,7 +96,7 @@ class Train(Writes):
         check_ending("output", self.output, ".safetensors")
         training = EDGE if self.edge else self.training
         taps, about = _taps(self.taps, self.mm_per_px, self.edge)
-        behind = {"taps": about, "command": options_of(self, training=training)}
+        behind: dict[str, Any] = {"taps": about, "command": options_of(self, training=training)}
         decoder = train(taps, seed=self.seed, training=training, about=behind)
         decoder.save(self.output)
         best = min(row["mae_deg"] for row in decoder.history)
@@ -125,12 +131,18 @@ class Decode(Writes):
         table = taps.labels.assign(**decoder.decode(taps))
         if "image" in table:
             table["image"] = table["image"].map(lambda path: Path(path).name)
-        behind = {"taps": about, "decoder": decoder.about, "command": options_of(self)}
+        behind: dict[str, Any] = {
+            "taps": about,
+            "decoder": decoder.about,
+            "command": options_of(self),
+        }
         files.write_table(table, self.output, **behind)
         print(f"{len(table)} taps decoded -> {self.output}")
 
 
-def _taps(path: Path, mm_per_px: float | None, edge: bool, rest: np.ndarray | None = None):
+def _taps(
+    path: Path, mm_per_px: float | None, edge: bool, rest: Reals | None = None
+) -> tuple[Taps, dict[str, Any]]:
     """Return taps and their provenance, from a file or from a folder of recordings."""
     if not path.is_dir():
         from bgmodel.tactile.taps import Taps
@@ -148,5 +160,5 @@ def _taps(path: Path, mm_per_px: float | None, edge: bool, rest: np.ndarray | No
     return taps, {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": stimulus}
 
 
-def _in_turn(values: tuple[float, ...], count: int) -> np.ndarray:
+def _in_turn(values: tuple[float, ...], count: int) -> Array:
     return np.resize(np.asarray(values, dtype=float), count)

@@ -17,10 +17,9 @@ import pandas as pd
 from scipy.optimize import isotonic_regression
 from scipy.stats import rankdata
 
+from bgmodel.arrays import Array
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import Evidence
-
-Array = npt.NDArray[np.float64]
 
 ACCURACIES = (0.90, 0.95, 0.97)
 FEWEST_TRIALS = 100
@@ -67,12 +66,12 @@ class Sweep:
     @property
     def trials(self) -> int:
         """Number of trials."""
-        return self.choice.shape[1]
+        return int(self.choice.shape[1])
 
     @property
     def without_evidence(self) -> npt.NDArray[np.bool_]:
         """Whether most trials decide before their first reading, (K,)."""
-        return self.premature.mean(axis=1) > WITHOUT_EVIDENCE_SHARE
+        return np.asarray(self.premature.mean(axis=1) > WITHOUT_EVIDENCE_SHARE)
 
     def __add__(self, more: Sweep) -> Sweep:
         """Append trials; both must have the same settings."""
@@ -102,7 +101,7 @@ def reads_nothing(premature: float, anticipatory: float, foreperiod_ms: float) -
         length of the foreperiod does not.
     """
     within = 1 - (1 - anticipatory) ** (REST_MS / foreperiod_ms)
-    return max(premature, within) > WITHOUT_EVIDENCE_SHARE
+    return bool(max(premature, within) > WITHOUT_EVIDENCE_SHARE)
 
 
 def levels(trace: Trace, count: int = 200) -> Array:
@@ -354,7 +353,9 @@ def _row_means(values: Array) -> Array:
     known = np.isfinite(values)
     counts = known.sum(axis=1)
     sums = np.where(known, values, 0).sum(axis=1)
-    return np.divide(sums, counts, out=np.full(len(values), np.nan), where=counts > 0)
+    means = np.full(len(values), np.nan)
+    np.divide(sums, counts, out=means, where=counts > 0)
+    return means
 
 
 def _known(values: Array) -> bool:
@@ -363,13 +364,12 @@ def _known(values: Array) -> bool:
 
 
 def _mean(values: Array, weights: Array) -> Array:
-    return weights @ values / weights.sum(axis=1)
+    return np.asarray(weights @ values / weights.sum(axis=1))
 
 
 def _correlation(x: Array, y: Array, weights: Array) -> Array:
     x, y = x - x.mean(), y - y.mean()
     mx, my = _mean(x, weights), _mean(y, weights)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return (_mean(x * y, weights) - mx * my) / np.sqrt(
-            (_mean(x * x, weights) - mx**2) * (_mean(y * y, weights) - my**2)
-        )
+        spread = np.sqrt((_mean(x * x, weights) - mx**2) * (_mean(y * y, weights) - my**2))
+        return np.asarray((_mean(x * y, weights) - mx * my) / spread)

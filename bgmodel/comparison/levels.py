@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.arrays import Array
 from bgmodel.comparison.circuits import msprt_sweeps
 from bgmodel.comparison.compare import Sweep, curve, interval, resampled
 from bgmodel.dopamine import (
@@ -24,7 +24,6 @@ from bgmodel.seeds import stream
 from circuits.anatomy import circuit
 from circuits.spec import Circuit
 
-Array = npt.NDArray[np.float64]
 GAIN = 0.5
 """Nats in the circuit per nat of evidence."""
 STEPS = {2: 120, 4: 160}

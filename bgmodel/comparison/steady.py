@@ -29,7 +29,7 @@ def leader_drive(log_odds: npt.ArrayLike, channels: int) -> npt.NDArray[np.float
     odds = np.ravel(np.asarray(log_odds, dtype=np.float64))
     drive = np.zeros((odds.size, 1, channels))
     drive[:, 0, 0] = odds
-    return drive - drive.mean(axis=2, keepdims=True)
+    return np.asarray(drive - drive.mean(axis=2, keepdims=True))
 
 
 def leader_out(
@@ -101,7 +101,7 @@ def steady_out(
     model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})
     out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
     found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
-    return found.reshape(len(odds), trials)
+    return np.asarray(found.reshape(len(odds), trials))
 
 
 def steady_shifts(

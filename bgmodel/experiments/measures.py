@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array, Integers, Truths
 from bgmodel.comparison.compare import Sweep
 from bgmodel.decision import UNDECIDED, Decision
-
-Array = npt.NDArray[np.float64]
-Truths = npt.NDArray[np.bool_]
 
 DIFFUSION_S = 0.1
 """Noise of the diffusion, the convention in which EZ's numbers are stated."""
@@ -59,7 +57,7 @@ class Behaviour:
 
     decided: Sweep
     anticipatory: Truths
-    truth: npt.NDArray[np.integer]
+    truth: Integers
     hypotheses: int
 
     def decision(self, step_ms: float) -> Decision:
@@ -105,7 +103,9 @@ def mean(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:
     """Return the mean of values (trials,) among some trials, (B,); NaN where there are none."""
     total = weights @ among
     sums = weights @ np.where(among, values, 0)
-    return np.divide(sums, total, out=np.full(len(weights), np.nan), where=total > 0)
+    means = np.full(len(weights), np.nan)
+    np.divide(sums, total, out=means, where=total > 0)
+    return means
 
 
 def median(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:

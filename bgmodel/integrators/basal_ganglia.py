@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array
 from bgmodel.decision import Trace, any_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.memory import check_memory
@@ -27,7 +28,6 @@ except ImportError as error:
 if TYPE_CHECKING:
     from circuits.activity import Activity
 
-Array = npt.NDArray[np.float64]
 BATCH = 250
 """Trials that ``BasalGanglia.batches`` runs at a time."""
 WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
@@ -305,4 +305,4 @@ def drive_of(
     """
     total = gain * evidence.totals
     total = np.maximum(total, total.max(axis=2, keepdims=True) - reach_nats)
-    return total - total.mean(axis=2, keepdims=True)
+    return np.asarray(total - total.mean(axis=2, keepdims=True))

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from bgmodel.arrays import Array
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import at_readings
-
-Array = npt.NDArray[np.float64]
 
 
 class Rival(Protocol):

@@ -45,13 +45,13 @@ class Sprt:
 
     def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the state before the first reading: Z_0, shape (1,)."""
-        return np.log(prior[1:]) - np.log(prior[:1])
+        return np.asarray(np.log(prior[1:]) - np.log(prior[:1]))
 
     def add(
         self, state: npt.NDArray[np.float64], reading: npt.NDArray[np.float64]
     ) -> npt.NDArray[np.float64]:
         """Return the state after one more reading (2,)."""
-        return state + (reading[1] - reading[0])
+        return np.asarray(state + (reading[1] - reading[0]))
 
     def output(self, state: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return OUT (2,) of a state."""
@@ -114,7 +114,8 @@ def criterion_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
         If a gap is negative or not finite.
     """
     gap = _checked_gap(delta)
-    return np.log1p(np.exp(-gap / 2))
+    criterion: npt.NDArray[np.float64] = np.log1p(np.exp(-gap / 2))
+    return criterion
 
 
 def criterion_from_posterior(

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.arrays import Array
 from bgmodel.learning.policies import DELTA_RANGE, Policy
 from bgmodel.learning.reinforce import (
     Learned,
@@ -25,6 +26,8 @@ from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, so
 from bgmodel.theory.sprt import Empirical, Optimum, optimal_delta, reward_curve, sprt
 
 FRESH_TRIALS = 100_000
+RUN_COLUMNS = ["period_mm", "start_delta", "fold", "repeat", "learned_delta", "regret"]
+RUN_COLUMNS += ["optimal_delta", "optimal_cost", "start_regret"]
 
 
 def increments(readings: Source) -> tuple[Empirical, Empirical]:
@@ -119,7 +122,7 @@ def learn_sources(
 
 
 def regret_on_fresh_trials(
-    delta: npt.NDArray[np.float64],
+    delta: Array,
     readings: Source,
     optimum: Optimum,
     *,
@@ -127,7 +130,7 @@ def regret_on_fresh_trials(
     t_max: int,
     seed: int,
     name: object,
-) -> npt.NDArray[np.float64]:
+) -> Array:
     """Return how much more fixed gaps cost on 1e5 fresh trials than the exact optimum, a share."""
     fresh = readings.draw(FRESH_TRIALS, t_max, rng=stream(seed, "fresh", name))
     cost = -mean_reward(exhaustive_search(fresh, delta), xi)
@@ -172,29 +175,44 @@ def learn_folds(
     rows = []
     for fold, readings in enumerate(sources):
         own = slice(fold * repeats, (fold + 1) * repeats)
-        pair = increments(readings)
-        optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
-        regret = regret_on_fresh_trials(learned.learned[own], readings, optimum, **options)
-        start_cost = -float(reward_curve(*pair, start_delta, xi, t_max=t_max))
-        runs = pd.DataFrame(
-            {
-                "period_mm": period_mm,
-                "start_delta": start_delta,
-                "fold": fold,
-                "repeat": np.arange(repeats),
-                "learned_delta": learned.learned[own],
-                "regret": regret,
-                "optimal_delta": optimum.delta,
-                "optimal_cost": optimum.cost,
-                "start_regret": start_cost / optimum.cost - 1,
-            }
-        )
+        scores = _scored(learned.learned[own], readings, start_delta, **options)
+        runs = scores.assign(fold=fold, repeat=np.arange(repeats))[RUN_COLUMNS]
         rows.append(
             runs.loc[runs.index.repeat(keep)].assign(
                 episode=np.tile(episodes, repeats), smoothed_delta=curves[own].ravel()
             )
         )
     return pd.concat(rows, ignore_index=True)
+
+
+def _scored(
+    learned: Array,
+    readings: Source,
+    start_delta: float,
+    *,
+    xi: float,
+    t_max: int,
+    seed: int,
+    name: float,
+) -> pd.DataFrame:
+    """Return learned gaps of one fold beside its optimum and the start, one row per run."""
+    pair = increments(readings)
+    optimum = optimal_delta(*pair, xi, t_max=t_max, bounds=DELTA_RANGE)
+    regret = regret_on_fresh_trials(
+        learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
+    )
+    start_cost = -float(reward_curve(*pair, start_delta, xi, t_max=t_max))
+    return pd.DataFrame(
+        {
+            "period_mm": name,
+            "start_delta": start_delta,
+            "learned_delta": learned,
+            "regret": regret,
+            "optimal_delta": optimum.delta,
+            "optimal_cost": optimum.cost,
+            "start_regret": start_cost / optimum.cost - 1,
+        }
+    )
 
 
 def learn_grating(
@@ -239,8 +257,19 @@ def learn_grating(
     regret = regret_on_fresh_trials(
         learned.learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
     )
-    episodes = learned.played.shape[1]
-    table = pd.DataFrame(
+    summary = {
+        "learned_delta": learned.learned.tolist(),
+        "regret": regret.tolist(),
+        "optimal_delta": optimum.delta,
+        "optimal_cost": optimum.cost,
+    }
+    return _course(learned), summary
+
+
+def _course(learned: Learned) -> pd.DataFrame:
+    """Return every trial of every run, one row each."""
+    runs, episodes = learned.played.shape
+    return pd.DataFrame(
         {
             "run": np.repeat(np.arange(runs), episodes),
             "episode": np.tile(np.arange(episodes), runs),
@@ -250,10 +279,3 @@ def learn_grating(
             "dopamine": learned.prediction_error.ravel(),
         }
     )
-    summary = {
-        "learned_delta": learned.learned.tolist(),
-        "regret": regret.tolist(),
-        "optimal_delta": optimum.delta,
-        "optimal_cost": optimum.cost,
-    }
-    return table, summary

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.arrays import Array
 from bgmodel.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -14,7 +15,6 @@ from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.seeds import stream
 
-Array = npt.NDArray[np.float64]
 LAST_SHARE = 0.08
 """Exploration in the end, sd as a share of the levels' distance; tuned on seed 1002. With less, an
 optimum beside the edge is found too late; with more, one in a bend is missed."""

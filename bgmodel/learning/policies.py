@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from bgmodel.arrays import Array
+
 # Gaps that are played, nats (the range of the paper's exhaustive search).
 DELTA_RANGE = (0.0, 8.0)
 
@@ -21,21 +21,19 @@ class Policy(Protocol):
         """How many times the learner's step size suits the parameters."""
         ...
 
-    def start(self, runs: int, mean: float) -> FloatArray:
+    def start(self, runs: int, mean: float) -> Array:
         """Return parameters (runs, p) with this mean of what is played."""
         ...
 
-    def sample(
-        self, parameters: FloatArray, noise: FloatArray, episode: int
-    ) -> tuple[FloatArray, FloatArray]:
+    def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
         """Return what is played (runs,) and the gradient of log probability (runs, p)."""
         ...
 
-    def mean(self, parameters: FloatArray) -> FloatArray:
+    def mean(self, parameters: Array) -> Array:
         """Return the mean of what is played in each run, (runs,)."""
         ...
 
-    def bounded(self, parameters: FloatArray) -> FloatArray:
+    def bounded(self, parameters: Array) -> Array:
         """Return parameters held within the range that the policy allows."""
         ...
 
@@ -80,22 +78,20 @@ class GaussianPolicy:
         share = self.last_share + wide / (1 + episode / self.half_episodes)
         return share * (self.bounds[1] - self.bounds[0])
 
-    def start(self, runs: int, mean: float) -> FloatArray:
+    def start(self, runs: int, mean: float) -> Array:
         """Return mu (runs, 1)."""
         return np.full((runs, 1), float(mean))
 
-    def sample(
-        self, parameters: FloatArray, noise: FloatArray, episode: int
-    ) -> tuple[FloatArray, FloatArray]:
+    def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
         """Return what is played (runs,) and d log p / d mu (runs, 1)."""
         sd = self.sd(episode)
         return np.clip(parameters[:, 0] + sd * noise[:, 0], *self.bounds), noise / sd
 
-    def mean(self, parameters: FloatArray) -> FloatArray:
+    def mean(self, parameters: Array) -> Array:
         """Return mu (runs,)."""
         return parameters[:, 0]
 
-    def bounded(self, parameters: FloatArray) -> FloatArray:
+    def bounded(self, parameters: Array) -> Array:
         """Hold mu within the bounds."""
         return np.clip(parameters, *self.bounds)
 
@@ -122,19 +118,17 @@ class BernoulliPolicy:
         return self.units
 
     @property
-    def sizes(self) -> FloatArray:
+    def sizes(self) -> Array:
         """``s_j`` (units,), nats."""
         powers = 0.5 ** np.arange(1, self.units + 1)
-        return DELTA_RANGE[1] * powers / powers.sum()
+        return np.asarray(DELTA_RANGE[1] * powers / powers.sum(), dtype=np.float64)
 
-    def start(self, runs: int, mean: float) -> FloatArray:
+    def start(self, runs: int, mean: float) -> Array:
         """Return w (runs, units), all equal, with this mean gap."""
         p = np.clip(mean / DELTA_RANGE[1], 1e-9, 1 - 1e-9)
         return self.bounded(np.full((runs, self.units), np.log(p / (1 - p))))
 
-    def sample(
-        self, parameters: FloatArray, noise: FloatArray, episode: int
-    ) -> tuple[FloatArray, FloatArray]:
+    def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
         """Return gaps (runs,) and ``y_j - p_j`` (runs, units)."""
         from scipy.special import expit, ndtr
 
@@ -142,12 +136,12 @@ class BernoulliPolicy:
         y = ndtr(noise) < p
         return y @ self.sizes, y - p
 
-    def mean(self, parameters: FloatArray) -> FloatArray:
+    def mean(self, parameters: Array) -> Array:
         """Return ``sum_j s_j p_j`` (runs,)."""
         from scipy.special import expit
 
-        return expit(parameters) @ self.sizes
+        return np.asarray(expit(parameters) @ self.sizes)
 
-    def bounded(self, parameters: FloatArray) -> FloatArray:
+    def bounded(self, parameters: Array) -> Array:
         """Hold every w within the saturation."""
         return np.clip(parameters, -self.saturation, self.saturation)

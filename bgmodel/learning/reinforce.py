@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array
 from bgmodel.decision import Tally, tally
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
 from bgmodel.learning.policies import GaussianPolicy, Policy
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:
@@ -97,11 +96,11 @@ class Learned:
         The learned gap or level: ``mean_played`` over the last trials.
     """
 
-    played: FloatArray
-    mean_played: FloatArray
-    reward: FloatArray
-    prediction_error: FloatArray
-    learned: FloatArray
+    played: Array
+    mean_played: Array
+    reward: Array
+    prediction_error: Array
+    learned: Array
 
 
 class LearningStopped(ValueError):
@@ -112,7 +111,7 @@ class LearningStopped(ValueError):
         self.learned = learned
 
 
-Environment = Callable[[int, FloatArray], FloatArray]
+Environment = Callable[[int, Array], Array]
 
 
 def learn(
@@ -171,11 +170,11 @@ def learn(
     return Learned(played, mean, rewards, errors, mean[:, -learner.last :].mean(axis=1))
 
 
-def smoothed(curve: FloatArray, window: int) -> FloatArray:
+def smoothed(curve: Array, window: int) -> Array:
     """Return the running mean of the last axis over ``window`` trials, shorter at the start."""
     if window < 1:
         raise ValueError(f"window must be >= 1, got {window}")
     total = np.cumsum(np.insert(curve, 0, 0.0, axis=-1), axis=-1)
     end = np.arange(1, curve.shape[-1] + 1)
     begin = np.maximum(end - window, 0)
-    return (total[..., end] - total[..., begin]) / (end - begin)
+    return np.asarray((total[..., end] - total[..., begin]) / (end - begin))

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array, Integers
 from bgmodel.decision import Decision, Tally
 
-FloatArray = npt.NDArray[np.float64]
 
-
-def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> FloatArray:
+def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
     """Return ``xi W - T`` in readings: of trials, or of their means.
 
     Parameters
@@ -28,10 +27,11 @@ def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> FloatArr
         If xi is not finite and above 0.
     """
     check_xi(xi)
-    return -xi * np.asarray(error) - np.asarray(steps)
+    found: Array = -xi * np.asarray(error) - np.asarray(steps)
+    return found
 
 
-def reward(decision: Decision, truth: npt.NDArray[np.integer], xi: float) -> FloatArray:
+def reward(decision: Decision, truth: Integers, xi: float) -> Array:
     """Return the reward of every trial.
 
     An omission is an error, and its T is the number of readings of the whole trial.
@@ -40,7 +40,7 @@ def reward(decision: Decision, truth: npt.NDArray[np.integer], xi: float) -> Flo
     return reward_of(decision.choice != truth, np.fmax(decision.steps, whole), xi)
 
 
-def mean_reward(counts: Tally, xi: float) -> FloatArray:
+def mean_reward(counts: Tally, xi: float) -> Array:
     """Return the mean reward per trial for each threshold of a tally, (K,)."""
     return reward_of(1 - counts.accuracy, counts.mean_steps, xi)
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array, Integers, Reals, Truths
 from bgmodel.comparison.compare import Sweep
 from bgmodel.decision import Trace, crossing_of_each
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
 from bgmodel.learning.reinforce import Environment
 from bgmodel.learning.reward import check_xi, reward, reward_of
-
-Array = npt.NDArray[np.float64]
 
 
 def trials_of(
@@ -34,9 +33,9 @@ def trials_of(
     """
     check_xi(xi)
     drawn = -1
-    out: list[npt.NDArray] = []
-    truth: list[npt.NDArray] = []
-    ends: list[npt.NDArray] = []
+    out: list[Reals] = []
+    truth: list[Integers] = []
+    ends: list[Integers] = []
     traces: list[Trace] = []
 
     def rewards(episode: int, gaps: Array) -> Array:
@@ -75,7 +74,7 @@ class LevelOutcomes:
     """
 
     levels: Array
-    correct: npt.NDArray[np.bool_]
+    correct: Truths
     steps: Array
     forced: Array
 
@@ -129,7 +128,7 @@ class LevelOutcomes:
             place = np.interp(played, self.levels, where)
             chance = np.array([rng.random(2) for rng in rngs])
             row = np.minimum(np.floor(place + chance[:, 0]).astype(np.intp), count - 1)
-            return table[row, (chance[:, 1] * trials).astype(np.intp)]
+            return np.asarray(table[row, (chance[:, 1] * trials).astype(np.intp)])
 
         return rewards
 

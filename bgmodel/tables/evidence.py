@@ -238,12 +238,13 @@ def _steps(
             "steps count readings, 0, 1, 2, ... or 1, 2, 3, ... in every trial: "
             f"{which} {came} {ordered[at]:g}"
         )
-    return (step - start).astype(np.intp)
+    return np.asarray(step - start, dtype=np.intp)
 
 
-def _numbers(table: pd.DataFrame, columns: list[str]) -> np.ndarray:
+def _numbers(table: pd.DataFrame, columns: list[str]) -> npt.NDArray[np.float64]:
     for name in columns:
         _check_numeric(table[name])
+    values: npt.NDArray[np.float64]
     values = table[columns].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
     wrong = ~(np.abs(values) <= MOST_NATS)
     if wrong.any():
@@ -278,7 +279,7 @@ def _truth_of(
     names: list[str],
     trial: npt.NDArray[np.intp],
     first_row: npt.NDArray[np.intp],
-) -> np.ndarray:
+) -> npt.NDArray[np.intp]:
     truth = table["truth"].map(str).astype(object)
     unknown = sorted(set(truth) - set(names))
     if unknown or not _constant(truth, trial, first_row):

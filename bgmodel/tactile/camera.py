@@ -1,11 +1,11 @@
 """Pictures of the pins, as the sensor's camera takes them: to look at, and to track."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bgmodel.arrays import Array, Image
 from bgmodel.tactile.tips import Tip
 
-Floats = NDArray[np.float64]
 _DARK, _BRIGHT = 18.0, 225.0
 
 
@@ -18,13 +18,13 @@ def pixels_per_mm(tip: Tip, shape: tuple[int, int] = (480, 640)) -> float:
     shape : (int, int)
         Height and width of the picture, pixels.
     """
-    aperture = np.linalg.norm(tip.rest_mm(), axis=1).max() + tip.pitch_mm
-    return min(shape) / 2 / aperture
+    aperture_mm = float(np.linalg.norm(tip.rest_mm(), axis=1).max()) + tip.pitch_mm
+    return min(shape) / 2 / aperture_mm
 
 
 def marker_pixels(
     displacement_mm: ArrayLike, tip: Tip, shape: tuple[int, int] = (480, 640)
-) -> Floats:
+) -> Array:
     """Places of the markers in a picture.
 
     Parameters
@@ -52,7 +52,7 @@ def marker_pixels(
             f"displacement_mm: got shape {moved.shape}, must be {rest.shape} for this tip"
         )
     middle = (np.array(shape[::-1]) - 1) / 2
-    return middle + (rest + moved) * [1, -1] * pixels_per_mm(tip, shape)
+    return np.asarray(middle + (rest + moved) * [1, -1] * pixels_per_mm(tip, shape))
 
 
 def render(
@@ -61,7 +61,7 @@ def render(
     *,
     shape: tuple[int, int] = (480, 640),
     marker_mm: float = 0.6,
-) -> NDArray[np.uint8]:
+) -> Image:
     """Picture of the pins: bright round markers on dark, within a round aperture.
 
     Parameters
@@ -95,10 +95,11 @@ def render(
     distance = np.hypot(rows - (shape[0] - 1) / 2, columns - (shape[1] - 1) / 2) / (min(shape) / 2)
     # Less light towards the rim, none outside.
     lit = (1 - 0.35 * distance**2) * np.clip((1 - distance) * min(shape) / 4, 0, 1)
-    return np.round((_DARK + (_BRIGHT - _DARK) * light) * lit.clip(0)).astype(np.uint8)
+    grey = np.round((_DARK + (_BRIGHT - _DARK) * light) * lit.clip(0))
+    return np.asarray(grey, dtype=np.uint8)
 
 
-def _discs(middles: Floats, radius: float, shape: tuple[int, int]) -> Floats:
+def _discs(middles: Array, radius: float, shape: tuple[int, int]) -> Array:
     """Blurred discs of brightness 1, true to a fraction of a pixel in their places."""
     blur = max(0.5, 0.2 * radius)
     reach = int(np.ceil(radius + 4 * blur))

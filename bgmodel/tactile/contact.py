@@ -4,15 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import fft
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Convolution = Callable[[Floats, Floats], Floats]
+from bgmodel.arrays import Array, Truths
+
+Convolution = Callable[[Array, Array], Array]
 
 
-def wavenumbers(shape: tuple[int, int], dx_mm: float, *, mirrored: bool = False) -> Floats:
+def wavenumbers(shape: tuple[int, int], dx_mm: float, *, mirrored: bool = False) -> Array:
     """Wavenumber of each Fourier coefficient that `polonsky_keer` works with.
 
     Parameters
@@ -34,10 +34,10 @@ def wavenumbers(shape: tuple[int, int], dx_mm: float, *, mirrored: bool = False)
         along_y = np.pi * np.arange(shape[1]) / (shape[1] * dx_mm)
     else:
         along_y = 2 * np.pi * fft.fftfreq(shape[1], dx_mm)
-    return np.hypot(along_x[:, None], along_y)
+    return np.asarray(np.hypot(along_x[:, None], along_y))
 
 
-def unfold(half: NDArray) -> NDArray:
+def unfold(half: Array) -> Array:
     """Whole field (nx, 2 ny) of a mirrored one (nx, ny), y increasing."""
     return np.concatenate([half[:, ::-1], half], axis=1)
 
@@ -52,7 +52,7 @@ def polonsky_keer(
     max_iterations: int = 1000,
     start_mpa: ArrayLike | None = None,
     mirrored: bool = False,
-) -> Floats:
+) -> Array:
     """Pressure between an elastic surface and a rigid one pressed together by a load.
 
     Conjugate gradients on the cells in contact (Polonsky & Keer 1999, Wear 231:206), with the
@@ -106,7 +106,7 @@ def polonsky_keer(
 
 def _checked(
     gap_mm: ArrayLike, compliance: ArrayLike, start_mpa: ArrayLike | None
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Array, Array, Array]:
     """Check that the three arrays are finite and of matching shapes."""
     gap, kernel = np.asarray(gap_mm, dtype=float), np.asarray(compliance, dtype=float)
     if gap.ndim != 2 or gap.size == 0 or not np.all(np.isfinite(gap)):
@@ -132,22 +132,22 @@ def _checked(
 class _Problem:
     """What stays the same from one iteration to the next."""
 
-    gap: Floats
-    kernel: Floats
-    stiffness: Floats
+    gap: Array
+    kernel: Array
+    stiffness: Array
     total: float
     convolve: Convolution
 
-    def displace(self, pressure: Floats) -> Floats:
+    def displace(self, pressure: Array) -> Array:
         """Displace the surface by a pressure."""
         return self.convolve(self.kernel, pressure)
 
-    def descent(self, misfit: Floats, touching: Mask) -> Floats:
+    def descent(self, misfit: Array, touching: Truths) -> Array:
         """Precondition a misfit; the load is kept by what sums to zero over the contact."""
         change = self.convolve(self.stiffness, misfit)
         return np.where(touching, change - change[touching].mean(), 0.0)
 
-    def advance(self, pressure: Floats, change: Floats, overlap: Floats, step: float) -> Floats:
+    def advance(self, pressure: Array, change: Array, overlap: Array, step: float) -> Array:
         """Take a step: no cell pulls, and cells that overlap are let in."""
         moved = np.maximum(pressure - step * change, 0.0)
         if overlap.any():
@@ -155,7 +155,7 @@ class _Problem:
             moved = np.where(overlap < 0, np.maximum(entering, 0.0), moved)
         return moved
 
-    def solve(self, pressure: Floats, tol: float, max_iterations: int) -> Floats:
+    def solve(self, pressure: Array, tol: float, max_iterations: int) -> Array:
         """Iterate from a pressure until the misfit is below `tol`."""
         pressure = pressure * (self.total / pressure.sum())
         displacement = self.displace(pressure)
@@ -194,22 +194,23 @@ class _Problem:
         )
 
 
-def _misfit(clearance: Floats, pressure: Floats, touching: Mask) -> float:
+def _misfit(clearance: Array, pressure: Array, touching: Truths) -> float:
     """Departure from contact: pressure-weighted rms gap, or overlap per touching cell, mm."""
     inside = np.sqrt(np.vdot(pressure, clearance**2) / pressure.sum())
     outside = -np.minimum(clearance[~touching], 0.0).sum() / np.count_nonzero(touching)
-    return max(inside, outside)
+    return float(max(inside, outside))
 
 
-def _periodic_convolution(kernel: Floats, values: Floats) -> Floats:
+def _periodic_convolution(kernel: Array, values: Array) -> Array:
     # Axes are named in this order because the last one named is the one that is halved.
     spectrum = fft.rfft2(values, axes=(1, 0))
     spectrum *= kernel
-    return fft.irfft2(spectrum, s=values.shape[::-1], axes=(1, 0), overwrite_x=True)
+    moved = fft.irfft2(spectrum, s=values.shape[::-1], axes=(1, 0), overwrite_x=True)
+    return np.asarray(moved)
 
 
-def _mirrored_convolution(kernel: Floats, values: Floats) -> Floats:
+def _mirrored_convolution(kernel: Array, values: Array) -> Array:
     spectrum = fft.rfft(fft.dct(values, axis=1), axis=0)
     spectrum *= kernel
     rows = fft.irfft(spectrum, n=values.shape[0], axis=0, overwrite_x=True)
-    return fft.idct(rows, axis=1, overwrite_x=True)
+    return np.asarray(fft.idct(rows, axis=1, overwrite_x=True))

@@ -6,13 +6,17 @@ import copy
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from bgmodel.arrays import Reals
 from bgmodel.files import check_writable, provenance, replacing
-from bgmodel.tactile.networks import NETWORKS, FloatArray, import_torch, set_scale
+from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
 from bgmodel.tactile.taps import Taps
+
+if TYPE_CHECKING:
+    import torch
 
 BATCH = 4096
 
@@ -91,11 +95,11 @@ class Decoder:
 
     network: Any
     training: Training
-    rest_mm: FloatArray
+    rest_mm: Reals
     history: list[dict[str, float]]
     about: dict[str, Any]
 
-    def decode(self, taps: Taps) -> dict[str, FloatArray]:
+    def decode(self, taps: Taps) -> dict[str, Reals]:
         """Read the angle of each tap.
 
         Returns
@@ -227,18 +231,18 @@ def _check_stimulus(taps: Taps, training: Training) -> None:
         )
 
 
-def _built(training: Training, rest_mm: FloatArray) -> Any:
+def _built(training: Training, rest_mm: Reals) -> Any:
     shape = (2 * len(rest_mm),)
     return NETWORKS[training.network].build(shape, training.width, training.dropout)
 
 
-def _checked_inputs(inputs: FloatArray) -> FloatArray:
+def _checked_inputs(inputs: Reals) -> Reals:
     if not np.isfinite(inputs).all():
         raise ValueError("taps must be finite displacements, got NaN or infinity")
     return np.ascontiguousarray(inputs, dtype=np.float32)
 
 
-def _outputs(network: Any, inputs: FloatArray) -> FloatArray:
+def _outputs(network: Any, inputs: Reals) -> Reals:
     torch = import_torch()
     network.eval()
     with torch.no_grad():
@@ -249,7 +253,9 @@ def _outputs(network: Any, inputs: FloatArray) -> FloatArray:
     return np.concatenate(parts)
 
 
-def _fit(network, training, inputs, yaw, held_inputs, held_yaw) -> list[dict[str, float]]:
+def _fit(
+    network: Any, training: Training, inputs: Reals, yaw: Reals, held_inputs: Reals, held_yaw: Reals
+) -> list[dict[str, float]]:
     """Train in place, keeping the epoch of least validation error; return the history."""
     from tqdm import tqdm
 
@@ -267,7 +273,7 @@ def _fit(network, training, inputs, yaw, held_inputs, held_yaw) -> list[dict[str
     best, history = {}, []
     epochs = tqdm(range(training.epochs), desc="training", unit="epoch", disable=None)
     for epoch in epochs:
-        loss = _epoch(torch, network, training, kind, x, y, optimiser, schedule)
+        loss = _epoch(network, training, kind, x, y, optimiser, schedule)
         errors = kind.errors(kind.read(_outputs(network, held_inputs)), held_yaw)
         history.append({"loss": loss, **errors})
         epochs.set_postfix(mae=f"{errors['mae_deg']:.1f}")
@@ -281,8 +287,17 @@ def _fit(network, training, inputs, yaw, held_inputs, held_yaw) -> list[dict[str
     return history
 
 
-def _epoch(torch, network, training, kind, x, y, optimiser, schedule) -> float:
+def _epoch(
+    network: Any,
+    training: Training,
+    kind: Network,
+    x: torch.Tensor,
+    y: torch.Tensor,
+    optimiser: torch.optim.Optimizer,
+    schedule: torch.optim.lr_scheduler.OneCycleLR,
+) -> float:
     """Pass once over the taps; return the mean loss."""
+    torch = import_torch()
     weights = torch.tensor(kind.weights)
     dense = [m for m in network if isinstance(m, torch.nn.Linear)][:-1]
     network.train()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from bgmodel.arrays import Array
 from bgmodel.seeds import stream
 from bgmodel.tactile.decoder import EDGE, train
 from bgmodel.tactile.likelihood import Pool, fit_likelihood
@@ -14,7 +14,6 @@ from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.recordings import read_taps
 from bgmodel.tactile.task import Source
 
-Array = npt.NDArray[np.float64]
 # A 40 mm tip spans about 122 px of the 128; only the scale of displacements hangs on it.
 MM_PER_PX = 0.33
 TOLERANCE_DEG = 0.5

@@ -16,15 +16,13 @@ from typing import Any
 
 import numpy as np
 import platformdirs
-from numpy.typing import NDArray
 from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
+from bgmodel.arrays import Array, Singles
 from bgmodel.files import replacing
 from bgmodel.tactile import sampling
 from bgmodel.tactile.pressing import LibraryPlan, press
-
-Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +39,7 @@ class Library:
     _splines: dict[tuple[float, float], Singles] = field(default_factory=dict, repr=False)
 
     def sample(
-        self, period_mm: float, phase: NDArray, force_n: NDArray, points_mm: NDArray, pin_mm: float
+        self, period_mm: float, phase: Array, force_n: Array, points_mm: Array, pin_mm: float
     ) -> Singles:
         """Displacements of pin tips, in the frame of the grating.
 
@@ -106,7 +104,7 @@ class Library:
         return self._splines[key]
 
 
-def with_mirror_images(half: NDArray, phases: int) -> NDArray:
+def with_mirror_images(half: Array, phases: int) -> Array:
     """All phases (5, phases, ...) from those up to half a period (5, phases // 2 + 1, ...).
 
     A grating at phase -f is the one at phase f seen in a mirror, x to -x.

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.arrays import Array, Integers
+
 if TYPE_CHECKING:
     import pandas as pd
 
 Kind = Literal["kde", "t"]
-FloatArray = npt.NDArray[np.float64]
 # So many readings a hypothesis are enough for one shrinkage, three parameters, a density.
 SHRINK_SAMPLES = 4000
 FISHRINK_SAMPLES = 1500
@@ -38,13 +39,13 @@ class Likelihood:
         Largest log-likelihood ratio between two hypotheses.
     """
 
-    grid_deg: FloatArray
-    log_density: FloatArray
+    grid_deg: Array
+    log_density: Array
     period_deg: float | None
     shrink: float
     cap_nats: float
 
-    def __call__(self, reading_deg: npt.ArrayLike) -> FloatArray:
+    def __call__(self, reading_deg: npt.ArrayLike) -> Array:
         """Return ``log p(reading | hypothesis)``, shape (..., hypotheses), nats.
 
         Raises ValueError if a reading is not finite or lies outside the table.
@@ -99,8 +100,8 @@ class Density:
             raise ValueError(f"inner_folds must be at least 2, got {self.inner_folds}")
 
 
-Pool = Sequence[FloatArray]
-Readings = Callable[[Pool], list[FloatArray]]
+Pool = Sequence[Array]
+Readings = Callable[[Pool], list[Array]]
 
 
 def fit_likelihood(
@@ -147,7 +148,7 @@ def fit_likelihood(
     grid = np.linspace(*range_deg, 721)
     period = range_deg[1] - range_deg[0] if circular else None
 
-    def log_densities(part: Pool) -> FloatArray:
+    def log_densities(part: Pool) -> Array:
         count = min(len(p) for p in part)
         return np.stack([_log_density(x, grid, period, count, density) for x in readings(part)])
 
@@ -160,9 +161,7 @@ def fit_likelihood(
     return Likelihood(grid, np.maximum(logs, -cap), period, float(shrink), cap)
 
 
-def calibration(
-    log_likelihood: FloatArray, truth: npt.NDArray[np.integer], bins: int = 10
-) -> pd.DataFrame:
+def calibration(log_likelihood: Array, truth: Integers, bins: int = 10) -> pd.DataFrame:
     """Compare stated posteriors with observed frequencies.
 
     Parameters
@@ -193,7 +192,14 @@ def calibration(
     return table.reset_index()
 
 
-def _cross_validated_shrink(pool, readings, grid, period, log_densities, density) -> float:
+def _cross_validated_shrink(
+    pool: Pool,
+    readings: Readings,
+    grid: Array,
+    period: float | None,
+    log_densities: Callable[[Pool], Array],
+    density: Density,
+) -> float:
     """Return the factor on log-likelihood ratios that surely predicts held-out taps best.
 
     It maximises the gain in log score over saying nothing less its standard error over the inner
@@ -201,7 +207,7 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
     """
     from scipy.optimize import minimize_scalar
 
-    held: list[list[FloatArray]] = []
+    held: list[list[Array]] = []
     for k in range(density.inner_folds):
         inside = [np.arange(len(part)) % density.inner_folds == k for part in pool]
         logs = log_densities([part[~i] for part, i in zip(pool, inside, strict=True)])
@@ -217,10 +223,10 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
             "inner folds hold a reading of every hypothesis"
         )
 
-    def losses(factor: float) -> FloatArray:
+    def losses(factor: float) -> Array:
         """Mean negative log score of each inner fold, nats a reading."""
         scores = [[np.log(np.exp(factor * y).sum(axis=1)).mean() for y in fold] for fold in held]
-        return np.mean(scores, axis=1)
+        return np.asarray(np.mean(scores, axis=1))
 
     silent = losses(0.0)
 
@@ -232,15 +238,13 @@ def _cross_validated_shrink(pool, readings, grid, period, log_densities, density
     return float(best) if doubt(best) < 0 else 0.0
 
 
-def _against_truth(x, truth: int, grid, logs: FloatArray, period: float | None) -> FloatArray:
+def _against_truth(x: Array, truth: int, grid: Array, logs: Array, period: float | None) -> Array:
     """Return every hypothesis's log-likelihood relative to the true one's, (readings, N)."""
     y = np.stack([np.interp(x, grid, row, period=period) for row in logs], axis=-1)
-    return y - y[:, [truth]]
+    return np.asarray(y - y[:, [truth]])
 
 
-def _log_density(
-    x: FloatArray, grid: FloatArray, period: float | None, taps: int, density: Density
-) -> FloatArray:
+def _log_density(x: Array, grid: Array, period: float | None, taps: int, density: Density) -> Array:
     if density.kind == "t":
         return _log_t(x, grid, period)
     from scipy.ndimage import gaussian_filter1d
@@ -261,19 +265,19 @@ def _log_density(
     else:
         smooth = gaussian_filter1d(counts, width / step, mode="reflect", truncate=6)
     # A floor far below one tap keeps logarithms finite; the cap decides how much it matters.
-    return np.log(smooth / len(x) + 1e-9)
+    return np.asarray(np.log(smooth / len(x) + 1e-9))
 
 
-def _silverman(x: FloatArray, period: float | None, taps: int) -> float:
+def _silverman(x: Array, period: float | None, taps: int) -> float:
     """Return Silverman's bandwidth with a robust spread; ``taps``, not pairs, are independent."""
     if period is not None:
         x = np.mod(x - _circular_mean(x, period) + period / 2, period)
     quartiles = np.percentile(x, [25, 75])
     spread = min(x.std(), (quartiles[1] - quartiles[0]) / 1.349) or x.std()
-    return 0.9 * spread * taps ** (-1 / 5)
+    return float(0.9 * spread * taps ** (-1 / 5))
 
 
-def _log_t(x: FloatArray, grid: FloatArray, period: float | None) -> FloatArray:
+def _log_t(x: Array, grid: Array, period: float | None) -> Array:
     from scipy.stats import t
 
     some = _thinned(x, FISHRINK_SAMPLES)
@@ -283,15 +287,15 @@ def _log_t(x: FloatArray, grid: FloatArray, period: float | None) -> FloatArray:
     df, loc, scale = t.fit(some, 4.0, loc=np.median(some), scale=some.std() / 2)
     offset = grid - centre
     if period is None:
-        return t.logpdf(offset, df, loc, scale)
+        return np.asarray(t.logpdf(offset, df, loc, scale))
     turns = period * np.arange(-2, 3)[:, None]
-    return np.log(t.pdf(offset + turns, df, loc, scale).sum(axis=0))
+    return np.asarray(np.log(t.pdf(offset + turns, df, loc, scale).sum(axis=0)))
 
 
-def _thinned(x: FloatArray, most: int = SHRINK_SAMPLES) -> FloatArray:
+def _thinned(x: Array, most: int = SHRINK_SAMPLES) -> Array:
     # A prime stride, since readings that are pairs of taps come in rows of equal length.
     return x if len(x) <= most else x[(np.arange(most) * 7919) % len(x)]
 
 
-def _circular_mean(x: FloatArray, period: float) -> float:
+def _circular_mean(x: Array, period: float) -> float:
     return float(np.angle(np.exp(2j * np.pi * x / period).mean()) * period / (2 * np.pi))

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from bgmodel.arrays import Reals
 from bgmodel.tactile.taps import Taps
 
 if TYPE_CHECKING:
     import torch
-
-FloatArray = npt.NDArray[np.floating]
 
 
 def import_torch() -> Any:
@@ -36,7 +34,7 @@ class GratingNetwork:
     range_deg: ClassVar = (-90.0, 90.0)
 
     @staticmethod
-    def inputs(taps: Taps) -> FloatArray:
+    def inputs(taps: Taps) -> Reals:
         """Return maps (taps, 1, 19, 19)."""
         return taps.maps()
 
@@ -46,10 +44,10 @@ class GratingNetwork:
         nn = import_torch().nn
         c1, c2 = max(1, round(64 * width)), max(1, round(128 * width))
 
-        def norm(n: int, flat: bool = False):
+        def norm(n: int, flat: bool = False) -> torch.nn.Module:
             return (nn.BatchNorm1d if flat else nn.BatchNorm2d)(n, eps=1e-3)
 
-        def dense(n_in: int, n_out: int):
+        def dense(n_in: int, n_out: int) -> list[torch.nn.Module]:
             layers = [nn.Linear(n_in, n_out), nn.ReLU(), norm(n_out, flat=True)]
             return [*layers, nn.Dropout(0.2 * dropout)]
 
@@ -64,21 +62,21 @@ class GratingNetwork:
         )
 
     @staticmethod
-    def augmented(maps: FloatArray, yaw_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def augmented(maps: Reals, yaw_deg: Reals) -> tuple[Reals, Reals]:
         """Add the mirror images of maps: a square array seen in a mirror is a square array."""
         turned, left, up = maps[..., ::-1, ::-1], maps[..., ::-1], maps[..., ::-1, :]
         yaws = [yaw_deg, yaw_deg, -yaw_deg, -yaw_deg]
         return np.concatenate([maps, turned, left, up]), np.concatenate(yaws)
 
     @staticmethod
-    def targets(yaw_deg: FloatArray) -> FloatArray:
+    def targets(yaw_deg: Reals) -> Reals:
         """Return what the outputs should be, (taps, 3)."""
         double = np.radians(2 * np.asarray(yaw_deg))
         columns = [(np.asarray(yaw_deg) + 90) / 180, np.cos(double), np.sin(double)]
         return np.stack(columns, axis=1)
 
     @staticmethod
-    def read(outputs: FloatArray) -> dict[str, FloatArray]:
+    def read(outputs: Reals) -> dict[str, Reals]:
         """Return ``psi_deg`` (linear, clipped to -90..90), ``orientation_deg``, ``strength``."""
         label, cosine, sine = outputs.astype(np.float64).T
         return {
@@ -88,7 +86,7 @@ class GratingNetwork:
         }
 
     @staticmethod
-    def errors(read: dict[str, FloatArray], yaw_deg: FloatArray) -> dict[str, float]:
+    def errors(read: dict[str, Reals], yaw_deg: Reals) -> dict[str, float]:
         """Return mean absolute errors, degrees; the first judges the training."""
         linear = np.abs(read["psi_deg"] - yaw_deg)
         double = np.abs(wrapped(read["orientation_deg"] - yaw_deg, 180))
@@ -105,7 +103,7 @@ class EdgeNetwork:
     range_deg: ClassVar = (-180.0, 180.0)
 
     @staticmethod
-    def inputs(taps: Taps) -> FloatArray:
+    def inputs(taps: Taps) -> Reals:
         """Return displacements (taps, 2 pins), mm."""
         return taps.displacement_mm.reshape(len(taps), -1)
 
@@ -122,18 +120,18 @@ class EdgeNetwork:
         )
 
     @staticmethod
-    def augmented(inputs: FloatArray, yaw_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def augmented(inputs: Reals, yaw_deg: Reals) -> tuple[Reals, Reals]:
         """Return the taps as they are: real pins are not in a symmetric array."""
         return inputs, yaw_deg
 
     @staticmethod
-    def targets(yaw_deg: FloatArray) -> FloatArray:
+    def targets(yaw_deg: Reals) -> Reals:
         """Return what the outputs should be, (taps, 2)."""
         yaw = np.radians(yaw_deg)
         return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
 
     @staticmethod
-    def read(outputs: FloatArray) -> dict[str, FloatArray]:
+    def read(outputs: Reals) -> dict[str, Reals]:
         """Return ``edge_deg`` in -180..180, and ``strength``."""
         cosine, sine = outputs.astype(np.float64).T
         return {
@@ -142,7 +140,7 @@ class EdgeNetwork:
         }
 
     @staticmethod
-    def errors(read: dict[str, FloatArray], yaw_deg: FloatArray) -> dict[str, float]:
+    def errors(read: dict[str, Reals], yaw_deg: Reals) -> dict[str, float]:
         """Return the mean absolute and the sd of the error, degrees; the first judges."""
         error = wrapped(read["edge_deg"] - yaw_deg, 360)
         return {"mae_deg": float(np.abs(error).mean()), "sd_deg": float(error.std())}
@@ -158,13 +156,13 @@ def _standardise(features: int) -> Any:
             self.register_buffer("mean", torch.zeros(features))
             self.register_buffer("sd", torch.ones(features))
 
-        def forward(self, x):
+        def forward(self, x: Any) -> Any:
             return (x - self.mean) / self.sd
 
     return Standardise()
 
 
-def set_scale(network: Any, inputs: FloatArray) -> None:
+def set_scale(network: Any, inputs: Reals) -> None:
     """Give a network's standardising layer, if it has one, the scale of its training taps."""
     first = network[0]
     if hasattr(first, "sd"):
@@ -173,7 +171,7 @@ def set_scale(network: Any, inputs: FloatArray) -> None:
         first.sd.copy_(torch.from_numpy(inputs.std(axis=0) + 1e-6))
 
 
-def wrapped(angle_deg: FloatArray, period_deg: float) -> FloatArray:
+def wrapped(angle_deg: Reals, period_deg: float) -> Reals:
     """Return angles in -period/2..period/2."""
     return (angle_deg + period_deg / 2) % period_deg - period_deg / 2
 

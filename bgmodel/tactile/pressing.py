@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from bgmodel.arrays import Array, Singles
 from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
 from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.skin import Skin, response
 
 _FORMAT = 2  # raise it when the numbers or their layout change: older files are then left alone
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class LibraryPlan:
         return self.phases // 2 + 1 if period_mm > 0 else 1
 
 
-def press(plan: LibraryPlan, period_mm: float, phase: float) -> NDArray[np.float32]:
+def press(plan: LibraryPlan, period_mm: float, phase: float) -> Singles:
     """Displacements of the skin/gel interface under one grating, for each force of the plan.
 
     Parameters
@@ -139,7 +139,7 @@ def press(plan: LibraryPlan, period_mm: float, phase: float) -> NDArray[np.float
 
 
 @lru_cache(maxsize=4)
-def _compliance(plan: LibraryPlan) -> Floats:
+def _compliance(plan: LibraryPlan) -> Array:
     """Compliance of the surface on the half grid of the contact solve."""
     cells = round(plan.side_mm / plan.dx_mm)
     k = wavenumbers((cells, cells // 2), plan.dx_mm, mirrored=True)
@@ -161,12 +161,12 @@ def _transfers(plan: LibraryPlan) -> NDArray[np.complex128]:
     return transfers
 
 
-def _frequencies(n: int, dx_mm: float) -> tuple[Floats, Floats]:
+def _frequencies(n: int, dx_mm: float) -> tuple[Array, Array]:
     """Angular frequencies along x (n, 1) and y (n // 2 + 1,) of a real transform, per mm."""
     return 2 * np.pi * fft.fftfreq(n, dx_mm)[:, None], 2 * np.pi * fft.rfftfreq(n, dx_mm)
 
 
-def _interface(plan: LibraryPlan, pressure_mpa: Floats, apex_mm: float) -> Floats:
+def _interface(plan: LibraryPlan, pressure_mpa: Array, apex_mm: float) -> Array:
     """Fields (n, n, 5) under a pressure, on the stored cells centred on the apex."""
     beside = round((plan.field_side_mm - plan.side_mm) / plan.dx_mm / 2)
     pressure_mpa = np.pad(pressure_mpa, beside)

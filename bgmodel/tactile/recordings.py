@@ -6,18 +6,21 @@ is the median place of each marker: displacement is then from the typical tap, n
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
+from bgmodel.arrays import Array, Image, Integers, Reals
 from bgmodel.tactile.taps import Taps
 
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 SMALLEST_IMAGE_PX, FEWEST_PINS = 64, 10
 LAYOUT_TAPS = 400  # enough for a median that no longer moves
 REACH, CROWDED = 0.75, 0.7  # in pitches: farthest match; pins are never closer
@@ -69,7 +72,9 @@ def read_targets(folder: str | Path) -> pd.DataFrame:
         value = f"{numbers.columns[column]} of {raw['sensor_image'][row]}"
         raise ValueError(f"{folder / table}: {value} is missing or not a number")
     labels = {"object_label": raw[label]} if label in raw else {}
-    return numbers.astype(float).rename(columns=names).assign(image=images, **labels)
+    renamed = numbers.astype(float).rename(columns=names)
+    targets: pd.DataFrame = renamed.assign(image=images, **labels)
+    return targets
 
 
 def _read_table(table: Path, required: list[str]) -> pd.DataFrame:
@@ -94,7 +99,7 @@ def _image_paths(folder: Path, image_folders: tuple[str, ...], names: pd.Series)
     return paths
 
 
-def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.ndarray | None = None,
+def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals | None = None,
               workers: int = 1, limit: int | None = None,
               stimulus: str = "edge") -> Taps:  # fmt: skip
     """Track the markers of every image of a recording (see `read_targets`).
@@ -143,18 +148,20 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | np.nda
     return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
 
 
-def _map(work: Callable, items: list[Any], workers: int, name: str) -> list[Any]:
+def _map(
+    work: Callable[[Item], Found], items: Sequence[Item], workers: int, name: str
+) -> list[Found]:
     with ThreadPoolExecutor(workers) as pool:
         return list(tqdm(pool.map(work, items), name, len(items), unit="tap", disable=None))
 
 
-def _read_image(path: Path, shape: tuple[int, ...] | None = None) -> np.ndarray:
+def _read_image(path: Path, shape: tuple[int, ...] | None = None) -> Image:
     try:
         import cv2
     except ImportError as error:
         needed = 'reading recordings needs OpenCV: pip install ".[tactile]"'
         raise ImportError(needed) from error
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    image: Image | None = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise ValueError(f"{path}: not a readable image")
     sizes = f"{shape} px like the first" if shape else f"{SMALLEST_IMAGE_PX} px a side or more"
@@ -165,7 +172,7 @@ def _read_image(path: Path, shape: tuple[int, ...] | None = None) -> np.ndarray:
     return image
 
 
-def _detect(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+def _detect(path: Path, shape: tuple[int, ...]) -> Array:
     """Find the places (markers, 2) of the bright blobs of an image, to a fraction of a pixel."""
     import cv2
 
@@ -180,32 +187,32 @@ def _detect(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     y, x = np.nonzero(mask)
     total, *sums = (np.bincount(blob[y, x], bright[y, x] * v, count)[1:] for v in (1.0, x, y))
     area = stats[1:, cv2.CC_STAT_AREA] / np.median(stats[1:, cv2.CC_STAT_AREA])
-    return (np.array(sums) / total).T[(area >= 1 / 4) & (area <= 4)]
+    return np.asarray((np.array(sums) / total).T[(area >= 1 / 4) & (area <= 4)])
 
 
-def _spacing(points: np.ndarray) -> np.ndarray:
-    return cKDTree(points).query(points, 2)[0][:, 1]
+def _spacing(points: Array) -> Array:
+    return np.asarray(cKDTree(points).query(points, 2)[0][:, 1])
 
 
-def _lattice(points: np.ndarray) -> np.ndarray:
+def _lattice(points: Array) -> Array:
     """Keep points with three neighbours or more: pins have them, specks beside the pins do not."""
     radius = 1.5 * np.median(_spacing(points))  # reaches the diagonal of a square array
     pins = cKDTree(points).query_ball_point(points, radius, return_length=True) > 3  # itself too
     if pins.sum() < FEWEST_PINS:
         raise ValueError(f"recording: no marker layout among {len(points)} bright blobs")
-    return points[pins]
+    return np.asarray(points[pins])
 
 
-def _given_rest(rest: Any, shape: Any, centre: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def _given_rest(rest: Any, shape: Any, centre: Array, scale: Array) -> Array:
     if isinstance(rest, str | Path):
-        return (_lattice(_detect(Path(rest), shape)) - centre) * scale
+        return np.asarray((_lattice(_detect(Path(rest), shape)) - centre) * scale)
     places = np.asarray(rest, float)
     if places.shape != (max(places.size // 2, FEWEST_PINS), 2) or not np.isfinite(places).all():
         raise ValueError(f"rest: got an array {places.shape}; finite (pins, 2) in mm is needed")
     return places
 
 
-def _match(points: np.ndarray, places: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+def _match(points: Array, places: Array, reach: float) -> tuple[Integers, Integers]:
     """Pair indices of points and their nearest places; each place takes its nearest point."""
     distance, place = cKDTree(places).query(points, distance_upper_bound=reach)
     order = np.argsort(distance, kind="stable")
@@ -214,7 +221,7 @@ def _match(points: np.ndarray, places: np.ndarray, reach: float) -> tuple[np.nda
     return order[first[near]], j[near]
 
 
-def _median_layout(taps: list[np.ndarray]) -> np.ndarray:
+def _median_layout(taps: list[Array]) -> Array:
     """Take the median place of each marker, from the fullest tap on; drop what is no pin."""
     taps = taps[:: -(-len(taps) // LAYOUT_TAPS)]
     pitch = np.median([np.median(_spacing(tap)) for tap in taps])
@@ -234,13 +241,13 @@ def _median_layout(taps: list[np.ndarray]) -> np.ndarray:
     return _lattice(places[[k for k, close in enumerate(rivals) if claim[k] >= claim[close].max()]])
 
 
-def _tracker(layout: np.ndarray) -> Callable[[np.ndarray], tuple[np.ndarray, int]]:
+def _tracker(layout: Array) -> Callable[[Array], tuple[Array, int]]:
     """Build the map from the markers of a tap to the motion (pins, 2) in px and the pins seen."""
-    pitch = np.median(_spacing(layout))
+    pitch = float(np.median(_spacing(layout)))
     apart = np.linalg.norm(layout[:, None] - layout[None], axis=2) / pitch
     weight = np.exp(-(apart**2) / 2) * (apart > 0)
 
-    def track(points: np.ndarray) -> tuple[np.ndarray, int]:
+    def track(points: Array) -> tuple[Array, int]:
         motion = np.zeros_like(layout)
         for _ in range(2):  # a pin moves with its neighbours: the second match starts from them
             i, j = _match(points, layout + motion, REACH * pitch)

@@ -1,14 +1,12 @@
 """Values between the grid points, phases and forces at which a contact was solved."""
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from bgmodel.arrays import Array, Singles
+from bgmodel.compiling import compiled
 
 
-def phase_weights(phase: Floats, count: int) -> Floats:
+def phase_weights(phase: Array, count: int) -> Array:
     """Weights (taps, count) of equally spaced phases: trigonometric interpolation.
 
     Exact up to the harmonic (count - 1) // 2 of the period, and the skin lets little of the second
@@ -23,7 +21,7 @@ def phase_weights(phase: Floats, count: int) -> Floats:
     return weights / count
 
 
-def node_weights(value: Floats, nodes: tuple[float, ...]) -> Floats:
+def node_weights(value: Array, nodes: tuple[float, ...]) -> Array:
     """Weights (taps, nodes) of the Lagrange polynomial through `nodes`."""
     value = np.asarray(value, dtype=float)
     weights = np.ones((value.size, len(nodes)))
@@ -33,9 +31,9 @@ def node_weights(value: Floats, nodes: tuple[float, ...]) -> Floats:
     return weights
 
 
-@njit(cache=True)
+@compiled
 def gather(
-    coefficients: Singles, points: Floats, weights: Singles, out: Singles
+    coefficients: Singles, points: Array, weights: Singles, out: Singles
 ) -> None:  # pragma: no cover - compiled
     """Evaluate cubic splines at points well inside their grid, blended by weights.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bgmodel.arrays import Array, Singles
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
     from bgmodel.tactile.library import Library
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 _BLOCK = 512  # taps at a time: bounds the memory, and changes no number
 
 
@@ -63,7 +62,7 @@ class Nuisance:
         if self.noise_per == "tap":
             return np.ones(1, dtype=np.float32)
         rise = np.sin(np.pi * np.arange(1, self.frames + 1) / (self.frames + 1))
-        return (rise / rise.max()).astype(np.float32)
+        return np.asarray(rise / rise.max(), dtype=np.float32)
 
 
 def simulate(
@@ -166,8 +165,8 @@ def noiseless(labels: pd.DataFrame, tip: Tip, library: Library) -> Singles:
 
 
 def _pins_moved(
-    period_mm: float, taps: pd.DataFrame, rest: Floats, tip: Tip, library: Library
-) -> Floats:
+    period_mm: float, taps: pd.DataFrame, rest: Array, tip: Tip, library: Library
+) -> Array:
     """Displacements (taps, pins, 2) for taps on one grating."""
     yaw = np.deg2rad(taps["yaw_deg"].to_numpy())
     cos, sin = np.cos(yaw), np.sin(yaw)
@@ -178,7 +177,8 @@ def _pins_moved(
     moved = library.sample(period_mm, phase, force, places @ axes, tip.pin_mm)
     lateral = moved[..., :2] @ axes.transpose(0, 2, 1)
     nearing = rest * (moved[..., 2:] / tip.camera_height_mm)
-    return lateral + nearing + taps[["shear_x_mm", "shear_y_mm"]].to_numpy()[:, None]
+    shear = taps[["shear_x_mm", "shear_y_mm"]].to_numpy()
+    return np.asarray(lateral + nearing + shear[:, None])
 
 
 def _filmed(
@@ -197,7 +197,7 @@ def _filmed(
     return kept, frame
 
 
-def _stimuli(periods_mm: ArrayLike, yaw_deg: ArrayLike) -> tuple[Floats, Floats]:
+def _stimuli(periods_mm: ArrayLike, yaw_deg: ArrayLike) -> tuple[Array, Array]:
     """Give periods and yaws of equal length, or ValueError."""
     periods, yaws = np.asarray(periods_mm, dtype=float), np.asarray(yaw_deg, dtype=float)
     try:

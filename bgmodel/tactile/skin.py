@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from bgmodel.arrays import Array
 
 # Rows of a layer's state and of the boundary conditions: depth displacement, lateral displacement,
 # normal stress, shear stress.
@@ -41,9 +41,9 @@ class Response(NamedTuple):
     skin/gel interface, and the lateral displacement i ``interface_lateral`` exp(ikx) there.
     """
 
-    compliance: Floats
-    interface_depth: Floats
-    interface_lateral: Floats
+    compliance: Array
+    interface_depth: Array
+    interface_lateral: Array
 
 
 def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
@@ -85,7 +85,7 @@ def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
     return Response(*values[:, where.reshape(k.shape)])
 
 
-def _solve(skin: Skin, k: Floats) -> Floats:
+def _solve(skin: Skin, k: Array) -> Array:
     """Surface compliance and the two transfers, (3, wavenumbers), for k above 0."""
     sheet_top, sheet_bottom = _layer(k * skin.skin_mm)
     gel_top, gel_bottom = _layer(k * skin.gel_mm)
@@ -104,7 +104,7 @@ def _solve(skin: Skin, k: Floats) -> Floats:
     return np.stack([surface, depth, lateral]) / (skin.skin_shear_mpa * k)
 
 
-def _layer(thickness: Floats) -> tuple[Floats, Floats]:
+def _layer(thickness: Array) -> tuple[Array, Array]:
     """State at the top and the bottom of a layer for each of its four solutions.
 
     `thickness` is kh. The growing solutions are written in the distance from the bottom, so no
@@ -121,9 +121,9 @@ def _layer(thickness: Floats) -> tuple[Floats, Floats]:
     return top, bottom
 
 
-def _decaying(s: Floats) -> Floats:
+def _decaying(s: Array) -> Array:
     """States of exp(-s) and s exp(-s), s = kz, as (wavenumbers, 4 rows, 2 constants)."""
     one = np.ones_like(s)
     rows = [[one, s], [-one, 1 - s], [-2 * one, -2 * s], [2 * one, 2 * (s - 1)]]
     states = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-    return states * np.exp(-s)[:, None, None]
+    return np.asarray(states * np.exp(-s)[:, None, None])

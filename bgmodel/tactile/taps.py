@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bgmodel.arrays import Array, Singles
 from bgmodel.files import replacing
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
 STIMULI = ("grating", "edge")
 """What can be tapped."""
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +28,7 @@ class Taps:
 
     displacement_mm: Singles
     """From rest to the peak of the tap, x right and y up, mm, (taps, pins, 2)."""
-    rest_mm: Floats
+    rest_mm: Array
     """Places of the pins at rest, mm, (pins, 2)."""
     labels: pd.DataFrame
     """One row a tap, with at least period_mm, yaw_deg, phase and force_n."""
@@ -128,17 +127,17 @@ class Taps:
         size = size - size.mean(axis=1, keepdims=True)
         spread = size.std(axis=1, keepdims=True)
         size /= np.where(spread > 0, spread, 1)
-        return size.reshape(-1, 1, *shape).astype(np.float32)
+        return np.asarray(size.reshape(-1, 1, *shape), dtype=np.float32)
 
 
-def _grid(rest_mm: Floats, shape: tuple[int, int]) -> Floats:
+def _grid(rest_mm: Array, shape: tuple[int, int]) -> Array:
     """Places (pixels, 2) of an image over the pins, row by row from the top left."""
     (left, bottom), (right, top) = rest_mm.min(axis=0), rest_mm.max(axis=0)
     x, y = np.meshgrid(np.linspace(left, right, shape[1]), np.linspace(top, bottom, shape[0]))
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def _interpolation(rest_mm: Floats, grid: Floats) -> Singles:
+def _interpolation(rest_mm: Array, grid: Array) -> Singles:
     """Weights (pins, pixels) of linear interpolation, of the nearest pin outside them all."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
@@ -146,4 +145,4 @@ def _interpolation(rest_mm: Floats, grid: Floats) -> Singles:
     weights = LinearNDInterpolator(rest_mm, each)(grid)
     outside = np.isnan(weights).any(axis=1)
     weights[outside] = NearestNDInterpolator(rest_mm, each)(grid[outside])
-    return weights.T.astype(np.float32)
+    return np.asarray(weights.T, dtype=np.float32)

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.arrays import Array
 from bgmodel.evidence import Evidence
-from bgmodel.tactile.likelihood import Density, FloatArray, Likelihood, Pool, fit_likelihood
+from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
 
 FOLDS = 6
 STEP_MS = 500.0
@@ -35,7 +36,7 @@ class Task(Protocol):
         """Yaws of the taps that the readings are made of."""
         ...
 
-    def readings(self, pool: Pool) -> list[FloatArray]:
+    def readings(self, pool: Pool) -> list[Array]:
         """Turn decoded angles, one array a yaw, into readings, one array a hypothesis."""
         ...
 
@@ -62,7 +63,7 @@ class SameDifferent:
         """The two yaws."""
         return self.a_deg, self.b_deg
 
-    def readings(self, pool: Pool) -> list[FloatArray]:
+    def readings(self, pool: Pool) -> list[Array]:
         """Return the differences of all pairs of taps: S1 (AA, never a tap with itself), S2."""
         a, b = pool
         same = a[:, None] - a[None, :]
@@ -94,7 +95,7 @@ class Orientations:
         """The yaws as text."""
         return tuple(f"{yaw:g}" for yaw in self.yaws_deg)
 
-    def readings(self, pool: Pool) -> list[FloatArray]:
+    def readings(self, pool: Pool) -> list[Array]:
         """Return the decoded orientations as they are."""
         return [np.asarray(part) for part in pool]
 
@@ -113,7 +114,7 @@ class Source:
         Fitted on other taps.
     """
 
-    log_likelihood: list[FloatArray]
+    log_likelihood: list[Array]
     names: tuple[str, ...]
     likelihood: Likelihood
 
@@ -152,7 +153,7 @@ class Source:
         return Evidence(values, truth, prior, step_ms=step_ms)  # type: ignore[arg-type]
 
     @cached_property
-    def log_ratios(self) -> tuple[FloatArray, ...]:
+    def log_ratios(self) -> tuple[Array, ...]:
         """Log-likelihood ratio S2 : S1 of every reading under S1 and under S2, nats."""
         if len(self.names) != 2:
             raise ValueError(f"log ratios need 2 hypotheses, this task has {len(self.names)}")
@@ -209,7 +210,7 @@ def source(
     return Source([likelihood(x) for x in rest], task.names, likelihood)
 
 
-def tap_pool(taps: pd.DataFrame, task: Task, period_mm: float) -> list[FloatArray]:
+def tap_pool(taps: pd.DataFrame, task: Task, period_mm: float) -> list[Array]:
     """Return the decoded angles of one grating, one array a yaw of the task, degrees."""
     here = taps[np.isclose(taps["period_mm"], period_mm)]
     if here.empty:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from bgmodel.arrays import Array, Truths
 
 MAX_STATES = 6000  # a larger dense chain takes minutes and gigabytes
 MAX_HEAVY = 32  # atoms of x whose sums are followed exactly,
@@ -75,11 +75,11 @@ class Empirical:
         return float(np.sqrt(self.weights @ (self.values - self.weights @ self.values) ** 2))
 
     @cached_property
-    def heavy(self) -> NDArray[np.bool_]:
+    def heavy(self) -> Truths:
         """Atoms (n,) heavy enough to bring two walks to exactly the same place."""
         floor = max(HEAVY, np.sort(self.weights)[-min(MAX_HEAVY, self.weights.size)])
-        mask = self.weights >= floor
-        return mask if mask.sum() <= MAX_HEAVY else self.weights > floor
+        mask: Truths = self.weights >= floor
+        return mask if mask.sum() <= MAX_HEAVY else np.asarray(self.weights > floor)
 
     @cached_property
     def cumulative(self) -> tuple[Array, Array]:

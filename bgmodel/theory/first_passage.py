@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bgmodel.theory.empirical import Array, Empirical, check_size, empirical_chain, require
+from bgmodel.arrays import Array
+from bgmodel.theory.empirical import Empirical, check_size, empirical_chain, require
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from circuits import table_files
+from circuits import table_files, table_reader
 from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
 from circuits.anatomy.spiking_msprt import spiking_msprt
@@ -48,10 +48,10 @@ def circuit(name: str | Path, channels: int | None = None) -> Circuit:
     Raises
     ------
     ValueError
-        If there is none of that name, with the names that there are; or as ``table_files.read``.
+        If there is none of that name, with the names that there are; or as ``table_reader.read``.
     """
     if table_files.is_path(name):
-        return table_files.read(name, channels)
+        return table_reader.read(name, channels)
     if name not in CIRCUITS:
         names = ", ".join(CIRCUITS)
         raise ValueError(

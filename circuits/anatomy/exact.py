@@ -46,13 +46,7 @@ def appendix_b(
     check_channels(channels)
     w_gpe_snr = 1 - w_gpe_stn if w_gpe_snr is None else w_gpe_snr
     w_d1_snr = 1 + w_d2_gpe if w_d1_snr is None else w_d1_snr
-    if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
-        raise ValueError(
-            "w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got "
-            f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
-        )
-    if not math.isclose(w_d1_snr, 1 + w_d2_gpe):
-        raise ValueError(f"w_d1_snr must be 1 + w_d2_gpe = {1 + w_d2_gpe}, got {w_d1_snr}")
+    _check_weights(w_gpe_stn, w_gpe_snr, w_d2_gpe, w_d1_snr)
     simple = w_gpe_snr == 0 and w_d2_gpe == 0
     source = BG2007 if simple else APPENDIX_B
     # The source is algebraic: what only dynamics and Hz need is ours.
@@ -97,6 +91,17 @@ def appendix_b(
         range_nats=(0.0, 5.0),
         about=f"OUT = -ln P exactly; {source}",
     )
+
+
+def _check_weights(w_gpe_stn: float, w_gpe_snr: float, w_d2_gpe: float, w_d1_snr: float) -> None:
+    """Raise ValueError unless the weights cancel Sigma, as the exact family does."""
+    if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
+        raise ValueError(
+            "w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got "
+            f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
+        )
+    if not math.isclose(w_d1_snr, 1 + w_d2_gpe):
+        raise ValueError(f"w_d1_snr must be 1 + w_d2_gpe = {1 + w_d2_gpe}, got {w_d1_snr}")
 
 
 def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:

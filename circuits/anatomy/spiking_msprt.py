@@ -18,6 +18,14 @@ FITTED = f"{TUNED}; currents by fit_current"
 PIVOT = f"{FITTED}; pivot assumed"
 FAST = f"{HUMPHRIES}, AMPA 2 and GABA 3 ms; "
 
+# fmt: off
+#         tau_ms  noise_mv  threshold_mv  reset_mv  refractory_ms  rest_mv  mv_per_nat
+D1  = Lif(12,     3,        15,           5,        2,              8.17,   13.34)
+D2  = Lif(12,     3,        15,           5,        2,              8.30,   1.256)
+GPE = Lif(10,     4,        15,           3,        2,             14.07,   13.56)
+SNR = Lif(10,     4,        15,           3,        2,              7.68,   17.01)
+# fmt: on
+
 
 def spiking_msprt(channels: int = 2) -> Circuit:
     """Return the circuit of spiking cells that computes the MSPRT.
@@ -42,20 +50,15 @@ def spiking_msprt(channels: int = 2) -> Circuit:
     top = s0 + log(channels)
     slope = 1 - 1 / s0
     # fmt: off
-    #            tau_ms  noise_mv  threshold_mv  reset_mv  refractory_ms  rest_mv  mv_per_nat
-    d1     = Lif(12,     3,        15,           5,        2,              8.17,   13.34)
-    d2     = Lif(12,     3,        15,           5,        2,              8.30,   1.256)
-    pallid = Lif(10,     4,        15,           3,        2,             14.07,   13.56)
-    nigral = Lif(10,     4,        15,           3,        2,              7.68,   17.01)
     populations = rows(Population, (
         "name      cell        neurons  pooled  baseline_hz  gain_hz_per_nat  transmitter  cite",
         ("ctx",    Phase(0.5), 300,     False,  1,           25,              GLUTAMATE,   CORTEX),
         ("common", Rate(),     1,       True,   0,           1,               GABA,        COMMON),
-        ("D1",     d1,         300,     False,  0,           80,              GABA,        PIVOT),
-        ("D2",     d2,         300,     False,  5,           3.5,             GABA,        PIVOT),
+        ("D1",     D1,         300,     False,  0,           80,              GABA,        PIVOT),
+        ("D2",     D2,         300,     False,  5,           3.5,             GABA,        PIVOT),
         ("STN",    Phase(0.3), 300,     False,  0,           21.8,            GLUTAMATE,   CV),
-        ("GPe",    pallid,     300,     False,  45,          80,              GABA,        FITTED),
-        ("SNr",    nigral,     300,     False,  10,          95,              GABA,        FITTED),
+        ("GPe",    GPE,        300,     False,  45,          80,              GABA,        FITTED),
+        ("SNr",    SNR,        300,     False,  10,          95,              GABA,        FITTED),
     ), (
         "name      transfer     tau_ms  receptor  pivot_nats  bias_nats",
         ("ctx",    "rectified", 2,      "",       0.0,        0.7),

@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from circuits.cells.cell import Array, BrianText, Cell, Constants, register
+from circuits.arrays import Array
+from circuits.cells.cell import BrianText, Cell, Constants, register
 from circuits.checks import check_types, whole_ticks
 from circuits.single import ONE, ZERO, choose, exponential, fused, single
 

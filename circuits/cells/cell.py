@@ -14,11 +14,10 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple, NoReturn, TypeVar
 
-import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
+from circuits.arrays import Array
+
 Constants = dict[str, Any]
 
 HEARS = ("nats", "hz")

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from circuits.cells.cell import Array, Cell, Line, Response, register
+from circuits.arrays import Array
+from circuits.cells.cell import Cell, Line, Response, register
 from circuits.checks import check_types
 
 

@@ -78,4 +78,5 @@ def run(
         if name not in known:
             takes = ", ".join(p for p in known if p not in ("circuit", "drive"))
             raise ValueError(f"the {engine} engine takes no {name!r}: {takes}")
-    return module.run(circuit, drive, **given)
+    activity: Activity = module.run(circuit, drive, **given)
+    return activity

@@ -16,12 +16,13 @@ import pandas as pd
 
 from circuits import noise
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
+from circuits.arrays import Array, Index, Truths
 from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
-from circuits.wiring import Array, fan_in
+from circuits.wiring import fan_in
 
-Fired = dict[int, npt.NDArray[np.bool_]]
+Fired = dict[int, Truths]
 """Which cells of each block fired in a tick."""
 
 
@@ -164,7 +165,7 @@ class _Cells:
         self.state: tuple[Any, ...] = starting_state(cell, constants, stream, self.neurons)
         self.x = np.full(self.neurons, scheme.start[1][block])
 
-    def tick(self, k: int, nats: Any) -> npt.NDArray[np.bool_]:
+    def tick(self, k: int, nats: Any) -> Truths:
         """Return which cells fire at tick k under an input, nats, of all or of each."""
         heard = nats if self.row.cell.hears == "nats" else self._expected(nats)
         ones = noise.ones8(self.stream, k, self.neurons)
@@ -221,9 +222,7 @@ def _own_inputs(scheme: Scheme) -> tuple[dict[int, list[_OwnInputs]], Array]:
     return own, weight
 
 
-def _table(
-    written: list[npt.NDArray[np.intp]], trial: int, channel: int, dt_ms: float
-) -> pd.DataFrame:
+def _table(written: list[Index], trial: int, channel: int, dt_ms: float) -> pd.DataFrame:
     """Return the spikes of a block in a trial from the cells that fired in each tick."""
     tick = np.repeat(np.arange(len(written)), [len(cells) for cells in written])
     return spike_table(trial, channel, np.concatenate(written), tick, dt_ms)

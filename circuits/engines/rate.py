@@ -14,10 +14,11 @@ from scipy.sparse import csr_array
 
 from circuits import transfer
 from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.arrays import Array, Index
 from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
-from circuits.wiring import Array, Index, Wiring
+from circuits.wiring import Wiring
 
 MOST_TICKS = 64
 """Ticks computed together at most: more only cost memory."""
@@ -178,7 +179,8 @@ def _filter(values: Array, decay: Array, state: Array) -> Array:
 
 
 def _product(matrix: csr_array, values: Array) -> Array:
-    return (matrix @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
+    product: Array = matrix @ values.reshape(len(values), -1)
+    return product.reshape(-1, *values.shape[1:])
 
 
 def _bent(wiring: Wiring) -> list[tuple[transfer.Transfer, Index]]:

@@ -39,7 +39,8 @@ def lif_rate_hz(cell: Lif, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float64]:
     # exp(u^2)(1 + erf u), capped where the cell is silent for longer than any run.
     inside = erfcx(np.maximum(-u, -26.0))
     time_ms = cell.refractory_ms + cell.tau_ms * np.sqrt(np.pi) * half * (inside @ _WEIGHTS)
-    return 1000.0 / time_ms
+    rate_hz: npt.NDArray[np.float64] = 1000.0 / time_ms
+    return rate_hz
 
 
 def lif_mean_mv(cell: Lif, rate_hz: float) -> float:

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from circuits.cells.cell import Complex, Line
-from circuits.wiring import Array, Wiring
+from circuits.arrays import Array, Complex
+from circuits.cells.cell import Line
+from circuits.wiring import Wiring
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
 """Where power is summed. Below, cells' answers would cancel to nothing; above, synapses filter."""

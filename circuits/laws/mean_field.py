@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from circuits.wiring import Array, Wiring
+from circuits.arrays import Array
+from circuits.wiring import Wiring
 
 TOLERANCE = 1e-10
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from circuits.arrays import Array, Complex
+
 if TYPE_CHECKING:
     from circuits.cells import Lif, Phase
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 NODES = 100
 """Steps from threshold to reset: right to .5 % up to 4 kHz, .2 % up to 300 Hz."""
@@ -134,11 +134,11 @@ class _Membrane:
 
     def outflow(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return the flux through threshold, 1/s."""
-        return self.step * self.up[-1] * density[-1]
+        return np.asarray(self.step * self.up[-1] * density[-1])
 
     def area(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return the whole probability."""
-        return self.step * density.sum(axis=0)
+        return np.asarray(self.step * density.sum(axis=0))
 
 
 def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Array:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from circuits.arrays import Array, Complex
 from circuits.fixed_point import solve, wired
 from circuits.laws.fluctuation import FREQUENCIES_HZ, extra_rates, linear
 from circuits.laws.mean_field import settled
 from circuits.spec import Circuit
-from circuits.wiring import Array, Wiring
+from circuits.wiring import Wiring
 
 
 def rate_spectrum(
@@ -79,9 +80,7 @@ def out_variance(
     }
 
 
-def _noise(
-    wiring: Wiring, drive: npt.ArrayLike | None, frequency: Array
-) -> tuple[npt.NDArray[np.complex128], Array]:
+def _noise(wiring: Wiring, drive: npt.ArrayLike | None, frequency: Array) -> tuple[Complex, Array]:
     """Return how own noise reaches rates, (F, blocks, blocks), and its power, (F, blocks)."""
     channels = wiring.circuit.channels
     held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)

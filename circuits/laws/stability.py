@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from circuits.arrays import Array, Complex, Index
 from circuits.fixed_point import parts, solve, wired
 from circuits.spec import Circuit
-from circuits.wiring import Array, Index, Wiring
+from circuits.wiring import Wiring
 
 NODES = 12
 """Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""
@@ -61,7 +62,7 @@ def growth(circuit: Circuit, drive: npt.ArrayLike | None = None) -> complex:
     return complex(found[0]) if len(found) else complex(-math.inf)
 
 
-def roots(circuit: Circuit, drive: npt.ArrayLike | None = None) -> npt.NDArray[np.complex128]:
+def roots(circuit: Circuit, drive: npt.ArrayLike | None = None) -> Complex:
     """Return the roots of the circuit linearised at its fixed point, 1/s, the rightmost first.
 
     Parameters and errors are those of ``growth``; the roots that lie far to the left, where delays
@@ -74,7 +75,7 @@ def roots(circuit: Circuit, drive: npt.ArrayLike | None = None) -> npt.NDArray[n
     x = solve(wiring, held[None])[0]
     loops = [_roots(wiring, x, blocks) for blocks, loop in parts(wiring) if loop]
     found = np.concatenate([np.zeros(0, np.complex128), *loops])
-    return found[np.argsort(-found.real, kind="stable")]
+    return np.asarray(found[np.argsort(-found.real, kind="stable")])
 
 
 def is_stable(circuit: Circuit, drive: npt.ArrayLike | None = None) -> bool:
@@ -114,7 +115,7 @@ def stability_limit_nats(circuit: Circuit) -> float:
     return onset(circuit).total_nats
 
 
-def _roots(wiring: Wiring, x: Array, blocks: Index) -> npt.NDArray[np.complex128]:
+def _roots(wiring: Wiring, x: Array, blocks: Index) -> Complex:
     """Return the roots, 1/s, of one loop at the state x of the whole circuit."""
     flow, lag = _linear(wiring, x, blocks)
     slow = lag > 0
@@ -169,4 +170,4 @@ def _chebyshev(intervals: int) -> Array:
     sign = np.where((k == 0) | (k == intervals), 2.0, 1.0) * (-1.0) ** k
     apart = nodes[:, None] - nodes + np.eye(intervals + 1)
     matrix = np.outer(sign, 1 / sign) / apart
-    return matrix - np.diag(matrix.sum(axis=1))
+    return np.asarray(matrix - np.diag(matrix.sum(axis=1)))

@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise
+from circuits.arrays import Array, Index
 from circuits.engines.brian2 import text as brian_text
 from circuits.spec import Projection
 from circuits.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
-from circuits.wiring import Array, Index, Wiring, fan_in
+from circuits.wiring import Wiring, fan_in
 
 Values = dict[tuple[str, str], Array]
 """(group, variable) -> what it holds."""
@@ -118,7 +119,8 @@ class Layout:
 
     def index(self, group: str, places: npt.ArrayLike) -> Index:
         """Return the indices (trials, places) in a group from places in a trial."""
-        return np.arange(self.trials)[:, None] * self.size(group) + np.atleast_1d(places)
+        first = np.arange(self.trials)[:, None] * self.size(group)
+        return np.asarray(first + np.atleast_1d(places))
 
     def cells(self, block: int) -> Index:
         """Return the indices (trials, neurons) of a block's cells in their group."""

@@ -11,15 +11,14 @@ import numpy.typing as npt
 
 from circuits import noise
 from circuits import single as arithmetic
-
-Ints = npt.NDArray[Any]
+from circuits.arrays import Integers
 
 
 def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
     return np.atleast_1d(np.asarray(values)).astype(np.uint32)
 
 
-def tick_key(stream: Ints, tick: Ints) -> Ints:
+def tick_key(stream: Integers, tick: Integers) -> Integers:
     """Return ``noise.tick_key`` as one int64, for arrays of streams (int64) and ticks."""
     z = np.atleast_1d(tick).astype(np.uint64) + np.uint64(1)
     z = np.atleast_1d(stream).astype(np.uint64) + z * np.uint64(noise.GOLDEN)
@@ -28,7 +27,7 @@ def tick_key(stream: Ints, tick: Ints) -> Ints:
     return (z ^ (z >> np.uint64(31))).astype(np.int64)
 
 
-def random_word(cell: Ints, key: Ints) -> Ints:
+def random_word(cell: Integers, key: Integers) -> Integers:
     """Return ``noise.words`` as int32, for arrays of cells and of keys."""
     x = _u32(cell) * np.uint32(noise.GOLDEN_32) + _u32(np.asarray(key) >> 32)
     x ^= x >> np.uint32(16)
@@ -38,12 +37,12 @@ def random_word(cell: Ints, key: Ints) -> Ints:
     return (x ^ (x >> np.uint32(15))).astype(np.int32)
 
 
-def byte_counts(cell: Ints, key: Ints) -> Ints:
+def byte_counts(cell: Integers, key: Integers) -> Integers:
     """Return ``noise.byte_counts`` of the words: noise of four ticks, for ``gauss``."""
     return noise.byte_counts(_u32(random_word(cell, key))).astype(np.int32)
 
 
-def ones(counts: Ints, tick: Ints) -> npt.NDArray[np.float64]:
+def ones(counts: Integers, tick: Integers) -> npt.NDArray[np.float64]:
     """Return the number of ones in the byte of a tick."""
     shift = (8 * (np.asarray(tick) % noise.TICKS_A_WORD)).astype(np.uint32)
     return ((_u32(counts) >> shift) & np.uint32(15)).astype(np.float64)
@@ -83,7 +82,8 @@ def load_brian() -> ModuleType:
     import brian2
 
     sys.excepthook = hook
-    return brian2
+    module: ModuleType = brian2
+    return module
 
 
 def functions() -> dict[str, Any]:

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from circuits import transfer
+from circuits.arrays import Array
 from circuits.cells.cell import BrianText
 from circuits.spec import Population
-from circuits.wiring import Array
 
 # ---- delay line of the blocks' rates, oldest first: each element takes over the next one's value
 

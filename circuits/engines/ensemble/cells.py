@@ -100,22 +100,22 @@ def entry(cell: Cell) -> Entry:
 
 
 @overload(single.single, strict=False)
-def _single(x):
+def _single(x: Any) -> Callable[..., Any]:
     return lambda x: np.float32(x)
 
 
 @overload(single.fused, strict=False)
-def _fused(a, b, c):
+def _fused(a: Any, b: Any, c: Any) -> Callable[..., Any] | None:
     return (lambda a, b, c: lanes.fused(a, b, c)) if _singles(a, b, c) else None
 
 
 @overload(single.choose, strict=False)
-def _choose(test, yes, no):
+def _choose(test: Any, yes: Any, no: Any) -> Callable[..., Any] | None:
     return (lambda test, yes, no: lanes.choose(test, yes, no)) if _singles(yes, no) else None
 
 
 @overload(single.exponential, strict=False)
-def _exponential(x):
+def _exponential(x: Any) -> Callable[..., Any] | None:
     return (lambda x: lanes.exp32(x)) if _singles(x) else None
 
 
@@ -130,7 +130,7 @@ def _kept(x: Any) -> Any:
 
 
 @overload(_kept)
-def _kept_single(x):
+def _kept_single(x: Any) -> Callable[..., Any] | None:
     return (lambda x: x) if _singles(x) else None
 
 
@@ -213,18 +213,21 @@ def _compiled_loops(kind: type[Cell]) -> Loops:
 
 
 @numba.njit(inline="always")
-def _gathered(values, like, stride, i):
+def _gathered(values: Any, like: Any, stride: int, i: int) -> Any:
     """Return a cell's numbers, one from each row, as a tuple like another."""
     for k in range(len(like)):
         like = tuple_setitem(like, k, values[k * stride + i])
     return like
 
 
-def _advance(tick, size, count):
+def _advance(tick: Callable[..., Any], size: int, count: int) -> Callable[..., None]:
     """Return the loop that takes cells through ticks; arguments as in ``ADVANCE``."""
     no_state, no_constants = (np.float32(0),) * size, (np.float32(0),) * count
 
-    def advance(state, constants, stride, noise, heard, width, cells, ticks, marks, fired):
+    def advance(
+        state: Any, constants: Any, stride: int, noise: Any, heard: Any, width: int, cells: int,
+        ticks: int, marks: Any, fired: Any,
+    ) -> None:  # fmt: skip
         for t in range(ticks):
             for i in range(cells):
                 given = (heard[t * width + i], lanes.ones_at(noise[i], t))
@@ -239,11 +242,11 @@ def _advance(tick, size, count):
     return advance
 
 
-def _place(begin, size, count):
+def _place(begin: Callable[..., Any], size: int, count: int) -> Callable[..., None]:
     """Return the loop that places cells as a trial begins; arguments as in ``PLACE``."""
     no_constants = (np.float32(0),) * count
 
-    def place(state, constants, stride, key, cells):
+    def place(state: Any, constants: Any, stride: int, key: int, cells: int) -> None:
         for i in range(cells):
             uniform = (lanes.word32(i, key) * 2.0**-32,)
             begun = begin(*(uniform + _gathered(constants, no_constants, stride, i)))

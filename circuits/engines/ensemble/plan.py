@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from circuits.arrays import Array
 from circuits.engines.ensemble import kernel, lanes, records
 from circuits.engines.ensemble.cells import GENERAL, Entry, entry
 from circuits.spec import Circuit, Population, Projection
 from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz
-from circuits.wiring import Array, Wiring, fan_in
+from circuits.wiring import Wiring, fan_in
 
 
 def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.Plan:

@@ -108,7 +108,7 @@ def run(
                     break
                 room = np.empty((2 * count, 3), np.int32)
             found[t] = room[:count].copy()
-        return min(TRIALS_A_TASK, trials - first)
+        return int(min(TRIALS_A_TASK, trials - first))
 
     with (
         ThreadPoolExecutor(max_workers=workers) as pool,
