@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.helpers import ROOT
+
 # Each module may import only from modules on lower levels.
 LEVELS = [
     {"bgmodel.version"},

@@ -130,8 +130,6 @@ CTX = line_of('["ctx",    "Phase')
 COLUMNS = line_of('columns = ["name"')
 OF_PATHS = line_of('columns = ["source"')
 LIF = line_of("Lif_GPe")
-
-
 # fmt: off
 WRONG = [
     ('"bias_nats"', '"bias"', COLUMNS, "no column of populations 'bias'; there are name, cell"),

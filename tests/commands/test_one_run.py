@@ -6,14 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import psutil
 import pytest
 
-from bgmodel.cli import main
+from tests.helpers import ROOT
 
-ROOT = Path(__file__).parents[1]
 # SIGINT is heard also where the tests run in the background of a shell, which has it ignored.
 COMMAND = [
     sys.executable,
@@ -41,8 +39,6 @@ if __name__ == "__main__":
     run(draw=draw)
 """
 WHOLE = {"fig3.pdf": b"a half and a half", "fig3.png": b"a half and a half"}
-
-
 # Recordings may be named by a path that is another one in another place.
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "BGMODEL_RECORDINGS"}
 ENVIRONMENT["PYTHONPATH"] = str(ROOT)
@@ -195,24 +191,6 @@ def test_a_figure_that_fails_says_so_in_the_last_line(checkout):
     assert checkout.said().splitlines()[-1] == (
         "bgmodel: not every figure is drawn, Snakemake ended with status 1"
     )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["fig99"], "figR1, figS1 or files in figures/out, got 'fig99'"),
-        (["fig3", "all_of_them", "--fast"], "files in figures/fast, got 'all_of_them'"),
-        (["figures/out/fig3.png", "--fast"], "files in figures/fast, got 'figures/out/fig3.png'"),
-    ],
-)
-def test_what_is_no_figure_is_refused_before_snakemake_starts(monkeypatch, capsys, arguments, says):
-    monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(subprocess, "Popen", None)
-    assert main(["figures", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("bgmodel: targets must be among fig1, fig2b, fig3, ")
-    assert error.endswith(f"{says}\n")
-    assert error.count("\n") == 1
 
 
 def test_a_file_of_a_figure_can_be_asked_for(checkout):

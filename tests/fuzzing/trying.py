@@ -10,10 +10,10 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from fuzzing import KINDS, prepare
 
 from bgmodel.cli import main
 from bgmodel.seeds import stream
+from tests.fuzzing.commands import KINDS, prepare
 
 SEED = 18
 AS_COMMANDS = 200

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
-from bgmodel.tactile.grating import PERIODS_MM, Grating
+from bgmodel.tactile.grating import Grating
 from bgmodel.tactile.skin import Skin, response
+from tests.tactile.plans import places
 
 SHEAR = 0.1
 
@@ -13,10 +14,6 @@ SHEAR = 0.1
 def half_space(shape, dx, mirrored=False):
     k = wavenumbers(shape, dx, mirrored=mirrored)
     return np.divide(1, 2 * SHEAR * k, out=np.zeros_like(k), where=k > 0)
-
-
-def places(cells, dx):
-    return (np.arange(cells) - (cells - 1) / 2) * dx
 
 
 def dome(cells, dx, radius=20.0, mirrored=False):
@@ -131,31 +128,3 @@ def test_contact_refuses(name, change):
 def test_no_convergence_is_an_error():
     with pytest.raises(RuntimeError, match="after 3 iterations"):
         polonsky_keer(dome(32, 1.0), half_space((32, 32), 1.0), 1.0, 1.0, max_iterations=3)
-
-
-@pytest.mark.parametrize("period_mm", PERIODS_MM)
-@pytest.mark.parametrize("phase", [0.0, 0.1, -0.4, 1.25])
-def test_grating_is_where_its_phase_says(period_mm, phase):
-    cells, dx = 256, 0.125
-    depth, apex = Grating(period_mm, 0.7, phase).on_grid(cells, dx)
-    if period_mm == 0:
-        assert not depth.any()
-        return
-    x = places(cells, dx) - apex
-    from_bar = np.abs((x / period_mm - phase + 0.5) % 1 - 0.5) * period_mm
-    assert np.array_equal(depth > 0, from_bar > period_mm / 4)
-    assert set(depth) == {0.0, 0.7}
-    assert abs(apex) <= dx / 2 + 1e-12
-    edges = np.flatnonzero(np.diff(depth))
-    assert np.all(np.diff(edges) * dx == period_mm / 2)
-
-
-def test_grating_refuses():
-    with pytest.raises(ValueError, match="whole number of cells"):
-        Grating(1.0).on_grid(64, 0.2)
-    with pytest.raises(ValueError, match=r"Grating\.period_mm: got -1"):
-        Grating(-1.0)
-    with pytest.raises(ValueError, match=r"Grating\.depth_mm"):
-        Grating(1.0, np.inf)
-    with pytest.raises(ValueError, match=r"Grating\.phase"):
-        Grating(1.0, phase=np.nan)

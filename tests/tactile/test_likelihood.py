@@ -6,7 +6,7 @@ from scipy.stats import norm
 
 from bgmodel.seeds import stream
 from bgmodel.tactile.likelihood import Density, calibration, fit_likelihood
-from bgmodel.tactile.task import Orientations, SameDifferent
+from bgmodel.tactile.task import Orientations
 
 
 def as_they_are(pool):
@@ -75,21 +75,6 @@ def test_stated_posteriors_are_observed(kind):
     wrong = calibration(2 * likelihood(np.concatenate(fresh)), truth)
     wrong = wrong[wrong["count"] > 500]
     assert np.abs(wrong["stated"] - wrong["observed"]).max() > 0.1
-
-
-def test_same_different_never_pairs_a_tap_with_itself():
-    same, different = SameDifferent().readings([np.array([1.0, 2.0, 4.0]), np.array([9.0, 5.0])])
-    assert sorted(same) == [-3, -2, -1, 1, 2, 3]
-    assert sorted(different) == [1, 3, 4, 5, 7, 8]
-
-
-def test_orientations_are_evenly_spaced():
-    for count in range(2, 9):
-        yaws = np.sort(Orientations(count).yaws_deg)
-        assert np.allclose(np.diff(yaws), 180 / count)
-        assert yaws.min() >= -90
-        assert yaws.max() < 90
-        assert -45 in np.round(yaws, 9)
 
 
 @pytest.mark.parametrize(

@@ -10,13 +10,10 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 from scipy.special import lambertw, logsumexp
 
-from circuits import anatomy, fixed_point
-from circuits.activity import total_nats
+from circuits import anatomy
 from circuits.engines import algebra
 from circuits.spec import Projection
-
-CLOSE = 1e-9
-REFERENCE = 3.0
+from tests.circuits.helpers import CLOSE, REFERENCE, evidence
 
 
 def output(circuit, drive):
@@ -27,12 +24,6 @@ def output(circuit, drive):
 def surprise(drive):
     """-ln P of the posterior that the drive stands for."""
     return logsumexp(drive, axis=-1, keepdims=True) - drive
-
-
-def evidence(channels, trials=40, seed=0):
-    """Drives whose sum over channels is 0, so that S >= REFERENCE."""
-    drive = np.random.default_rng(seed).normal(0, 2, (trials, channels))
-    return drive - drive.mean(axis=1, keepdims=True)
 
 
 def root(equation, low=1e-9, high=1e9):
@@ -275,32 +266,6 @@ def test_loss_of_stn_with_all_pathways(fraction):
     assert agrees(Full.circuit.without("STN", fraction), expected, Full.drive)
 
 
-# ---- the engine itself
-
-
-@pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
-def test_the_fixed_point_is_one(name):
-    circuit = anatomy.circuit(name, 4)
-    wiring = fixed_point.wired(circuit)
-    drive = 0.6 * evidence(4)
-    x = fixed_point.solve(wiring, drive)
-    units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
-    still = x
-    assert np.abs(wiring.inputs(units) + wiring.drive(drive) - still).max() < 1e-12
-
-
-def test_parts_come_upstream_first_and_say_which_loop():
-    wiring = fixed_point.wired(anatomy.appendix_b(3))
-    found = [
-        ({wiring.row(b).name for b in blocks}, loop) for blocks, loop in fixed_point.parts(wiring)
-    ]
-    order = {name: i for i, (names, _) in enumerate(found) for name in names}
-    assert ({"STN", "GPe"}, True) in found
-    assert [loop for names, loop in found if len(names) == 1] == [False] * 4
-    assert order["ctx"] < order["D2"] < order["GPe"] < order["SNr"]
-    assert order["D1"] < order["SNr"]
-
-
 def test_readings_and_trials_do_not_mix():
     circuit = anatomy.appendix_b(3)
     drive = evidence(3, trials=12)
@@ -308,27 +273,6 @@ def test_readings_and_trials_do_not_mix():
     assert np.abs(activity.output_nats.reshape(12, 3) - output(circuit, drive)).max() < 1e-12
     assert activity.time_ms.tolist() == [0, 50, 100]
     assert activity.engine == "algebra"
-
-
-def test_total_is_the_log_of_the_sum():
-    drive = evidence(4)
-    expected = logsumexp(drive + REFERENCE - np.log(4), axis=1)
-    assert np.allclose(total_nats(anatomy.bogacz_gurney(4), drive), expected, atol=1e-12)
-
-
-def test_rates_decode_to_the_activity_they_stand_for():
-    circuit = anatomy.bogacz_gurney(4)
-    drive = evidence(4)
-    activity = algebra.run(circuit, drive[:, None])
-    s = total_nats(circuit, drive)
-    assert np.abs(activity.decoded_nats("STN").sum(axis=2)[:, 0] - s).max() < CLOSE
-    assert np.abs(activity.decoded_nats("GPe")[:, 0, 0] - (s - np.log(s))).max() < CLOSE
-    assert np.array_equal(activity.decoded_nats("SNr"), activity.output_nats)
-    table = activity.rate_table()
-    assert len(table) == 4 * 4 + 1
-    assert table[table.population == "GPe"].rate_hz.iloc[0] == pytest.approx(
-        activity.rates_hz["GPe"].mean()
-    )
 
 
 def test_the_common_mode_holds_stn_near_its_set_point_and_leaves_out_as_it_is():

@@ -223,11 +223,3 @@ def test_gpe_against_s_minus_log_s():
     assert s0 == pytest.approx(2.2)
     assert np.abs(off[(total >= 1.25) & (total <= 3.25)]).max() < 0.1
     assert 0.5 < np.abs(off[-1]) < 0.8  # at S = 5: why a common mode must hold S near s0
-
-
-@pytest.mark.parametrize("dt_ms", [0.05, 0.1, 0.2])
-def test_the_sampled_threshold_lies_below_by_the_overshoot(dt_ms):
-    cell = SPIKING.population("GPe").cell
-    step = cell.noise_mv * np.sqrt(2 * dt_ms / cell.tau_ms)
-    below = cell.threshold_mv - cell.sampled_threshold_mv(dt_ms)
-    assert below == pytest.approx(0.5826 * step, rel=0.02)

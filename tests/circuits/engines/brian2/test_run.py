@@ -9,10 +9,9 @@ import numpy.testing as npt
 import pytest
 from scipy.special import log_softmax
 
-from circuits import anatomy, noise
+from circuits import anatomy
 from circuits.cells import Lif, Phase, Rate
 from circuits.engines import plain
-from circuits.engines.brian2 import noise as brian_noise
 from circuits.engines.brian2 import run as spiking
 from circuits.spec import GABA, Circuit, Population, Projection
 
@@ -121,19 +120,6 @@ def test_a_table_of_rates_settles_at_the_log_posterior():
     out = spiking.run(anatomy.bogacz_gurney(3), drive, step_ms=10, seed=1)
     npt.assert_allclose(out.output_nats[0, -1], -log_softmax(y), atol=1e-6)
     assert out.spikes is None
-
-
-def test_noise_is_that_of_every_engine():
-    streams = noise.stream_keys(7, np.arange(3, 6), ["GPe", "GPe/0"])
-    assert streams[0, 0] == 0x8E49DEDA421CF417
-    for stream in streams.ravel():
-        for tick in (0, 1, 6, 12345):
-            key = brian_noise.tick_key(np.array([stream]).astype(np.int64), np.array([tick // 4]))
-            cells = np.arange(50)
-            words = brian_noise.random_word(cells, key)
-            npt.assert_array_equal(words.view(np.uint32), noise.words(int(stream), tick // 4, 50))
-            ones = brian_noise.ones(brian_noise.byte_counts(cells, key), np.array([tick]))
-            npt.assert_array_equal(ones, noise.ones8(int(stream), tick, 50))
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,12 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from circuits import anatomy, noise
+from circuits import anatomy
 from circuits.engines import plain as plain_engine
-from circuits.engines.ensemble import kernel, lanes
+from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble import run as ensemble
 from circuits.spec import Projection
-from circuits.ticks import cell_factors, spike_hz
+from circuits.ticks import cell_factors
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)
@@ -167,113 +167,6 @@ def test_drive_beyond_the_range_warns_once_with_the_number():
     with pytest.warns(UserWarning, match=r"S runs from .* to 2\d\.\d\d nats") as caught:
         ensemble.run(BASE, ramp(3, 2, top=40.0), step_ms=20, seed=1)
     assert len(caught) == 1
-
-
-# ---- the loops, against plain NumPy
-
-
-def filled(cells, value=0.0):
-    return np.full(cells, value, np.float32)
-
-
-def whole_key(stream, tick):
-    high, low = noise.tick_key(stream, tick)
-    return np.uint64(high << 32 | low)
-
-
-def four(*values):
-    return tuple(np.float32(value) for value in values)
-
-
-def test_words_are_those_of_noise():
-    stream = noise.stream_key(7, 3, "GPe")
-    counts = np.zeros(128, np.uint32)
-    lanes.refresh(counts, 0, 128, whole_key(stream, 5))
-    npt.assert_array_equal(counts, noise.byte_counts(noise.words(stream, 5, 128)))
-    v = filled(128)
-    lanes.begin(v, 0, 100, 128, whole_key(stream, 5), np.float32(0), np.float32(1))
-    npt.assert_allclose(v[:100], noise.uniform(stream, 5, 100), atol=1e-7)
-    assert (v[100:] == -np.inf).all()
-
-
-def test_exp32_is_the_exponential():
-    @lanes.numba.njit
-    def table(x):
-        return np.array([lanes.exp32(value) for value in x])
-
-    x = np.linspace(-20, 20, 4001).astype(np.float32)
-    npt.assert_allclose(table(x), np.exp(x.astype(float)), rtol=4e-7)
-
-
-def test_lif_loop_against_numpy():
-    rng = np.random.default_rng(1)
-    v = rng.uniform(-5, 11, 128).astype(np.float32)
-    v[3], v[4], v[5] = -lanes.WAIT, -2 * lanes.WAIT, -np.inf
-    counts = rng.integers(0, 9, (128, 4)).astype(np.uint8).view(np.uint32).ravel()
-    push, kick = (0.2, 0.1, 0.4, 0.3), np.float32(0.3)
-    expected, marks, spikes = v.copy(), np.zeros(128, np.uint8), np.zeros((4, 128), bool)
-    for t in range(4):
-        waiting = expected < lanes.WAITING
-        moved = 0.99 * expected + push[t] + 0.3 * (counts >> 8 * t & 15)
-        expected = np.where(waiting, expected + lanes.WAIT, moved)
-        spikes[t] = expected >= 11
-        expected[spikes[t]] = -20 * lanes.WAIT
-    constants = (np.float32(0.99), four(*push), kick, np.float32(11), np.float32(-20 * lanes.WAIT))
-    again = v.copy()
-    fired = lanes.lif_alike(v, counts, 0, 128, lanes.FOUR, *constants, None)
-    lanes.lif_alike(again, counts, 0, 128, lanes.FOUR, *constants, marks)
-    assert fired == tuple(spikes.sum(axis=1))
-    assert min(fired) > 0
-    npt.assert_array_equal(marks, spikes.T @ [1, 2, 4, 8])
-    npt.assert_array_equal(again, v)
-    npt.assert_allclose(v, expected, rtol=1e-5, atol=1e-5)
-    assert v[3] < 11
-
-
-def test_a_tick_of_a_lif_is_the_exact_solution_of_its_equation():
-    cell = BASE.population("GPe").cell
-    factors = np.random.default_rng(3).uniform(0.7, 1.3, (3, 50))
-    tau, slope, top = factors
-    c = cell.constants(factors, 0.1)
-    npt.assert_allclose(
-        c["threshold"] / c["unit"], cell.sampled_threshold_mv(0.1, tau, top) - 3, rtol=1e-6
-    )
-    alpha = np.exp(-0.1 / (cell.tau_ms * tau))
-    for v, nats, ones in ((3.0, -0.5, 4), (9.0, 0.3, 0), (14.0, 0.0, 7)):
-        mean = cell.rest_mv + cell.mv_per_nat * slope * nats
-        step = cell.noise_mv * np.sqrt(1 - alpha**2)
-        exact = mean + (v - mean) * alpha + step * (ones - 4) / np.sqrt(2)
-        kept = c["keep"] * c["unit"] * (v - cell.reset_mv)
-        moved = kept + (c["rest"] + c["slope"] * nats + c["kick"] * ones)
-        npt.assert_allclose(cell.reset_mv + moved / c["unit"], exact, rtol=1e-6)
-
-
-@pytest.mark.parametrize("neurons", [1, 12, 300, 7000])
-def test_the_rate_of_a_tick_is_exact_in_whatever_order_spikes_are_added(neurons):
-    each = spike_hz(neurons, 0.1)
-    npt.assert_allclose(each, 1e4 / neurons, rtol=1e-12)
-    one_by_one = np.cumsum(np.full(neurons, each))
-    npt.assert_array_equal(one_by_one, each * np.arange(1, neurons + 1))
-
-
-def test_phase_loop_against_numpy():
-    rng = np.random.default_rng(2)
-    v = rng.uniform(0, 1.05, 128).astype(np.float32)
-    counts = rng.integers(0, 9, 128).astype(np.uint32)
-    expected = v - (v >= 1) + 0.01 + 0.02 * counts
-    push, kick = four(0.01, 0, 0, 0), four(0.02, 0, 0, 0)
-    for marks in (None, np.zeros(128, np.uint8)):
-        x = v.copy()
-        fired = lanes.phase_alike(x, counts, 0, 128, lanes.SINGLE, push, kick, marks)
-        npt.assert_allclose(x, expected, rtol=1e-5)
-        assert (fired[0] if marks is None else marks.sum()) == (expected >= 1).sum() > 0
-
-
-def test_compiled_code_is_kept_under_a_hash_of_all_sources():
-    from circuits.engines.ensemble import compiling
-
-    for function in (kernel.trial, lanes.lif_alike):
-        assert compiling.STATE in function.stats.cache_path
 
 
 def test_strong_inhibition_is_not_taken_for_a_refractory_period():
