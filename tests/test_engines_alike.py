@@ -30,7 +30,7 @@ def test_an_option_that_an_engine_does_not_take_is_refused(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("step_ms", ["50", 0, -1, np.nan, np.inf, None])
-def test_a_step_is_a_time(engine, step_ms):
+def test_a_step_that_is_no_time_is_refused(engine, step_ms):
     with pytest.raises(ValueError, match="step_ms must be"):
         run(TABLE, CENTRED[:, None], engine=engine, step_ms=step_ms, seed=SEED)
 

@@ -31,7 +31,7 @@ def test_what_needs_nats_is_refused_without_them():
             refused()
 
 
-def test_it_decides_at_a_threshold_of_its_own(tmp_path, capsys):
+def test_a_circuit_without_nats_decides_at_a_threshold_in_its_unit(tmp_path, capsys):
     path = tmp_path / "gpr.csv"
     task = ["--circuit", "gpr", "--engine", "rate", "--trials", "40", "--t-max", "60"]
     done = ["circuit", "run", str(path), *task, "--gain", "0.2", "--threshold", "0.05"]
@@ -44,7 +44,7 @@ def test_it_decides_at_a_threshold_of_its_own(tmp_path, capsys):
     assert pd.read_csv(path)["forced"].all()
 
 
-def test_lesions_are_compared_in_its_own_unit(tmp_path, capsys):
+def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, capsys):
     path = tmp_path / "lesions.csv"
     task = ["--circuit", "gpr", "--engine", "rate", "--gain", "0.1", "--trials", "100"]
     at = ["--accuracies", "0.9", "0.97"]

@@ -53,7 +53,7 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
     assert power[inside][half].mean() == pytest.approx(law[half].mean(), rel=0.1)
 
 
-def test_a_segment_must_fit():
+def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
     found = rate.run(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
     with pytest.raises(ValueError, match="segment_ms must fit into what is left"):
         found.spectrum("STN", from_ms=100)
@@ -69,7 +69,7 @@ def test_a_segment_must_fit():
         (np.full((1, 1, 2), -np.inf), "drive must be finite"),
     ],
 )
-def test_a_drive_that_does_not_fit(circuit, drive, message):
+def test_a_drive_that_does_not_fit_is_refused(circuit, drive, message):
     for engine in (checked_drive, algebra.run, lambda *a: rate.run(*a, step_ms=1)):
         with pytest.raises(ValueError, match=message):
             engine(circuit, drive)

@@ -8,7 +8,7 @@ from tests.circuits.helpers import evidence
 
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
-def test_the_fixed_point_is_one(name):
+def test_the_fixed_point_stays_where_it_is(name):
     circuit = anatomy.circuit(name, 4)
     wiring = fixed_point.wired(circuit)
     drive = 0.6 * evidence(4)

@@ -45,7 +45,7 @@ def lagged(block):
     ]
 
 
-def test_vector():
+def test_the_words_of_a_stream_never_change():
     stream = noise.stream_key(7, 3, "GPe")
     assert f"{stream:016x}" == "8e49deda421cf417"
     first = [f"{word:08x}" for word in noise.words(stream, 0, 4)]
@@ -85,7 +85,7 @@ def test_bytes_are_uniform():
         assert chi2.cdf(statistic, 255) > ALPHA / 4  # nor too even
 
 
-def test_uniform_is_uniform():
+def test_the_uniform_numbers_are_uniform():
     draws = noise.uniform(noise.stream_key(3, 0, "D1/0"), noise.START_TICK, 2**20)
     assert draws.min() >= 0
     assert draws.max() < 1
@@ -134,7 +134,7 @@ def test_a_neurons_noise_does_not_depend_on_who_else_is_asked(seed, trial, tick,
 
 
 @given(st.lists(st.integers(0, 2**32 - 1), min_size=1, max_size=20))
-def test_byte_counts(values):
+def test_byte_counts_are_the_bits_of_each_byte(values):
     counts = noise.byte_counts(np.array(values, dtype=np.uint32))
     for value, count in zip(values, counts, strict=True):
         for shift in (0, 8, 16, 24):
@@ -151,7 +151,7 @@ def test_one_word_serves_four_ticks():
 
 @pytest.mark.parametrize("seed", [-1, 2**64, 0.5])
 @pytest.mark.parametrize("what", ["seed", "trial"])
-def test_seeds_and_trials_out_of_range(what, seed):
+def test_seeds_and_trials_out_of_range_are_refused(what, seed):
     values = {"seed": 0, "trial": 0} | {what: seed}
     with pytest.raises(ValueError, match=rf"{what} must be a whole number 0 \.\. 2\*\*64 - 1, got"):
         noise.stream_key(**values, name="GPe/0")

@@ -11,7 +11,7 @@ from circuits.engines.ensemble import run as ensemble
 from circuits.nwb import write_nwb
 
 
-def test_nwb_reads_back(tmp_path):
+def test_a_file_of_recordings_reads_back_as_the_activity(tmp_path):
     pynwb = pytest.importorskip("pynwb")
     from circuits.nwb import write_nwb
 
@@ -37,7 +37,7 @@ def test_nwb_reads_back(tmp_path):
         write_nwb(activity, tmp_path / "b.nwb", trial=2)
 
 
-def test_its_out_is_no_nats_in_a_file_of_recordings(tmp_path):
+def test_out_of_saliences_is_no_nats_in_a_file_of_recordings(tmp_path):
     pynwb = pytest.importorskip("pynwb")
     write_nwb(run(anatomy.gpr(), [[[0.5, 0.2]]], engine="rate", step_ms=5.0), tmp_path / "a.nwb")
     with pynwb.NWBHDF5IO(str(tmp_path / "a.nwb"), "r") as file:

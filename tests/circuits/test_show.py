@@ -21,7 +21,7 @@ def test_the_page_holds_every_row_with_its_source(name):
     assert max(len(line) for line in page.splitlines()) < 200
 
 
-def test_edits_show():
+def test_edits_show_on_the_page_and_nothing_else_does():
     page = show.text(anatomy.spiking_msprt().without("GPe", 0.5, replaced=True).with_spread(0.1))
     assert "0.5, replaced" in page
     assert "spread" in page

@@ -75,7 +75,7 @@ def test_one_channel_is_scaled_and_no_other(circuit):
     assert not three.scaled("D1", "SNr", 0.9, channel=1).exact
 
 
-def test_what_one_channel_cannot_have():
+def test_an_edit_that_one_channel_cannot_have_is_refused():
     circuit = anatomy.spiking_msprt(2)
     with pytest.raises(ValueError, match=r"ctx->D1: channel must lie in 0\.\.1, got 2"):
         circuit.scaled("ctx", "D1", 0.5, channel=2)

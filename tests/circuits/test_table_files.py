@@ -268,6 +268,6 @@ def test_a_file_is_for_one_number_of_alternatives(tmp_path):
         anatomy.circuit(path, 2)
 
 
-def test_all_cell_types_have_their_name():
+def test_all_cell_types_have_their_name_in_files():
     assert {"Rate", "Lif", "Phase"} <= set(CELLS)
     assert CELLS["Lif"] is Lif

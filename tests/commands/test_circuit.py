@@ -6,7 +6,7 @@ import pytest
 from tests.helpers import run
 
 
-def test_show_command(capsys, tmp_path):
+def test_show_draws_a_table_and_says_that_it_is_not_exact(capsys, tmp_path):
     drawing = tmp_path / "c.svg"
     edits = ["--edits.without", "STN=0.5", "--edits.scale", "D1->SNr=0.9"]
     assert run("circuit", "show", "appendix_b", *edits, "--drawing", drawing) == 0
@@ -29,7 +29,7 @@ def test_show_says_whose_noise_it_is(capsys):
 
 
 @pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate"])
-def test_run_command(capsys, tmp_path, engine):
+def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp_path, engine):
     table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
     options = ["--trials", 6, "--t-max", 4, "--seed", 3, "--channels", 3]
     options += ["--edits.neurons", 30] if engine == "ensemble" else []
@@ -67,7 +67,7 @@ def test_run_command(capsys, tmp_path, engine):
         (["run", "d.csv", "--posterior", "0.501"], "it would decide without evidence"),
     ],
 )
-def test_bad_use_gets_one_clear_sentence(capsys, arguments, says):
+def test_bad_use_of_show_and_run_gets_one_clear_sentence(capsys, arguments, says):
     assert run("circuit", *arguments) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1

@@ -12,7 +12,7 @@ from tests.helpers import run
 SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edits.neurons", 100)
 
 
-def test_compare_command(tmp_path, capsys):
+def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsys):
     out = tmp_path / "a.csv"
     assert run("compare", out, *SMALL, "--accuracies", 0.9) == 0
     shown = capsys.readouterr().out
@@ -57,13 +57,13 @@ def test_a_lesion_without_an_edit_says_which_it_runs(tmp_path, capsys):
     assert "accuracies must lie above chance, 0.5, got 0.505" in capsys.readouterr().err
 
 
-def test_compare_command_on_gratings(tmp_path, capsys):
+def test_compare_leaves_out_the_race_on_gratings(tmp_path, capsys):
     options = ("--task", "same-different", "--trials", 100, "--t-max", 10, "--engine", "algebra")
     assert run("compare", tmp_path / "a.csv", *options) == 0
     assert "race" not in capsys.readouterr().out
 
 
-def test_lesion_command(tmp_path, capsys):
+def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsys):
     out = tmp_path / "l.csv"
     edits = ("STN=0.1", "D1->SNr=0.95", "STN->GPe.delay_ms=4", "D1->GPe weight=-0.01")
     given = (*edits, *SMALL, "--accuracies", 0.9)
@@ -88,7 +88,9 @@ def test_lesion_command(tmp_path, capsys):
         (["circuit", "lesion", "a.csv", "SNr"], "SNr is the read-out"),
     ],
 )
-def test_bad_use_gets_one_clear_sentence(tmp_path, monkeypatch, capsys, arguments, says):
+def test_bad_use_of_compare_and_lesion_gets_one_clear_sentence(
+    tmp_path, monkeypatch, capsys, arguments, says
+):
     monkeypatch.chdir(tmp_path)
     assert run(*arguments) == 2
     lines = [x for x in capsys.readouterr().err.splitlines() if x.startswith("bgmodel:")]

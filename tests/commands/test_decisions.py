@@ -8,7 +8,7 @@ from bgmodel.files import read_provenance, read_table
 from tests.helpers import run
 
 
-def test_decide_on_tactile_evidence(tmp_path, capsys):
+def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys):
     out = tmp_path / "decisions.csv"
     assert run("decide", out, "--period-mm", 2, "--delta", 4, "--trials", 400, "--seed", 3) == 0
     table = read_table(out)
@@ -23,7 +23,7 @@ def test_decide_on_tactile_evidence(tmp_path, capsys):
     assert out.read_bytes() == first
 
 
-def test_decide_on_a_users_own_table(tmp_path, capsys):
+def test_decide_names_the_hypotheses_of_a_users_own_table(tmp_path, capsys):
     rng = np.random.default_rng(5)
     rows = [
         {"trial": n, "step": t, "ll_left": a, "ll_up": b, "ll_right": c, "truth": "up"}
@@ -62,7 +62,7 @@ def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
     assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
 
 
-def test_decide_says_forced(tmp_path, capsys):
+def test_decide_says_what_it_forced(tmp_path, capsys):
     out = tmp_path / "out.csv"
     given = ("--trials", 40, "--t-max", 2, "--delta", 16, "--period-mm", 1.5)
     assert run("decide", out, *given) == 0
@@ -76,14 +76,14 @@ def test_decide_says_forced(tmp_path, capsys):
     assert "they stay undecided" in said.err
 
 
-def test_orientation_task(tmp_path):
+def test_decide_tells_as_many_orientations_as_it_is_given(tmp_path):
     out = tmp_path / "n.parquet"
     arguments = ["--task", "orientation", "--orientations", 3, "--posterior", 0.9]
     assert run("decide", out, *arguments, "--period-mm", 3, "--trials", 200) == 0
     assert read_table(out)["response"].nunique() == 3
 
 
-def test_learn(tmp_path, capsys):
+def test_learn_writes_one_row_per_episode_of_every_run(tmp_path, capsys):
     out = tmp_path / "learning.parquet"
     short = ["--learner.episodes", 1500, "--runs", 2]
     assert run("learn", out, "--period-mm", 2, "--start-delta", 0.5, *short) == 0

@@ -4,7 +4,7 @@ from bgmodel.files import read_table
 from tests.helpers import run
 
 
-def test_simulate_train_decode_decide(tmp_path, capsys):
+def test_taps_are_simulated_trained_on_and_decoded(tmp_path, capsys):
     """The whole way, on so few taps that only the way is tested."""
     taps, decoder, decoded = (tmp_path / n for n in ("t.npz", "d.safetensors", "x.csv"))
     periods = ["--periods-mm", 0, 5]

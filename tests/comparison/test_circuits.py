@@ -64,7 +64,7 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
 
 
 @pytest.mark.parametrize("kind", ["sign", "shuffled"])
-def test_wrong_evidence_does_not(kind):
+def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind):
     """Negative controls: the circuit gets something else than the test."""
     values = EVIDENCE.log_likelihood
     wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
@@ -79,7 +79,7 @@ def test_wrong_evidence_does_not(kind):
     assert np.isnan(agreement) or agreement < 0.5
 
 
-def test_what_computes_is_needed():
+def test_without_gpe_or_the_right_sum_the_spiking_circuit_agrees_less():
     """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
     edited = {
         "GPe": TABLE.without("GPe", replaced=True),

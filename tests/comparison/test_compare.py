@@ -52,7 +52,7 @@ def test_a_delay_is_an_offset_and_nothing_else():
     assert (measured(late, latency_ms=0.0).query("measure == 'accuracy_gap'")["high"] < 0).all()
 
 
-def test_slow_is_a_slope():
+def test_times_that_are_stretched_show_as_a_slope():
     slow = replace(TRACE, time_ms=TRACE.time_ms * 1.1)
     table = measured(replace(sweep(slow, EVIDENCE, TEST.settings), posterior=TEST.posterior))
     assert value(table, "slope") == pytest.approx(0.1, abs=1e-8)
@@ -76,7 +76,7 @@ def test_rivals_differ_as_they_must():
 
 
 @pytest.mark.parametrize("kind", ["sign", "shuffled"])
-def test_wrong_evidence_never_gets_that_far(kind):
+def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
     """Negative controls: an accuracy that is not reached gives no figure, and no interval."""
     values = EVIDENCE.log_likelihood
     wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())

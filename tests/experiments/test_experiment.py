@@ -27,8 +27,8 @@ from circuits import anatomy
 from tests.helpers import GOOD, run
 
 
-def test_a_file_says_what_is_run(small):
-    experiment = read_experiment(small)
+def test_a_file_says_what_is_run(experiment_file):
+    experiment = read_experiment(experiment_file)
     assert experiment.manipulation == Condition(without=("STN=0.2",))
     assert experiment.control == Condition()
     assert experiment.predictions == (Prediction("mean_ms", "down", 20.0),)
@@ -87,9 +87,9 @@ def test_a_file_says_what_is_run(small):
         ("[manipulation]", "[control]\nwithout = ['STN=0.9']\n[manipulation]", "decide without"),
     ],
 )
-def test_a_bad_file_gets_one_clear_sentence(small, tmp_path, capsys, old, new, says):
-    small.write_text(GOOD.replace(old, new))
-    assert run("experiment", small, tmp_path / "out.csv") == 2
+def test_a_bad_file_gets_one_clear_sentence(experiment_file, tmp_path, capsys, old, new, says):
+    experiment_file.write_text(GOOD.replace(old, new))
+    assert run("experiment", experiment_file, tmp_path / "out.csv") == 2
     error = capsys.readouterr().err
     assert error.startswith("bgmodel: ")
     assert error.count("\n") == 1
@@ -97,7 +97,7 @@ def test_a_bad_file_gets_one_clear_sentence(small, tmp_path, capsys, old, new, s
     assert [path.name for path in tmp_path.iterdir()] == ["in"]
 
 
-def test_a_table_of_evidence_says_how_many_hypotheses_there_are(small, tmp_path):
+def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file, tmp_path):
     drawn = np.random.default_rng(5).normal(size=(30, 4, 3))
     rows = [
         {"trial": n, "step": t, "ll_a": a, "ll_b": b, "ll_c": c, "truth": "abc"[n % 3]}
@@ -106,7 +106,7 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(small, tmp_path)
     ]
     mine = tmp_path / "mine.csv"
     pd.DataFrame(rows).to_csv(mine, index=False)
-    own = replace(read_experiment(small), task=Stimuli(evidence=mine), truth=2)
+    own = replace(read_experiment(experiment_file), task=Stimuli(evidence=mine), truth=2)
     np.testing.assert_array_equal(own.trials().evidence.log_likelihood, drawn[2::3])
     with pytest.raises(ValueError, match=r"truth must lie in 0\.\.2, got 3"):
         replace(own, truth=3).trials()
@@ -137,9 +137,11 @@ def test_the_interval_decides(direction, at_least, interval, outcome):
     assert Prediction("accuracy", direction, at_least).outcome(*interval) == outcome
 
 
-def test_intervals_are_those_of_pairs(small):
+def test_intervals_are_those_of_pairs(experiment_file):
     """Conditions are paired: the change is surer than the two apart."""
-    table = run_experiment(read_experiment(small)).measures.set_index(["condition", "measure"])
+    table = run_experiment(read_experiment(experiment_file)).measures.set_index(
+        ["condition", "measure"]
+    )
     width = (table["high"] - table["low"]).xs("mean_ms", level="measure")
     assert width["change"] < 0.9 * np.hypot(width["control"], width["manipulation"])
     inside = (table["low"] <= table["value"]) & (table["value"] <= table["high"])
@@ -150,8 +152,8 @@ def test_intervals_are_those_of_pairs(small):
     )
 
 
-def test_more_alternatives_have_no_diffusion(small):
-    experiment = read_experiment(small)
+def test_more_alternatives_have_no_diffusion(experiment_file):
+    experiment = read_experiment(experiment_file)
     table = run_experiment(replace(experiment, task=replace(experiment.task, channels=4))).measures
     empty = table[table["value"].isna()]
     assert set(empty["measure"]) == {"drift", "bound", "non_decision_ms"}
@@ -162,13 +164,13 @@ def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
     """It responds before anything is read: no prediction, right or wrong, is met by that."""
     experiment = read_experiment("stn_lesion_whole")
     task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
-    small = replace(experiment, task=task)
-    found = run_experiment(small).measures
+    experiment_file = replace(experiment, task=task)
+    found = run_experiment(experiment_file).measures
     table = found.set_index(["condition", "measure"])["value"]
     assert table["manipulation", "anticipatory"] == 1
     assert table["manipulation", "premature"] == 1
     assert table["control", "anticipatory"] < 0.05
-    assert set(outcomes(small, found)["outcome"]) == {WITHOUT}
+    assert set(outcomes(experiment_file, found)["outcome"]) == {WITHOUT}
 
 
 def test_foreperiods_have_noise_of_their_own(monkeypatch):

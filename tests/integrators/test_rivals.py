@@ -31,7 +31,7 @@ def test_a_race_sums_each_channel_alone():
 
 
 @pytest.mark.parametrize("kind", [MaxVsAverage, MaxVsNext, Msprt])
-def test_a_common_input_changes_nothing(kind):
+def test_a_common_input_changes_nothing_but_a_race(kind):
     evidence = drawn()
     common = stream(2, "common").normal(size=(300, 20, 1))
     shifted = Evidence(evidence.log_likelihood + common, evidence.truth, step_ms=10.0)
@@ -75,7 +75,7 @@ def test_a_common_input_changes_a_race():
     assert np.abs(Race().run(shifted).out_nats - Race().run(evidence).out_nats).max() > 1
 
 
-def test_two_alternatives_cannot_be_told_apart():
+def test_of_two_alternatives_rivals_that_compare_decide_as_the_sprt():
     """N = 2: every rule but the race is a function of the log odds."""
     evidence = drawn(hypotheses=2)
     z = Sprt().run(evidence).out_nats
@@ -99,7 +99,7 @@ def test_lca_without_leak_is_a_race_and_with_strong_balance_max_vs_average():
     np.testing.assert_allclose(balanced, MaxVsAverage().run(evidence).out_nats, atol=1e-5)
 
 
-def test_lca_against_its_differential_equation():
+def test_lca_solves_its_differential_equation():
     evidence = drawn(1, 6, 3)
     rates = evidence.log_likelihood[0] / 0.01
     leak, inhibition = 30.0, 20.0
@@ -120,7 +120,7 @@ def test_bad_constants_are_refused():
         Lca(inhibition_hz=np.nan)
 
 
-def test_decision_times_of_bogacz_and_gurney():
+def test_decision_times_are_those_that_bogacz_and_gurney_print():
     """N = 10, 1 % errors, 1 ms, (mu+ - mu-) = 1.41, sigma = .33.
 
     Printed: 628 ms for the UM/LCA, 676 for the race. The MSPRT is plotted only, and was reproduced

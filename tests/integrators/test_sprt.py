@@ -22,7 +22,7 @@ def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
     assert (decision.choice == (ratio > 0)).all()
 
 
-def test_a_posterior_and_a_gap_are_two_criteria():
+def test_a_posterior_and_a_gap_give_one_criterion_each():
     """-ln P, and ln(1 + exp(-gap / 2)): the gap 2 logit P stops where the posterior P does."""
     posterior = np.array([0.6, 0.9, 0.99])
     assert criterion_from_posterior(posterior) == pytest.approx(-np.log(posterior))
@@ -106,3 +106,23 @@ def test_sums_equal_up_to_rounding_are_equal():
     exact = sprt(*pair, deltas, t_max=steps)
     error = (a.steps.mean(axis=1) - exact.mean_steps) / (a.steps.std(axis=1) / np.sqrt(trials))
     assert np.abs(error).max() < 4
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: threshold_from_gap(-0.1), "delta must be finite and >= 0"),
+        (lambda: criterion_from_gap(np.nan), "delta must be finite and >= 0"),
+        (lambda: criterion_from_posterior(4.0), "posterior must lie between chance, 0.5"),
+        (lambda: criterion_from_posterior(1.0), "and 1, got 1.0"),
+        (lambda: criterion_from_posterior(0.3, 3), "chance, 0.333 with 3 hypotheses"),
+        (lambda: Sprt().run(some_evidence()), "exactly 2 hypotheses"),
+        (lambda: Msprt(gain=0.0), "gain must be > 0"),
+        (lambda: Stream(Msprt(), 0.1).update([0.0, np.nan]), "finite log-likelihoods"),
+        (lambda: Stream(Sprt(), 0.1, hypotheses=3), "exactly 2 hypotheses"),
+        (lambda: Stream(Msprt(), 0.1, t_max=0), "at least 1 reading"),
+    ],
+)
+def test_tests_and_criteria_without_sense_are_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()

@@ -162,6 +162,27 @@ def test_after_errors_takes_slow_drifts_off_and_nothing_else():
         after_errors(learned, 20.0)
 
 
-def test_reward_needs_the_truth(swept, evidence):
+def test_reward_needs_the_truth(swept, level_evidence):
     with pytest.raises(ValueError, match="reward needs the truth"):
-        LevelOutcomes.of(swept, Evidence(evidence.log_likelihood))
+        LevelOutcomes.of(swept, Evidence(level_evidence.log_likelihood))
+
+
+def short(start_level=1.0, runs=2, **options):
+    learner = Learner(episodes=600)
+    options |= {"xi": XI, "seed": SEED, "name": "short", "learner": learner}
+    return learn_level(synthetic(10), start_level=start_level, runs=runs, **options)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: synthetic(10).rewards(0.0), "xi must be > 0 readings"),
+        (lambda: short(start_level=3.0), r"start_level must lie in 0\.750\.\.2\.000, got 3"),
+        (lambda: short(start_level=np.nan), "got nan"),
+        (lambda: short(policy=GaussianPolicy()), r"what is played must lie in 0\.750\.\.2\.000"),
+        (lambda: short(runs=0), "runs must be >= 1"),
+    ],
+)
+def test_learning_of_a_level_without_sense_is_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()

@@ -58,3 +58,15 @@ def test_bernoulli_gradient_agrees_with_the_finite_difference():
         exact = (expected(w + step) - expected(w - step)) / 2e-5
         assert abs(estimate[:, j].mean() - exact) < 4 * estimate[:, j].std() / np.sqrt(runs)
     assert policy.sizes.sum() == pytest.approx(8)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds must rise"),
+        (lambda: GaussianPolicy(first_share=-1.0), "first_share must be > 0"),
+    ],
+)
+def test_policies_without_sense_are_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()

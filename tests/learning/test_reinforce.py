@@ -103,7 +103,7 @@ def test_smoothed_is_a_running_mean():
         ),
     ],
 )
-def test_bad_input_gets_one_clear_sentence(call, says):
+def test_bad_input_to_learning_gets_one_clear_sentence(call, says):
     with pytest.raises(ValueError, match=says):
         call()
 

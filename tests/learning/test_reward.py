@@ -9,7 +9,7 @@ from bgmodel.learning.reward import reward
 from tests.learning.helpers import SEPARATION, T_MAX
 
 
-def test_reward_is_the_papers():
+def test_the_reward_is_that_of_the_paper():
     evidence = gaussian_evidence(200, T_MAX, SEPARATION, rng=stream(1, "reward"))
     trace = Sprt().run(evidence)
     decision = first_crossing(trace, float(threshold_from_gap(3.0)))

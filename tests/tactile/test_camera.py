@@ -25,3 +25,12 @@ def test_markers_are_drawn_where_they_are(shape):
         found.append([(near * columns).sum(), (near * rows).sum()] / near.sum())
     error = np.abs(found - places).max()
     assert error < (0.05 if shape[0] == 480 else 0.3)
+
+
+def test_a_picture_that_cannot_be_drawn_is_refused():
+    with pytest.raises(ValueError, match=r"displacement_mm: got shape \(3, 2\)"):
+        render(np.zeros((3, 2)))
+    with pytest.raises(ValueError, match="marker_mm"):
+        render(0, marker_mm=5.0)
+    with pytest.raises(ValueError, match="shape: got"):
+        render(0, shape=(4, 4))

@@ -21,7 +21,7 @@ def dome(cells, dx, radius=20.0, mirrored=False):
     return (x[:, None] ** 2 + x[cells // 2 if mirrored else 0 :] ** 2) / (2 * radius)
 
 
-def test_hertz():
+def test_a_sphere_on_a_half_space_presses_as_hertz_says():
     cells, side, wanted = 512, 32.0, 4.0
     dx, stiffness = side / cells, 4 * SHEAR  # E* = E / (1 - nu^2) = 4G
     # A periodic contact has neighbours, which press the skin down around it: the sphere acts as a
@@ -49,7 +49,7 @@ def test_hertz():
 
 
 @pytest.mark.parametrize("period_mm", [0.0, 2.0])
-def test_equilibrium_and_complementarity(period_mm):
+def test_pressure_bears_the_load_and_acts_only_where_the_gap_is_closed(period_mm):
     cells, dx = 128, 0.25
     groove, _ = Grating(period_mm).on_grid(cells, dx)
     gap = dome(cells, dx) + groove[:, None]
@@ -65,7 +65,7 @@ def test_equilibrium_and_complementarity(period_mm):
     assert approach == pytest.approx(1.86, abs=0.02)
 
 
-def test_agrees_with_tamaas():
+def test_pressure_is_that_of_an_independent_solver():
     tm = pytest.importorskip("tamaas")
     cells, dx, load = 128, 0.25, 1.5
     groove, _ = Grating(3.0, phase=0.2).on_grid(cells, dx)
@@ -114,7 +114,7 @@ def test_flat_surface_bears_evenly():
         ("start_mpa", {"start_mpa": np.zeros((16, 16))}),
     ],
 )
-def test_contact_refuses(name, change):
+def test_a_contact_without_sense_is_refused(name, change):
     arguments = {
         "gap_mm": dome(16, 1.0),
         "compliance": half_space((16, 16), 1.0),

@@ -32,7 +32,7 @@ def decoder():
     return train(striped_taps(1200), seed=3, training=QUICK)
 
 
-def test_reads_the_angle_of_unseen_taps(decoder):
+def test_a_decoder_reads_the_angle_of_unseen_taps(decoder):
     fresh = striped_taps(300, seed=2)
     yaw = fresh.labels["yaw_deg"].to_numpy()
     error = np.abs(wrapped(decoder.decode(fresh)["orientation_deg"] - yaw, 180)).mean()
@@ -41,7 +41,7 @@ def test_reads_the_angle_of_unseen_taps(decoder):
     assert shuffled > 30
 
 
-def test_same_seed_same_weights(decoder, tmp_path):
+def test_the_same_seed_gives_the_same_weights(decoder, tmp_path):
     again = train(striped_taps(1200), seed=3, training=QUICK)
     first, second = decoder.save(tmp_path / "a.safetensors"), again.save(tmp_path / "b.safetensors")
     assert first.read_bytes() == second.read_bytes()

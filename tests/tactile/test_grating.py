@@ -24,7 +24,7 @@ def test_grating_is_where_its_phase_says(period_mm, phase):
     assert np.all(np.diff(edges) * dx == period_mm / 2)
 
 
-def test_grating_refuses():
+def test_a_grating_without_sense_is_refused():
     with pytest.raises(ValueError, match="whole number of cells"):
         Grating(1.0).on_grid(64, 0.2)
     with pytest.raises(ValueError, match=r"Grating\.period_mm: got -1"):

@@ -11,7 +11,7 @@ from bgmodel.tactile.tips import Tip
 from tests.tactile.plans import PLAN, TINY
 
 
-def test_same_file_whatever_the_workers(tmp_path):
+def test_the_library_is_the_same_file_whatever_the_workers(tmp_path):
     for workers in (1, 2):
         contact_library(TINY, cache_dir=tmp_path / str(workers), workers=workers)
     one, two = (tmp_path / str(w) / TINY.name for w in (1, 2))
@@ -19,7 +19,7 @@ def test_same_file_whatever_the_workers(tmp_path):
     assert [p.name for p in one.parent.iterdir()] == [TINY.name]
 
 
-def test_kept_and_found_by_environment(tmp_path, monkeypatch):
+def test_the_library_is_kept_and_found_by_environment(tmp_path, monkeypatch):
     monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
     first = contact_library(TINY)
     monkeypatch.setattr("bgmodel.tactile.library.press", None)  # must not be needed again
@@ -29,7 +29,7 @@ def test_kept_and_found_by_environment(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("damage", ["cut", "noise", "empty", "flipped", "other plan"])
-def test_damaged_file_is_rebuilt(tmp_path, damage):
+def test_a_damaged_library_is_rebuilt(tmp_path, damage):
     path = tmp_path / TINY.name
     contact_library(TINY, cache_dir=tmp_path)
     whole = path.read_bytes()
@@ -57,7 +57,7 @@ def test_mirror_images_are_the_solutions():
     assert np.abs(images[:, 2] - direct).max() > 1e-2
 
 
-def test_between_phases_and_forces(library):
+def test_fields_between_phases_and_forces_are_those_of_the_solver(library):
     points = Tip().rest_mm()[None]
     for period, phase, force in ((5.0, 0.31, 1.35), (2.0, 0.31, 1.35), (5.0, 0.94, 1.7)):
         exact = dataclasses.replace(PLAN, forces_n=(force, 1.9), periods_mm=(period,))
@@ -75,3 +75,8 @@ def test_field_passes_through_the_stored_values(library):
     given = library.sample(2.0, np.array([2 / 8]), np.array([1.5]), points, 0.0)
     stored = library.fields[2.0][2, 1][cells[..., 0], cells[..., 1], :3].reshape(1, -1, 3)
     assert given == pytest.approx(stored, abs=1e-6)
+
+
+def test_a_number_of_workers_without_sense_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="workers: got 0"):
+        contact_library(TINY, cache_dir=tmp_path, workers=0)

@@ -19,7 +19,7 @@ def normal_pool(gap, taps=1000, seed=1):
 
 
 @pytest.mark.parametrize("kind", ["kde", "t"])
-def test_log_ratio_of_two_gaussians(kind):
+def test_the_log_ratio_of_two_gaussians_is_the_exact_one(kind):
     likelihood = fit_likelihood(
         normal_pool(30, 20_000), as_they_are, (-180, 180), density=Density(kind=kind)
     )
@@ -46,7 +46,7 @@ def test_no_difference_gives_no_evidence():
     assert np.abs(np.diff(raw(np.linspace(-40, 40, 50)))).max() > 0.1
 
 
-def test_cap_is_the_largest_ratio():
+def test_the_cap_is_the_largest_ratio():
     for cap in (1.0, 3.0):
         likelihood = fit_likelihood(
             normal_pool(200), as_they_are, (-180, 180), density=Density(cap_nats=cap)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bgmodel.tactile.pressing import press
+from bgmodel.tactile.pressing import LibraryPlan, press
 from bgmodel.tactile.skin import Skin
 from tests.tactile.plans import PLAN, TINY
 
@@ -33,7 +33,7 @@ def test_equal_plans_share_a_name():
     assert same.name == PLAN.name
 
 
-def test_interface_under_a_small_contact():
+def test_the_interface_under_a_small_contact_moves_as_boussinesq_says():
     # A point load on an incompressible half-space (Boussinesq): outwards, and down.
     shear, load = 0.1, 0.001
     body = Skin(skin_mm=1.0, skin_shear_mpa=shear, gel_mm=200.0, gel_shear_mpa=shear)
@@ -51,3 +51,20 @@ def test_interface_under_a_small_contact():
     # Up to a constant: the mean displacement of a periodic surface is zero.
     error = near[..., 2] - down
     assert np.ptp(error) < 0.03 * np.ptp(down)
+
+
+@pytest.mark.parametrize(
+    ("made", "change", "message"),
+    [
+        (LibraryPlan, {"phases": 1}, r"LibraryPlan\.phases"),
+        (LibraryPlan, {"forces_n": (1.5, 1.2)}, r"LibraryPlan\.forces_n"),
+        (LibraryPlan, {"dx_mm": 0.3}, r"LibraryPlan\.dx_mm"),
+        (LibraryPlan, {"stored_dx_mm": 0.3}, r"LibraryPlan\.stored_dx_mm"),
+        (LibraryPlan, {"stored_dx_mm": 0.0625}, "the stored one not the smaller"),
+        (LibraryPlan, {"radius_mm": np.nan}, r"LibraryPlan\.radius_mm"),
+        (LibraryPlan, {"periods_mm": (1.1,)}, "whole number of cells"),
+    ],
+)
+def test_plans_without_sense_are_refused(made, change, message):
+    with pytest.raises(ValueError, match=message):
+        made(**change)

@@ -5,13 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bgmodel.tactile.camera import render
-from bgmodel.tactile.library import Library, contact_library
+from bgmodel.tactile.library import Library
 from bgmodel.tactile.pressing import LibraryPlan, press
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.tips import Tip
-from tests.tactile.plans import PLAN, TINY, one_tap
+from tests.tactile.plans import PLAN, one_tap
 
 
 def test_pins_beyond_the_field_are_refused(library):
@@ -125,22 +124,13 @@ def test_frames_are_kept_at_the_peak(library):
 @pytest.mark.parametrize(
     ("made", "change", "message"),
     [
-        (Tip, {"layout": "round"}, r"Tip\.layout: got 'round'"),
-        (Tip, {"pitch_mm": 0.0}, r"Tip\.pitch_mm"),
         (Nuisance, {"force_n": (1.8, 1.2)}, r"Nuisance\.force_n"),
         (Nuisance, {"marker_noise_um": -1.0}, r"Nuisance\.marker_noise_um"),
         (Nuisance, {"noise_per": "pin"}, r"Nuisance\.noise_per"),
         (Nuisance, {"frames": 0}, r"Nuisance\.frames"),
-        (LibraryPlan, {"phases": 1}, r"LibraryPlan\.phases"),
-        (LibraryPlan, {"forces_n": (1.5, 1.2)}, r"LibraryPlan\.forces_n"),
-        (LibraryPlan, {"dx_mm": 0.3}, r"LibraryPlan\.dx_mm"),
-        (LibraryPlan, {"stored_dx_mm": 0.3}, r"LibraryPlan\.stored_dx_mm"),
-        (LibraryPlan, {"stored_dx_mm": 0.0625}, "the stored one not the smaller"),
-        (LibraryPlan, {"radius_mm": np.nan}, r"LibraryPlan\.radius_mm"),
-        (LibraryPlan, {"periods_mm": (1.1,)}, "whole number of cells"),
     ],
 )
-def test_parameters_refused(made, change, message):
+def test_nuisances_without_sense_are_refused(made, change, message):
     with pytest.raises(ValueError, match=message):
         made(**change)
 
@@ -157,18 +147,7 @@ def test_parameters_refused(made, change, message):
         ({"tip": Tip(radius_mm=15.0)}, "radius 15 mm"),
     ],
 )
-def test_simulate_refuses(library, change, message):
+def test_taps_that_the_library_does_not_hold_are_refused(library, change, message):
     arguments = {"periods_mm": [2.0], "yaw_deg": 0.0, "library": library} | change
     with pytest.raises(ValueError, match=message):
         simulate(**arguments, rng=np.random.default_rng(0))
-
-
-def test_other_refusals(tmp_path):
-    with pytest.raises(ValueError, match="workers: got 0"):
-        contact_library(TINY, cache_dir=tmp_path, workers=0)
-    with pytest.raises(ValueError, match=r"displacement_mm: got shape \(3, 2\)"):
-        render(np.zeros((3, 2)))
-    with pytest.raises(ValueError, match="marker_mm"):
-        render(0, marker_mm=5.0)
-    with pytest.raises(ValueError, match="shape: got"):
-        render(0, shape=(4, 4))

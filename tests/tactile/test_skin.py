@@ -8,7 +8,7 @@ from bgmodel.tactile.skin import Skin, response
 K = np.geomspace(0.05, 100, 60)
 
 
-def test_thick_uniform_body_is_the_half_space():
+def test_a_thick_uniform_body_is_the_half_space():
     shear = 0.02
     body = Skin(skin_mm=0.7, skin_shear_mpa=shear, gel_mm=400, gel_shear_mpa=shear)
     waves = response(body, K)
@@ -19,7 +19,7 @@ def test_thick_uniform_body_is_the_half_space():
     assert waves.interface_lateral == pytest.approx(-kz * decay, rel=1e-9)
 
 
-def test_uniform_layer_on_a_window():
+def test_a_uniform_layer_on_a_window_has_its_closed_form():
     # An incompressible bonded layer, closed form: the two layers add up to one of 3 mm.
     shear, kh = 0.3, K * 3.0
     layer = Skin(skin_mm=1.2, skin_shear_mpa=shear, gel_mm=1.8, gel_shear_mpa=shear)
@@ -44,12 +44,12 @@ def test_no_mean_displacement_and_no_overflow():
 
 @pytest.mark.parametrize("name", ["skin_mm", "skin_shear_mpa", "gel_mm", "gel_shear_mpa"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
-def test_skin_refuses(name, value):
+def test_a_skin_without_sense_is_refused(name, value):
     with pytest.raises(ValueError, match=rf"Skin\.{name}: got"):
         Skin(**{name: value})
 
 
 @pytest.mark.parametrize("k", [-1.0, [1.0, np.nan]])
-def test_wavenumber_refused(k):
+def test_a_wavenumber_without_sense_is_refused(k):
     with pytest.raises(ValueError, match="wavenumber_per_mm"):
         response(Skin(), k)

@@ -10,7 +10,7 @@ from tests.tactile.plans import STILL
 
 
 @pytest.mark.parametrize("layout", ["square", "hexagonal", "circular"])
-def test_maps(library, layout):
+def test_maps_have_zero_mean_unit_spread_and_the_places_of_the_pins(library, layout):
     rng = np.random.default_rng(3)
     taps = simulate([0.0, 2.0, 5.0], [0, 45, 90], rng=rng, tip=Tip(layout), library=library)
     maps = taps.maps()
@@ -25,7 +25,7 @@ def test_maps(library, layout):
         assert np.corrcoef(size.ravel(), maps[2].ravel())[0, 1] == pytest.approx(1, abs=1e-6)
 
 
-def test_select_and_concatenate(library):
+def test_parts_of_taps_join_to_the_taps_that_were_selected(library):
     taps = simulate(
         [0.0, 2.0, 5.0, 2.0], 10.0, rng=np.random.default_rng(0), nuisance=STILL, library=library
     )

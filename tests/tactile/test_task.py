@@ -43,13 +43,13 @@ def test_fine_gratings_need_more_readings():
         assert test.mean_steps[1] > 1.5
 
 
-def test_smooth_gives_no_evidence():
+def test_a_smooth_plate_gives_no_evidence():
     for readings in fold_sources(TAPS, 0.0):
         error = sprt(*increments(readings), [0.0, 4.0, 8.0], t_max=30).error_rate
         assert np.abs(error - 0.5).max() < 0.1
 
 
-def test_smooth_tells_no_orientation():
+def test_a_smooth_plate_tells_no_orientation():
     """Pooled over folds; a shrinkage that finds a little by chance costs a few per cent."""
     accuracy = []
     for fold in range(6):
@@ -130,7 +130,7 @@ def test_tactile_draws_begin_alike(task, trials):
     assert np.array_equal(drawn(readings, trials), drawn(readings, 2 * trials)[:trials])
 
 
-def test_every_reading_is_as_likely():
+def test_every_reading_is_as_likely_to_be_drawn():
     table = np.arange(10.0)
     readings = Source([np.stack([table, table], axis=1)] * 2, ("a", "b"), None)
     values = readings.draw(10_000, 10, rng=stream(5, "even")).log_likelihood[..., 0]

@@ -75,7 +75,7 @@ CASES = [
 
 
 @pytest.mark.parametrize("case", range(len(CASES)))
-def test_gaussian_walk_against_simulation(case):
+def test_a_gaussian_walk_ends_as_simulated(case):
     d, lower, upper, start, t_max = CASES[case]
     x = gaussian_pair(d)[case % 2]
     exact = walk(x, lower, upper, start=start, t_max=t_max)
@@ -108,7 +108,7 @@ SAMPLE_CASES = [
 
 
 @pytest.mark.parametrize("case", range(len(SAMPLE_CASES)))
-def test_empirical_walk_against_simulation(case):
+def test_an_empirical_walk_ends_as_simulated(case):
     lower, upper, start, t_max = SAMPLE_CASES[case]
     x = capped_sample()
     exact = walk(Empirical.of_sample(x), lower, upper, start=start, t_max=t_max)
@@ -208,7 +208,7 @@ def test_a_late_deadline_is_none(lower_upper):
         assert late.p_forced < 1e-10 < walk(x, *lower_upper, t_max=3).p_forced
 
 
-def test_no_reading_only_strictly_beyond_a_bound():
+def test_only_a_start_strictly_beyond_a_bound_takes_no_reading():
     for x in (gaussian_pair(1.0)[1], Empirical(np.array([-1.0, 1.0]), np.array([0.2, 0.8]))):
         for start, upper, pmf in ((1.01, 1.0, [1, 0, 0]), (-1.01, 0.0, [1, 0, 0])):
             end = walk(x, -1, 1, start=start, t_max=2)

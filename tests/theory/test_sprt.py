@@ -34,7 +34,7 @@ def as_printed(test, printed):
 
 
 @pytest.mark.parametrize(("d", "theta", "exact", "by_wald", "by_siegmund"), TABLE)
-def test_tabulated_values_to_every_digit(d, theta, exact, by_wald, by_siegmund):
+def test_tabulated_values_are_met_to_every_digit(d, theta, exact, by_wald, by_siegmund):
     assert as_printed(sprt(*gaussian_pair(d), 2 * theta), exact)
     assert as_printed(wald(d, theta), by_wald)
     assert as_printed(siegmund(d, theta), by_siegmund)
@@ -58,7 +58,7 @@ def test_wald_misses_the_overshoot_and_siegmund_most_of_it(d, theta):
 @pytest.mark.parametrize(
     ("d", "xi", "theta"), [(0.5, 50, 1.051), (1, 50, 2.372), (1, 200, 3.931), (1.5, 50, 3.018)]
 )
-def test_optimal_threshold(d, xi, theta):
+def test_the_optimal_threshold_is_tabulated_and_near_its_closed_form(d, xi, theta):
     best = optimal_delta(*gaussian_pair(d), xi, t_max=None, bounds=(0, 10))
     assert best.delta / 2 == pytest.approx(theta, abs=6e-4)
     assert optimal_threshold(d, xi) == pytest.approx(theta, abs=0.012)
@@ -89,7 +89,7 @@ def test_optimal_threshold_solves_its_equation():
         (0.05, 0.630, 0.2637, 2.44, -0.3858),
     ],
 )
-def test_lepora_2016(c, theta, error, steps, reward):
+def test_optima_of_lepora_2016_are_met(c, theta, error, steps, reward):
     """Readings N(+-1/3, 1), an error costs 1 and a reading c."""
     pair = gaussian_pair(2 / 3)
     best = optimal_delta(*pair, 1 / c, t_max=None)
@@ -159,7 +159,7 @@ def test_delta_zero_takes_the_sign_of_one_reading():
     assert walk(tied, -5, 5, t_max=1).p_lower == pytest.approx(0.2 + 0.5 / 2)
 
 
-def test_reward_curve_and_its_best_threshold():
+def test_the_best_threshold_is_the_maximum_of_the_reward_curve():
     pair = gaussian_pair(0.6)
     deltas = np.linspace(0, 8, 81)
     reward = reward_curve(*pair, deltas, 40, t_max=30)

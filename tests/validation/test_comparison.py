@@ -66,7 +66,7 @@ def test_the_rate_circuit_agrees_where_it_settles():
     assert min(settled[3:]) >= 0.999
 
 
-def test_what_computes_is_needed():
+def test_a_circuit_without_what_computes_agrees_less():
     """Controls at N = 4, 1 000 trials: each must lose by its margin, with its interval.
 
     GPe held at rest: decisions within 50 ms of the MSPRT's fall by .2. A linear STN makes the

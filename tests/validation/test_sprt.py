@@ -41,7 +41,7 @@ def test_streaming_equals_batch_on_tactile_evidence():
             assert (trial.choice, trial.readings) == (batch.choice[n], batch.steps[n])
 
 
-def test_discrete_simulation_against_the_exact_solution():
+def test_discrete_simulation_ends_as_the_exact_solution():
     """|z| < 4 for error rate and mean time at 1e6 trials over a grid of (d, theta)."""
     trials, t_max = 1_000_000, 200
     thetas = np.array([0.0, 0.5, 1.0, 2.0, 3.0, 4.0])

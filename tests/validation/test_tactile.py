@@ -14,7 +14,7 @@ pytestmark = pytest.mark.validate
 XI, T_MAX = 50.0, 30
 
 
-def test_smooth_grating_is_at_chance():
+def test_a_smooth_grating_is_told_at_chance():
     """0 mm: 50 % lies in a simultaneous interval over gaps, bootstrapped over taps in each fold."""
     deltas = np.linspace(0, 8, 9)
     taps = held_out_taps()
@@ -48,7 +48,7 @@ def test_smooth_grating_is_at_chance():
             assert (np.abs(whole - 0.5) <= widest * spread + 1e-9).all()
 
 
-def test_validation_error_of_three_training_seeds():
+def test_three_training_seeds_err_by_25_to_30_degrees():
     """25 to 30 degrees pooled over the eight stimuli; 27.5 with the real sensor (Pestell 2022)."""
     from bgmodel.tactile.decoder import train
     from bgmodel.tactile.grating import PERIODS_MM

@@ -9,7 +9,7 @@ from circuits import anatomy
 
 @pytest.mark.parametrize("table", anatomy.CIRCUITS.values())
 @pytest.mark.parametrize("channels", [0, 1, -1, "2", 2.5, math.nan, None, True])
-def test_channels_are_two_or_more(table, channels):
+def test_a_table_has_two_or_more_channels(table, channels):
     with pytest.raises(ValueError, match="channels must be a whole number >= 2, got"):
         table(channels)
 

@@ -15,6 +15,6 @@ from circuits import anatomy
         ({"w_d2_gpe": 0.5, "w_d1_snr": 1.2}, "w_d1_snr must be 1 \\+ w_d2_gpe = 1.5"),
     ],
 )
-def test_weights_that_break_the_constraints_of_appendix_b(weights, message):
+def test_weights_that_break_the_constraints_of_appendix_b_are_refused(weights, message):
     with pytest.raises(ValueError, match=message):
         anatomy.appendix_b(**weights)

@@ -98,7 +98,7 @@ def test_two_alternatives_map_onto_the_sprt():
 
 
 @pytest.mark.parametrize("slope", [0.3, 0.84, 1.0, 2.5])
-def test_linear_gpe_is_lamberts_w(slope):
+def test_a_linear_gpe_gives_lamberts_w(slope):
     drive = evidence(5)
     s = REFERENCE + logsumexp(drive, axis=1) - np.log(5)
     sigma = np.real(lambertw(slope * np.exp(s))) / slope
@@ -117,7 +117,7 @@ def test_linear_gpe_is_lamberts_w(slope):
     ],
     ids=["GPe linear", "GPe linear .84", "STN linear", "STN rectified"],
 )
-def test_other_transfers_miss(wrong):
+def test_other_transfers_do_not_give_the_log_posterior(wrong):
     """Negative control: the match is no property of just any circuit of this shape."""
     drive = evidence(4)
     assert not wrong.exact
@@ -142,12 +142,12 @@ def agrees(circuit, expected, drive=Exact.drive):
 
 
 @pytest.mark.parametrize("fraction", [0.1, 0.5, 0.9])
-def test_loss_of_stn_shifts_out(fraction):
+def test_a_loss_of_stn_shifts_out_by_ln_of_what_is_left(fraction):
     lost = Exact.circuit.without("STN", fraction)
     assert agrees(lost, Exact.s + np.log(1 - fraction) - Exact.y)
 
 
-def test_loss_of_all_stn():
+def test_without_stn_out_is_a_race_or_silent():
     """With its drive replaced an unnormalised race is left; without, OUT is silent."""
     assert agrees(Exact.circuit.without("STN", replaced=True), REFERENCE - Exact.y)
     positive = Exact.drive - Exact.y.min() + 0.1  # every y > 0, so that D1 only inhibits
@@ -155,7 +155,7 @@ def test_loss_of_all_stn():
 
 
 @pytest.mark.parametrize("fraction", [0.2, 0.5, 1.0])
-def test_loss_of_gpe(fraction):
+def test_a_loss_of_gpe_raises_sigma_as_its_equation_says(fraction):
     """(1 - f) Sigma + f ln Sigma = S."""
     sigma = solved(lambda x: (1 - fraction) * x + fraction * np.log(x), Exact.s)
     assert (sigma > Exact.s).all()
@@ -163,7 +163,7 @@ def test_loss_of_gpe(fraction):
     assert np.abs(found / (sigma - Exact.y) - 1).max() < CLOSE
 
 
-def test_replaced_loss_of_gpe():
+def test_a_lost_part_of_gpe_held_at_rest_solves_its_equation():
     """What GPe sends at rest is REFERENCE - ln REFERENCE, held for the lost fraction."""
     rest = REFERENCE - np.log(REFERENCE)
     for fraction in (0.3, 1.0):
@@ -176,7 +176,7 @@ def test_replaced_loss_of_gpe():
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.7, 0.95, 1.05, 1.5])
-def test_gain_of_d1(gain):
+def test_a_gain_of_d1_multiplies_the_evidence_of_its_channel(gain):
     expected = Exact.s - gain * Exact.y
     assert agrees(Exact.circuit.scaled("D1", "SNr", gain), expected)
     assert agrees(Exact.circuit.scaled("ctx", "D1", gain), expected)
@@ -186,7 +186,7 @@ def test_gain_of_d1(gain):
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.3])
-def test_gain_of_the_hyperdirect_pathway(gain):
+def test_a_gain_of_the_hyperdirect_pathway_sums_evidence_at_that_gain(gain):
     """Sigma = ln sum exp(k y): S at another gain of the evidence."""
     expected = logsumexp(gain * Exact.y, axis=1, keepdims=True) - Exact.y
     assert agrees(Exact.circuit.scaled("ctx", "STN", gain), expected)
@@ -215,7 +215,7 @@ class Full:
         return sigma - v * gpe - d1 * (1 + cls.d) * cls.y
 
 
-def test_the_full_circuit_unharmed():
+def test_the_closed_form_of_all_pathways_is_minus_log_posterior():
     assert np.abs(Full.out() - surprise(Full.drive)).max() < CLOSE
 
 
@@ -247,7 +247,7 @@ def test_the_full_circuit_unharmed():
     ],
 )
 @pytest.mark.parametrize("factor", [0.4, 0.9])
-def test_lesions_with_all_pathways(edit, factors, factor):
+def test_lesions_with_all_pathways_follow_their_closed_form(edit, factors, factor):
     lesioned = edit(Full.circuit, factor)
     assert not lesioned.exact
     expected = Full.out(**factors(factor))
@@ -256,7 +256,7 @@ def test_lesions_with_all_pathways(edit, factors, factor):
 
 
 @pytest.mark.parametrize("fraction", [0.3, 0.6])
-def test_loss_of_stn_with_all_pathways(fraction):
+def test_a_loss_of_stn_with_all_pathways_shifts_s_alone(fraction):
     """Now w Sigma + v ln Sigma = S + ln(1 - f)."""
     w, v, d = Full.w, Full.v, Full.d
     s = logsumexp((1 + w * d) * Full.y, axis=1, keepdims=True) + np.log(1 - fraction)

@@ -82,7 +82,7 @@ def test_steady_state_is_the_fixed_point(name, channels):
     assert np.abs(late - exact).max() < 1e-6
 
 
-def test_rest_is_kept():
+def test_a_circuit_at_rest_stays_there():
     for name in anatomy.CIRCUITS:
         circuit = anatomy.circuit(name, 4)
         activity = rate.run(circuit, np.zeros((1, 1, 4)), step_ms=50, settle_ms=0)

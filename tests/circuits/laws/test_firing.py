@@ -119,7 +119,7 @@ def test_without_noise_the_rate_is_that_of_the_deterministic_cell():
 
 
 @pytest.mark.parametrize("name", ["D1", "GPe", "SNr"])
-def test_rate_is_siegerts_integral(name):
+def test_the_rate_is_siegerts_integral(name):
     cell = SPIKING.population(name).cell
     for mean in (2.0, 9.0, 14.0, 25.0):
         ends = (np.array([cell.reset_mv, cell.threshold_mv]) - mean) / (np.sqrt(2) * cell.noise_mv)
@@ -149,7 +149,7 @@ def test_cells_at_the_tick_fire_at_the_rate_of_continuous_time(name, dt_ms):
     assert np.abs(off).max() < 0.01
 
 
-def test_without_the_lowered_threshold_they_would_not():
+def test_cells_at_the_tick_without_the_lowered_threshold_fire_too_little():
     """Negative control: a sampled path overshoots, which costs several per cent of the rate."""
     cell = SPIKING.population("GPe").cell
     mean = [lif_mean_mv(cell, 25)]
@@ -208,7 +208,7 @@ def test_integrate_and_fire_cells_are_no_exponential():
         assert (off_an_exponential(mean, rate) < 0.05) == within
 
 
-def test_gpe_against_s_minus_log_s():
+def test_gpe_is_s_minus_log_s_within_a_tenth_of_a_nat_near_its_set_point():
     """GPe of the spiking circuit is a line through S - ln S at s0: its error, in nats."""
     row, path = SPIKING.population("GPe"), SPIKING.projection("STN", "GPe")
     assert isinstance(row.cell, Lif)

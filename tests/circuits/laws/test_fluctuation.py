@@ -57,7 +57,7 @@ def test_noise_of_spikes_lifts_an_exponential_by_half_its_variance(tau_ms):
 
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b", "linear_gpe"])
-def test_rates_have_no_noise(name):
+def test_a_circuit_of_rates_has_no_noise(name):
     table = anatomy.circuit(name, 3)
     drive = np.array([[[1.0, 0.0, -1.0]]])
     line, finite = (algebra.run(table, drive, laws=laws) for laws in ("table", "finite"))
@@ -96,11 +96,11 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
         ),
     ],
 )
-def test_what_is_not_known_is_refused(table, what):
+def test_a_circuit_whose_noise_is_not_known_is_refused(table, what):
     with pytest.raises(ValueError, match=what):
         algebra.run(table, np.zeros((1, 1, 2)), laws="finite")
 
 
-def test_laws_are_named():
+def test_an_unknown_law_lists_the_known_ones():
     with pytest.raises(ValueError, match="laws must be one of table, cells, finite, got 'own'"):
         algebra.run(TABLE, np.zeros((1, 1, 2)), laws="own")

@@ -30,7 +30,7 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
     np.testing.assert_allclose(bands, 1, atol=0.1)
 
 
-def test_cells_alone_have_another_power():
+def test_power_of_cells_without_what_arrives_is_another():
     """A control: the noise of STN's cells without what arrives is off by more than a tenth."""
     wiring, x = state(TABLE)
     frequency = np.array([5.0, 20.0])
@@ -77,7 +77,7 @@ def test_a_lesion_takes_the_noise_with_what_it_takes():
     assert half == pytest.approx(whole / 4, rel=0.1)
 
 
-def test_bad_questions_are_refused():
+def test_a_drive_or_frequency_without_sense_is_refused():
     with pytest.raises(ValueError, match=r"drive must be 2 finite numbers, got \[1\.0\]"):
         out_variance(TABLE, [1.0])
     with pytest.raises(ValueError, match=r"frequency_hz must be 0\.001 or more, got 0\.0"):

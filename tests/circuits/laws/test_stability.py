@@ -64,7 +64,7 @@ OSCILLATING = {name: loop(*times) for name, (times, _) in LOOPS.items()} | {
 
 
 @pytest.mark.parametrize(("times", "printed"), LOOPS.values(), ids=list(LOOPS))
-def test_computed_limit_is_the_closed_form(times, printed):
+def test_the_computed_limit_is_the_closed_form(times, printed):
     limit = stability.onset(loop(*times))
     total, hertz = closed_form(*times)
     assert limit.total_nats == pytest.approx(total, rel=1e-6)
@@ -105,7 +105,7 @@ def fluctuation(circuit, totals):
 
 
 @pytest.mark.parametrize("circuit", OSCILLATING.values(), ids=list(OSCILLATING))
-def test_measured_onset_is_the_computed_one(circuit):
+def test_the_measured_onset_is_the_computed_one(circuit):
     """Within 5 %; a tick of .1 ms shortens the loop by as much and stabilises it by some 2 %."""
     limit = stability.onset(circuit)
     totals = limit.total_nats * np.linspace(0.9, 1.1, 9)
@@ -140,7 +140,7 @@ def test_growth_is_that_of_a_small_disturbance():
     assert not stability.is_stable(replace(circuit, reference_nats=4.0))
 
 
-def test_stability_where_there_is_no_loop_or_no_limit():
+def test_without_a_loop_or_with_a_common_mode_nothing_oscillates():
     no_loop = anatomy.bogacz_gurney().without("GPe")
     assert stability.growth(no_loop).real == -np.inf
     assert stability.onset(no_loop).total_nats == np.inf
@@ -155,7 +155,7 @@ def test_stability_where_there_is_no_loop_or_no_limit():
     assert 13 < limit.frequency_hz < 30
 
 
-def test_bad_input_to_stability():
+def test_a_drive_of_another_shape_and_a_loop_that_is_never_stable_are_refused():
     circuit = anatomy.bogacz_gurney()
     with pytest.raises(ValueError, match=r"drive must be \(2,\), got shape \(3,\)"):
         stability.growth(circuit, np.zeros(3))

@@ -7,7 +7,7 @@ from circuits import noise
 from circuits.engines.brian2 import noise as brian_noise
 
 
-def test_noise_is_that_of_every_engine():
+def test_noise_of_brian2_is_that_of_every_engine():
     streams = noise.stream_keys(7, np.arange(3, 6), ["GPe", "GPe/0"])
     assert streams[0, 0] == 0x8E49DEDA421CF417
     for stream in streams.ravel():

@@ -83,11 +83,11 @@ def both(circuit, drive=DRIVE, **options):
     ],
     ids=["whole", "spread", "sparse", "lesioned", "small", "other wires", "one channel"],
 )
-def test_spikes_are_those_of_the_reference(circuit):
+def test_spikes_are_those_of_the_plain_engine(circuit):
     assert_same(*both(circuit))
 
 
-def test_relays_are_n_squared_synapses():
+def test_relays_give_the_spikes_of_a_synapse_per_pair_of_cells():
     assert_same(*both(WHOLE, DRIVE[:, :2], explicit=True))
     everywhere = replace(small(), projections=small().projections[:3])
     everywhere = replace(
@@ -96,7 +96,7 @@ def test_relays_are_n_squared_synapses():
     assert_same(*both(everywhere, explicit=True))
 
 
-def test_any_grid_of_time():
+def test_spikes_are_those_of_the_plain_engine_on_any_grid_of_time():
     """Settling that is no multiple of a sample, another tick, three channels."""
     drive = np.array([[[0.5, 0.0, -0.5], [1.0, 0.2, -1.2]]])
     options = {"dt_ms": 0.25, "step_ms": 37.5, "settle_ms": 10.75, "sample_ms": 1.5}
@@ -131,12 +131,12 @@ def test_a_table_of_rates_settles_at_the_log_posterior():
         ({"seed": -1}, "seed must be"),
     ],
 )
-def test_what_does_not_fit_is_said_at_once(options, message):
+def test_an_option_that_does_not_fit_is_refused_before_the_run(options, message):
     with pytest.raises(ValueError, match=message):
         spiking.run(small(), DRIVE, **STEPS | {"seed": 1} | options)
 
 
-def test_import_is_light_and_errors_stay_ours():
+def test_brian2_loads_when_it_runs_and_leaves_the_hook_for_errors():
     code = (
         "import sys, circuits.engines.brian2.run; print('brian2' in sys.modules);"
         "from circuits.engines.brian2.noise import load_brian; hook = sys.excepthook; load_brian();"

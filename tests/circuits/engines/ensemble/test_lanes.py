@@ -20,7 +20,7 @@ def four(*values):
     return tuple(np.float32(value) for value in values)
 
 
-def test_words_are_those_of_noise():
+def test_words_of_the_loops_are_those_of_noise():
     stream = noise.stream_key(7, 3, "GPe")
     counts = np.zeros(128, np.uint32)
     lanes.refresh(counts, 0, 128, whole_key(stream, 5))
@@ -40,7 +40,7 @@ def test_exp32_is_the_exponential():
     npt.assert_allclose(table(x), np.exp(x.astype(float)), rtol=4e-7)
 
 
-def test_lif_loop_against_numpy():
+def test_the_loop_of_lif_cells_does_what_numpy_does():
     rng = np.random.default_rng(1)
     v = rng.uniform(-5, 11, 128).astype(np.float32)
     v[3], v[4], v[5] = -lanes.WAIT, -2 * lanes.WAIT, -np.inf
@@ -65,7 +65,7 @@ def test_lif_loop_against_numpy():
     assert v[3] < 11
 
 
-def test_phase_loop_against_numpy():
+def test_the_loop_of_phase_cells_does_what_numpy_does():
     rng = np.random.default_rng(2)
     v = rng.uniform(0, 1.05, 128).astype(np.float32)
     counts = rng.integers(0, 9, 128).astype(np.uint32)

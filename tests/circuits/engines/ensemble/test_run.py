@@ -62,7 +62,7 @@ def test_cells_spike_as_in_the_plain_scheme(circuit):
     ],
     ids=["sparse", "one channel", "both"],
 )
-def test_sparse_inputs_make_cells_spike_so_up_to_single_precision(circuit):
+def test_sparse_inputs_make_cells_spike_as_in_the_plain_scheme_up_to_single_precision(circuit):
     fast, plain = both(circuit, ramp(2, 3))
     for name in NAMES:
         a, b = spike_set(fast.spikes[name]), spike_set(plain.spikes[name])
@@ -81,7 +81,7 @@ def test_another_seed_or_trial_has_other_spikes():
 
 
 @pytest.mark.parametrize("wiring_seed", [0, 1])
-def test_cells_differ_channels_do_not(wiring_seed):
+def test_cells_differ_by_their_spread_and_channels_do_not(wiring_seed):
     """Without the mean of 1 the favoured channel's OUT lay .024 and .027 nats off the other's."""
     table = replace(anatomy.spiking_msprt(2).with_spread(0.1), wiring_seed=wiring_seed)
     for name in NAMES:
@@ -163,7 +163,7 @@ def test_bad_input_gets_one_clear_sentence(call, says):
         call()
 
 
-def test_drive_beyond_the_range_warns_once_with_the_number():
+def test_a_drive_beyond_the_range_warns_once_with_the_number():
     with pytest.warns(UserWarning, match=r"S runs from .* to 2\d\.\d\d nats") as caught:
         ensemble.run(BASE, ramp(3, 2, top=40.0), step_ms=20, seed=1)
     assert len(caught) == 1
