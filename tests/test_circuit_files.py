@@ -5,13 +5,11 @@ import json
 import pandas as pd
 import pytest
 
-from bgmodel.cli import main
 from bgmodel.experiments.experiment import read_experiment, run_experiment
 from bgmodel.files import provenance_path, read_provenance
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits import anatomy, table_files
-from circuits.anatomy import circuit
 from circuits.table_files import digest
+from tests.helpers import run
 
 SMALL = ["--trials", "100", "--t-max", "6", "--engine", "rate"]
 
@@ -20,10 +18,6 @@ SMALL = ["--trials", "100", "--t-max", "6", "--engine", "rate"]
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def run(*arguments):
-    return main([str(a) for a in arguments])
 
 
 def said(path):
@@ -180,19 +174,3 @@ def test_a_circuit_that_is_not_there_or_wrong_gets_one_sentence(here, command, n
     assert run(*command, *name) == 2
     assert says.replace("line 17", f"line {place + 1}") in one_sentence(capsys)
     assert [path.name for path in here.iterdir()] == ["bad.toml"]
-
-
-def test_a_gain_is_the_tables_own_or_asked_for():
-    spiking = {n: gain_of(anatomy.spiking_msprt(n)) for n in (2, 3, 4, 7, 8, 12)}
-    assert spiking == {2: 0.7, 3: 0.5, 4: 0.5, 7: 0.5, 8: 0.6, 12: 0.6}
-    assert gain_of(anatomy.spiking_msprt(), 0.3) == 0.3
-    for name in ("bogacz_gurney", "appendix_b", "linear_gpe"):
-        with pytest.raises(
-            ValueError, match=rf"{name} has no default gain: give a gain \(--gain\)"
-        ):
-            gain_of(circuit(name))
-        assert gain_of(circuit(name), 0.7) == 0.7
-    # Numbers made for two alternatives say nothing of five.
-    assert anatomy.spiking_msprt(2).with_channels(5).default_gain is None
-    assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
-    assert BasalGanglia(circuit("bogacz_gurney")).gain == 1

@@ -1,4 +1,4 @@
-"""The command line, as a person would use it."""
+"""The command line as a whole: tables of a user in every command, refusals, help."""
 
 import hashlib
 import subprocess
@@ -15,58 +15,7 @@ from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.cli import CIRCUIT, COMMANDS, choices, main
 from bgmodel.edits import Edits
 from bgmodel.files import read_provenance, read_table
-
-
-def run(*arguments):
-    return main([str(a) for a in arguments])
-
-
-def test_decide_on_tactile_evidence(tmp_path, capsys):
-    out = tmp_path / "decisions.csv"
-    assert run("decide", out, "--period-mm", 2, "--delta", 4, "--trials", 400, "--seed", 3) == 0
-    table = read_table(out)
-    assert len(table) == 400
-    assert set(table["response"]) == {"S1", "S2"}
-    assert 0.9 < table["correct"].mean() < 1
-    assert read_provenance(out)["seed"] == 3
-    assert "400 trials, accuracy 0.9" in capsys.readouterr().out
-    first = out.read_bytes()
-    again = ("--period-mm", 2, "--delta", 4, "--trials", "4e2", "--seed", 3, "--force")
-    assert run("decide", out, *again) == 0
-    assert out.read_bytes() == first
-
-
-def test_decide_on_a_users_own_table(tmp_path, capsys):
-    rng = np.random.default_rng(5)
-    rows = [
-        {"trial": n, "step": t, "ll_left": a, "ll_up": b, "ll_right": c, "truth": "up"}
-        for n in range(30)
-        for t, (a, b, c) in enumerate(rng.normal([0, 1, 0], 0.5, (12, 3)))
-    ]
-    mine = tmp_path / "mine.csv"
-    pd.DataFrame(rows).to_csv(mine, index=False)
-    out = tmp_path / "out.parquet"
-    assert run("decide", out, "--evidence", mine, "--posterior", 0.95) == 0
-    table = read_table(out)
-    assert table["response"].isin(["left", "up", "right"]).all()
-    assert table["correct"].mean() > 0.8
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["decide", "mine.csv", "--evidence", "./mine.csv", "--posterior", ".9"],
-        ["circuit", "run", "mine.csv", "--evidence", "mine.csv"],
-        ["circuit", "run", "out.csv", "--rates", "out.csv"],
-    ],
-)
-def test_no_result_goes_over_another_file_of_the_command(tmp_path, monkeypatch, capsys, arguments):
-    monkeypatch.chdir(tmp_path)
-    Path("mine.csv").write_text("mine")
-    assert main(arguments) == 2
-    assert "are one file" in capsys.readouterr().err
-    assert Path("mine.csv").read_text() == "mine"
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
+from tests.helpers import run
 
 
 def own_table(path, flat=False, truth=True, trials=30):
@@ -124,145 +73,6 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(
     assert share.max() < 0.45
     expected = first_crossing(Msprt().run(Evidence(np.zeros((300, 1, 3)))), 0.1).choice
     assert (found["response"] == np.array(["left", "up", "right"])[expected]).all()
-
-
-def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
-    mine = tmp_path / "mine.csv"
-    rows = [f"{n},{t},{-0.1 * (n + 1)},0" for n in range(4) for t in range(5)]
-    mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
-    z = 0.1 * np.arange(1, 5)[:, None] * np.arange(1, 6)
-    given = ("--evidence", mine, "--delta", 1)
-    for prior, start in (((), 0.0), (("--prior", 0.45, 0.55), np.log(0.55 / 0.45))):
-        out = tmp_path / f"out{len(prior)}.csv"
-        assert run("decide", out, *given, *prior, "--step-ms", 20, "--onset-ms", 300) == 0
-        met = z + start >= 0.5 - 1e-10
-        reading = np.where(met.any(axis=1), met.argmax(axis=1) + 1, 5)
-        found = read_table(out)
-        assert found["rt"].to_numpy() == pytest.approx(0.02 * reading)
-        assert (found["forced"] == ~met.any(axis=1)).all()
-        assert read_provenance(out)["parameters"]["command"]["onset_ms"] == 300
-    out = tmp_path / "circuit.csv"
-    assert run("circuit", "run", out, *given[:2], *ALGEBRA, "--step-ms", 20) == 0
-    assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
-
-
-def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("bgmodel.commands.decisions.Decide.__call__", lambda self: 1 / 0)
-    dangling, foreign = tmp_path / "dangling.csv", tmp_path / "foreign.csv"
-    dangling.symlink_to(tmp_path / "nowhere.csv")
-    (tmp_path / "foreign.csv.json").write_text("[]")
-    (tmp_path / "taps").mkdir()
-    for path, says in (
-        (dangling, "is there already"),
-        (foreign, "holds something else"),
-        (tmp_path / ("y" * 230 + ".csv"), "has at most 200 bytes"),
-    ):
-        assert run("decide", path) == 2
-        assert says in capsys.readouterr().err
-    monkeypatch.setattr("bgmodel.commands.taps.Decode.__call__", lambda self: 1 / 0)
-    inside = tmp_path / "taps" / "targets.csv"
-    assert run("decode", "d.safetensors", tmp_path / "taps", inside, "--force") == 2
-    assert "lies in a folder that is read" in capsys.readouterr().err
-
-
-def test_what_nobody_named_is_written_over_only_where_it_is_a_result(tmp_path, capsys):
-    out, beside = tmp_path / "out.csv", tmp_path / "out_trials.csv"
-    beside.write_text("mine")
-    assert run("experiment", "stn_bound", out, "--force", "--trials", 100) == 2
-    assert "out_trials.csv' is there already" in capsys.readouterr().err
-    assert beside.read_text() == "mine"
-
-
-def test_decide_says_forced(tmp_path, capsys):
-    out = tmp_path / "out.csv"
-    given = ("--trials", 40, "--t-max", 2, "--delta", 16, "--period-mm", 1.5)
-    assert run("decide", out, *given) == 0
-    said = capsys.readouterr()
-    forced = int(read_table(out)["forced"].sum())
-    assert f"forced {forced}, undecided 0" in said.out
-    assert f"bgmodel: {forced} of 40 trials never met the threshold" in said.err
-    assert run("decide", out, *given, "--no-forced", "--force") == 0
-    said = capsys.readouterr()
-    assert f"forced 0, undecided {forced}" in said.out
-    assert "they stay undecided" in said.err
-
-
-def test_a_result_is_written_over_only_by_force(tmp_path, capsys):
-    out = tmp_path / "out.csv"
-    short = ("--trials", 10, "--t-max", 3)
-    assert run("decide", out, *short) == 0
-    before = out.read_bytes(), out.with_name("out.csv.json").read_bytes()
-    assert run("decide", out, *short, "--seed", 4) == 2
-    assert "is there already: give another name, or --force" in capsys.readouterr().err
-    assert before == (out.read_bytes(), out.with_name("out.csv.json").read_bytes())
-    assert run("decide", out, *short, "--seed", 4, "--force") == 0
-    assert out.read_bytes() != before[0]
-    # A file that is none of ours stays, even so.
-    other = tmp_path / "b.csv"
-    (tmp_path / "b.csv.json").write_text('{"rows": 3}')
-    (tmp_path / "b.json").write_text("mine")
-    capsys.readouterr()
-    assert run("decide", other, *short, "--force") == 2
-    assert "holds something else" in capsys.readouterr().err
-    assert (tmp_path / "b.csv.json").read_text() == '{"rows": 3}'
-    assert (tmp_path / "b.json").read_text() == "mine"
-    assert not other.exists()
-    assert run("decide", tmp_path, *short) == 2
-
-
-def test_a_refused_command_makes_no_folder(tmp_path, capsys):
-    assert run("decide", tmp_path / "new" / "out.csv", "--period-mm", 7) == 2
-    assert not (tmp_path / "new").exists()
-    assert run("decide", tmp_path / "new" / "out.csv", "--trials", 5) == 0
-    assert (tmp_path / "new" / "out.csv").exists()
-
-
-def test_a_folder_that_cannot_be_written_is_called_by_its_name(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("tempfile.TemporaryFile", cannot)
-    assert run("decide", "out.csv") == 2
-    assert f"the output folder '{tmp_path}' can't be written: Read-only" in capsys.readouterr().err
-
-
-def cannot(**given):
-    raise OSError(30, "Read-only file system")
-
-
-def test_warnings_are_a_sentence_and_say_when_the_deadline_decides(tmp_path, capsys):
-    out = tmp_path / "out.csv"
-    arguments = [
-        "--engine",
-        "algebra",
-        "--circuit",
-        "bogacz_gurney",
-        "--gain",
-        0.7,
-        "--trials",
-        20,
-        "--t-max",
-        2,
-    ]
-    assert run("circuit", "run", out, *arguments, "--posterior", 0.99) == 0
-    said = capsys.readouterr().err
-    assert "bgmodel: 20 of 20 trials never met the threshold" in said
-    assert ".py" not in said
-
-
-def test_orientation_task(tmp_path):
-    out = tmp_path / "n.parquet"
-    arguments = ["--task", "orientation", "--orientations", 3, "--posterior", 0.9]
-    assert run("decide", out, *arguments, "--period-mm", 3, "--trials", 200) == 0
-    assert read_table(out)["response"].nunique() == 3
-
-
-def test_learn(tmp_path, capsys):
-    out = tmp_path / "learning.parquet"
-    short = ["--learner.episodes", 1500, "--runs", 2]
-    assert run("learn", out, "--period-mm", 2, "--start-delta", 0.5, *short) == 0
-    table = read_table(out)
-    assert len(table) == 3000
-    assert {"run", "episode", "delta", "reward", "dopamine"} <= set(table)
-    assert "exact optimum" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -348,24 +158,6 @@ def test_bad_use_is_one_sentence_and_writes_nothing(tmp_path, monkeypatch, capsy
     assert lines[0].startswith("bgmodel: ")
     assert says in lines[0]
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
-def test_simulate_train_decode_decide(tmp_path, capsys):
-    """The whole way, on so few taps that only the way is tested."""
-    taps, decoder, decoded = (tmp_path / n for n in ("t.npz", "d.safetensors", "x.csv"))
-    periods = ["--periods-mm", 0, 5]
-    assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1) == 0
-    first = taps.read_bytes()
-    assert run("simulate", taps, "--taps", 150, *periods, "--seed", 1, "--force") == 0
-    assert taps.read_bytes() == first
-    assert run("train", taps, decoder, "--edge") == 2
-    assert "holds taps of a grating, not of an edge" in capsys.readouterr().err
-    quick = ["--training.width", 0.1, "--training.epochs", 1, "--training.batch", 32]
-    assert run("train", taps, decoder, *quick) == 0
-    assert run("decode", decoder, taps, decoded) == 0
-    table = read_table(decoded)
-    assert {"period_mm", "yaw_deg", "psi_deg", "orientation_deg"} <= set(table)
-    assert len(table) == 300
 
 
 def test_options_say_what_they_are():

@@ -130,3 +130,15 @@ def test_a_change_that_an_engine_does_not_feel_is_refused(engine, edit):
 @pytest.mark.parametrize("edit", [DELAY, "GPe.cell.tau_ms=12", "STN.tau_ms=7", BIAS])
 def test_rates_feel_times_and_biases(edit):
     Edits(change=(edit,)).check_engine("rate")
+
+
+@pytest.mark.parametrize("written", ["ctx->D1[=2", "ctx->D1[x]=2", "ctx->D1[-1]=2", "ctx->D1[0=2"])
+def test_a_channel_is_a_number_in_brackets(written):
+    with pytest.raises(ValueError, match="a channel is a number in brackets"):
+        Edits(scale=(written,)).apply(anatomy.spiking_msprt())
+
+
+def test_one_channel_is_edited_as_written():
+    circuit = anatomy.spiking_msprt(4)
+    edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).apply(circuit)
+    assert edited == circuit.scaled("ctx", "D1", 1.1, channel=2).scaled("STN", "GPe", 0.5)

@@ -6,13 +6,13 @@ import shlex
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from sybil.document import Document
 from sybil.parsers.markdown import CodeBlockParser
 
-ROOT = Path(__file__).parents[1]
+from tests.helpers import ROOT
+
 TEXT = (ROOT / "docs/extending.md").read_text()
 RECIPES = dict(
     section.split("\n", 1) for section in re.split(r"^## ", TEXT, flags=re.MULTILINE)[1:]

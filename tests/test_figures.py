@@ -4,7 +4,6 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -16,8 +15,8 @@ from bgmodel.tactile.edges import sources
 from bgmodel.tactile.task import Source
 from figures import fig2b, figC1, figC2, figR1
 from figures.common import FAST
+from tests.helpers import ROOT
 
-ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted(path.stem for path in (ROOT / "figures").glob("fig*.py"))
 
 

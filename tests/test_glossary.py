@@ -3,13 +3,13 @@
 import importlib
 import re
 from dataclasses import fields, is_dataclass
-from pathlib import Path
 
 import pytest
 
 from bgmodel.cli import COMMANDS
+from tests.helpers import ROOT, found
 
-TEXT = (Path(__file__).parents[1] / "docs/glossary.md").read_text()
+TEXT = (ROOT / "docs/glossary.md").read_text()
 NAMES = sorted(set(re.findall(r"`((?:bgmodel|circuits)\.[\w.]+)`", TEXT)))
 
 
@@ -24,14 +24,6 @@ def is_there(dotted):
         held = found(owner)
         return hasattr(held, name) or name in getattr(held, "__annotations__", {})
     return True
-
-
-def found(dotted):
-    try:
-        return importlib.import_module(dotted)
-    except ModuleNotFoundError:
-        owner, _, name = dotted.rpartition(".")
-        return getattr(found(owner), name)
 
 
 def options(commands):

@@ -1,6 +1,7 @@
-"""Imports run one way, and importing the package is cheap."""
+"""Imports run one way, importing the package is cheap, and tests lie as what they test."""
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -8,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.helpers import ROOT
+
 # Each module may import only from modules on lower levels.
 LEVELS = [
     {"bgmodel.arrays", "bgmodel.compiling", "bgmodel.version"},
@@ -218,3 +220,15 @@ def test_a_module_on_a_foreign_package_called_circuits_says_so(module):
     code = FOREIGN + f"import bgmodel.{module}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: {SENTENCE}")
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tests").glob("*/**/test_*.py")), ids=str)
+def test_a_file_of_tests_in_a_folder_has_the_name_of_its_module(path):
+    """Or, in the folder of long checks, holds nothing else than those."""
+    inside = path.relative_to(ROOT / "tests")
+    long = re.search(r"^(@|pytestmark = )pytest\.mark\.validate", path.read_text(), re.MULTILINE)
+    assert (inside.parts[0] == "validation") == bool(long)
+    if inside.parts[0] != "validation":
+        folder = (ROOT if inside.parts[0] == "circuits" else ROOT / "bgmodel") / inside.parent
+        name = path.stem.removeprefix("test_")
+        assert name == folder.name or (folder / f"{name}.py").exists()

@@ -4,24 +4,15 @@ import importlib
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 import bgmodel.moved
 import circuits.moved
+from tests.helpers import ROOT, found
 
-CHANGELOG = Path(__file__).parents[1] / "CHANGELOG.md"
+CHANGELOG = ROOT / "CHANGELOG.md"
 MOVED = bgmodel.moved.MOVED | circuits.moved.MOVED
-
-
-def found(dotted):
-    """Return the module, or what a module holds, of a dotted name."""
-    try:
-        return importlib.import_module(dotted)
-    except ModuleNotFoundError:
-        module, _, name = dotted.rpartition(".")
-        return getattr(found(module), name)
 
 
 @pytest.mark.parametrize("old", MOVED)

@@ -15,7 +15,7 @@ def ax():
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 10), (7, 10), (93, 100), (50, 50)])
-def test_wilson_is_scipys(k, n):
+def test_the_wilson_interval_is_that_of_scipy(k, n):
     interval = binomtest(k, n).proportion_ci(method="wilson")
     assert plots.wilson(k, n) == pytest.approx((interval.low, interval.high), abs=1e-4)
 
@@ -34,7 +34,7 @@ def test_trajectories_end_at_their_decision(ax):
     assert {line.get_ydata()[0] for line in ax.lines[-2:]} == {-2.0, 2.0}
 
 
-def test_speed_accuracy_and_chance(ax):
+def test_speed_and_accuracy_are_drawn_with_chance_unless_it_is_left_out(ax):
     plots.speed_accuracy(ax, [1, 2], [0.6, 0.9])
     assert len(ax.lines) == 2
     plots.speed_accuracy(ax, [1, 2], [0.6, 0.9], None)
@@ -47,7 +47,7 @@ def test_acquisition_draws_the_median_run(ax):
     assert ax.lines[0].get_ydata().tolist() == [2.0, 3.0]
 
 
-def test_reliability_and_human_thresholds(ax):
+def test_human_thresholds_are_drawn_beside_the_reliability(ax):
     table = pd.DataFrame({"stated": [0.2, 0.8], "observed": [0.25, 0.75], "count": [40, 40]})
     assert plots.reliability(ax, table, color="k") is ax
     assert plots.human_thresholds(ax) is ax

@@ -1,11 +1,10 @@
 """What is checked before a commit is what `make lint` checks."""
 
 import re
-from pathlib import Path
 
 import yaml
 
-ROOT = Path(__file__).parents[1]
+from tests.helpers import ROOT
 
 
 def test_the_hooks_are_the_lines_of_make_lint():

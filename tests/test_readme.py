@@ -3,15 +3,14 @@
 import re
 import shlex
 from itertools import groupby
-from pathlib import Path
 
 import pytest
 from sybil.document import Document
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
 from bgmodel.cli import main, parsed
+from tests.helpers import ROOT
 
-ROOT = Path(__file__).parents[1]
 # Commands that are parsed and not run, by how they begin, and why.
 PARSED = {
     "bgmodel simulate": "it solves contacts for minutes; a test of the command does less",

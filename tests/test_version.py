@@ -2,12 +2,10 @@
 
 import re
 import tomllib
-from pathlib import Path
 
 import bgmodel
 from bgmodel.files import provenance
-
-ROOT = Path(__file__).parents[1]
+from tests.helpers import ROOT
 
 
 def test_the_package_is_built_with_the_version_in_the_code():

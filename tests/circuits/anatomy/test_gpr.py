@@ -1,0 +1,87 @@
+"""Gurney, Prescott & Redgrave 2001: saliences against the fixed point solved by hand."""
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.engines import run
+
+SALIENCES = [(0.0, 0.0), (0.5, 0.2), (0.8, 0.3), (0.9, 0.0), (0.3, 0.3), (1.0, 1.0)]
+
+
+def ramp(x):
+    return np.clip(x, 0, 1)
+
+
+def two_channels(first, second, d1_gain, d2_gain):
+    """Return the output of two channels in steady state, first >= second.
+
+    With ``c`` the salience and ``S`` the sum of STN, each linear where it is not silent::
+
+        STN_i = c_i - GPe_i + .25,  GPe_i = .9 S - D2_i + .2,
+        SNr_i = .9 S - .3 GPe_i - D1_i + .2
+
+    Both STN speak: ``S = sum c + .5 - 1.8 S + sum D2 - .4``. The first alone:
+    ``S = c_1 + .25 - .9 S + D2_1 - .2``.
+    """
+    c = np.array([first, second])
+    d1, d2 = ramp(d1_gain * c - 0.2), ramp(d2_gain * c - 0.2)
+    both = (c.sum() + 0.1 + d2.sum()) / 2.8
+    alone = (first + 0.05 + d2[0]) / 1.9
+    silent = second - ramp(0.9 * both - d2[1] + 0.2) + 0.25 < 0
+    gpe = ramp(0.9 * (alone if silent else both) - d2 + 0.2)
+    stn = c - gpe + 0.25
+    assert stn[0] <= 1  # no ramp but those above is at its top
+    assert (stn[1] < 0) == silent
+    total = ramp(stn).sum()
+    return ramp(0.9 * total - 0.3 * gpe - d1 + 0.2)
+
+
+@pytest.mark.parametrize(("first", "second"), SALIENCES)
+@pytest.mark.parametrize("level", [0.0, 0.2, 0.4])
+def test_outputs_are_those_of_the_piecewise_linear_fixed_point(first, second, level):
+    circuit = anatomy.gpr(2, dopamine=level)
+    expected = two_channels(first, second, 1 + level, 1 - level)
+    drive = np.array([[[first, second]]])
+    for engine, step_ms in (("algebra", 1.0), ("rate", 3000.0)):
+        found = run(circuit, drive, engine=engine, step_ms=step_ms).output_nats[0, -1]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+
+
+def test_the_level_of_dopamine_multiplies_the_two_gains():
+    drive = np.array([[[0.6, 0.2]]])
+    for level in (0.5, 1.0, 1.25):
+        found = run(anatomy.gpr().dopamine(level), drive, engine="algebra", step_ms=1.0)
+        expected = two_channels(0.6, 0.2, 1.2 * level, 0.8 * (2 - level))
+        np.testing.assert_allclose(found.output_nats[0, 0], expected, rtol=0, atol=1e-9)
+
+
+def output(saliences, **options):
+    circuit = anatomy.gpr(len(saliences), **options)
+    return run(circuit, [[saliences]], engine="algebra", step_ms=1.0).output_nats[0, 0]
+
+
+def test_the_larger_salience_is_selected_and_the_other_is_not():
+    """Of six channels, as in the paper: selected below .05, the others above rest."""
+    rest = output([0.0] * 6)
+    np.testing.assert_allclose(rest, 0.9 * 0.3 / 6.4 - 0.3 * (0.9 * 0.3 / 6.4 + 0.2) + 0.2)
+    out = output([0.3, 0.7, 0, 0, 0, 0])
+    assert out[1] < 0.05
+    assert (np.delete(out, 1) > rest[0]).all()
+
+
+def test_more_dopamine_makes_selection_easier_and_less_makes_it_harder():
+    selected = [output([0.6, 0.2, 0, 0], dopamine=level)[0] for level in (0, 0.2, 0.4)]
+    assert selected[0] > 0.05 > selected[1] >= selected[2]
+
+
+def test_a_salience_above_one_counts_as_one():
+    with pytest.warns(UserWarning, match=r"the input runs from 0\.00 to 1\.70 salience, gpr works"):
+        beyond = output([1.7, 0.0])
+    np.testing.assert_allclose(beyond, output([1.0, 0.0]))
+
+
+def test_dopamine_outside_its_range_is_refused():
+    for wrong in (-0.1, 1.1):
+        with pytest.raises(ValueError, match=rf"dopamine must lie in 0\.\.1, got {wrong}"):
+            anatomy.gpr(dopamine=wrong)

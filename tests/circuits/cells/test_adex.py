@@ -1,0 +1,119 @@
+"""The adaptive exponential cell: its equations, and the same spikes in all engines."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from circuits import single
+from circuits.laws.stability import growth
+from tests.circuits.spiking import ADEX, BASE, SPIKING, WITH_ADEX, lacking, spikes_of, with_cell
+
+
+def test_an_adex_without_upstroke_and_adaptation_is_the_exact_linear_membrane():
+    cell = replace(ADEX, sharpness_mv=1e-3, knee_mv=1000, peak_mv=2000, adaptation=0, jump_mv=0)
+    c = cell.constants(np.ones(3), 0.1)
+    _, v, w, _ = cell.tick(
+        np.float64(0.3), single.single(4), *map(single.single, (5, 0, 0)), *c.values()
+    )
+    mean = cell.rest_mv + 0.3 * cell.mv_per_nat - cell.reset_mv
+    assert v == pytest.approx(mean + (5 - mean) * np.exp(-0.1 / cell.tau_ms), rel=1e-6)
+    assert w == 0
+
+
+def test_adaptation_settles_where_it_follows_the_membrane():
+    """With V held, W goes to a (V - E_L) with its own time constant."""
+    cell = replace(ADEX, leak_mv=-75.0)
+    c = cell.constants(np.ones(3), 0.1)
+    v, w, held = 10.0, single.single(0), single.single(1e9)
+    for _ in range(1440):
+        _, _, w, _ = cell.tick(
+            np.float64(0), single.single(4), single.single(v), w, held, *c.values()
+        )
+    settled = cell.adaptation * (v + cell.reset_mv - cell.leak_mv)
+    assert w == pytest.approx(settled * (1 - np.exp(-1)), rel=1e-4)
+
+
+def isi_ms(cell, nats, count=12):
+    """Return the intervals of a noiseless cell under a constant input, by the tick."""
+    c = list(replace(cell, noise_mv=1e-6).constants(np.ones(3), 0.01).values())
+    state, times = tuple(map(single.single, (0, 0, 0))), []
+    for k in range(400_000):
+        fired, *state = cell.tick(np.float64(nats), single.single(4), *state, *c)
+        if fired:
+            times.append(k * 0.01)
+        if len(times) > count:
+            break
+    return np.diff(times)
+
+
+def solved_isi_ms(cell, nats, count=12):
+    """Return the same intervals from the equations, by an adaptive solver."""
+    from scipy.integrate import solve_ivp
+
+    def flow(_, y):
+        v, w = y
+        upstroke = cell.sharpness_mv * np.exp((v - cell.knee_mv) / cell.sharpness_mv)
+        mean = cell.rest_mv + cell.mv_per_nat * nats
+        return [
+            (mean - v + upstroke - w) / cell.tau_ms,
+            (cell.adaptation * (v - cell.leak_mv) - w) / cell.tau_w_ms,
+        ]
+
+    def peak(_, y):
+        return y[0] - cell.peak_mv
+
+    peak.terminal = True
+    t, y, times = 0.0, [cell.reset_mv, 0.0], []
+    while len(times) <= count:
+        found = solve_ivp(flow, (t, t + 1000), y, events=peak, rtol=1e-8, atol=1e-8)
+        t = found.t[-1] + cell.refractory_ms
+        times.append(found.t[-1])
+        w_leak = cell.adaptation * (cell.reset_mv - cell.leak_mv)
+        w = found.y[1, -1] + cell.jump_mv
+        w = w_leak + (w - w_leak) * np.exp(-cell.refractory_ms / cell.tau_w_ms)
+        y = [cell.reset_mv, w]
+    return np.diff(times)
+
+
+def test_intervals_of_a_noiseless_adex_are_those_of_its_equations():
+    cell = replace(ADEX, rest_mv=-40.0)
+    found, solved = isi_ms(cell, 0.5), solved_isi_ms(cell, 0.5)
+    print(np.round(found, 2), np.round(solved, 2))
+    npt.assert_allclose(found, solved, rtol=0.01)
+    assert found[-1] > 1.5 * found[0]  # it adapts
+
+
+@pytest.mark.parametrize(
+    "circuit",
+    [WITH_ADEX, with_cell(BASE.with_spread(0.1), "GPe", ADEX), with_cell(BASE, "D1", ADEX)],
+    ids=["GPe", "spread", "D1"],
+)
+def test_adex_cells_spike_alike_in_all_engines(circuit):
+    found = [spikes_of(circuit, engine) for engine in SPIKING]
+    assert found[0] == found[1] == found[2]
+    assert len(found[0]) > 1000
+
+
+def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision():
+    circuit = with_cell(BASE.with_connections(0.25), "GPe", ADEX)
+    fast, brian, plain = (spikes_of(circuit, engine) for engine in SPIKING)
+    assert brian == plain
+    assert len(fast ^ plain) <= 0.03 * len(plain)
+
+
+@pytest.mark.parametrize(
+    ("call", "answer", "user"),
+    [
+        (lacking("algebra", laws="cells"), "rate_hz", 'laws="cells"'),
+        (lacking("algebra", laws="finite"), "rate_hz", 'laws="cells"'),
+        (lacking("rate"), "membrane_ms", "rates with time constants and stability"),
+        (growth, "membrane_ms", "rates with time constants and stability"),
+    ],
+)
+def test_an_adex_without_laws_says_so(call, answer, user):
+    with pytest.raises(ValueError, match="have it") as error:
+        call(WITH_ADEX)
+    said = str(error.value)
+    assert said == f"{user} needs AdEx.{answer}, and AdEx cells do not have it"

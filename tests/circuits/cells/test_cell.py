@@ -1,0 +1,87 @@
+"""Cell types: what one lacks is said, and what cannot be one is refused."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from circuits.cells import CELLS, AdEx, Cell, Phase, Rate, register
+from tests.circuits.spiking import ADEX, BASE, SPIKING, lacking, one_sentence, spikes_of, with_cell
+
+
+def test_a_law_of_the_mean_alone_is_not_taken_for_the_law_of_fluctuations():
+    @register
+    @dataclass(frozen=True)
+    class Half(AdEx):
+        def rate_hz(self, x, line_hz):
+            return line_hz
+
+    circuit = with_cell(BASE, "GPe", Half(**vars(ADEX)))
+    lacking("algebra", laws="cells")(circuit)
+    with pytest.raises(ValueError, match=r'laws="finite" needs Half\.response, and Half cells'):
+        lacking("algebra", laws="finite")(circuit)
+
+
+def test_a_type_that_only_names_its_state_lacks_every_step():
+    @register
+    @dataclass(frozen=True)
+    class Bare(Cell):
+        state = ("v",)
+
+    circuit = with_cell(BASE, "GPe", Bare())
+    for engine in SPIKING:
+        with pytest.raises(ValueError, match=r"needs Bare\.\w+, and Bare cells do not have it"):
+            lacking(engine)(circuit)
+
+
+def test_a_type_without_a_text_is_refused_by_brian2_alone():
+    @register
+    @dataclass(frozen=True)
+    class Mute(Phase):
+        brian = None
+
+    circuit = with_cell(BASE, "STN", Mute(0.3))
+    with pytest.raises(ValueError, match=r"the brian2 engine needs Mute\.brian"):
+        lacking("brian2")(circuit)
+    assert spikes_of(circuit, "ensemble") == spikes_of(circuit, "plain")
+
+
+def test_a_type_that_cannot_be_one_is_refused_at_registration():
+    class Plain(Cell):
+        pass
+
+    @dataclass(frozen=True)
+    class Deaf(Cell):
+        hears = "mv"
+        state = ("v",)
+
+    @dataclass(frozen=True)
+    class Stateless(Cell):
+        pass
+
+    one_sentence(lambda: register(int), "subclass of circuits.cells.Cell")
+    one_sentence(lambda: register(Plain), "frozen=True")
+    one_sentence(lambda: register(Deaf), "hears must be one of nats, hz")
+    one_sentence(lambda: register(Stateless), "Stateless.state must name")
+    twin = dataclass(frozen=True)(type("Lif", (Phase,), {"__module__": "elsewhere"}))
+    one_sentence(lambda: register(twin), "there is a cell type Lif already")
+
+
+def test_every_registered_type_answers_or_raises_in_every_engine():
+    """No engine and no law takes a cell type for another: each runs, or names type and answer."""
+    made = {"Rate": Rate(), "Lif": BASE.population("GPe").cell, "Phase": Phase(0.3), "AdEx": ADEX}
+    assert set(made) == set(CELLS)
+    calls = [lacking(e) for e in SPIKING]
+    calls = [
+        *calls,
+        lacking("rate"),
+        *(lacking("algebra", laws=x) for x in ("table", "cells", "finite")),
+    ]
+    for name, cell in made.items():
+        circuit = with_cell(BASE, "GPe", cell)
+        for call in calls:
+            try:
+                right = np.isfinite(call(circuit).output_nats).all()
+            except ValueError as error:
+                right = f"{name} cells do not have it" in str(error)
+            assert right

@@ -1,0 +1,38 @@
+"""The leaky integrate-and-fire cell: its tick and its sampled threshold."""
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from circuits import anatomy
+
+BASE = anatomy.spiking_msprt(2).with_neurons(40)
+
+
+def test_a_tick_of_a_lif_is_the_exact_solution_of_its_equation():
+    cell = BASE.population("GPe").cell
+    factors = np.random.default_rng(3).uniform(0.7, 1.3, (3, 50))
+    tau, slope, top = factors
+    c = cell.constants(factors, 0.1)
+    npt.assert_allclose(
+        c["threshold"] / c["unit"], cell.sampled_threshold_mv(0.1, tau, top) - 3, rtol=1e-6
+    )
+    alpha = np.exp(-0.1 / (cell.tau_ms * tau))
+    for v, nats, ones in ((3.0, -0.5, 4), (9.0, 0.3, 0), (14.0, 0.0, 7)):
+        mean = cell.rest_mv + cell.mv_per_nat * slope * nats
+        step = cell.noise_mv * np.sqrt(1 - alpha**2)
+        exact = mean + (v - mean) * alpha + step * (ones - 4) / np.sqrt(2)
+        kept = c["decay"] * c["unit"] * (v - cell.reset_mv)
+        moved = kept + (c["rest"] + c["slope"] * nats + c["noise_step"] * ones)
+        npt.assert_allclose(cell.reset_mv + moved / c["unit"], exact, rtol=1e-6)
+
+
+SPIKING = anatomy.spiking_msprt()
+
+
+@pytest.mark.parametrize("dt_ms", [0.05, 0.1, 0.2])
+def test_the_sampled_threshold_lies_below_by_the_overshoot(dt_ms):
+    cell = SPIKING.population("GPe").cell
+    step = cell.noise_mv * np.sqrt(2 * dt_ms / cell.tau_ms)
+    below = cell.threshold_mv - cell.sampled_threshold_mv(dt_ms)
+    assert below == pytest.approx(0.5826 * step, rel=0.02)

@@ -1,0 +1,146 @@
+"""The Brian2 engine: the spikes of the plain one."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from scipy.special import log_softmax
+
+from circuits import anatomy
+from circuits.cells import Lif, Phase, Rate
+from circuits.engines import plain
+from circuits.engines.brian2 import run as spiking
+from circuits.spec import GABA, Circuit, Population, Projection
+
+# Brian2 2.9 calls pyparsing by its old names.
+
+STEPS = {"step_ms": 10, "settle_ms": 30}
+DRIVE = np.array([[[0.4, -0.2], [0.9, -0.5], [1.5, -1.5]], [[0.0, 0.3], [-0.5, 0.6], [-1.0, 1.0]]])
+WHOLE = anatomy.spiking_msprt().with_neurons(12)
+
+
+def small():
+    """Return two kinds of cells and a unit of rate, with every kind of pathway."""
+    cell = Lif(10, 4, 15, 3, 2, rest_mv=11, mv_per_nat=6)
+    neurons = {"neurons": 10}
+    return Circuit(
+        name="small",
+        populations=(
+            Population("ctx", Phase(0.5), 20, 20, transfer="rectified", tau_ms=5, **neurons),
+            Population("slow", Rate(signed=True), 0, 1, GABA, pooled=True, bias_nats=-4, tau_ms=50),
+            Population("STN", Phase(0.8), 5, 20, tau_ms=3, spread=0.2, **neurons),
+            Population("SNr", cell, 30, 60, GABA, **neurons),
+        ),
+        projections=(
+            Projection("ctx", "STN", 0.2, delay_ms=2, tau_ms=4, probability=0.5),
+            Projection("ctx", "SNr", 0.3, delay_ms=1.5, tau_ms=6),
+            Projection("STN", "SNr", 0.3, "diffuse", tau_ms=5, transfer="rectified"),
+            Projection("STN", "slow", 1, "diffuse", delay_ms=2),
+            Projection("slow", "ctx", -0.5, "diffuse", delay_ms=3),
+            Projection("SNr", "SNr", -0.1, "neighbour", delay_ms=1),
+        ),
+        readout_tau_ms=10,
+    )
+
+
+def cells_of(circuit):
+    return tuple(row.name for row in circuit.populations if row.spiking)
+
+
+def assert_same(a, b):
+    assert set(a.spikes) == set(b.spikes)
+    order = ["trial", "channel", "time_ms", "neuron"]
+    for name, table in b.spikes.items():
+        assert len(table), f"{name} is silent: nothing is tested"
+        rows = [t.spikes[name].sort_values(order)[order].to_numpy().round(6) for t in (a, b)]
+        npt.assert_array_equal(*rows, err_msg=name)
+    for name, rates in b.rates_hz.items():
+        npt.assert_allclose(a.rates_hz[name], rates, atol=1e-9, err_msg=name)
+    npt.assert_allclose(a.output_nats, b.output_nats, atol=1e-11)
+    npt.assert_allclose(a.time_ms, b.time_ms)
+
+
+def both(circuit, drive=DRIVE, **options):
+    given = STEPS | {"seed": 5, "spikes": cells_of(circuit)} | options
+    fast = spiking.run(circuit, drive, **given)
+    given.pop("explicit", None)
+    return fast, plain.run(circuit, drive, **given)
+
+
+@pytest.mark.parametrize(
+    "circuit",
+    [
+        WHOLE,
+        WHOLE.with_spread(0.15),
+        WHOLE.with_connections(0.3).with_spread(0.1),
+        WHOLE.without("D2", 0.5, replaced=True).without("GPe"),
+        small(),
+        replace(small(), wiring_seed=3).scaled("ctx", "SNr", 0),
+        small().scaled("ctx", "STN", 0.5, 0).scaled("SNr", "SNr", 2, 1),
+    ],
+    ids=["whole", "spread", "sparse", "lesioned", "small", "other connections", "one channel"],
+)
+def test_spikes_are_those_of_the_plain_engine(circuit):
+    assert_same(*both(circuit))
+
+
+def test_shared_inputs_give_the_spikes_of_a_synapse_per_pair_of_cells():
+    assert_same(*both(WHOLE, DRIVE[:, :2], explicit=True))
+    everywhere = replace(small(), projections=small().projections[:3])
+    everywhere = replace(
+        everywhere, populations=tuple(p for p in everywhere.populations if p.spiking)
+    )
+    assert_same(*both(everywhere, explicit=True))
+
+
+def test_spikes_are_those_of_the_plain_engine_on_any_grid_of_time():
+    """Settling that is no multiple of a sample, another tick, three channels."""
+    drive = np.array([[[0.5, 0.0, -0.5], [1.0, 0.2, -1.2]]])
+    options = {"dt_ms": 0.25, "step_ms": 37.5, "settle_ms": 10.75, "sample_ms": 1.5}
+    assert_same(*both(WHOLE.with_channels(3), drive, **options))
+    assert_same(*both(small().with_channels(3), drive, **options | {"settle_ms": 0}))
+
+
+def test_a_trial_has_its_noise_whatever_runs_beside_it():
+    given = STEPS | {"seed": 5, "spikes": ("SNr",)}
+    two = spiking.run(small(), DRIVE, **given)
+    one = spiking.run(small(), DRIVE[1:], first_trial=1, **given)
+    npt.assert_array_equal(one.output_nats[0], two.output_nats[1])
+    rows = two.spikes["SNr"].query("trial == 1").drop(columns="trial")
+    npt.assert_array_equal(one.spikes["SNr"].drop(columns="trial"), rows)
+    assert one.about == {"seed": 5, "first_trial": 1, "dt_ms": 0.1, "settle_ms": 30}
+
+
+def test_a_table_of_rates_settles_at_the_log_posterior():
+    y = np.array([0.6, -0.4, 0.1])
+    drive = np.tile(y, (1, 25, 1))
+    out = spiking.run(anatomy.bogacz_gurney(3), drive, step_ms=10, seed=1)
+    npt.assert_allclose(out.output_nats[0, -1], -log_softmax(y), atol=1e-6)
+    assert out.spikes is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"spikes": ("slow",)}, "slow has no cells that spike"),
+        ({"spikes": ("STNN",)}, "no nucleus 'STNN'"),
+        ({"settle_ms": 0.05}, "settle_ms of 0.05 ms is no multiple of dt_ms"),
+        ({"seed": -1}, "seed must be"),
+    ],
+)
+def test_an_option_that_does_not_fit_is_refused_before_the_run(options, message):
+    with pytest.raises(ValueError, match=message):
+        spiking.run(small(), DRIVE, **STEPS | {"seed": 1} | options)
+
+
+def test_brian2_loads_when_it_runs_and_leaves_the_hook_for_errors():
+    code = (
+        "import sys, circuits.engines.brian2.run; print('brian2' in sys.modules);"
+        "from circuits.engines.brian2.noise import load_brian; hook = sys.excepthook; load_brian();"
+        "print(sys.excepthook is hook)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]

@@ -1,0 +1,96 @@
+"""Cell types of one's own in the compiled engine."""
+
+from dataclasses import dataclass, replace
+
+import pytest
+
+from circuits import single
+from circuits.cells import Lif, Phase, Rate, register
+from circuits.engines import run
+from circuits.engines.ensemble import cells as compiled_cells
+from tests.circuits.spiking import (
+    BASE,
+    DRIVE,
+    GIVEN,
+    NAMES,
+    WITH_ADEX,
+    lacking,
+    spikes_of,
+    with_cell,
+)
+
+
+def own(circuit):
+    """Return a circuit whose cell types are registered anew, alike in all but their name."""
+
+    @register
+    @dataclass(frozen=True)
+    class OwnLif(Lif):
+        pass
+
+    @register
+    @dataclass(frozen=True)
+    class OwnPhase(Phase):
+        pass
+
+    twin = {Lif: OwnLif, Phase: OwnPhase, Rate: Rate}
+    rows = (replace(p, cell=twin[type(p.cell)](**vars(p.cell))) for p in circuit.populations)
+    return replace(circuit, populations=tuple(rows))
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.1])
+def test_loops_of_their_own_give_the_spikes_of_the_tick_as_it_stands(spread):
+    """The compiled engine's fast loops against its general one: the same type by another name."""
+    circuit = BASE.with_spread(spread)
+    twin = own(circuit)
+    assert compiled_cells.entry(twin.population("GPe").cell) is compiled_cells.GENERAL
+    assert compiled_cells.entry(circuit.population("GPe").cell) is not compiled_cells.GENERAL
+    assert spikes_of(circuit, "ensemble") == spikes_of(twin, "ensemble")
+
+
+def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine():
+    twin = own(BASE.with_connections(0.25).with_spread(0.1))
+    fast, plain = spikes_of(twin, "ensemble"), spikes_of(twin, "plain")
+    assert len(fast ^ plain) <= 0.03 * len(plain)
+
+
+def test_another_window_or_recording_changes_no_spike_of_a_type_of_ones_own(monkeypatch):
+    from circuits.engines.ensemble import kernel
+
+    given = GIVEN | {"step_ms": 20.1, "sample_ms": 0.3, "settle_ms": 20.3}
+    whole = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **given)
+    unrecorded = run(WITH_ADEX, DRIVE, engine="ensemble", **given)
+    monkeypatch.setattr(kernel, "WINDOW", 1)
+    one = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **given)
+    for other in (unrecorded, one):
+        assert other.output_nats.tobytes() == whole.output_nats.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("tick", "says"),
+    [
+        (lambda heard, ones, v: (v > single.ONE, v), r"tick must take .* constants"),
+        (
+            lambda heard, ones, phi, noise_step, factor: (
+                phi > single.ONE,
+                single.fused(heard, phi, phi),
+            ),
+            "on numbers in single precision",
+        ),
+        (
+            lambda heard, ones, phi, noise_step, factor: (phi > single.ONE, phi + 0.5),
+            "on numbers in single precision",
+        ),
+    ],
+    ids=["names", "double into fused", "a literal"],
+)
+def test_a_tick_that_would_round_otherwise_when_compiled_is_refused(tick, says):
+    function = tick
+
+    @register
+    @dataclass(frozen=True)
+    class Wrong(Phase):
+        tick = staticmethod(function)
+
+    with pytest.raises(ValueError, match=says):
+        lacking("ensemble")(with_cell(BASE, "STN", Wrong(0.3)))

@@ -1,0 +1,28 @@
+"""Drives, tables and states that several modules of `circuits` are tried on."""
+
+import numpy as np
+
+from circuits import anatomy, fixed_point
+from circuits.laws.mean_field import settled
+
+CLOSE = 1e-9
+REFERENCE = 3.0
+MEMBERS = {
+    "bogacz_gurney": anatomy.bogacz_gurney,
+    "appendix_b": anatomy.appendix_b,
+    "appendix_b, strong D2": lambda n: anatomy.appendix_b(n, w_gpe_stn=0.9, w_d2_gpe=2),
+    "appendix_b, weak GPe": lambda n: anatomy.appendix_b(n, w_gpe_stn=0.1, w_d2_gpe=1),
+}
+
+
+def evidence(channels, trials=40, seed=0):
+    """Drives whose sum over channels is 0, so that S >= REFERENCE."""
+    drive = np.random.default_rng(seed).normal(0, 2, (trials, channels))
+    return drive - drive.mean(axis=1, keepdims=True)
+
+
+def state(circuit):
+    """Return the wiring and the state at rest with the cells' own laws."""
+    wiring = fixed_point.wired(circuit)
+    silence = np.zeros((1, circuit.channels))
+    return wiring, settled(wiring, silence, fixed_point.solve(wiring, silence))[0]

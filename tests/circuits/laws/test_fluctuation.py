@@ -1,0 +1,106 @@
+"""What a finite number of cells does to the fixed point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.cells import Phase, Rate
+from circuits.engines import algebra
+from circuits.engines.ensemble import run as ensemble
+from circuits.laws.fluctuation import extra_rates
+from circuits.spec import Circuit, Population, Projection
+from tests.circuits.helpers import state
+
+TABLE = anatomy.spiking_msprt()
+
+
+def fed(*, cells, gain=1.0, tau_ms=5.0):
+    """Return an irregular population that drives an exponential one through two filters."""
+    rows = (
+        Population("source", Phase(1.0), 40.0, 20.0, neurons=cells),
+        Population("target", Rate(), 0.0, 10.0, transfer="exp", tau_ms=tau_ms),
+    )
+    path = Projection("source", "target", gain, delay_ms=2, tau_ms=4.0)
+    table = Circuit("fed", rows, (path,), 2, input="source", readout="target")
+    return replace(table, reference_nats=np.log(2))
+
+
+def shot_covariance(cell, hz, a, b):
+    """Return that of a cell's spikes through exp(-a t) and exp(-b t), rates in Hz (Cox 1962)."""
+
+    def later(s):
+        """Return the transform of the rate after a spike."""
+        passed = np.exp((1 - np.sqrt(1 + 2 * s * cell.cv**2 / hz)) / cell.cv**2)
+        return passed / (1 - passed)
+
+    return hz / (a + b) * (1 + later(a) + later(b)) - hz**2 / (a * b)
+
+
+@pytest.mark.parametrize("tau_ms", [0.0, 5.0])
+def test_noise_of_spikes_lifts_an_exponential_by_half_its_variance(tau_ms):
+    """Renewal shot noise through filters of 4 and tau ms, in closed form."""
+    cells = 200
+    wiring, x = state(fed(cells=cells, tau_ms=tau_ms))
+    extra = extra_rates(wiring, x[None])[0]
+    a, of = 1000 / 4, lambda x, y: shot_covariance(Phase(1.0), 40.0, x, y)
+    variance = of(a, a) * a**2
+    if tau_ms:
+        b = 1000 / tau_ms
+        variance = (of(a, a) - 2 * of(a, b) + of(b, b)) * (a * b / (a - b)) ** 2
+    variance /= cells * 20.0**2
+    target = wiring.blocks_of("target")
+    expected = wiring.rates(x)[target] * variance / 2
+    np.testing.assert_allclose(extra[target], expected, rtol=0.01 if tau_ms else 0.04)
+    assert not extra[wiring.blocks_of("source")].any()
+
+
+@pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b", "linear_gpe"])
+def test_a_circuit_of_rates_has_no_noise(name):
+    table = anatomy.circuit(name, 3)
+    drive = np.array([[[1.0, 0.0, -1.0]]])
+    line, finite = (algebra.run(table, drive, laws=laws) for laws in ("table", "finite"))
+    np.testing.assert_allclose(finite.output_nats, line.output_nats, atol=1e-9)
+
+
+def test_the_noise_of_few_cells_is_in_the_fixed_point():
+    """OUT of 100 cells a population lies off that of many by what is computed."""
+    table = anatomy.spiking_msprt(2).with_neurons(100)
+    # So many that the error of the mean is a fortieth of what is computed.
+    drive = np.zeros((200, 1, 2))
+    drive[:, 0] = 1.0, -1.0
+    spikes = ensemble.run(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
+    measured = spikes.output_nats[:, 200:, 0].mean(axis=1)
+    error = measured.std(ddof=1) / np.sqrt(len(measured))
+    cells, finite = (
+        algebra.run(table, drive[:1], laws=laws).output_nats[0, 0, 0]
+        for laws in ("cells", "finite")
+    )
+    print(f"{measured.mean():.4f} +- {error:.4f}, cells {cells:.4f}, finite {finite:.4f}")
+    assert abs(measured.mean() - cells) > 4 * error
+    assert abs(measured.mean() - finite) < 0.15 * abs(measured.mean() - cells)
+
+
+@pytest.mark.parametrize(
+    ("table", "what"),
+    [
+        (TABLE.with_spread(0.1), "those of ctx differ by 10%"),
+        (TABLE.with_connections(0.25), "ctx->D1 connects 25%"),
+        (TABLE.with_projection("STN", "GPe", transfer="rectified"), "STN->GPe is rectified"),
+        (
+            TABLE.with_projection("STN", "GPe", delay_ms=20).with_projection(
+                "GPe", "STN", delay_ms=20
+            ),
+            "is unstable",
+        ),
+    ],
+)
+def test_a_circuit_whose_noise_is_not_known_is_refused(table, what):
+    with pytest.raises(ValueError, match=what):
+        algebra.run(table, np.zeros((1, 1, 2)), laws="finite")
+
+
+def test_an_unknown_law_lists_the_known_ones():
+    with pytest.raises(ValueError, match="laws must be one of table, cells, finite, got 'own'"):
+        algebra.run(TABLE, np.zeros((1, 1, 2)), laws="own")

@@ -1,0 +1,93 @@
+"""Response and spectrum of a cell against limits that are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import erfcx
+
+from circuits import anatomy
+from circuits.cells import Phase
+from circuits.laws.firing import lif_rate_hz
+from circuits.laws.response import lif_response, phase_spectrum
+
+TABLE = anatomy.spiking_msprt()
+SLOW, FAST = [1e-3], [3000.0]
+
+
+@pytest.mark.parametrize("name", ["D1", "GPe"])
+@pytest.mark.parametrize("above_mv", [-6.0, -2.0, 0.0, 4.0])
+def test_slow_fluctuations_see_slope_and_curvature_of_siegerts_law(name, above_mv):
+    cell = TABLE.population(name).cell
+    mean, step = cell.threshold_mv + above_mv, 0.1
+    low, here, high = lif_rate_hz(cell, mean + step * np.array([-1, 0, 1]))
+    found = lif_response(cell, [mean], SLOW)
+    assert found.gain[0, 0].real == pytest.approx((high - low) / (2 * step), rel=3e-3)
+    assert abs(found.gain[0, 0].imag) < 1e-3 * found.gain[0, 0].real
+    bend = (high - 2 * here + low) / (2 * step**2)
+    assert found.bend[0, 0] == pytest.approx(bend, rel=1e-2, abs=2e-4)
+
+
+@pytest.mark.parametrize("name", ["D1", "GPe"])
+def test_fast_modulation_passes_as_one_over_the_root_of_its_frequency(name):
+    """|gain| is r / (sd sqrt(omega tau)): Brunel, Chance, Fourcaud & Abbott 2001."""
+    cell = TABLE.population(name).cell
+    mean = cell.threshold_mv + 1.0
+    law = lif_rate_hz(cell, mean) / np.sqrt(2 * np.pi * FAST[0] * cell.tau_ms / 1000)
+    found = np.abs(lif_response(cell, [mean], FAST).gain[0, 0])
+    assert found == pytest.approx(law / cell.noise_mv, rel=0.03)
+
+
+@pytest.mark.parametrize("above_mv", [-4.0, 0.0, 5.0])
+def test_slow_power_is_the_rate_times_the_squared_cv_of_intervals(above_mv):
+    """CV^2 of a first passage from reset to threshold: Brunel 2000, equation A.7."""
+    cell = replace(TABLE.population("SNr").cell, refractory_ms=0.0)
+    mean = cell.threshold_mv + above_mv
+    ends = (np.array([cell.reset_mv, cell.threshold_mv]) - mean) / (np.sqrt(2) * cell.noise_mv)
+    rate = float(lif_rate_hz(cell, mean))
+
+    def inner(x):
+        # exp(x^2) int exp(v^2) (1 + erf v)^2 dv, with exp(v^2) (1 + erf v) = erfcx(-v).
+        return quad(lambda v: np.exp(x * x - v * v) * erfcx(-v) ** 2, -9, x)[0]
+
+    variance = quad(inner, *ends)[0]
+    cv2 = 2 * np.pi * (rate * cell.tau_ms / 1000) ** 2 * variance
+    found = lif_response(cell, [mean], SLOW).spectrum[0, 0]
+    assert found / rate == pytest.approx(cv2, rel=5e-3)
+
+
+@pytest.mark.parametrize("name", ["D1", "GPe"])
+def test_fast_power_is_the_rate(name):
+    cell = TABLE.population(name).cell
+    mean = np.array([cell.threshold_mv - 3.0, cell.threshold_mv + 3.0])
+    power = lif_response(cell, mean, FAST).spectrum[:, 0]
+    np.testing.assert_allclose(power, lif_rate_hz(cell, mean), rtol=5e-3)
+
+
+def test_power_of_the_other_cells_is_that_of_renewal_processes():
+    rate = np.array([5.0, 40.0])
+    for cv in (0.3, 0.5, 1.0):
+        np.testing.assert_allclose(phase_spectrum(Phase(cv), rate, SLOW)[:, 0], cv**2 * rate, 1e-4)
+        np.testing.assert_allclose(phase_spectrum(Phase(cv), rate, [1e4])[:, 0], rate, 0.02)
+    assert not phase_spectrum(Phase(0.0), rate, [3.0]).any()
+
+
+@pytest.mark.parametrize("name", ["D1", "GPe"])
+@pytest.mark.parametrize("above_mv", [-3.0, 2.0])
+def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv):
+    """White input of power S adds S/(2 tau) to sd^2: Siegert's law says what the rate gains."""
+    cell = replace(TABLE.population(name).cell, refractory_ms=0.0)
+    mean = cell.threshold_mv + above_mv
+    frequency = np.concatenate([[1e-3], np.geomspace(0.1, 20_000, 200)])
+    bend = lif_response(cell, [mean], frequency).bend[0]
+    # It falls as the frequency to the -3/2 in the end: the rest of the integral.
+    gained = 2 * (np.trapezoid(bend, frequency) + 2 * bend[-1] * frequency[-1])
+    step = 0.01
+    more, less = (
+        lif_rate_hz(replace(cell, noise_mv=np.sqrt(cell.noise_mv**2 + by)), mean)
+        for by in (step, -step)
+    )
+    law = (more - less) / (2 * step) / (2 * cell.tau_ms / 1000)
+    print(f"{name} {above_mv}: {gained:.4f}, law {law:.4f}")
+    assert gained == pytest.approx(law, rel=0.03)

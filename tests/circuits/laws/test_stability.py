@@ -1,0 +1,164 @@
+"""Where a circuit begins to oscillate: closed forms, and the rate engine."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from circuits import anatomy
+from circuits.engines import algebra, rate
+from circuits.laws import stability
+from circuits.laws.stability import growth, onset, roots
+from tests.circuits.helpers import MEMBERS
+
+
+@pytest.mark.filterwarnings("ignore:S runs from")
+def test_a_loop_beyond_its_onset_turns_at_the_computed_frequency():
+    table = anatomy.bogacz_gurney()
+    begins = onset(table)
+    beyond = replace(table, reference_nats=1.04 * begins.total_nats)
+    drive = np.array([[[0.3, -0.3], [0.0, 0.0], [0.0, 0.0]]])
+    found = rate.run(beyond, drive, step_ms=2000, sample_ms=1.0)
+    frequency, power = found.spectrum("STN", from_ms=2500, segment_ms=2000)
+    peak = frequency[1:][power[1:].argmax()]
+    assert peak == pytest.approx(begins.frequency_hz, rel=0.1)
+
+
+def test_growth_is_the_first_of_the_roots():
+    table = anatomy.spiking_msprt()
+    found = roots(table, (0.5, -0.5))
+    assert growth(table, (0.5, -0.5)) == found[0]
+    assert np.all(np.diff(found.real) <= 0)
+
+
+def loop(stn_ms, gpe_ms, delay_ms):
+    """Return the exact circuit with other time constants and delays to GPe and back."""
+    circuit = (
+        anatomy.bogacz_gurney()
+        .with_population("STN", tau_ms=stn_ms)
+        .with_population("GPe", tau_ms=gpe_ms)
+    )
+    circuit = circuit.with_projection("STN", "GPe", delay_ms=delay_ms[0])
+    return circuit.with_projection("GPe", "STN", delay_ms=delay_ms[1])
+
+
+def closed_form(stn_ms, gpe_ms, delay_ms):
+    """Where (1 + s a)(1 + s b) + (S - 1) exp(-s D) = 0 has a root on the imaginary axis: S, Hz."""
+    around = sum(delay_ms)
+    phase = lambda w: np.arctan(w * stn_ms) + np.arctan(w * gpe_ms) + w * around - np.pi  # noqa: E731
+    w = brentq(phase, 1e-9, np.pi / around, xtol=1e-15)
+    return 1 + np.hypot(1, w * stn_ms) * np.hypot(1, w * gpe_ms), 1000 * w / (2 * np.pi)
+
+
+LOOPS = {
+    "assumed": ((5, 10, (2, 2)), 5.5),
+    "Lindahl": ((6, 14, (5, 5)), 3.8),
+    "macaque": ((6, 14, (3, 10)), 3.3),
+}
+OSCILLATING = {name: loop(*times) for name, (times, _) in LOOPS.items()} | {
+    "appendix_b": anatomy.appendix_b(3, w_gpe_stn=0.4),
+    "linear_gpe": anatomy.linear_gpe(),
+}
+
+
+@pytest.mark.parametrize(("times", "printed"), LOOPS.values(), ids=list(LOOPS))
+def test_the_computed_limit_is_the_closed_form(times, printed):
+    limit = stability.onset(loop(*times))
+    total, hertz = closed_form(*times)
+    assert limit.total_nats == pytest.approx(total, rel=1e-6)
+    assert limit.frequency_hz == pytest.approx(hertz, rel=1e-6)
+    assert round(limit.total_nats, 1) == printed
+    assert stability.stability_limit_nats(loop(*times)) == limit.total_nats
+
+
+def test_the_limit_does_not_depend_on_the_number_of_alternatives():
+    limits = [stability.stability_limit_nats(anatomy.bogacz_gurney(n)) for n in (2, 5, 12)]
+    assert np.ptp(limits) < 1e-5
+
+
+@pytest.mark.parametrize("name", [*MEMBERS, "linear_gpe"])
+def test_stated_ranges_lie_within_the_computed_limit(name):
+    circuit = MEMBERS.get(name, anatomy.linear_gpe)(2)
+    assert circuit.range_nats[1] < stability.stability_limit_nats(circuit)
+    for slope in (0.3, 4.0):
+        linear = anatomy.linear_gpe(slope=slope)
+        assert linear.range_nats[1] < stability.stability_limit_nats(linear)
+
+
+def fluctuation(circuit, totals):
+    """How STN's sum departs from the fixed point at each S, after a kick: (trials, 1 ms samples).
+
+    Drives rise together in a ramp of .6 s; what is left of the ramp and the kick grows or decays.
+    """
+    lowest, readings, step_ms = 1.5, 60, 20
+    circuit = replace(circuit, reference_nats=lowest)
+    ramp = np.minimum(np.arange(readings) / 30, 1)
+    drive = ((totals - lowest)[:, None] * ramp)[..., None] * np.ones(circuit.channels)
+    drive[:, 31] += 0.002
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        activity = rate.run(circuit, drive, step_ms=step_ms, settle_ms=0)
+    still = algebra.run(circuit, drive[:, -1:]).decoded_nats("STN").sum(axis=2)
+    return activity.decoded_nats("STN").sum(axis=2)[:, 700:] - still
+
+
+@pytest.mark.parametrize("circuit", OSCILLATING.values(), ids=list(OSCILLATING))
+def test_the_measured_onset_is_the_computed_one(circuit):
+    """Within 5 %; a tick of .1 ms shortens the loop by as much and stabilises it by some 2 %."""
+    limit = stability.onset(circuit)
+    totals = limit.total_nats * np.linspace(0.9, 1.1, 9)
+    departs = fluctuation(circuit, totals)
+    early, late = np.split(np.sqrt((departs**2).reshape(9, 2, -1).mean(axis=2)), 2, axis=1)
+    grows = np.log(late / early)[:, 0] / (departs.shape[1] / 2 / 1000)
+    # Sustained oscillations above the limit grow no further, so keep to the small ones.
+    small = late[:, 0] < 0.3 * totals
+    measured = float(np.interp(0, grows[small], totals[small]))
+    print(f"{circuit.name}: onset {measured:.3f}, computed {limit.total_nats:.3f}")
+    assert grows[small].min() < 0 < grows[small].max()
+    assert measured == pytest.approx(limit.total_nats, rel=0.05)
+    spectrum = np.abs(np.fft.rfft(departs[4] * np.hanning(departs.shape[1])))
+    hertz = np.fft.rfftfreq(departs.shape[1], 1e-3)[spectrum.argmax()]
+    assert hertz == pytest.approx(limit.frequency_hz, rel=0.05, abs=2)
+
+
+def test_growth_is_that_of_a_small_disturbance():
+    circuit = loop(6, 14, (5, 5))
+    for total in (2.5, 3.5):
+        at = replace(circuit, reference_nats=total)
+        root = stability.growth(at)
+        kick = np.zeros((1, 41, 2))
+        kick[:, 0] = 1e-3
+        activity = rate.run(at, kick, step_ms=20, dt_ms=0.02, settle_ms=0)
+        departs = activity.decoded_nats("STN").sum(axis=2)[0] - total
+        period = round(1000 * 2 * np.pi / abs(root.imag))
+        peaks = [np.abs(departs[k : k + 2 * period]).max() for k in (200, 200 + 4 * period)]
+        found = np.log(peaks[1] / peaks[0]) / (4 * period / 1000)
+        assert found == pytest.approx(root.real, rel=0.05)
+        assert stability.is_stable(at)
+    assert not stability.is_stable(replace(circuit, reference_nats=4.0))
+
+
+def test_without_a_loop_or_with_a_common_mode_nothing_oscillates():
+    no_loop = anatomy.bogacz_gurney().without("GPe")
+    assert stability.growth(no_loop).real == -np.inf
+    assert stability.onset(no_loop).total_nats == np.inf
+    # A common mode that holds STN's sum keeps the spiking circuit stable, also under evidence.
+    spiking = anatomy.spiking_msprt()
+    assert stability.stability_limit_nats(spiking) > spiking.range_nats[1]
+    for difference in (0.0, 2.0, 6.0):
+        assert stability.is_stable(spiking, [-difference / 2, difference / 2])
+    # Without it the loop oscillates, in the beta band.
+    limit = stability.onset(spiking.without("common"))
+    assert 4.5 < limit.total_nats < 6
+    assert 13 < limit.frequency_hz < 30
+
+
+def test_a_drive_of_another_shape_and_a_loop_that_is_never_stable_are_refused():
+    circuit = anatomy.bogacz_gurney()
+    with pytest.raises(ValueError, match=r"drive must be \(2,\), got shape \(3,\)"):
+        stability.growth(circuit, np.zeros(3))
+    unstable = circuit.with_projection("STN", "GPe", transfer="linear", weight=400, delay_ms=50)
+    with pytest.raises(ValueError, match=r"unstable already at S = 0\.25 nats"):
+        stability.onset(unstable)

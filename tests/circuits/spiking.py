@@ -1,0 +1,72 @@
+"""A small spiking circuit, an adaptive exponential cell in it, and its spikes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.cells import AdEx
+from circuits.engines import run
+
+SPIKING = ("ensemble", "brian2", "plain")
+NAMES = ("ctx", "D1", "STN", "GPe", "SNr")
+BASE = anatomy.spiking_msprt(2).with_neurons(40)
+# Brette & Gerstner 2005, table 1, over a leak of 30 nS; current and noise so that it fires as GPe.
+ADEX = AdEx(
+    tau_ms=9.37,
+    noise_mv=4,
+    knee_mv=-50.4,
+    sharpness_mv=2,
+    peak_mv=20,
+    reset_mv=-70.6,
+    refractory_ms=1,
+    rest_mv=-52,
+    mv_per_nat=13.56,
+    tau_w_ms=144,
+    adaptation=4 / 30,
+    jump_mv=80.5 / 30,
+    leak_mv=-70.6,
+)
+DRIVE = np.zeros((2, 3, 2))
+DRIVE[0, :, 0] = DRIVE[1, :, 1] = np.array([0, 0.7, 1.4])
+DRIVE -= DRIVE.mean(axis=2, keepdims=True)
+GIVEN = {"step_ms": 40.0, "seed": 3, "settle_ms": 20.0}
+
+
+def with_cell(circuit, name, cell):
+    """Return a circuit where a population has another cell."""
+    rows = (replace(p, cell=cell) if p.name == name else p for p in circuit.populations)
+    return replace(circuit, populations=tuple(rows))
+
+
+def spikes_of(circuit, engine, names=NAMES):
+    found = run(circuit, DRIVE, engine=engine, spikes=names, **GIVEN)
+    return {
+        (name, *row)
+        for name, table in found.spikes.items()
+        for row in np.rint(table[["trial", "channel", "neuron", "time_ms"]] * 10)
+        .astype(int)
+        .itertuples(index=False)
+    }
+
+
+WITH_ADEX = with_cell(BASE, "GPe", ADEX)
+
+
+def lacking(engine="ensemble", **options):
+    def call(circuit):
+        given = GIVEN if engine in SPIKING else {"step_ms": 40.0}
+        return run(circuit, DRIVE, engine=engine, **given | options)
+
+    return call
+
+
+def one_sentence(call, *parts):
+    with pytest.raises(ValueError, match=r".") as error:
+        call()
+    said = str(error.value)
+    assert "\n" not in said
+    for part in parts:
+        assert part in said
+    return said

@@ -1,0 +1,75 @@
+"""Activity: totals, decoded rates, spectra, and drives that do not fit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from circuits import anatomy
+from circuits.activity import checked_drive, total_nats
+from circuits.cells import Phase
+from circuits.engines import algebra, rate
+from circuits.engines.ensemble import run as ensemble
+from circuits.laws.response import phase_spectrum
+from circuits.spec import Circuit, Population
+from tests.circuits.helpers import CLOSE, REFERENCE, evidence
+
+
+def test_total_is_the_log_of_the_sum():
+    drive = evidence(4)
+    expected = logsumexp(drive + REFERENCE - np.log(4), axis=1)
+    assert np.allclose(total_nats(anatomy.bogacz_gurney(4), drive), expected, atol=1e-12)
+
+
+def test_rates_decode_to_the_activity_they_stand_for():
+    circuit = anatomy.bogacz_gurney(4)
+    drive = evidence(4)
+    activity = algebra.run(circuit, drive[:, None])
+    s = total_nats(circuit, drive)
+    assert np.abs(activity.decoded_nats("STN").sum(axis=2)[:, 0] - s).max() < CLOSE
+    assert np.abs(activity.decoded_nats("GPe")[:, 0, 0] - (s - np.log(s))).max() < CLOSE
+    assert np.array_equal(activity.decoded_nats("SNr"), activity.output_nats)
+    table = activity.rate_table()
+    assert len(table) == 4 * 4 + 1
+    assert table[table.population == "GPe"].rate_hz.iloc[0] == pytest.approx(
+        activity.rates_hz["GPe"].mean()
+    )
+
+
+def test_independent_spikes_have_twice_their_rate_over_their_number():
+    """The one-sided density of n cells is twice the power of one over n, at every frequency."""
+    hz, cells = 40.0, 300
+    row = Population("source", Phase(1.0), hz, 1.0, neurons=cells)
+    alone = Circuit("alone", (row,), (), 2, input="source", readout="source")
+    alone = replace(alone, reference_nats=np.log(2))
+    found = ensemble.run(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
+    frequency, power = found.spectrum("source", from_ms=500)
+    inside = (frequency > 5) & (frequency < 480)
+    # Two channels are averaged: their number is that of both.
+    law = 2 * phase_spectrum(Phase(1.0), [hz], frequency[inside])[0] / (2 * cells)
+    assert power[inside].mean() == pytest.approx(law.mean(), rel=0.03)
+    half = frequency[inside] < 50
+    assert power[inside][half].mean() == pytest.approx(law[half].mean(), rel=0.1)
+
+
+def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
+    found = rate.run(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
+    with pytest.raises(ValueError, match="segment_ms must fit into what is left"):
+        found.spectrum("STN", from_ms=100)
+
+
+@pytest.mark.parametrize(
+    ("drive", "message"),
+    [
+        (np.zeros((2, 3)), r"\(trials, steps, channels\), got shape \(2, 3\)"),
+        (np.zeros((0, 3, 2)), "got shape"),
+        (np.zeros((2, 3, 4)), r"drive has 4 hypotheses.*use with_channels\(4\)"),
+        (np.full((1, 1, 2), np.nan), "drive must be finite"),
+        (np.full((1, 1, 2), -np.inf), "drive must be finite"),
+    ],
+)
+def test_a_drive_that_does_not_fit_is_refused(circuit, drive, message):
+    for engine in (checked_drive, algebra.run, lambda *a: rate.run(*a, step_ms=1)):
+        with pytest.raises(ValueError, match=message):
+            engine(circuit, drive)

@@ -1,0 +1,31 @@
+"""Times that must be whole ticks."""
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.checks import whole_ticks
+from circuits.engines import rate
+from circuits.ticks import Clock, Scheme
+from circuits.wiring import wire
+
+
+def test_times_are_whole_ticks():
+    assert whole_ticks("delay", 2.5, 0.1) == 25
+    circuit = anatomy.bogacz_gurney().with_projection("STN", "GPe", delay_ms=2.05)
+    with pytest.raises(
+        ValueError, match=r"delay of STN->GPe of 2.05 ms is no multiple of dt_ms = 0.1"
+    ):
+        _ = Scheme(wire(circuit), 0.1).unit_delay
+    with pytest.raises(ValueError, match="delay of STN->GPe"):
+        rate.run(circuit, np.zeros((1, 1, 2)), step_ms=1)
+    with pytest.raises(ValueError, match="dt_ms must be > 0, got 0"):
+        whole_ticks("delay", 2, 0)
+    with pytest.raises(ValueError, match="step_ms must be > 0 and finite, got 0"):
+        Clock(1, 0)
+    with pytest.raises(ValueError, match=r"sample_ms of 0.25 ms is no multiple"):
+        Clock(1, 1, sample_ms=0.25)
+    with pytest.raises(ValueError, match="settle_ms must be >= 0 and finite, got -1"):
+        Clock(1, 1, settle_ms=-1)
+    with pytest.raises(ValueError, match="step_ms must be a multiple of sample_ms, got 3 and 2"):
+        Clock(1, 3, sample_ms=2)

@@ -1,0 +1,286 @@
+"""The table: edits return new circuits, and what makes no sense is refused in one sentence."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.cells import Lif, Rate
+from circuits.engines import algebra
+from circuits.spec import Population, Projection
+
+EDITS = {
+    "lesion": lambda c: c.without("STN", 0.3),
+    "replaced lesion": lambda c: c.without("GPe", replaced=True),
+    "weight": lambda c: c.scaled("STN", "GPe", 0.5),
+    "one channel": lambda c: c.scaled("D1", "SNr", 0.5, channel=1),
+    "dopamine": lambda c: c.dopamine(0.8),
+    "delay": lambda c: c.with_projection("STN", "GPe", delay_ms=7),
+    "time constant": lambda c: c.with_population("STN", tau_ms=7),
+    "neurons": lambda c: c.with_population("STN", neurons=7),
+    "channels": lambda c: c.with_channels(5),
+    "row": lambda c: c.with_rows(Population("TRN", c.population("STN").cell)),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS.values(), ids=list(EDITS))
+def test_an_edit_returns_a_new_circuit_and_leaves_the_old(circuit, edit):
+    before = repr(circuit)
+    edited = edit(circuit)
+    assert edited != circuit
+    assert repr(circuit) == before
+    assert edit(circuit) == edited
+
+
+def test_edits_that_change_nothing_return_the_circuit(circuit):
+    assert circuit.without("STN", 0) is circuit
+    assert circuit.scaled("STN", "GPe", 1) is circuit
+    assert circuit.scaled("STN", "GPe", 1, channel=0) is circuit
+    assert circuit.dopamine(1) is circuit
+
+
+def test_fields_of_a_cell_are_edited_like_those_of_its_row():
+    circuit = anatomy.spiking_msprt()
+    edited = circuit.with_cell("STN", cv=0.1).with_population("STN", neurons=40)
+    assert (edited.population("STN").cell.cv, edited.population("STN").neurons) == (0.1, 40)
+    assert circuit.with_cell("GPe", tau_ms=20).population("GPe").cell.tau_ms == 20
+    small = circuit.with_neurons(7).with_spread(0.1).with_connections(0.25)
+    assert {row.neurons for row in small.populations if row.spiking} == {7}
+    assert {row.spread for row in small.populations} == {0.1, 0.0}
+    assert {p.probability for p in small.projections} == {0.25, 1.0}
+
+
+def test_one_channel_is_scaled_and_no_other(circuit):
+    """At the fixed point: each channel in turn is the whole, and factors multiply."""
+    drive = np.array([[[0.4, 0.1, -0.5]]])
+    three = circuit.with_channels(3)
+    each = three
+    for channel in range(3):
+        each = each.scaled("D1", "SNr", 0.5, channel).scaled("D1", "SNr", 1.8, channel)
+    assert each.projection("D1", "SNr").factors == (0.9, 0.9, 0.9)
+    out = {
+        name: algebra.run(c, drive).output_nats[0, 0]
+        for name, c in {
+            "as it is": three,
+            "one": three.scaled("D1", "SNr", 0.9, channel=1),
+            "each": each,
+            "all": three.scaled("D1", "SNr", 0.9),
+        }.items()
+    }
+    np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(out["one"][[0, 2]], out["as it is"][[0, 2]], rtol=0, atol=1e-12)
+    assert out["one"][1] == pytest.approx(out["all"][1], abs=1e-12)
+    assert not three.scaled("D1", "SNr", 0.9, channel=1).exact
+
+
+def test_an_edit_that_one_channel_cannot_have_is_refused():
+    circuit = anatomy.spiking_msprt(2)
+    with pytest.raises(ValueError, match=r"ctx->D1: channel must lie in 0\.\.1, got 2"):
+        circuit.scaled("ctx", "D1", 0.5, channel=2)
+    with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
+        circuit.scaled("ctx", "D1", -1, channel=0)
+    with pytest.raises(ValueError, match=r"one number for each of 4 channels, got 2$"):
+        circuit.scaled("ctx", "D1", 0.5, channel=0).with_channels(4)
+    with pytest.raises(ValueError, match="STN->GPe: only a linear pathway can be scaled in one"):
+        anatomy.bogacz_gurney().scaled("STN", "GPe", 0.5, channel=0)
+    with pytest.raises(ValueError, match=r"factors must be >= 0, got \(-1, 1\)"):
+        circuit.with_projection("ctx", "D1", factors=(-1, 1))
+    silent = anatomy.bogacz_gurney().scaled("D1", "SNr", 0, 0).scaled("D1", "SNr", 0, 1)
+    with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
+        silent.without("STN")
+
+
+def test_lesions_multiply_and_can_be_undone(circuit):
+    twice = circuit.without("STN", 0.5).without("STN", 0.5)
+    assert twice.population("STN").intact == 0.25
+    assert twice.unlesioned.populations == circuit.populations
+
+
+def test_unknown_names_list_the_valid_ones(circuit):
+    nuclei = ", ".join(row.name for row in circuit.populations)
+    for edit in (
+        circuit.population,
+        circuit.without,
+        lambda name: circuit.with_population(name, neurons=2),
+    ):
+        with pytest.raises(ValueError, match=rf"no nucleus 'GPi': {nuclei}$"):
+            edit("GPi")
+    paths = ", ".join(p.name for p in circuit.projections)
+    with pytest.raises(ValueError, match=f"no pathway STN->GPi: {paths}$"):
+        circuit.scaled("STN", "GPi", 2)
+    with pytest.raises(ValueError, match="no pathway STN->GPi: "):
+        circuit.with_projection("STN", "GPi", weight=2)
+    with pytest.raises(ValueError, match=r"STN has no 'tau': cell, baseline_hz"):
+        circuit.with_population("STN", tau=3)
+    with pytest.raises(ValueError, match="has no 'delay': weight, pattern"):
+        circuit.with_projection("STN", "GPe", delay=3)
+    with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gprx'"):
+        anatomy.circuit("gprx")
+    with pytest.raises(ValueError, match=r"transfer must be one of linear, .*got 'cubic'"):
+        circuit.with_population("STN", transfer="cubic")
+    with pytest.raises(ValueError, match=r"pattern must be one of 'channel', .*got 'random'"):
+        circuit.with_projection("STN", "GPe", pattern="random")
+
+
+def test_input_and_readout_cannot_be_lesioned(circuit):
+    with pytest.raises(ValueError, match="ctx is the input"):
+        circuit.without("ctx", 0.1)
+    with pytest.raises(ValueError, match="SNr is the read-out"):
+        circuit.without("SNr")
+    with pytest.raises(ValueError, match=r"fraction must lie in 0\.\.1, got 1.5"):
+        circuit.without("STN", 1.5)
+
+
+def test_lesions_that_cut_the_input_from_the_readout_are_refused():
+    exact = anatomy.bogacz_gurney()
+    for cut in (
+        lambda: exact.without("STN").without("D1"),
+        lambda: exact.without("STN").scaled("D1", "SNr", 0),
+        lambda: exact.without("D1").scaled("ctx", "STN", 0),
+    ):
+        with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
+            cut()
+    # With all pathways one is left, through D2 and GPe.
+    detour = anatomy.appendix_b().without("STN").without("D1")
+    assert detour.population("D2").intact == 1
+
+
+def edit(circuit, row, values):
+    """Change a pathway, a population, or a cell, written "GPe.cell"."""
+    if "->" in row:
+        return circuit.with_projection(*row.split("->"), **values)
+    name, _, cell = row.partition(".")
+    return circuit.with_cell(name, **values) if cell else circuit.with_population(name, **values)
+
+
+@pytest.mark.parametrize(
+    ("row", "values", "message"),
+    [
+        ("D1->SNr", {"weight": 1}, "D1 releases GABA, so the weight must be <= 0, got 1"),
+        ("STN->SNr", {"weight": -1}, "STN releases glutamate, so the weight must be >= 0, got -1"),
+        ("STN->SNr", {"weight": math.nan}, "weight must be finite"),
+        ("STN->SNr", {"delay_ms": -1}, "STN->SNr: delay_ms must lie in 0..10000, got -1"),
+        ("STN->SNr", {"delay_ms": math.inf}, "STN->SNr: delay_ms must lie in 0..10000, got inf"),
+        ("STN->SNr", {"tau_ms": -1}, "STN->SNr: tau_ms must be >= 0, got -1"),
+        ("STN->SNr", {"probability": 0}, r"probability must lie in 0\.\.1, got 0"),
+        ("STN->SNr", {"probability": 1.1}, r"probability must lie in 0\.\.1, got 1.1"),
+        ("STN", {"neurons": 0}, "STN: neurons must be a whole number >= 1, got 0"),
+        ("STN", {"neurons": 2.5}, "STN: neurons must be a whole number"),
+        ("STN", {"tau_ms": -1}, "STN: tau_ms must be >= 0, got -1"),
+        ("STN", {"spread": -0.1}, "STN: spread must lie in 0..1, got -0.1"),
+        ("STN", {"intact": 1.1}, r"STN: intact must lie in 0\.\.1"),
+        ("STN", {"gain_hz_per_nat": 0}, "STN: gain_hz_per_nat must be > 0, got 0"),
+        ("STN", {"bias_nats": math.nan}, "STN: bias_nats must be finite"),
+        ("STN.cell", {"cv": 1.5}, r"cv must lie in 0\.\.1, got 1.5"),
+        ("STN", {"transmitter": "glycine"}, "transmitter must be one of 'glutamate', 'GABA'"),
+        ("GPe.cell", {"tau_ms": 0}, "tau_ms of a Lif cell must be > 0, got 0"),
+        ("GPe.cell", {"noise_mv": -1}, "noise_mv of a Lif cell must be > 0"),
+        ("GPe.cell", {"refractory_ms": -1}, "refractory_ms must be >= 0, got -1"),
+        ("GPe.cell", {"reset_mv": 20}, "reset_mv must lie below threshold_mv, got 20 and 15"),
+        ("STN->GPe", {"delay_ms": "4"}, "STN->GPe: delay_ms must be a number, got '4'"),
+        ("STN->GPe", {"delay_ms": 1e9}, r"delay_ms must lie in 0..10000, got 1000000000.0"),
+        ("STN->GPe", {"weight": "x"}, "STN->GPe: weight must be a number, got 'x'"),
+        ("STN->GPe", {"weight": True}, "STN->GPe: weight must be a number, got True"),
+        ("ctx->D1", {"factors": "ab"}, "ctx->D1: factors must be numbers, got 'ab'"),
+        ("STN", {"bias_nats": "x"}, "STN: bias_nats must be a number, got 'x'"),
+        ("STN", {"neurons": "3"}, "STN: neurons must be a whole number, got '3'"),
+        ("STN", {"neurons": math.nan}, "STN: neurons must be a whole number, got nan"),
+        ("STN", {"spread": 5}, "STN: spread must lie in 0..1, got 5"),
+        ("STN", {"pooled": 1}, "STN: pooled must be true or false, got 1"),
+        ("STN", {"cell": "Lif"}, "STN: cell must be one of AdEx, .*got 'Lif'"),
+        ("STN", {"gain_hz_per_nat": "1"}, "STN: gain_hz_per_nat must be a number, got '1'"),
+        ("GPe.cell", {"tau_ms": "x"}, "a Lif cell: tau_ms must be a number, got 'x'"),
+    ],
+)
+def test_numbers_without_sense_are_refused(row, values, message):
+    with pytest.raises(ValueError, match=message):
+        edit(anatomy.spiking_msprt(), row, values)
+
+
+@pytest.mark.parametrize(
+    ("edit", "says"),
+    [
+        (lambda c: c.with_rows("STN"), "'STN': STN is there already; a change is"),
+        (lambda c: c.with_rows(None), "a row is a Population, a Projection or text, got None"),
+        (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
+        (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
+        (lambda c: c.without("STN", "a"), "fraction must be a number, got 'a'"),
+        (lambda c: c.scaled("STN", "GPe", "2"), "factor must be a number, got '2'"),
+        (lambda c: c.scaled("STN", "GPe", math.inf), "factor must be >= 0, got inf"),
+        (lambda c: c.with_spread(5), "spread must lie in 0..1, got 5"),
+        (lambda c: c.with_neurons("3"), "neurons must be a whole number, got '3'"),
+        (lambda c: Population("", Rate()), "a population's name is text without blanks"),
+        (lambda c: Population("a->b", Rate()), "a population's name is text without blanks"),
+        (
+            lambda c: Population("x", Rate(), gain_hz_per_nat=0),
+            "gain_hz_per_nat must be > 0, got 0",
+        ),
+        (lambda c: replace(c, projections=("STN->GPe",)), "a row must be a Projection, got 'STN"),
+    ],
+)
+def test_edits_without_sense_are_refused(edit, says):
+    with pytest.raises(ValueError, match=says):
+        edit(anatomy.spiking_msprt())
+
+
+def test_tables_without_sense_are_refused():
+    circuit = anatomy.bogacz_gurney()
+    stn = circuit.population("STN")
+    with pytest.raises(ValueError, match="two populations have one name"):
+        circuit.with_rows(stn)
+    with pytest.raises(ValueError, match="two projections join the same populations"):
+        circuit.with_rows(circuit.projection("STN", "GPe"))
+    with pytest.raises(ValueError, match="no nucleus 'thalamus': ctx, D1"):
+        circuit.with_rows(Projection("SNr", "thalamus", -1))
+    with pytest.raises(ValueError, match="channels must be a whole number >= 2, got 1"):
+        circuit.with_channels(1)
+    with pytest.raises(ValueError, match="ctx and SNr need a channel an alternative"):
+        circuit.with_population("SNr", pooled=True)
+    with pytest.raises(ValueError, match="readout_tau_ms must be >= 0"):
+        replace(circuit, readout_tau_ms=-1)
+    with pytest.raises(ValueError, match="reference_nats must be finite"):
+        replace(circuit, reference_nats=math.nan)
+    with pytest.raises(ValueError, match="STN: tau_ms is that of the Lif cell"):
+        replace(stn, cell=Lif(10, 3, 15, 5, 2, 0, 1))
+    with pytest.raises(ValueError, match="probability < 1 must be linear"):
+        circuit.with_projection("STN", "GPe", probability=0.5)
+    with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
+        circuit.scaled("STN", "GPe", -1)
+    with pytest.raises(ValueError, match=r"dopamine level must lie in 0\.\.2, got 3"):
+        circuit.dopamine(3)
+    with pytest.raises(ValueError, match="slope must be > 0, got 0"):
+        anatomy.linear_gpe(slope=0)
+
+
+@pytest.mark.parametrize("name", ["appendix_b", "spiking_msprt"])
+def test_dopamine_raises_d1_and_lowers_d2(name):
+    circuit = anatomy.circuit(name)
+    for level in (0.9, 1.2):
+        changed = circuit.dopamine(level)
+        for p, old in zip(changed.projections, circuit.projections, strict=True):
+            factor = {"ctx->D1": level, "ctx->D2": 2 - level}.get(p.name, 1)
+            assert p.weight == pytest.approx(factor * old.weight, rel=1e-15), p.name
+
+
+def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away():
+    exact = anatomy.bogacz_gurney()
+    for same in (
+        exact.with_channels(7),
+        exact.with_population("STN", tau_ms=3, neurons=2),
+        exact.with_projection("STN", "GPe", delay_ms=3, tau_ms=2),
+        exact.dopamine(1),
+    ):
+        assert same.exact
+    for other in (
+        exact.without("STN", 0.1),
+        exact.scaled("STN", "GPe", 0.5),
+        exact.dopamine(1.1),
+        exact.with_population("STN", transfer="linear"),
+        exact.with_projection("STN", "SNr", pattern="channel"),
+        exact.with_rows(Population("TRN", exact.population("STN").cell)),
+        anatomy.linear_gpe(),
+    ):
+        assert not other.exact
+    assert not anatomy.spiking_msprt().exact

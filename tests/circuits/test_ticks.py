@@ -1,0 +1,22 @@
+"""The clock, and the rate of a tick."""
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from circuits.ticks import Clock, spike_hz
+
+
+def test_the_clock_counts_what_it_says():
+    clock = Clock(4, 5.0, dt_ms=0.5, sample_ms=2.5, settle_ms=10)
+    assert (clock.ticks, clock.samples) == (20 + 40, 8)
+    assert clock.time_ms[[0, -1]].tolist() == [2.5, 20.0]
+    assert [clock.step_of(k) for k in (0, 19, 20, 29, 30, 59)] == [-1, -1, 0, 0, 1, 3]
+
+
+@pytest.mark.parametrize("neurons", [1, 12, 300, 7000])
+def test_the_rate_of_a_tick_is_exact_in_whatever_order_spikes_are_added(neurons):
+    each = spike_hz(neurons, 0.1)
+    npt.assert_allclose(each, 1e4 / neurons, rtol=1e-12)
+    one_by_one = np.cumsum(np.full(neurons, each))
+    npt.assert_array_equal(one_by_one, each * np.arange(1, neurons + 1))

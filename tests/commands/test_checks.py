@@ -1,0 +1,113 @@
+"""Places of results: refused, or written over only by force, before anything runs."""
+
+from pathlib import Path
+
+import pytest
+
+from bgmodel.cli import main
+from tests.helpers import run
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["decide", "mine.csv", "--evidence", "./mine.csv", "--posterior", ".9"],
+        ["circuit", "run", "mine.csv", "--evidence", "mine.csv"],
+        ["circuit", "run", "out.csv", "--rates", "out.csv"],
+    ],
+)
+def test_no_result_goes_over_another_file_of_the_command(tmp_path, monkeypatch, capsys, arguments):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.csv").write_text("mine")
+    assert main(arguments) == 2
+    assert "are one file" in capsys.readouterr().err
+    assert Path("mine.csv").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
+
+
+def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("bgmodel.commands.decisions.Decide.__call__", lambda self: 1 / 0)
+    dangling, foreign = tmp_path / "dangling.csv", tmp_path / "foreign.csv"
+    dangling.symlink_to(tmp_path / "nowhere.csv")
+    (tmp_path / "foreign.csv.json").write_text("[]")
+    (tmp_path / "taps").mkdir()
+    for path, says in (
+        (dangling, "is there already"),
+        (foreign, "holds something else"),
+        (tmp_path / ("y" * 230 + ".csv"), "has at most 200 bytes"),
+    ):
+        assert run("decide", path) == 2
+        assert says in capsys.readouterr().err
+    monkeypatch.setattr("bgmodel.commands.taps.Decode.__call__", lambda self: 1 / 0)
+    inside = tmp_path / "taps" / "targets.csv"
+    assert run("decode", "d.safetensors", tmp_path / "taps", inside, "--force") == 2
+    assert "lies in a folder that is read" in capsys.readouterr().err
+
+
+def test_what_nobody_named_is_written_over_only_where_it_is_a_result(tmp_path, capsys):
+    out, beside = tmp_path / "out.csv", tmp_path / "out_trials.csv"
+    beside.write_text("mine")
+    assert run("experiment", "stn_bound", out, "--force", "--trials", 100) == 2
+    assert "out_trials.csv' is there already" in capsys.readouterr().err
+    assert beside.read_text() == "mine"
+
+
+def test_a_result_is_written_over_only_by_force(tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    short = ("--trials", 10, "--t-max", 3)
+    assert run("decide", out, *short) == 0
+    before = out.read_bytes(), out.with_name("out.csv.json").read_bytes()
+    assert run("decide", out, *short, "--seed", 4) == 2
+    assert "is there already: give another name, or --force" in capsys.readouterr().err
+    assert before == (out.read_bytes(), out.with_name("out.csv.json").read_bytes())
+    assert run("decide", out, *short, "--seed", 4, "--force") == 0
+    assert out.read_bytes() != before[0]
+    # A file that is none of ours stays, even so.
+    other = tmp_path / "b.csv"
+    (tmp_path / "b.csv.json").write_text('{"rows": 3}')
+    (tmp_path / "b.json").write_text("mine")
+    capsys.readouterr()
+    assert run("decide", other, *short, "--force") == 2
+    assert "holds something else" in capsys.readouterr().err
+    assert (tmp_path / "b.csv.json").read_text() == '{"rows": 3}'
+    assert (tmp_path / "b.json").read_text() == "mine"
+    assert not other.exists()
+    assert run("decide", tmp_path, *short) == 2
+
+
+def test_a_refused_command_makes_no_folder(tmp_path, capsys):
+    assert run("decide", tmp_path / "new" / "out.csv", "--period-mm", 7) == 2
+    assert not (tmp_path / "new").exists()
+    assert run("decide", tmp_path / "new" / "out.csv", "--trials", 5) == 0
+    assert (tmp_path / "new" / "out.csv").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_called_by_its_name(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tempfile.TemporaryFile", cannot)
+    assert run("decide", "out.csv") == 2
+    assert f"the output folder '{tmp_path}' can't be written: Read-only" in capsys.readouterr().err
+
+
+def cannot(**given):
+    raise OSError(30, "Read-only file system")
+
+
+def test_warnings_are_a_sentence_and_say_when_the_deadline_decides(tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    arguments = [
+        "--engine",
+        "algebra",
+        "--circuit",
+        "bogacz_gurney",
+        "--gain",
+        0.7,
+        "--trials",
+        20,
+        "--t-max",
+        2,
+    ]
+    assert run("circuit", "run", out, *arguments, "--posterior", 0.99) == 0
+    said = capsys.readouterr().err
+    assert "bgmodel: 20 of 20 trials never met the threshold" in said
+    assert ".py" not in said

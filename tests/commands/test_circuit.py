@@ -1,0 +1,74 @@
+"""The commands `circuit show` and `circuit run`."""
+
+import pandas as pd
+import pytest
+
+from tests.helpers import run
+
+
+def test_show_draws_a_table_and_says_that_it_is_not_exact(capsys, tmp_path):
+    drawing = tmp_path / "c.svg"
+    edits = ["--edits.without", "STN=0.5", "--edits.scale", "D1->SNr=0.9"]
+    assert run("circuit", "show", "appendix_b", *edits, "--drawing", drawing) == 0
+    assert "not exact" in capsys.readouterr().out
+    assert drawing.stat().st_size > 1000
+
+
+def test_show_says_whose_noise_it_is(capsys):
+    """More cells of a nucleus, less of its noise; where there are no cells, none."""
+    said = []
+    for edits in ([], ["--edits.neurons", "1200"]):
+        assert run("circuit", "show", "spiking_msprt", "--noise", "0.85", *edits) == 0
+        line = capsys.readouterr().out.splitlines()[-1]
+        said.append(float(line.split("scatters by ")[1].split(" nats")[0]))
+        shares = [int(part.split("%")[0]) for part in line.split("variance ")[1].split(" ")[1::2]]
+        assert 97 <= sum(shares) <= 103
+    assert said[1] == pytest.approx(said[0] / 2, abs=0.001)
+    assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
+    assert "does not scatter" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate"])
+def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp_path, engine):
+    table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
+    options = ["--trials", 6, "--t-max", 4, "--seed", 3, "--channels", 3]
+    options += ["--edits.neurons", 30] if engine == "ensemble" else []
+    assert run("circuit", "run", table, "--engine", engine, "--rates", rates, *options) == 0
+    assert "6 trials, accuracy" in capsys.readouterr().out
+    first = pd.read_csv(table, comment="#")
+    assert len(first) == 6
+    assert {"rt", "response", "stimulus", "correct"} <= set(first)
+    assert {"population", "channel", "time_ms", "rate_hz"} <= set(pd.read_csv(rates, comment="#"))
+    again = tmp_path / "again.csv"
+    assert run("circuit", "run", again, "--engine", engine, *options, "--workers", 1) == 0
+    pd.testing.assert_frame_equal(first, pd.read_csv(again, comment="#"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["show", "spiking_msprt", "--edits.without", "GPi"], "has no nucleus 'GPi': ctx, "),
+        (["show", "spiking_msprt", "--edits.without", "SNr"], "SNr is the read-out"),
+        (["show", "spiking_msprt", "--edits.scale", "STN=2"], 'a pathway like "STN->GPe=0.5"'),
+        (["show", "spiking_msprt", "--edits.scale", "STN->GPe=x"], "a name, =, and a number"),
+        (["show", "spiking_msprt", "--edits.neurons", "0"], "neurons must be a whole number"),
+        (["show", "spiking_msprt", "--noise", "0.99"], "that spiking_msprt reads, 0.52 to 0.95"),
+        (
+            ["show", "spiking_msprt", "--noise", "0.8", "--edits.spread", "0.1"],
+            "those of ctx differ by 10%",
+        ),
+        (["run", "d.txt"], "output must end in .parquet or .csv"),
+        (["run", "d.csv", "--posterior", "1"], "posterior must lie between chance"),
+        (["run", "d.csv", "--d-prime", "0"], "d_prime must be > 0"),
+        (
+            ["run", "d.csv", "--edits.without", "STN=0.5"],
+            "rests at OUT = 0.00, which is not above",
+        ),
+        (["run", "d.csv", "--posterior", "0.501"], "it would decide without evidence"),
+    ],
+)
+def test_bad_use_of_show_and_run_gets_one_clear_sentence(capsys, arguments, says):
+    assert run("circuit", *arguments) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert says in lines[0]

@@ -1,0 +1,117 @@
+"""The commands `compare` and `circuit lesion`."""
+
+import json
+import re
+
+import pandas as pd
+import pytest
+
+from bgmodel.files import provenance_path
+from tests.helpers import run
+
+SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edits.neurons", 100)
+
+
+def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsys):
+    out = tmp_path / "a.csv"
+    assert run("compare", out, *SMALL, "--accuracies", 0.9) == 0
+    shown = capsys.readouterr().out
+    assert "MSPRT at its gain, circuit: " in shown
+    found = pd.read_csv(out, comment="#")
+    assert {"circuit", "cortical decoder", "race", "LCA"} <= set(found["model"])
+    behind = json.loads(provenance_path(out).read_text())
+    assert behind["parameters"]["command"]["gain"] == 0.7
+    again = tmp_path / "b.csv"
+    assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
+    assert out.read_bytes() == again.read_bytes()
+    algebra = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
+    assert run("compare", out, *algebra) == 0
+    assert re.search(r"same choice +1\.000", capsys.readouterr().out)
+
+
+def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsys):
+    """Half of ctx->STN: OUT rests below every threshold."""
+    task = ("--channels", 3, "--d-prime", 0.8, "--trials", 100, "--t-max", 10)
+    halved = ("--edits.scale", "ctx->STN=0.5", "--edits.neurons", 40)
+    for command in (("compare",), ("circuit", "lesion")):
+        assert run(*command, tmp_path / "a.csv", *task, *halved) == 2
+        assert "it would decide without evidence, or never" in capsys.readouterr().err
+    assert run("circuit", "learn", tmp_path / "a.csv", "--edits.scale", "ctx->STN=0.5") == 2
+    assert "no level of dopamine" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    given = (*task[:-1], 40, "ctx->STN=0.5", "--engine", "rate", "--accuracies", 0.8)
+    assert run("circuit", "lesion", tmp_path / "a.csv", *given) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"intact +0.8 +by evidence", shown)
+    assert re.search(r"ctx->STN=0.5 0.8 +without evidence", shown)
+    assert re.search(r"ctx->STN=0.5: unknown ms later", shown)
+    assert "nan" not in shown
+
+
+def test_a_lesion_without_an_edit_says_which_it_runs(tmp_path, capsys):
+    small = ("--trials", 100, "--t-max", 4, "--engine", "algebra", "--accuracies", 0.7)
+    assert run("circuit", "lesion", tmp_path / "a.csv", *small) == 0
+    said = "no edit given, these run: STN=0.2, GPe=0.2, D2, ctx->STN=0.9, D1->SNr=0.9"
+    assert said in capsys.readouterr().err
+    assert run("compare", tmp_path / "b.csv", *small[:-1], 0.505) == 2
+    assert "accuracies must lie above chance, 0.5, got 0.505" in capsys.readouterr().err
+
+
+def test_compare_leaves_out_the_race_on_gratings(tmp_path, capsys):
+    options = ("--task", "same-different", "--trials", 100, "--t-max", 10, "--engine", "algebra")
+    assert run("compare", tmp_path / "a.csv", *options) == 0
+    assert "race" not in capsys.readouterr().out
+
+
+def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsys):
+    out = tmp_path / "l.csv"
+    edits = ("STN=0.1", "D1->SNr=0.95", "STN->GPe.delay_ms=4", "D1->GPe weight=-0.01")
+    given = (*edits, *SMALL, "--accuracies", 0.9)
+    assert run("circuit", "lesion", out, *given) == 0
+    shown = capsys.readouterr().out
+    assert "a prediction" in shown
+    assert {"intact", *edits} == set(pd.read_csv(out, comment="#")["variant"])
+    idle = ("circuit", "lesion", out, "STN.neurons=3", "--engine", "rate", "--force")
+    assert run(*idle) == 2
+    assert "'STN.neurons=3' says nothing to the rate engine" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["compare", "a.txt"], "output must end in .parquet or .csv"),
+        (["compare", "a.csv", "--trials", "50"], "an interval needs 100 trials or more, got 50"),
+        (["compare", "a.csv", "--accuracies", "1.2"], "accuracies must lie between 0 and 1"),
+        (["compare", "a.csv", "--channels", "40"], "takes at most 12 alternatives"),
+        (["compare", "a.csv", "--task", "same-different", "--channels", "3"], "2 alternatives"),
+        (["circuit", "lesion", "a.csv", "GPi"], "has no nucleus 'GPi'"),
+        (["circuit", "lesion", "a.csv", "SNr"], "SNr is the read-out"),
+    ],
+)
+def test_bad_use_of_compare_and_lesion_gets_one_clear_sentence(
+    tmp_path, monkeypatch, capsys, arguments, says
+):
+    monkeypatch.chdir(tmp_path)
+    assert run(*arguments) == 2
+    lines = [x for x in capsys.readouterr().err.splitlines() if x.startswith("bgmodel:")]
+    assert len(lines) == 1
+    assert says in lines[0]
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
+    mine = tmp_path / "zero.csv"
+    rows = [f"{n},{t},0,0" for n in range(100) for t in range(2)]
+    mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
+    given = ("--evidence", mine, "--engine", "algebra", "--accuracies", 0.6)
+    assert run("compare", tmp_path / "a.csv", *given) == 0
+    assert "not reached" in capsys.readouterr().out
+    assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
+    small = ("--trials", 100, "--engine", "algebra", "--accuracies", 0.9, "--d-prime", 1)
+    assert run("circuit", "lesion", tmp_path / "b.csv", "GPe", *small, "--t-max", 40) == 0
+    assert re.search(r"GPe +0.9 +mostly at the deadline", capsys.readouterr().out)
+    assert run("circuit", "lesion", tmp_path / "d.csv", "GPe", *small, "--t-max", 2) == 0
+    assert re.search(r"intact +0.9 +not reached", capsys.readouterr().out)
+    little = ("--trials", 20, "--t-max", 1, "--levels", 2, "--period-mm", 1)
+    assert run("circuit", "learn", tmp_path / "c.csv", *little) == 2
+    assert "the deadline decides most trials at every level" in capsys.readouterr().err

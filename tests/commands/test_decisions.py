@@ -1,0 +1,93 @@
+"""The commands `decide` and `learn`."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.files import read_provenance, read_table
+from tests.helpers import run
+
+
+def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys):
+    out = tmp_path / "decisions.csv"
+    assert run("decide", out, "--period-mm", 2, "--delta", 4, "--trials", 400, "--seed", 3) == 0
+    table = read_table(out)
+    assert len(table) == 400
+    assert set(table["response"]) == {"S1", "S2"}
+    assert 0.9 < table["correct"].mean() < 1
+    assert read_provenance(out)["seed"] == 3
+    assert "400 trials, accuracy 0.9" in capsys.readouterr().out
+    first = out.read_bytes()
+    again = ("--period-mm", 2, "--delta", 4, "--trials", "4e2", "--seed", 3, "--force")
+    assert run("decide", out, *again) == 0
+    assert out.read_bytes() == first
+
+
+def test_decide_names_the_hypotheses_of_a_users_own_table(tmp_path, capsys):
+    rng = np.random.default_rng(5)
+    rows = [
+        {"trial": n, "step": t, "ll_left": a, "ll_up": b, "ll_right": c, "truth": "up"}
+        for n in range(30)
+        for t, (a, b, c) in enumerate(rng.normal([0, 1, 0], 0.5, (12, 3)))
+    ]
+    mine = tmp_path / "mine.csv"
+    pd.DataFrame(rows).to_csv(mine, index=False)
+    out = tmp_path / "out.parquet"
+    assert run("decide", out, "--evidence", mine, "--posterior", 0.95) == 0
+    table = read_table(out)
+    assert table["response"].isin(["left", "up", "right"]).all()
+    assert table["correct"].mean() > 0.8
+
+
+ALGEBRA = ("--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
+
+
+def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
+    mine = tmp_path / "mine.csv"
+    rows = [f"{n},{t},{-0.1 * (n + 1)},0" for n in range(4) for t in range(5)]
+    mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
+    z = 0.1 * np.arange(1, 5)[:, None] * np.arange(1, 6)
+    given = ("--evidence", mine, "--delta", 1)
+    for prior, start in (((), 0.0), (("--prior", 0.45, 0.55), np.log(0.55 / 0.45))):
+        out = tmp_path / f"out{len(prior)}.csv"
+        assert run("decide", out, *given, *prior, "--step-ms", 20, "--onset-ms", 300) == 0
+        met = z + start >= 0.5 - 1e-10
+        reading = np.where(met.any(axis=1), met.argmax(axis=1) + 1, 5)
+        found = read_table(out)
+        assert found["rt"].to_numpy() == pytest.approx(0.02 * reading)
+        assert (found["forced"] == ~met.any(axis=1)).all()
+        assert read_provenance(out)["parameters"]["command"]["onset_ms"] == 300
+    out = tmp_path / "circuit.csv"
+    assert run("circuit", "run", out, *given[:2], *ALGEBRA, "--step-ms", 20) == 0
+    assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
+
+
+def test_decide_says_what_it_forced(tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    given = ("--trials", 40, "--t-max", 2, "--delta", 16, "--period-mm", 1.5)
+    assert run("decide", out, *given) == 0
+    said = capsys.readouterr()
+    forced = int(read_table(out)["forced"].sum())
+    assert f"forced {forced}, undecided 0" in said.out
+    assert f"bgmodel: {forced} of 40 trials never met the threshold" in said.err
+    assert run("decide", out, *given, "--no-forced", "--force") == 0
+    said = capsys.readouterr()
+    assert f"forced 0, undecided {forced}" in said.out
+    assert "they stay undecided" in said.err
+
+
+def test_decide_tells_as_many_orientations_as_it_is_given(tmp_path):
+    out = tmp_path / "n.parquet"
+    arguments = ["--task", "orientation", "--orientations", 3, "--posterior", 0.9]
+    assert run("decide", out, *arguments, "--period-mm", 3, "--trials", 200) == 0
+    assert read_table(out)["response"].nunique() == 3
+
+
+def test_learn_writes_one_row_per_episode_of_every_run(tmp_path, capsys):
+    out = tmp_path / "learning.parquet"
+    short = ["--learner.episodes", 1500, "--runs", 2]
+    assert run("learn", out, "--period-mm", 2, "--start-delta", 0.5, *short) == 0
+    table = read_table(out)
+    assert len(table) == 3000
+    assert {"run", "episode", "delta", "reward", "dopamine"} <= set(table)
+    assert "exact optimum" in capsys.readouterr().out

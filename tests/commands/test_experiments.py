@@ -1,0 +1,206 @@
+"""The command `experiment`."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.experiments.experiment import AGREES, WITHOUT, read_experiment, shipped
+from bgmodel.files import provenance_path, read_provenance
+from tests.helpers import GOOD, run
+
+
+def test_an_experiment_that_is_not_there_is_said(tmp_path, capsys):
+    assert run("experiment", tmp_path / "no.toml") == 2
+    assert "can't be read" in capsys.readouterr().err
+    assert run("experiment", "stn") == 2
+    assert "a .toml file or one of accuracy_dopamine, " in capsys.readouterr().err
+    assert run("experiment", "stn_conflict", tmp_path / "out.txt") == 2
+    assert "output must end in .parquet or .csv" in capsys.readouterr().err
+
+
+DELAY = """
+name = "A longer delay from STN to GPe"
+published = "nothing: a hypothesis"
+source = "nobody"
+note = "2 ms more, and a pathway that the table has not."
+engine = "rate"
+[task]
+d_prime = 0.8
+trials = 120
+t_max = 40
+[control]
+add = ["D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"]
+[manipulation]
+add = ["D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"]
+change = ["STN->GPe.delay_ms=4"]
+[[predictions]]
+measure = "accuracy"
+direction = "none"
+at_least = 0.05
+"""
+
+
+def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_path, capsys):
+    experiment_file.write_text(DELAY)
+    out = tmp_path / "out.csv"
+    assert run("experiment", experiment_file, out) == 0
+    page = capsys.readouterr().out
+    row = "add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"
+    assert f"control: {row}\nmanipulation: {row}; change STN->GPe.delay_ms=4\n" in page
+    assert "accuracy none, to within 0.05: the model agrees" in page
+    made = read_provenance(out)["parameters"]["experiment"]["manipulation"]
+    assert made["applied"] == f"{row}; change STN->GPe.delay_ms=4"
+    experiment_file.write_text(DELAY.replace('delay_ms=4"]\n[[', 'delay_ms=2"]\n[['))
+    assert run("experiment", experiment_file) == 2
+    assert "control and manipulation are alike" in capsys.readouterr().err
+
+
+HALVED = """
+[task]
+channels = 3
+d_prime = 0.8
+trials = 120
+[manipulation]
+scale = ["ctx->STN=0.5"]
+"""
+
+
+@pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
+def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engine, capsys):
+    """Half of ctx->STN ends every trial at once, at chance: mean_ms is down, and means nothing."""
+    head, rest = GOOD.replace("algebra", engine).split("[task]")
+    experiment_file.write_text(head + HALVED + rest.split('without = ["STN=0.2"]')[1])
+    out = experiment_file.with_name("out.csv")
+    assert run("experiment", experiment_file, out) == 0
+    shown = capsys.readouterr().out
+    assert "mean_ms down, by 20: the model decides without evidence" in shown
+    assert "agrees" not in shown
+    said = pd.read_csv(out)["outcome"].dropna()
+    assert list(said) == [WITHOUT]
+
+
+@pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
+def test_a_control_that_decides_nothing_is_refused(experiment_file, engine, capsys):
+    both = HALVED + 'without = ["D2=0.1"]\n[control]\nscale = ["ctx->STN=0.5"]\n'
+    head, rest = GOOD.replace("algebra", engine).split("[task]")
+    experiment_file.write_text(head + both + rest.split('without = ["STN=0.2"]')[1])
+    assert run("experiment", experiment_file) == 2
+    assert "it would decide without evidence" in capsys.readouterr().err
+
+
+def test_a_threshold_below_chance_is_refused(experiment_file, capsys):
+    experiment_file.write_text("posterior = 0.5\n" + GOOD)
+    assert run("experiment", experiment_file) == 2
+    assert "posterior must lie between chance, 0.5 with 2 hypotheses" in capsys.readouterr().err
+
+
+def test_the_trials_of_both_conditions_lie_beside_the_outcome(experiment_file, capsys):
+    out = experiment_file.with_name("out.csv")
+    assert run("experiment", experiment_file, out) == 0
+    trials = pd.read_csv(out.with_name("out_trials.csv"))
+    assert read_provenance(out) == read_provenance(out.with_name("out_trials.csv"))
+    assert trials["condition"].value_counts().to_dict() == {"control": 120, "manipulation": 120}
+    measures = pd.read_csv(out).set_index(["condition", "measure"])["value"]
+    for name, part in trials.groupby("condition"):
+        assert part["trial"].tolist() == list(range(120))
+        decided = part[~part["undecided"]]
+        assert (decided["correct"] == (decided["response"] == decided["stimulus"])).all()
+        assert measures[name, "accuracy"] == pytest.approx(decided["correct"].mean())
+        assert measures[name, "mean_ms"] == pytest.approx(1000 * decided["rt"].mean())
+        assert measures[name, "missed"] == pytest.approx(part["undecided"].mean())
+        assert measures[name, "anticipatory"] == pytest.approx(part["anticipatory"].mean())
+        assert part["rt"].isna().equals(part["undecided"])
+    assert run("experiment", experiment_file, out) == 2
+    out.unlink()
+    assert run("experiment", experiment_file, out) == 2
+    assert "out_trials.csv' is there already" in capsys.readouterr().err
+
+
+def test_conditions_that_say_nothing_are_refused(experiment_file, capsys):
+    text = experiment_file.read_text()
+    experiment_file.write_text(text.replace("STN=0.2", "STN=0"))
+    assert run("experiment", experiment_file) == 2
+    assert "the manipulation changes nothing" in capsys.readouterr().err
+    experiment_file.write_text(text.replace("t_max = 40", "t_max = 1"))
+    assert run("experiment", experiment_file) == 2
+    assert "the control decides in time in" in capsys.readouterr().err
+    experiment_file.write_text(text.replace('without = ["STN=0.2"]', "neurons = 20"))
+    assert run("experiment", experiment_file) == 2
+    assert "neurons is of cells, it says nothing to the algebra engine" in capsys.readouterr().err
+
+
+def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsys):
+    rng = np.random.default_rng(8)
+    evidence = gaussian_evidence(120, 20, 0.4, rng=rng)
+    frame = pd.DataFrame(evidence.log_likelihood.reshape(-1, 2), columns=["ll_a", "ll_b"])
+    frame["trial"] = np.repeat([f"id{n}" for n in range(120)], 20)
+    frame["step"] = np.tile(np.arange(20), 120)
+    frame["truth"] = np.repeat(np.array(["a", "b"])[evidence.truth], 20)
+    frame["condition"] = np.repeat(np.array(["dim", "bright"])[evidence.truth], 20)
+    mine = experiment_file.with_name("mine.csv")
+    frame.to_csv(mine, index=False)
+    task = f'[task]\nevidence = "{mine}"\nstep_ms = 50\n'
+    experiment_file.write_text(GOOD.replace("[task]\ntrials = 120\nt_max = 40\n", task))
+    assert run("experiment", experiment_file, experiment_file.with_name("out.parquet")) == 0
+    assert "hypotheses a, b" in capsys.readouterr().out
+    trials = pd.read_parquet(experiment_file.with_name("out_trials.parquet"))
+    assert set(trials["condition"]) == {"control", "manipulation"}
+    assert set(trials["given_condition"]) == {"dim", "bright"}
+    assert trials["trial"][:120].tolist() == [f"id{n}" for n in range(120)]
+    # The file is looked for beside the one that names it, wherever the command is called.
+    experiment_file.write_text(experiment_file.read_text().replace(str(mine), "mine.csv"))
+    assert read_experiment(experiment_file).trials().evidence.trials == 120
+    # Whatever is forced, what an experiment was made from is not written over.
+    before = mine.read_bytes()
+    for out in (mine, mine.with_name("mine")):
+        named = mine if out is mine else mine.with_name("mine_trials.csv")
+        named.write_bytes(before)
+        experiment_file.write_text(experiment_file.read_text().replace("mine.csv", named.name))
+        out = out.with_suffix(".csv")
+        assert run("experiment", experiment_file, out, "--force") == 2
+        assert re.search("are one file|is there already", capsys.readouterr().err)
+        assert named.read_bytes() == before
+
+
+SHIPPED = shipped()
+
+
+def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
+    experiment_file, tmp_path, capsys
+):
+    assert run("experiment") == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in SHIPPED)
+    out, again = tmp_path / "a.csv", tmp_path / "b.csv"
+    assert run("experiment", experiment_file, out, "--trials", 100, "--seed", 5) == 0
+    assert "mean_ms down, by 20: the model agrees" in capsys.readouterr().out
+    table = pd.read_csv(out)
+    said = table.set_index(["condition", "measure"])["outcome"].dropna()
+    assert dict(said) == {("change", "mean_ms"): AGREES}
+    kept = read_provenance(out)
+    assert kept["seed"] == 5
+    assert kept["parameters"]["experiment"]["task"]["trials"] == 100
+    assert kept["parameters"]["experiment"]["manipulation"]["without"] == ["STN=0.2"]
+    assert run("experiment", experiment_file, again, "--trials", 100, "--seed", 6) == 0
+    assert out.read_bytes() != again.read_bytes()
+
+
+def test_the_same_bytes_for_any_number_of_workers_and_any_batch(
+    experiment_file, tmp_path, monkeypatch
+):
+    spiking = GOOD.replace("algebra", "ensemble").replace("t_max = 40", "t_max = 9\nd_prime = 2.0")
+    edits = "neurons = 40\n"
+    spiking = spiking.replace("[manipulation]\n", f"[control]\n{edits}[manipulation]\n{edits}")
+    experiment_file.write_text(spiking)
+    files = [tmp_path / f"{name}.csv" for name in "abc"]
+    assert run("experiment", experiment_file, files[0], "--workers", 1) == 0
+    assert run("experiment", experiment_file, files[1], "--workers", 3) == 0
+    bridge, runner = "integrators.basal_ganglia", "experiments.experiment"
+    for name in (f"{bridge}.BATCH", f"{bridge}.WIDE_BATCH", f"{runner}.BATCH"):
+        monkeypatch.setattr(f"bgmodel.{name}", 37)
+    assert run("experiment", experiment_file, files[2], "--workers", 2) == 0
+    assert len({path.read_bytes() for path in files}) == 1
+    assert len({provenance_path(path).read_bytes() for path in files}) == 1

@@ -1,0 +1,140 @@
+"""A circuit beside the MSPRT: a small comparison that must succeed, and controls that must fail."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel import Msprt, stream
+from bgmodel.comparison import circuits as circuit_study
+from bgmodel.comparison.circuits import (
+    CIRCUIT,
+    DECODER,
+    MSPRT,
+    MSPRT_AT_GAIN,
+    at_rest,
+    compare_edits,
+    compare_with_msprt,
+    decide_at_thresholds,
+    msprt_sweeps,
+    thresholds_about,
+)
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.page import behaviour, page
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.integrators import basal_ganglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
+from circuits.controls import shuffled_stn
+
+SEED, GAIN = 51, 0.5
+TABLE = circuit("spiking_msprt", 4)
+EVIDENCE = gaussian_evidence(
+    120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
+)
+MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
+
+
+def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", **more):
+    rows = table[(table["measure"] == measure) & (table["model"] == model)]
+    rows = rows[rows["reference"] == reference]
+    for name, value in more.items():
+        rows = rows[rows[name] == value]
+    return rows[column].iloc[0]
+
+
+@pytest.fixture(scope="module")
+def table():
+    return compare_with_msprt(MODEL, EVIDENCE, seed=SEED, accuracies=(0.9, 0.95), resamples=200)
+
+
+def test_the_spiking_circuit_decides_as_the_msprt(table):
+    """120 trials: the bars of `make score` need thousands, these are three errors below them."""
+    assert of(table, "agreement", accuracy=0.95) > 0.95
+    assert of(table, "within_50_ms", accuracy=0.95) > 0.7
+    assert 20 < of(table, "extra_ms", accuracy=0.95) < 100
+    assert of(table, "pearson_r", DECODER, accuracy=0.95) > 0.9
+    # Counting for 20 ms and nothing else takes less time than the circuit.
+    assert of(table, "extra_ms", DECODER, accuracy=0.95) < of(table, "extra_ms", accuracy=0.95)
+    assert of(table, "accuracy_gap", "race", MSPRT, "high", accuracy=0.95) < 0
+    text = page(table)
+    assert "cortical decoder" in text
+    assert "at 0.95" in text
+    assert "same where the reference errs" in text
+
+
+@pytest.mark.parametrize("kind", ["sign", "shuffled"])
+def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind):
+    """Negative controls: the circuit gets something else than the test."""
+    values = EVIDENCE.log_likelihood
+    wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
+    test = msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN]
+    found = decide_at_thresholds(MODEL, wrong, thresholds_about(test), decoder_tau_ms=None)[CIRCUIT]
+    # The posterior is that of the right evidence.
+    known = np.exp(-Msprt().run(EVIDENCE).out_nats)[:, -1]
+    chosen = known[np.arange(EVIDENCE.trials), found.choice]
+    assert chosen.mean(axis=1).max() < 0.6
+    measured = compare(test, found, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
+    agreement = measured.set_index("measure")["value"]["agreement"]
+    assert np.isnan(agreement) or agreement < 0.5
+
+
+def test_without_gpe_or_the_right_sum_the_spiking_circuit_agrees_less():
+    """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
+    edited = {
+        "GPe": TABLE.without("GPe", replaced=True),
+        "shuffled": shuffled_stn(TABLE),
+    }
+    found = compare_edits(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)
+    rows = found[found["kind"] == "value"].set_index(["variant", "measure"])["value"]
+    assert rows["GPe", "within_50_ms"] < rows["intact", "within_50_ms"] - 0.2
+    assert np.isnan(rows["shuffled", "agreement"])  # it never is right that often
+    assert "intact" in behaviour(found)
+
+
+@pytest.mark.parametrize(
+    "edited",
+    [TABLE, TABLE.without("STN", 0.3), TABLE.with_neurons(30)],
+    ids=["intact", "crosses early", "noisy"],
+)
+@pytest.mark.parametrize("tau_ms", [None, 20.0])
+def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
+    """Below the lowest threshold a trial is over, unless the decoder has not got there."""
+    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
+    model = replace(MODEL, circuit=edited)
+    # Batches of 20: a trial that is run again has the noise of its place among all.
+    monkeypatch.setattr(basal_ganglia, "BATCH", 20)
+    dropped = decide_at_thresholds(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
+    monkeypatch.setattr(circuit_study, "DROPPING", ())
+    whole = decide_at_thresholds(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
+    assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
+    for name, one in whole.items():
+        for field in ("choice", "time_ms", "forced", "posterior"):
+            assert np.array_equal(getattr(one, field), getattr(dropped[name], field)), (name, field)
+
+
+def test_trials_do_not_depend_on_their_batch(monkeypatch):
+    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
+    whole = decide_at_thresholds(MODEL, EVIDENCE[:30], given)
+    monkeypatch.setattr("bgmodel.integrators.basal_ganglia.BATCH", 7)
+    parts = decide_at_thresholds(MODEL, EVIDENCE[:30], given)
+    for name in (CIRCUIT, DECODER):
+        assert np.array_equal(whole[name].time_ms, parts[name].time_ms)
+        assert np.array_equal(whole[name].choice, parts[name].choice)
+
+
+def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
+    """MSN at most 5 Hz, STN 8-25, GPe 25-75, SNr 20-80 (the ranges of rat and macaque)."""
+    for channels in (2, 4):
+        found = at_rest(circuit("spiking_msprt", channels), seed=SEED).set_index("nucleus")
+        for name, low, high in (
+            ("D1", 0, 5),
+            ("D2", 0, 5),
+            ("STN", 8, 25),
+            ("GPe", 25, 75),
+            ("SNr", 20, 80),
+        ):
+            assert low <= found.loc[name, "rate_hz"] <= high, name
+        # What the table says of its own cells.
+        assert abs(found.loc["ctx", "interval_cv"] - 0.5) < 0.1
+        assert abs(found.loc["STN", "interval_cv"] - 0.3) < 0.1

@@ -1,0 +1,41 @@
+"""Fixtures of tests of several modules."""
+
+import numpy as np
+import pytest
+
+from bgmodel import Msprt, first_crossing
+from bgmodel.dopamine import THRESHOLD_NATS, decide_at_levels
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.seeds import stream
+from bgmodel.tables.trials import Trials, trial_table
+from tests.helpers import GOOD
+from tests.levels import LEVELS, MODEL, SEED
+
+
+@pytest.fixture
+def experiment_file(tmp_path):
+    """Write an experiment's file that is right; return its path."""
+    path = tmp_path / "in" / "small.toml"
+    path.parent.mkdir()
+    path.write_text(GOOD)
+    return path
+
+
+@pytest.fixture
+def decided_trials():
+    """Return a table of decided trials, some of them undecided."""
+    evidence = gaussian_evidence(20, 5, 1.0, rng=stream(1, "tables"), hypotheses=3)
+    decision = first_crossing(Msprt().run(evidence), 0.05, forced=False)
+    return trial_table(decision, Trials(evidence, list("abc")), model="msprt", seed=1)
+
+
+@pytest.fixture(scope="session")
+def level_evidence():
+    """Return the evidence that a circuit decides at several levels of dopamine."""
+    return gaussian_evidence(150, 60, 1 / np.sqrt(2), rng=stream(SEED, "knob"), step_ms=50.0)
+
+
+@pytest.fixture(scope="session")
+def swept(level_evidence):
+    """Return decisions at seven levels of dopamine."""
+    return decide_at_levels(MODEL, level_evidence, LEVELS[:7], THRESHOLD_NATS)

@@ -1,0 +1,201 @@
+"""Experiments: files read strictly, and conditions that are pairs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import stream
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.experiments.experiment import (
+    AGREES,
+    DISAGREES,
+    OPEN,
+    WITHOUT,
+    Condition,
+    Prediction,
+    behaviour_of,
+    read_experiment,
+    run_experiment,
+    shipped,
+)
+from bgmodel.experiments.outcomes import outcomes, page
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.stimuli import Stimuli
+from circuits import anatomy
+from tests.helpers import GOOD, run
+
+
+def test_a_file_says_what_is_run(experiment_file):
+    experiment = read_experiment(experiment_file)
+    assert experiment.manipulation == Condition(without=("STN=0.2",))
+    assert experiment.control == Condition()
+    assert experiment.predictions == (Prediction("mean_ms", "down", 20.0),)
+    assert (experiment.task.trials, experiment.posterior) == (120, 0.82)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("trials = 120", "trails = 3", "there is no key 'task.trails'; there are evidence, task, "),
+        ("at_least", "at_last", "no key 'predictions.0.at_last'; there are measure, direction, "),
+        ("[task]", "gian = 1\n[task]", "there is no key 'gian'; there are name, published, "),
+        ("trials = 120", 'trials = "3"', "task.trials should be a valid integer, got '3'"),
+        ("trials = 120", "trials = true", "task.trials should be a valid integer, got True"),
+        ("trials = 120", "trials = 0", "small.toml: trials must be at least 1, got 0"),
+        ("trials = 120", "conflict = 2", "conflict must lie in 0..1, below 1, got 2"),
+        ('"down"', '"off"', "direction should be 'up', 'down' or 'none', got 'off'"),
+        ('"mean_ms"', '"mean"', "measure must be one of accuracy, mean_ms, .*got 'mean'"),
+        ("= 20", "= -1", "at_least must be >= 0, got -1"),
+        ("= 20", "= nan", "at_least must be >= 0, got nan"),
+        ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 where the direction is "no'),
+        ('name = "a lesion"', "", "the key 'name' is missing"),
+        ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
+        ('["STN=0.2"]', '"STN"', "manipulation.without should be a valid array, got 'STN'"),
+        (
+            "[task]",
+            "posterior = 1.5\n[task]",
+            "posterior must lie between chance, 0.5 with 2 hypotheses, and 1, got 1.5",
+        ),
+        ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be > 0, got 0"),
+        (
+            '"algebra"',
+            '"pen"',
+            "engine must be one of algebra, rate, .*got 'pen'",
+        ),
+        ("[task]", "truth = 2\n[task]", "truth must lie in 0..1, got 2"),
+        ("[task]", "[task", "small.toml is no TOML: "),
+        ('["STN=0.2"]', '["GPi=0.2"]', "has no nucleus 'GPi': ctx, common"),
+        ('without = ["STN=0.2"]', 'scale = ["ctx->D1[2]=1"]', "channel must lie in 0..1, got 2"),
+        (
+            'without = ["STN=0.2"]',
+            'change = ["STN.bias_nat=1"]',
+            "'STN.bias_nat=1': STN has no 'bias_nat': cell, baseline_hz, ",
+        ),
+        (
+            'without = ["STN=0.2"]',
+            'add = ["D1->GPe weight=0.1"]',
+            "'D1->GPe weight=0.1': D1->GPe: D1 releases GABA, so the weight must be <= 0, got 0.1",
+        ),
+        (
+            'without = ["STN=0.2"]',
+            'change = ["STN->GPe.delay_ms=4"]',
+            "'STN->GPe.delay_ms=4' says nothing to the algebra engine",
+        ),
+        ("trials = 120", "trials = 90", "an interval needs 100 trials or more, got 90"),
+        ("[manipulation]", "[control]\nwithout = ['STN=0.9']\n[manipulation]", "decide without"),
+    ],
+)
+def test_a_bad_file_gets_one_clear_sentence(experiment_file, tmp_path, capsys, old, new, says):
+    experiment_file.write_text(GOOD.replace(old, new))
+    assert run("experiment", experiment_file, tmp_path / "out.csv") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("bgmodel: ")
+    assert error.count("\n") == 1
+    assert pd.Series([error]).str.contains(says).all(), error
+    assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file, tmp_path):
+    drawn = np.random.default_rng(5).normal(size=(30, 4, 3))
+    rows = [
+        {"trial": n, "step": t, "ll_a": a, "ll_b": b, "ll_c": c, "truth": "abc"[n % 3]}
+        for n, trial in enumerate(drawn)
+        for t, (a, b, c) in enumerate(trial)
+    ]
+    mine = tmp_path / "mine.csv"
+    pd.DataFrame(rows).to_csv(mine, index=False)
+    own = replace(read_experiment(experiment_file), task=Stimuli(evidence=mine), truth=2)
+    np.testing.assert_array_equal(own.trials().evidence.log_likelihood, drawn[2::3])
+    with pytest.raises(ValueError, match=r"truth must lie in 0\.\.2, got 3"):
+        replace(own, truth=3).trials()
+
+
+@pytest.mark.parametrize(
+    ("direction", "at_least", "interval", "outcome"),
+    [
+        ("up", 1, (1.1, 2), AGREES),
+        ("up", 1, (0.9, 2), OPEN),
+        ("up", 1, (-3, 0.9), DISAGREES),
+        ("up", 1, (0.2, 0.9), DISAGREES),
+        ("up", 0, (0, 0), OPEN),
+        ("up", 1, (0, 0), DISAGREES),
+        ("down", 1, (-2, -1.1), AGREES),
+        ("down", 1, (-2, -0.9), OPEN),
+        ("down", 1, (-0.9, 3), DISAGREES),
+        ("down", 1, (0, 0), DISAGREES),
+        ("none", 1, (-0.9, 0.9), AGREES),
+        ("none", 1, (0, 0), AGREES),
+        ("none", 1, (-0.9, 1.1), OPEN),
+        ("none", 1, (1.1, 2), DISAGREES),
+        ("none", 1, (-2, -1.1), DISAGREES),
+        ("up", 1, (np.nan, np.nan), OPEN),
+    ],
+)
+def test_the_interval_decides(direction, at_least, interval, outcome):
+    assert Prediction("accuracy", direction, at_least).outcome(*interval) == outcome
+
+
+def test_intervals_are_those_of_pairs(experiment_file):
+    """Conditions are paired: the change is surer than the two apart."""
+    table = run_experiment(read_experiment(experiment_file)).measures.set_index(
+        ["condition", "measure"]
+    )
+    width = (table["high"] - table["low"]).xs("mean_ms", level="measure")
+    assert width["change"] < 0.9 * np.hypot(width["control"], width["manipulation"])
+    inside = (table["low"] <= table["value"]) & (table["value"] <= table["high"])
+    assert inside[table["value"].notna()].all()
+    value = table["value"].unstack("measure")
+    assert np.allclose(
+        value.loc["change"], value.loc["manipulation"] - value.loc["control"], equal_nan=True
+    )
+
+
+def test_more_alternatives_have_no_diffusion(experiment_file):
+    experiment = read_experiment(experiment_file)
+    table = run_experiment(replace(experiment, task=replace(experiment.task, channels=4))).measures
+    empty = table[table["value"].isna()]
+    assert set(empty["measure"]) == {"drift", "bound", "non_decision_ms"}
+    assert "drift" not in page(experiment, table)
+
+
+def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
+    """It responds before anything is read: no prediction, right or wrong, is met by that."""
+    experiment = read_experiment("stn_lesion_whole")
+    task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
+    experiment_file = replace(experiment, task=task)
+    found = run_experiment(experiment_file).measures
+    table = found.set_index(["condition", "measure"])["value"]
+    assert table["manipulation", "anticipatory"] == 1
+    assert table["manipulation", "premature"] == 1
+    assert table["control", "anticipatory"] < 0.05
+    assert set(outcomes(experiment_file, found)["outcome"]) == {WITHOUT}
+
+
+def test_foreperiods_have_noise_of_their_own(monkeypatch):
+    """Their trials are numbered after those with evidence."""
+    asked = []
+    plain = BasalGanglia.run_drive
+
+    def run_drive(model, drive, step_ms, first_trial=0):
+        asked.append((len(drive), first_trial))
+        return plain(model, drive, step_ms, first_trial)
+
+    monkeypatch.setattr(BasalGanglia, "run_drive", run_drive)
+    model = BasalGanglia(anatomy.spiking_msprt(2).with_neurons(20), "ensemble", 0.5, 3)
+    evidence = gaussian_evidence(30, 2, 1.0, rng=stream(1, "foreperiod"), step_ms=50.0)
+    behaviour_of(model, evidence, 0.3, 20.0)
+    first, count = asked[-1][1], asked[-1][0]
+    assert (count, first) == (30, 30)
+
+
+SHIPPED = shipped()
+
+
+def test_what_is_shipped_names_its_source():
+    assert len(SHIPPED) >= 10
+    for name, one in SHIPPED.items():
+        assert one.source.endswith(("abstract only", "a model's prediction", "no experiment")), name
+        assert "our choice" in " ".join(one.note.split())
+        assert one.task.trials >= 1000

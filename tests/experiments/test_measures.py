@@ -1,0 +1,73 @@
+"""Measures of behaviour against their oracles: weights, EZ diffusion."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel import stream
+from bgmodel.experiments.measures import DIFFUSION_S, ez_diffusion, mean, median
+
+
+@given(st.integers(0, 2**31), st.integers(1, 12))
+def test_weights_stand_for_repeated_trials(seed, trials):
+    """Mean and median of weighted trials are NumPy's of trials written out."""
+    rng = np.random.default_rng(seed)
+    values = rng.integers(0, 6, trials).astype(float)
+    among = rng.random(trials) < 0.8
+    weights = np.concatenate([np.ones((1, trials)), rng.integers(0, 3, (3, trials))])
+    for row, m, mid in zip(
+        weights, mean(values, among, weights), median(values, among, weights), strict=True
+    ):
+        written = np.repeat(values, (row * among).astype(int))
+        if len(written):
+            assert (m, mid) == (pytest.approx(written.mean()), np.median(written))
+        else:
+            assert np.isnan([m, mid]).all()
+
+
+def test_ez_is_that_of_its_paper():
+    """Wagenmakers, van der Maas & Grasman 2007: P .802, VRT .112, MRT .723."""
+    found = ez_diffusion(0.802, 0.723, 0.112, 1000)
+    np.testing.assert_allclose(found, (0.0999, 0.1400, 0.3000), atol=5e-5)
+
+
+@given(st.floats(-0.4, 0.4), st.floats(0.05, 0.3), st.floats(0, 0.6))
+def test_ez_inverts_the_exact_moments(drift, bound, other_s):
+    """Accuracy, mean and variance of a diffusion in closed form give its parameters back."""
+    if abs(drift) < 0.01:
+        return
+    y = -drift * bound / DIFFUSION_S**2
+    accuracy = 1 / (1 + np.exp(y))
+    mean_s = bound / (2 * drift) * (1 - np.exp(y)) / (1 + np.exp(y)) + other_s
+    shape = 2 * y * np.exp(y) - np.exp(2 * y) + 1
+    variance = bound * DIFFUSION_S**2 / (2 * drift**3) * shape / (np.exp(y) + 1) ** 2
+    found = ez_diffusion(accuracy, mean_s, variance, 1e12)
+    np.testing.assert_allclose(found, (drift, bound, other_s), rtol=1e-3, atol=1e-4)
+
+
+def test_ez_recovers_a_simulated_diffusion():
+    """A walk in steps of .5 ms; its bounds, crossed between steps, lie .5826 steps further out."""
+    drift, bound, other_s, dt = 0.15, 0.12, 0.3, 5e-4
+    rng = stream(8, "ez")
+    sd = DIFFUSION_S * np.sqrt(dt)
+    edge = bound / 2 - 0.5826 * sd
+    at, alive = np.zeros(5000), np.ones(5000, dtype=bool)
+    time_s, right = np.zeros(5000), np.zeros(5000, dtype=bool)
+    for step in range(1, 20_000):
+        at[alive] += drift * dt + sd * rng.standard_normal(alive.sum())
+        out = alive & (np.abs(at) >= edge)
+        time_s[out], right[out] = step * dt, at[out] > 0
+        alive &= ~out
+    assert not alive.any()
+    times = time_s[right] + other_s
+    found = ez_diffusion(right.mean(), times.mean(), times.var(), 5000)
+    np.testing.assert_allclose(found, (drift, bound, other_s), rtol=0.05)
+
+
+def test_ez_at_the_edges_is_moved_by_half_a_trial():
+    for accuracy, moved in ((1, 1 - 1 / 200), (0, 1 / 200), (0.5, 0.5 + 1 / 200)):
+        found = ez_diffusion(accuracy, 0.7, 0.1, 100)
+        np.testing.assert_allclose(found, ez_diffusion(moved, 0.7, 0.1, 100))
+        assert np.isfinite(found).all()
+    assert np.isnan(ez_diffusion(0.9, 0.7, 0.0, 100)).all()

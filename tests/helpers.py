@@ -1,0 +1,65 @@
+"""What tests of several modules use: a command, evidence, a table, an experiment's file."""
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.cli import main
+from bgmodel.evidence import Evidence
+from bgmodel.seeds import stream
+
+ROOT = Path(__file__).parents[1]
+GOOD = """
+name = "a lesion"
+published = "faster, more errors"
+source = "nobody"
+note = "a test"
+engine = "algebra"
+seed = 3
+[task]
+trials = 120
+t_max = 40
+[manipulation]
+without = ["STN=0.2"]
+[[predictions]]
+measure = "mean_ms"
+direction = "down"
+at_least = 20
+"""
+"""An experiment's file that is right, and soon run."""
+
+
+def run(*arguments):
+    """Run a command of `bgmodel`; return its exit status."""
+    return main([str(a) for a in arguments])
+
+
+def found(dotted):
+    """Return the module, or what a module holds, of a dotted name."""
+    try:
+        return importlib.import_module(dotted)
+    except ModuleNotFoundError:
+        module, _, name = dotted.rpartition(".")
+        return getattr(found(module), name)
+
+
+def some_evidence(trials=300, steps=20, hypotheses=3, seed=5, **kwargs):
+    rng = stream(seed, "test")
+    values = rng.normal(0, 0.7, (trials, steps, hypotheses))
+    truth = np.arange(trials) % hypotheses
+    values[np.arange(trials), :, truth] += 0.4
+    return Evidence(values, truth, **kwargs)
+
+
+def long_table(evidence, truth=True):
+    n, t, h = evidence.log_likelihood.shape
+    frame = pd.DataFrame(
+        evidence.log_likelihood.reshape(n * t, h), columns=[f"ll_{i}" for i in "abc"[:h]]
+    )
+    frame.insert(0, "trial", np.repeat(np.arange(n), t))
+    frame.insert(1, "step", np.tile(np.arange(t), n))
+    if truth:
+        frame["truth"] = np.repeat(np.array(list("abc"))[evidence.truth], t)
+    return frame

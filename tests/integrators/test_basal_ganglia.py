@@ -1,0 +1,122 @@
+"""A circuit as an integrator: its drive, its batches, its warnings."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from bgmodel import Msprt, first_crossing, stream
+from bgmodel.comparison.circuits import decide_at_thresholds
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators import basal_ganglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of, gain_of
+from bgmodel.tables.trials import Trials, trial_table
+from circuits import anatomy
+from circuits.anatomy import circuit
+
+SEED, GAIN = 51, 0.5
+TABLE = circuit("spiking_msprt", 4)
+EVIDENCE = gaussian_evidence(
+    120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
+)
+MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
+
+
+def test_without_integrate_and_fire_cells_own_laws_are_the_lines():
+    table = circuit("appendix_b", 3)
+    drive = np.array([[[1.0, 0.0, -1.0]]])
+    line, own = (
+        BasalGanglia(table, options={"laws": laws}).run_drive(drive, 1.0)
+        for laws in ("table", "cells")
+    )
+    np.testing.assert_allclose(own.output_nats, line.output_nats, atol=1e-9)
+
+
+def test_a_threshold_that_noise_crosses_is_warned_of():
+    with pytest.warns(
+        UserWarning, match=r"threshold of 0\.62 nats in \d+% of trials within 500 ms"
+    ):
+        MODEL.warn_of_noise(0.62)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MODEL.warn_of_noise(0.3)
+        replace(MODEL, engine="algebra").warn_of_noise(0.62)
+
+
+@given(
+    arrays(np.float64, (3, 4, 5), elements=st.floats(-60, 60)),
+    st.floats(2, 20),
+    st.floats(0.3, 1),
+)
+def test_a_reach_changes_out_by_no_more_than_it_says(readings, reach, gain):
+    """OUT is -ln P within ln(1 + (N - 1) exp(-reach)), however strong the evidence."""
+    evidence = Evidence(readings)
+    exact = Msprt(gain).run(evidence).out_nats
+    held = Msprt().output(drive_of(evidence, gain, reach))
+    winner = exact.argmin(axis=2)[..., None]
+    change = np.take_along_axis(held - exact, winner, axis=2)
+    assert np.all(change >= -1e-9)
+    assert np.all(change <= np.log1p(4 * np.exp(-reach)) + 1e-9)
+    drive = drive_of(evidence, gain, reach)
+    assert np.ptp(drive, axis=2).max() <= reach + 1e-9
+
+
+def test_ties_of_a_circuit_are_those_of_the_test_in_any_batch(monkeypatch):
+    """Evidence that says nothing: the choice hangs on the trial's number alone."""
+    monkeypatch.setattr(basal_ganglia, "BATCH", 7)
+    flat = Evidence(np.zeros((40, 2, 3)), np.arange(40) % 3, step_ms=50.0)
+    model = BasalGanglia(circuit("bogacz_gurney", 3), "algebra")
+    found = decide_at_thresholds(model, flat, [0.5])["circuit"]
+    expected = first_crossing(Msprt().run(flat), 0.5)
+    assert found.forced.all()
+    assert (found.choice[0] == expected.choice).all()
+    # And a trial of one reading of two ends a step after it.
+    short = replace(flat, lengths=np.where(np.arange(40) % 2, 1, 2))
+    trace = BasalGanglia(circuit("bogacz_gurney", 3), "rate").run(short)
+    ends_ms = first_crossing(trace, 0.5).deadline_ms
+    assert set(ends_ms[::2]) == {150.0}
+    assert set(ends_ms[1::2]) == {100.0}
+
+
+@pytest.mark.parametrize("engine", ["algebra", "rate", "ensemble"])
+def test_a_circuit_decides_a_short_trial_as_if_it_were_alone(engine):
+    """Among longer ones each ends a step after its own last reading, decided, forced or not."""
+    lengths = np.array([1, 2, 3, 5, 8, 8])
+    drawn = gaussian_evidence(6, 8, 0.8, rng=stream(SEED, "ragged"), step_ms=50.0)
+    values = drawn.log_likelihood * (np.arange(8) < lengths[:, None])[..., None]
+    ragged = replace(drawn, log_likelihood=values, lengths=lengths)
+    table = circuit("spiking_msprt", 2).with_neurons(40)
+    model = BasalGanglia(table, engine, 0.7, SEED if engine == "ensemble" else None)
+    for threshold in (0.55, 0.1):
+        together = first_crossing(model.run(ragged), threshold)
+        for n, length in enumerate(lengths):
+            own = Evidence(values[n : n + 1, :length], step_ms=50.0, numbers=np.array([n]))
+            activity = model.activity(own, first_trial=n)
+            alone = first_crossing(model.trace(activity, own), threshold)
+            assert alone.choice[0] == together.choice[n]
+            assert alone.forced[0] == together.forced[n]
+            assert alone.time_ms[0] == together.time_ms[n]
+            assert alone.deadline_ms[0] == together.deadline_ms[n]
+            found = trial_table(alone, Trials(own, ["a", "b"]), model="m")
+            assert found["steps"][0] <= length
+    assert together.forced.any()
+
+
+def test_a_gain_is_the_tables_own_or_asked_for():
+    spiking = {n: gain_of(anatomy.spiking_msprt(n)) for n in (2, 3, 4, 7, 8, 12)}
+    assert spiking == {2: 0.7, 3: 0.5, 4: 0.5, 7: 0.5, 8: 0.6, 12: 0.6}
+    assert gain_of(anatomy.spiking_msprt(), 0.3) == 0.3
+    for name in ("bogacz_gurney", "appendix_b", "linear_gpe"):
+        with pytest.raises(
+            ValueError, match=rf"{name} has no default gain: give a gain \(--gain\)"
+        ):
+            gain_of(circuit(name))
+        assert gain_of(circuit(name), 0.7) == 0.7
+    # Numbers made for two alternatives say nothing of five.
+    assert anatomy.spiking_msprt(2).with_channels(5).default_gain is None
+    assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
+    assert BasalGanglia(circuit("bogacz_gurney")).gain == 1

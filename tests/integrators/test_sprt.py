@@ -1,0 +1,128 @@
+"""The SPRT and MSPRT: two hypotheses, streams, calibration."""
+
+import numpy as np
+import pytest
+
+from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.integrators.sprt import (
+    Stream,
+    criterion_from_gap,
+    criterion_from_posterior,
+    threshold_from_gap,
+)
+from tests.helpers import some_evidence
+
+
+def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
+    evidence = some_evidence(hypotheses=2)
+    decision = first_crossing(Sprt().run(evidence), threshold_from_gap(0.0))
+    assert (decision.steps == 1).all()
+    ratio = evidence.log_likelihood[:, 0, 1] - evidence.log_likelihood[:, 0, 0]
+    assert (decision.choice == (ratio > 0)).all()
+
+
+def test_a_posterior_and_a_gap_give_one_criterion_each():
+    """-ln P, and ln(1 + exp(-gap / 2)): the gap 2 logit P stops where the posterior P does."""
+    posterior = np.array([0.6, 0.9, 0.99])
+    assert criterion_from_posterior(posterior) == pytest.approx(-np.log(posterior))
+    gap = 2 * np.log(posterior / (1 - posterior))
+    assert criterion_from_gap(gap) == pytest.approx(criterion_from_posterior(posterior))
+
+
+def test_two_hypothesis_msprt_is_the_sprt_decision_by_decision():
+    evidence = some_evidence(trials=20_000, steps=50, hypotheses=2)
+    deltas = np.linspace(0, 8, 17)
+    a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
+    b = first_crossing(Msprt().run(evidence), criterion_from_gap(deltas))
+    assert (a.choice != b.choice).sum() == 0
+    assert (a.time_ms != b.time_ms).sum() == 0
+    # The control: without the mapping the tests are not the same.
+    c = first_crossing(Msprt().run(evidence), np.log1p(np.exp(-deltas)))
+    assert (a.time_ms != c.time_ms).sum() > 1000
+
+
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
+@pytest.mark.parametrize("hypotheses", [2, 3, 8])
+def test_streaming_gives_the_batch_decision(hypotheses, precision):
+    evidence = some_evidence(trials=60, hypotheses=hypotheses)
+    evidence = Evidence(evidence.log_likelihood.astype(precision), evidence.truth)
+    tests = [(Msprt(), np.linspace(0.1, 0.5, hypotheses))]
+    if hypotheses == 2:
+        tests.append((Sprt(), np.array([-1.0, -1.5])))
+    for test, threshold in tests:
+        batch = first_crossing(test.run(evidence), threshold[None])
+        for n in range(evidence.trials):
+            trial = Stream(test, threshold, hypotheses, t_max=evidence.steps)
+            readings = iter(evidence.log_likelihood[n])
+            while trial.choice is None:
+                trial.update(next(readings))
+            assert trial.choice == batch.choice[0, n]
+            assert trial.readings == batch.steps[0, n]
+
+
+@pytest.mark.parametrize("hypotheses", [2, 3, 8])
+def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
+    """The martingale identity, exact for true likelihoods, in one z-test a threshold."""
+    evidence = gaussian_evidence(
+        60_000, 60, 0.5, hypotheses=hypotheses, rng=stream(11, "martingale", hypotheses)
+    )
+    trace = Msprt().run(evidence)
+    decision = first_crossing(trace, -np.log([0.7, 0.9, 0.97]))
+    tick = decision.steps.astype(int)
+    for k in range(3):
+        stated = np.exp(-trace.out_nats[np.arange(evidence.trials), tick[k], decision.choice[k]])
+        gap = (decision.choice[k] == evidence.truth) - stated
+        assert abs(gap.mean()) < 4 * gap.std() / np.sqrt(evidence.trials)
+    wrong = first_crossing(Msprt(gain=1.5).run(evidence), -np.log(0.9))
+    out = Msprt(gain=1.5).run(evidence).out_nats
+    stated = np.exp(-out[np.arange(evidence.trials), wrong.steps.astype(int), wrong.choice])
+    gap = (wrong.choice == evidence.truth) - stated
+    assert abs(gap.mean()) > 10 * gap.std() / np.sqrt(evidence.trials)
+
+
+def test_a_batch_does_not_change_a_trial():
+    evidence = some_evidence()
+    whole = first_crossing(Msprt().run(evidence), 0.3)
+    part = first_crossing(Msprt().run(evidence[100:150]), 0.3)
+    assert (whole.choice[100:150] == part.choice).all()
+    assert (whole.time_ms[100:150] == part.time_ms).all()
+
+
+def test_sums_equal_up_to_rounding_are_equal():
+    """Evidence of +-0.1 nats: bounds and ties are hit exactly, though floats miss them."""
+    from bgmodel.theory.sprt import Empirical, sprt
+
+    rng = stream(9, "rounding")
+    trials, steps = 40_000, 30
+    truth = np.arange(trials) % 2
+    x = np.where(rng.random((trials, steps)) < 0.6, 0.1, -0.1) * np.where(truth, 1, -1)[:, None]
+    evidence = Evidence(np.stack([np.minimum(-x, 0), np.minimum(x, 0)], axis=-1), truth)
+    deltas = np.array([0.4, 1.6, 4.0])
+    a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
+    b = first_crossing(Msprt().run(evidence), criterion_from_gap(deltas))
+    assert (a.choice != b.choice).sum() + (a.time_ms != b.time_ms).sum() == 0
+    pair = Empirical([-0.1, 0.1], [0.6, 0.4]), Empirical([-0.1, 0.1], [0.4, 0.6])
+    exact = sprt(*pair, deltas, t_max=steps)
+    error = (a.steps.mean(axis=1) - exact.mean_steps) / (a.steps.std(axis=1) / np.sqrt(trials))
+    assert np.abs(error).max() < 4
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: threshold_from_gap(-0.1), "delta must be finite and >= 0"),
+        (lambda: criterion_from_gap(np.nan), "delta must be finite and >= 0"),
+        (lambda: criterion_from_posterior(4.0), "posterior must lie between chance, 0.5"),
+        (lambda: criterion_from_posterior(1.0), "and 1, got 1.0"),
+        (lambda: criterion_from_posterior(0.3, 3), "chance, 0.333 with 3 hypotheses"),
+        (lambda: Sprt().run(some_evidence()), "exactly 2 hypotheses"),
+        (lambda: Msprt(gain=0.0), "gain must be > 0"),
+        (lambda: Stream(Msprt(), 0.1).update([0.0, np.nan]), "finite log-likelihoods"),
+        (lambda: Stream(Sprt(), 0.1, hypotheses=3), "exactly 2 hypotheses"),
+        (lambda: Stream(Msprt(), 0.1, t_max=0), "at least 1 reading"),
+    ],
+)
+def test_tests_and_criteria_without_sense_are_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()

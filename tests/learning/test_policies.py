@@ -1,0 +1,72 @@
+"""Policy gradients against finite differences."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from bgmodel import Sprt, stream, threshold_from_gap
+from bgmodel.decision import crossing_of_each
+from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
+from bgmodel.learning.reward import reward
+from bgmodel.theory.sprt import gaussian_pair, reward_curve
+from tests.learning.helpers import T_MAX, XI, D, draw
+
+
+def exact_smoothed_reward(mean, sd):
+    """Return the expected reward of a Gaussian policy, by quadrature over exact rewards."""
+    gaps = np.linspace(0, 8, 161)
+    curve = reward_curve(*gaussian_pair(D), gaps, XI, t_max=T_MAX)
+    x = np.linspace(mean - 6 * sd, mean + 6 * sd, 2001)
+    weights = norm.pdf(x, mean, sd)
+    return (np.interp(np.clip(x, 0, 8), gaps, curve) * weights).sum() / weights.sum()
+
+
+@pytest.mark.parametrize("mean", [1.0, 6.0])
+def test_policy_gradient_agrees_with_the_finite_difference(mean):
+    policy = GaussianPolicy(first_share=0.7 / 8)
+    runs = 100_000
+    rng = stream(3, "gradient", mean)
+    gaps, gradient = policy.sample(policy.start(runs, mean), rng.standard_normal((runs, 1)), 0)
+    evidence = draw(rng)(runs)
+    decision = crossing_of_each(Sprt().run(evidence), threshold_from_gap(gaps))
+    r = reward(decision, evidence.truth, XI)
+    estimate = (r - r.mean()) * gradient[:, 0]
+    h = 0.05
+    exact = (exact_smoothed_reward(mean + h, 0.7) - exact_smoothed_reward(mean - h, 0.7)) / (2 * h)
+    assert abs(exact) > 0.3
+    assert abs(estimate.mean() - exact) < 4 * estimate.std() / np.sqrt(runs)
+
+
+def test_bernoulli_gradient_agrees_with_the_finite_difference():
+    policy = BernoulliPolicy(units=3)
+    rng = stream(4, "bernoulli")
+    w = np.array([0.4, -0.7, 0.2])
+    runs = 200_000
+    gaps, gradient = policy.sample(np.tile(w, (runs, 1)), rng.standard_normal((runs, 3)), 0)
+
+    def expected(weights):
+        total = 0.0
+        for bits in np.ndindex(2, 2, 2):
+            p = 1 / (1 + np.exp(-weights))
+            chance = np.prod(np.where(np.array(bits) == 1, p, 1 - p))
+            total += chance * np.sin(policy.sizes @ bits)
+        return total
+
+    estimate = np.sin(gaps)[:, None] * gradient
+    for j in range(3):
+        step = np.eye(3)[j] * 1e-5
+        exact = (expected(w + step) - expected(w - step)) / 2e-5
+        assert abs(estimate[:, j].mean() - exact) < 4 * estimate[:, j].std() / np.sqrt(runs)
+    assert policy.sizes.sum() == pytest.approx(8)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds must rise"),
+        (lambda: GaussianPolicy(first_share=-1.0), "first_share must be > 0"),
+    ],
+)
+def test_policies_without_sense_are_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()

@@ -1,0 +1,121 @@
+"""Learning: the exhaustive search, and what reward converges to."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from bgmodel import stream
+from bgmodel.comparison.compare import Sweep
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
+from bgmodel.learning.reinforce import (
+    Learned,
+    Learner,
+    LearningStopped,
+    exhaustive_search,
+    learn,
+    smoothed,
+)
+from bgmodel.learning.reward import mean_reward
+from bgmodel.learning.worlds import trials_of
+from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve
+from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw
+from tests.levels import SEED
+
+
+def test_records_of_what_is_played_name_neither_gap_nor_threshold():
+    """A gap and a level of dopamine are two uses of one learner and of one sweep."""
+    names = {field.name for record in (Learned, Sweep) for field in fields(record)}
+    assert {"played", "mean_played", "learned", "settings"} <= names
+    assert not [name for name in names if "gap" in name or "delta" in name or "thresh" in name]
+
+
+def test_exhaustive_search_finds_the_exact_curve():
+    deltas = np.linspace(0, 8, 9)
+    evidence = gaussian_evidence(200_000, T_MAX, SEPARATION, rng=stream(2, "search"))
+    counts = exhaustive_search(evidence, deltas)
+    exact = reward_curve(*gaussian_pair(D), deltas, XI, t_max=T_MAX)
+    # The sd of a reward is at most xi / 2 plus that of a time bounded by t_max.
+    assert np.abs(mean_reward(counts, XI) - exact).max() < 4 * (XI / 2 + T_MAX / 2) / np.sqrt(2e5)
+    blocks = exhaustive_search((evidence[i : i + 7000] for i in range(0, 200_000, 7000)), deltas)
+    assert (blocks.correct == counts.correct).all()
+    assert (blocks.steps == counts.steps).all()
+
+
+def run_from(start, sign=1.0, policy=None, runs=4, seed=5):
+    rngs = [stream(seed, "trials", start, run) for run in range(runs)]
+    environment = trials_of([draw(rng) for rng in rngs], XI)
+    return learn(
+        lambda k, gaps: sign * environment(k, gaps),
+        start,
+        rngs=[stream(seed, "explore", start, run) for run in range(runs)],
+        policy=policy,
+        learner=Learner(episodes=6000),
+    )
+
+
+@pytest.mark.parametrize("start", [0.5, 7.5])
+@pytest.mark.parametrize("policy", [GaussianPolicy(), BernoulliPolicy()])
+def test_learning_approaches_the_exact_optimum(start, policy):
+    pair = gaussian_pair(D)
+    best = optimal_delta(*pair, XI, t_max=T_MAX)
+
+    def regret(delta):
+        return -reward_curve(*pair, delta, XI, t_max=T_MAX) / best.cost - 1
+
+    learned = run_from(start, policy=policy)
+    assert regret(start) > 0.12
+    assert np.median(regret(learned.learned)) < 0.05
+    # The control: with the sign of the reward flipped, learning must fail.
+    assert np.median(regret(run_from(start, sign=-1.0, policy=policy).learned)) > 0.12
+
+
+def test_a_run_does_not_depend_on_its_neighbours():
+    four, two = run_from(0.5), run_from(0.5, runs=2)
+    assert np.array_equal(four.played[:2], two.played)
+    assert np.array_equal(four.reward[:2], two.reward)
+
+
+def test_prediction_error_is_reward_minus_a_running_baseline():
+    learned = run_from(7.5)
+    assert np.abs(learned.prediction_error[:, -1000:].mean()) < 0.5
+    assert np.corrcoef(learned.reward.ravel(), learned.prediction_error.ravel())[0, 1] > 0.9
+
+
+def test_smoothed_is_a_running_mean():
+    curve = np.arange(10.0)
+    assert smoothed(curve, 1).tolist() == curve.tolist()
+    assert smoothed(curve, 4)[[0, 1, 5]].tolist() == [0.0, 0.5, 3.5]
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: Learner(episodes=10), "episodes must be at least last"),
+        (lambda: Learner(rate=-1), "rate must be > 0"),
+        (lambda: smoothed(np.ones(3), 0), "window must be >= 1"),
+        (lambda: exhaustive_search([], [1.0]), "at least one trial"),
+        (lambda: trials_of([], xi=0.0), "xi must be > 0"),
+        (
+            lambda: learn(lambda k, gaps: gaps * np.nan, 1.0, rngs=[stream(1)]),
+            "a reward is not finite in episode 0",
+        ),
+    ],
+)
+def test_bad_input_to_learning_gets_one_clear_sentence(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+def test_learning_that_cannot_go_on_keeps_what_it_had_reached():
+    with pytest.raises(LearningStopped, match="a reward is not finite in episode 40") as stopped:
+        learn(
+            lambda k, x: np.where(k == 40, np.nan, -x),
+            2.0,
+            rngs=[stream(SEED, "stopped", run) for run in range(3)],
+        )
+    kept = stopped.value.learned
+    assert kept.played.shape == (3, 40)
+    assert np.isfinite(kept.played).all()
+    assert kept.learned == pytest.approx(kept.mean_played[:, -1])

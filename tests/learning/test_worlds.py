@@ -1,0 +1,41 @@
+"""Worlds that give trials and rewards, one or several in turn."""
+
+import numpy as np
+import pytest
+
+from bgmodel import stream
+from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
+from tests.learning.helpers import XI, draw
+
+
+def test_worlds_that_switch_draw_trials_of_their_own():
+    """Blocks that do not begin where a switch does: no trial comes twice."""
+    world = trials_of([draw(stream(9, "switch"))], XI, block=50)
+    gaps = np.array([2.0])
+    first = [world(k, gaps)[0] for k in range(10, 40)]
+    again = [world(k, gaps)[0] for k in range(110, 140)]
+    assert first != again
+
+
+def test_a_world_switches_and_each_has_its_trials():
+    world = switching([lambda k, x: x, lambda k, x: -x], every=3)
+    assert [world(k, np.array([1.0]))[0] for k in range(8)] == [1, 1, 1, -1, -1, -1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: switching([], 3), "worlds must hold one or more"),
+        (
+            lambda: LevelOutcomes(np.array([1.0, 0.9]), *[np.ones((2, 3))] * 2, np.zeros(2)),
+            "levels must rise",
+        ),
+        (
+            lambda: LevelOutcomes(np.array([1.0, 1.1]), *[np.ones((1, 3))] * 2, np.zeros(2)),
+            "must be .levels, trials.",
+        ),
+    ],
+)
+def test_worlds_without_sense_are_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()

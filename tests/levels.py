@@ -1,0 +1,22 @@
+"""A circuit whose dopamine is set, and made-up outcomes of its levels."""
+
+import numpy as np
+
+from bgmodel.dopamine import playable_levels
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.learning.worlds import LevelOutcomes
+from bgmodel.seeds import stream
+from circuits.anatomy import circuit
+
+XI, SEED, GAIN = 50.0, 61, 0.5
+PLAYED = (0.75, 2.0)
+MODEL = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5})
+LEVELS = playable_levels(MODEL, 9)
+
+
+def synthetic(trials=4000, best=1.2):
+    """Return outcomes whose mean reward is -10 (level - best)^2 - 5, noise beside it."""
+    levels = np.linspace(*PLAYED, 26)
+    noise = stream(SEED, "noise").normal(0, 1, (1, trials))
+    steps = 10 * (levels[:, None] - best) ** 2 + 5 + noise
+    return LevelOutcomes(levels, np.ones((26, trials), bool), steps, np.zeros(26))

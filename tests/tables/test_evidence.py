@@ -1,0 +1,246 @@
+"""A user's own table of evidence: read as it is, or told what is wrong."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import Msprt, first_crossing
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.files import write_table
+from bgmodel.seeds import stream
+from bgmodel.tables.evidence import read_trials, trials_from_table
+from bgmodel.tables.trials import trial_table
+from tests.helpers import long_table
+
+
+def test_a_users_table_gives_back_the_evidence():
+    evidence = gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
+    within = long_table(evidence)
+    # Trials in their order, the rows of each in any.
+    shuffled = within.sample(frac=1, random_state=3).sort_values("trial", kind="stable")
+    back = trials_from_table(shuffled)
+    assert back.names == ["a", "b", "c"]
+    assert np.array_equal(back.evidence.log_likelihood, evidence.log_likelihood)
+    assert np.array_equal(back.evidence.truth, evidence.truth)
+    blind = trials_from_table(long_table(evidence, truth=False))
+    assert blind.evidence.truth is None
+    decided = trial_table(first_crossing(Msprt().run(blind.evidence), 0.1), blind, model="msprt")
+    assert decided["correct"].isna().all()
+    assert back.said() == "read 7 trials of 4 readings, hypotheses a, b, c"
+
+
+IDS = {
+    "strings": list("qwertyu"),
+    "mixed": ["a", 1, 2.5, (3, 4), "1", -7, "b c"],
+    "falling": [9, 7, 5, 3, 1, 0, -1],
+    "numbers with a dot": [0.5, 1.5, 2.5, -1.0, 10.25, 3.0, 4.0],
+    "dates": list(pd.date_range("2026-01-01", periods=7)),
+    "truths": [True, False, "yes", "no", 1.5, 2.5, 3.5],
+}
+
+
+@pytest.mark.parametrize("kind", IDS)
+def test_trial_ids_of_any_kind_come_back_in_the_order_of_the_table(kind):
+    evidence = gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
+    table = long_table(evidence)
+    ids = pd.Series(IDS[kind], dtype=object if kind in ("mixed", "truths") else None)
+    table["trial"] = np.array(ids, dtype=object)[table["trial"]]
+    table["trial"] = table["trial"].astype(ids.dtype)
+    back = trials_from_table(table)
+    assert list(back.columns["trial"]) == list(ids)
+    assert np.array_equal(back.evidence.log_likelihood, evidence.log_likelihood)
+    found = trial_table(first_crossing(Msprt().run(back.evidence), 0.2), back, model="m")
+    assert list(found["trial"]) == list(ids)
+    assert found["row"].tolist() == [0, 4, 8, 12, 16, 20, 24]
+
+
+def ragged(rng, trials=40, most=9):
+    """Return a table of unequal trials with ids, participants and other columns, and lengths."""
+    lengths = rng.integers(1, most + 1, trials)
+    table = pd.DataFrame(
+        {
+            "trial": np.repeat(np.arange(trials) // 2, lengths),
+            "participant_id": np.repeat(np.where(np.arange(trials) % 2, "s02", "s01"), lengths),
+            "step": np.concatenate([np.arange(1, n + 1) for n in lengths]),
+            "ll_left": rng.normal(0, 1, lengths.sum()),
+            "ll_right": rng.normal(0, 1, lengths.sum()),
+            "truth": np.repeat(rng.choice(["left", "right"], trials), lengths),
+            "block": np.repeat(np.arange(trials) // 10, lengths),
+            "rt": np.repeat(rng.gamma(2, 0.3, trials), lengths),
+            "condition": np.repeat(rng.choice(["easy", "hard"], trials), lengths),
+            "eye_x": rng.normal(0, 1, lengths.sum()),
+        }
+    )
+    return table, lengths
+
+
+def test_a_users_columns_come_back_and_the_result_joins_by_id_and_by_row():
+    table, lengths = ragged(np.random.default_rng(5))
+    table = table.sample(frac=1, random_state=2).reset_index(drop=True)
+    trials = trials_from_table(table, step_ms=50.0)
+    assert trials.varying == ["eye_x"]
+    found = trial_table(first_crossing(Msprt().run(trials.evidence), 0.3), trials, model="m")
+    assert sorted(trials.evidence.readings) == sorted(lengths)
+    keys = ["participant_id", "trial"]
+    first = table.groupby(keys, sort=False, as_index=False).first()
+    joined = first.merge(found, on=keys, suffixes=("", "_ours"), validate="one_to_one")
+    assert len(joined) == len(found) == 40
+    assert (joined["given_rt"] == joined["rt"]).all()
+    assert (joined["condition_ours"] == joined["condition"]).all()
+    assert (joined["block_ours"] == joined["block"]).all()
+    assert (joined["stimulus"] == joined["truth"]).all()
+    by_row = table.iloc[found["row"]].reset_index(drop=True)
+    assert (by_row[keys] == found[keys]).all(axis=None)
+    assert "eye_x" not in found
+
+
+def test_some_of_the_trials_keep_their_own_columns():
+    table, _ = ragged(np.random.default_rng(5))
+    trials = trials_from_table(table)
+    chosen = np.arange(40) % 3 == 1
+    some = trials.where(chosen)
+    assert some.columns["rt"].tolist() == trials.columns["rt"][chosen].tolist()
+    assert some.evidence.trial_numbers.tolist() == np.flatnonzero(chosen).tolist()
+    found = trial_table(first_crossing(Msprt().run(some.evidence), 0.3), some, model="m")
+    assert found["row"].tolist() == trials.columns["row"][chosen].tolist()
+
+
+def test_a_forced_trial_of_a_table_is_decided_by_its_own_readings():
+    """The plain oracle: sums of a trial's rows, up to its own last one."""
+    table, _ = ragged(np.random.default_rng(6))
+    trials = trials_from_table(table, step_ms=50.0)
+    decided = first_crossing(Msprt().run(trials.evidence), -np.log(0.9))
+    found = trial_table(decided, trials, model="m").set_index(["participant_id", "trial"])
+    assert 0 < found["forced"].sum() < len(found)
+    for key, rows in table.groupby(["participant_id", "trial"]):
+        rows = rows.sort_values("step")
+        z = (rows["ll_right"] - rows["ll_left"]).cumsum().to_numpy()
+        crossed = np.abs(z) >= np.log(9)
+        k = int(np.argmax(crossed)) if crossed.any() else len(z) - 1
+        one = found.loc[key]
+        assert one["response"] == ("right" if z[k] > 0 else "left")
+        assert one["rt"] == pytest.approx(0.05 * (k + 1))
+        assert one["forced"] == (not crossed.any())
+
+
+@pytest.mark.parametrize(
+    ("cells", "kind"),
+    [
+        (["007", "8", "9"], "text"),
+        (["7", "8", "-9"], "number"),
+        (["1.50", "2.5", "3"], "text"),
+        (["0.5", "2.0", "-3.25"], "number"),
+        (["NA", "nan", "NULL"], "text"),
+        (["1", "", "3"], "text"),
+        (["99999999999999999999", "1", "2"], "text"),
+        (["1e5", "2", "3"], "text"),
+        (["-1", "9223372036854775809", "2"], "text"),
+        (["True", "False", "True"], "text"),
+    ],
+)
+def test_cells_of_a_csv_come_back_as_they_were_written(tmp_path, cells, kind):
+    path = tmp_path / "mine.csv"
+    rows = [f"{k},0,-1,-2,{cell}" for k, cell in enumerate(cells)]
+    path.write_text("\n".join(["trial,step,ll_a,ll_b,tag", *rows]))
+    trials = read_trials(path)
+    assert (trials.columns["tag"].dtype == object) == (kind == "text")
+    found = trial_table(first_crossing(Msprt().run(trials.evidence), 0.1), trials, model="m")
+    write_table(found, tmp_path / "out.csv")
+    assert (
+        pd.read_csv(tmp_path / "out.csv", dtype=str, keep_default_na=False)["tag"].tolist() == cells
+    )
+
+
+def changed(name, values):
+    return lambda good: good.assign(**{name: values})
+
+
+BAD = {
+    "needs the columns trial, step": lambda good: good.drop(columns="step"),
+    "at least two ll_": lambda good: good.drop(columns="ll_a"),
+    "at least one trial": lambda good: good.head(0),
+    "trial 0 has step 0 twice": lambda good: pd.concat([good, good.head(1)]),
+    "trial 0 starts with 1": lambda good: good.iloc[1:],
+    "trial 0 goes from 0 to 2": lambda good: good.drop(index=1),
+    "step must be a whole number, got 0.5": changed("step", 0.5),
+    "step must be a whole number, got late": changed("step", "late"),
+    "every trial: trial 0 starts with 2": lambda good: good.assign(step=good["step"] + 2),
+    "trial is missing in row 4": lambda good: good.assign(
+        trial=good["trial"].where(good.index != 4)
+    ),
+    "ll_a must be a finite number within .* got 'abc' at trial 0, step 1": lambda good: good.astype(
+        {"ll_a": object}
+    ).assign(ll_a=lambda t: t["ll_a"].where(t.index != 1, "abc")),
+    r"ll_b must be .* got 'nan' at trial 0, step 0 \(28 such": changed("ll_b", np.nan),
+    "truth must be one of": changed("truth", "z"),
+    "same in all rows of a trial, got several": lambda good: good.assign(
+        truth=np.where(good.index == 1, "b", "a")
+    ),
+    "'LL_a' is no hypothesis": lambda good: good.rename(columns={"ll_a": "LL_a"}),
+    "'ll_' is no hypothesis": changed("ll_", 0.0),
+    "'ll_a ' is no hypothesis": lambda good: good.rename(columns={"ll_a": "ll_a "}),
+    "'ll_ b' is no hypothesis": lambda good: good.rename(columns={"ll_b": "ll_ b"}),
+    "' ll_c' is no hypothesis": changed(" ll_c", 0.0),
+    "'ll-c' is no hypothesis": changed("ll-c", 0.0),
+    "'Ll c' is no hypothesis": changed("Ll c", 0.0),
+    "'Truth' is not 'truth'": changed("Truth", "a"),
+    "'trial ' is not 'trial'": changed("trial ", 1),
+    "ll_a twice": lambda good: good.rename(columns={"ll_b": "ll_a"}),
+    "the column row is the result's own": changed("row", 1),
+    "ll_a must be a finite number within .* got '2000000.0'": changed("ll_a", 2e6),
+    "ll_a must hold numbers, got bool": changed("ll_a", True),
+    r"step must hold numbers, got datetime64": changed("step", pd.Timestamp("2026-01-01")),
+    "the column rt is the result's own": lambda good: good.assign(rt=1, given_rt=2),
+    "truth must be one of .* got .'1.0', 'nan'": lambda good: good.assign(
+        truth=np.where(good["trial"] == 0, np.nan, 1.0)
+    ),
+    "column 'note' can't be compared": lambda good: good.assign(note=[[1]] * len(good)),
+}
+
+
+@pytest.mark.parametrize("says", BAD)
+def test_bad_tables_get_one_clear_sentence(says):
+    good = long_table(gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    trials_from_table(good)
+    with pytest.raises(ValueError, match=says) as raised:
+        trials_from_table(BAD[says](good))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("trial,step,ll_a,ll_a\n0,0,1,2\n", "the header has ll_a twice"),
+        ("trial,step,ll_a,ll_b\n0,0,1,2,3\n", "a row has more cells than the header"),
+        ("\ntrial,step,ll_a,ll_b\n007,0,1,2\n", "the first line is blank"),
+        ("\ufeff\r\ntrial,step,ll_a,ll_b\r\n007,0,1,2\r\n", "the first line is blank"),
+        ("trial;step;ll_a;ll_b\n0;0;1;2\n", "needs the columns trial, step"),
+        ("", "can't be read as .csv"),
+        ("trial,step,ll_a,ll_b\n", "at least one trial"),
+        ("trial,step,ll_a,ll_b\n0,0,1,\n", "ll_b must be a finite number"),
+        ("trial,step,ll_a,ll_b\n0,0,1,inf\n", "ll_b must be a finite number"),
+        ("trial,step,ll_a,ll_b\n,0,1,2\n", "trial is missing in row 0"),
+    ],
+)
+def test_bad_csv_gets_one_sentence_with_its_name(tmp_path, text, says):
+    path = tmp_path / "mine.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=says) as raised:
+        read_trials(path)
+    assert "mine.csv" in str(raised.value)
+
+
+def test_the_same_trial_number_of_two_participants_is_two_trials():
+    table, _ = ragged(np.random.default_rng(5))
+    assert trials_from_table(table).evidence.trials == 40
+    with pytest.raises(ValueError, match=r"has step 1 twice \(two participants\? give part"):
+        trials_from_table(table.drop(columns="participant_id"))
+
+
+def test_a_table_too_large_says_what_it_needs():
+    table = pd.DataFrame({"trial": np.arange(200_000), "step": 0, "ll_a": 0.0, "ll_b": 0.0})
+    long = pd.DataFrame({"trial": -1, "step": np.arange(2_000_000), "ll_a": 0.0, "ll_b": 0.0})
+    with pytest.raises(
+        ValueError, match=r"200001 trials of up to 2000000 readings need .* of memory"
+    ):
+        trials_from_table(pd.concat([table, long]))

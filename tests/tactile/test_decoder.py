@@ -1,0 +1,160 @@
+"""The decoder: reproducible, stored safely, and clear about what it can't use."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.seeds import stream
+from bgmodel.tactile.decoder import EDGE, Decoder, Training, train
+from bgmodel.tactile.networks import GratingNetwork, wrapped
+from bgmodel.tactile.taps import Taps
+from bgmodel.tactile.tips import Tip
+
+QUICK = Training(width=0.1, epochs=3, validation=0.2)
+
+
+def striped_taps(count=400, seed=1, layout="square", limit=90):
+    """Taps whose displacements are plain stripes across the yaw: easy to read, quick to make."""
+    rng = stream(seed, "striped")
+    rest = Tip(layout=layout).rest_mm()
+    yaw = rng.uniform(-limit, limit, count)
+    across = np.cos(np.radians(yaw))[:, None] * rest[:, 0]
+    across = across + np.sin(np.radians(yaw))[:, None] * rest[:, 1]
+    size = 1 + np.sin(2 * np.pi * across / 6 + rng.uniform(0, 7, count)[:, None])
+    moved = np.stack([size, 0 * size], axis=-1) + rng.normal(0, 0.1, (count, len(rest), 2))
+    return Taps(moved.astype(np.float32), rest, pd.DataFrame({"yaw_deg": yaw}))
+
+
+@pytest.fixture(scope="module")
+def decoder():
+    return train(striped_taps(1200), seed=3, training=QUICK)
+
+
+def test_a_decoder_reads_the_angle_of_unseen_taps(decoder):
+    fresh = striped_taps(300, seed=2)
+    yaw = fresh.labels["yaw_deg"].to_numpy()
+    error = np.abs(wrapped(decoder.decode(fresh)["orientation_deg"] - yaw, 180)).mean()
+    assert error < 15  # 45 by chance
+    shuffled = np.abs(wrapped(decoder.decode(fresh)["orientation_deg"] - yaw[::-1], 180)).mean()
+    assert shuffled > 30
+
+
+def test_the_same_seed_gives_the_same_weights(decoder, tmp_path):
+    again = train(striped_taps(1200), seed=3, training=QUICK)
+    first, second = decoder.save(tmp_path / "a.safetensors"), again.save(tmp_path / "b.safetensors")
+    assert first.read_bytes() == second.read_bytes()
+    other = train(striped_taps(1200), seed=4, training=QUICK).save(tmp_path / "c.safetensors")
+    assert first.read_bytes() != other.read_bytes()
+
+
+def test_a_stored_decoder_is_the_decoder(decoder, tmp_path):
+    back = Decoder.load(decoder.save(tmp_path / "d.safetensors"))
+    taps = striped_taps(50, seed=2)
+    assert np.array_equal(back.decode(taps)["psi_deg"], decoder.decode(taps)["psi_deg"])
+    assert back.training == QUICK
+    assert back.about["seed"] == 3
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_edges_are_read_in_all_directions():
+    def pushed(count, seed):
+        """Displacements towards the side that the edge is on."""
+        taps = striped_taps(count, seed, "circular", 180)
+        yaw = np.radians(taps.labels["yaw_deg"].to_numpy())
+        side = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)[:, None]
+        noise = stream(seed, "noise").normal(0, 1.0, taps.displacement_mm.shape)
+        return Taps((side + noise).astype(np.float32), taps.rest_mm, taps.labels, "edge")
+
+    edge = train(pushed(1500, 1), seed=1, training=EDGE)
+    fresh = pushed(300, 2)
+    error = wrapped(edge.decode(fresh)["edge_deg"] - fresh.labels["yaw_deg"].to_numpy(), 360)
+    assert error.std() < 15
+
+
+def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path):
+    gratings = striped_taps(300)
+    of_edges = replace(gratings, stimulus="edge")
+    back = Decoder.load(decoder.save(tmp_path / "d.safetensors"))
+    for one in (decoder, back):
+        with pytest.raises(ValueError, match="one stimulus, grating: got edge"):
+            one.decode(of_edges)
+    with pytest.raises(ValueError, match="one stimulus, edge: got grating"):
+        train(gratings, seed=1, training=EDGE)
+    with pytest.raises(ValueError, match="one stimulus, grating: got edge"):
+        train(of_edges, seed=1, training=QUICK)
+    for taps in (gratings, of_edges):
+        taps.save(tmp_path / "t.npz", {})
+        assert Taps.load(tmp_path / "t.npz")[0].stimulus == taps.stimulus
+        assert taps.select(np.arange(3)).stimulus == taps.stimulus
+    with pytest.raises(ValueError, match="taps of one stimulus"):
+        Taps.concatenate([gratings, of_edges])
+    with pytest.raises(ValueError, match="stimulus must be one of grating, edge, got 'leaf'"):
+        replace(gratings, stimulus="leaf")
+
+
+def test_mirror_images_keep_the_truth():
+    """A mirrored tap is what a mirrored grating would have given."""
+    taps = striped_taps(4)
+    yaw = taps.labels["yaw_deg"].to_numpy()
+    maps, yaws = GratingNetwork.augmented(taps.maps(), yaw)
+    assert len(maps) == len(yaws) == 16
+    mirrored = Taps(
+        taps.displacement_mm[:, np.lexsort((taps.rest_mm[:, 0] * -1, -taps.rest_mm[:, 1]))],
+        taps.rest_mm,
+        taps.labels,
+    )
+    assert np.allclose(mirrored.maps(), maps[8:12], atol=1e-5)
+    assert yaws[8:12] == pytest.approx(-yaw)
+
+
+def test_an_interrupted_training_leaves_nothing(tmp_path, monkeypatch):
+    def stop(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bgmodel.tactile.decoder._epoch", stop)
+    with pytest.raises(KeyboardInterrupt, match="no decoder was written"):
+        train(striped_taps(), seed=1, training=QUICK)
+
+
+def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
+    whole = decoder.save(tmp_path / "d.safetensors").read_bytes()
+    bad = {
+        "cut": whole[: len(whole) // 2],
+        "text": b"not a decoder",
+        "empty": b"",
+        "width": whole.replace(b'\\"width\\": 0.1', b'\\"width\\": 0.2'),
+    }
+    assert bad["width"] != whole
+    for name, content in bad.items():
+        path = tmp_path / f"{name}.safetensors"
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match="does not hold a decoder"):
+            Decoder.load(path)
+    with pytest.raises(ValueError, match="there is no decoder"):
+        Decoder.load(tmp_path / "absent.safetensors")
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda d: d.decode(striped_taps(9, layout="circular")), "got taps of 331 pins"),
+        (lambda d: train(striped_taps(40), seed=1), "at least 128 taps"),
+        (lambda d: train(striped_taps(limit=180), seed=1), "yaw_deg must lie in -90..90"),
+        (lambda d: Training(width=0), "width must be > 0"),
+        (lambda d: Training(epochs=0), "epochs must be at least 1"),
+        (lambda d: Training(validation=1.0), "validation must lie between"),
+        (lambda d: Training(network="forest"), "network must be one of"),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(decoder, call, says):
+    with pytest.raises(ValueError, match=says):
+        call(decoder)
+
+
+def test_nan_displacements_are_refused(decoder):
+    taps = striped_taps(9)
+    taps.displacement_mm[3, 4, 0] = np.nan
+    with pytest.raises(ValueError, match="finite displacements"):
+        decoder.decode(taps)

@@ -1,0 +1,82 @@
+"""The library of contacts: kept, found again, rebuilt, interpolated."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from bgmodel.tactile.library import contact_library, with_mirror_images
+from bgmodel.tactile.pressing import press
+from bgmodel.tactile.tips import Tip
+from tests.tactile.plans import PLAN, TINY
+
+
+def test_the_library_is_the_same_file_whatever_the_workers(tmp_path):
+    for workers in (1, 2):
+        contact_library(TINY, cache_dir=tmp_path / str(workers), workers=workers)
+    one, two = (tmp_path / str(w) / TINY.name for w in (1, 2))
+    assert one.read_bytes() == two.read_bytes()
+    assert [p.name for p in one.parent.iterdir()] == [TINY.name]
+
+
+def test_the_library_is_kept_and_found_by_environment(tmp_path, monkeypatch):
+    monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
+    first = contact_library(TINY)
+    monkeypatch.setattr("bgmodel.tactile.library.press", None)  # must not be needed again
+    second = contact_library(TINY)
+    for period in TINY.periods_mm:
+        assert np.array_equal(first.fields[period], second.fields[period])
+
+
+@pytest.mark.parametrize("damage", ["cut", "noise", "empty", "flipped", "other plan"])
+def test_a_damaged_library_is_rebuilt(tmp_path, damage):
+    path = tmp_path / TINY.name
+    contact_library(TINY, cache_dir=tmp_path)
+    whole = path.read_bytes()
+    other = dataclasses.replace(TINY, forces_n=(1.2, 1.7))
+    if damage == "other plan":
+        contact_library(other, cache_dir=tmp_path)
+    damaged = {
+        "cut": lambda: whole[: len(whole) // 2],
+        "noise": lambda: b"not an archive",
+        "empty": lambda: b"",
+        "flipped": lambda: whole[:5000] + bytes([whole[5000] ^ 255]) + whole[5001:],
+        "other plan": lambda: (tmp_path / other.name).read_bytes(),
+    }[damage]()
+    path.write_bytes(damaged)
+    contact_library(TINY, cache_dir=tmp_path)
+    assert path.read_bytes() == whole
+
+
+def test_mirror_images_are_the_solutions():
+    direct = np.moveaxis(press(PLAN, 5.0, 6 / 8), -1, 0)
+    half = np.moveaxis(np.stack([press(PLAN, 5.0, j / 8) for j in range(5)]), -1, 0)
+    images = with_mirror_images(half, 8)
+    assert images.shape[1] == 8
+    assert np.abs(images[:, 6] - direct).max() < 1e-4
+    assert np.abs(images[:, 2] - direct).max() > 1e-2
+
+
+def test_fields_between_phases_and_forces_are_those_of_the_solver(library):
+    points = Tip().rest_mm()[None]
+    for period, phase, force in ((5.0, 0.31, 1.35), (2.0, 0.31, 1.35), (5.0, 0.94, 1.7)):
+        exact = dataclasses.replace(PLAN, forces_n=(force, 1.9), periods_mm=(period,))
+        fields = press(exact, period, phase)[None]
+        alone = dataclasses.replace(library, plan=exact, fields={0.0: fields}, _splines={})
+        wanted = alone.sample(0.0, np.zeros(1), np.array([force]), points, 1.5)
+        given = library.sample(period, np.array([phase]), np.array([force]), points, 1.5)
+        # In the root mean square well below the 9.5 um of a marker.
+        assert np.sqrt(np.mean((given - wanted) ** 2)) < 1.5e-3
+
+
+def test_field_passes_through_the_stored_values(library):
+    cells = np.stack(np.meshgrid([5, 30, 31, 40], [20, 32, 63], indexing="ij"), axis=-1)
+    points = (cells.reshape(1, -1, 2) + 0.5) * 0.5 - 18
+    given = library.sample(2.0, np.array([2 / 8]), np.array([1.5]), points, 0.0)
+    stored = library.fields[2.0][2, 1][cells[..., 0], cells[..., 1], :3].reshape(1, -1, 3)
+    assert given == pytest.approx(stored, abs=1e-6)
+
+
+def test_a_number_of_workers_without_sense_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="workers: got 0"):
+        contact_library(TINY, cache_dir=tmp_path, workers=0)

@@ -1,0 +1,119 @@
+"""Likelihoods: right where a density is known, calibrated on unseen taps, silent on noise."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from bgmodel.seeds import stream
+from bgmodel.tactile.likelihood import Density, calibration, fit_likelihood
+from bgmodel.tactile.task import Orientations
+
+
+def as_they_are(pool):
+    return list(pool)
+
+
+def normal_pool(gap, taps=1000, seed=1):
+    rng = stream(seed, "likelihood", gap)
+    return [rng.normal(-gap / 2, 20, taps), rng.normal(gap / 2, 20, taps)]
+
+
+@pytest.mark.parametrize("kind", ["kde", "t"])
+def test_the_log_ratio_of_two_gaussians_is_the_exact_one(kind):
+    likelihood = fit_likelihood(
+        normal_pool(30, 20_000), as_they_are, (-180, 180), density=Density(kind=kind)
+    )
+    x = np.linspace(-30, 30, 13)
+    fitted = np.diff(likelihood(x))[:, 0]
+    exact = norm.logpdf(x, 15, 20) - norm.logpdf(x, -15, 20)
+    # Smoothing widens a density of sd 20 by a few per cent, which pulls ratios towards 0.
+    assert np.abs(fitted - exact).max() < 0.15 + 0.1 * np.abs(exact).max()
+    assert np.corrcoef(fitted, exact)[0, 1] > 0.995
+
+
+def test_no_difference_gives_no_evidence():
+    """Without shrinkage, two samples of one density do seem to differ: the over-fit to avoid."""
+    silent = [
+        fit_likelihood(normal_pool(0, 500, seed), as_they_are, (-180, 180)).shrink
+        for seed in range(20)
+    ]
+    # A gain above one standard error comes by chance about one time in six.
+    assert np.count_nonzero(silent) <= 8
+    assert np.median(silent) == 0
+    raw = fit_likelihood(
+        normal_pool(0, 500, 3), as_they_are, (-180, 180), density=Density(shrink=1.0)
+    )
+    assert np.abs(np.diff(raw(np.linspace(-40, 40, 50)))).max() > 0.1
+
+
+def test_the_cap_is_the_largest_ratio():
+    for cap in (1.0, 3.0):
+        likelihood = fit_likelihood(
+            normal_pool(200), as_they_are, (-180, 180), density=Density(cap_nats=cap)
+        )
+        ratio = np.diff(likelihood(np.linspace(-170, 170, 99)))
+        assert np.abs(ratio).max() == pytest.approx(cap)
+
+
+def test_circular_readings_wrap():
+    rng = stream(1, "wrap")
+    pool = [rng.normal(88, 10, 2000), rng.normal(0, 10, 2000)]
+    likelihood = fit_likelihood(pool, as_they_are, (-90, 90), circular=True)
+    assert likelihood(-89) == pytest.approx(likelihood(91))
+    assert likelihood(-85)[0] > likelihood(-85)[1] + 2
+
+
+@pytest.mark.parametrize("kind", ["kde", "t"])
+def test_stated_posteriors_are_observed(kind):
+    pool, fresh = normal_pool(30, 3000), normal_pool(30, 20_000, seed=2)
+    likelihood = fit_likelihood(pool, as_they_are, (-180, 180), density=Density(kind=kind))
+    truth = np.repeat([0, 1], 20_000)
+    table = calibration(likelihood(np.concatenate(fresh)), truth)
+    often = table[table["count"] > 500]
+    assert np.abs(often["stated"] - often["observed"]).max() < 0.05
+    # The control: ratios twice too large are not calibrated.
+    wrong = calibration(2 * likelihood(np.concatenate(fresh)), truth)
+    wrong = wrong[wrong["count"] > 500]
+    assert np.abs(wrong["stated"] - wrong["observed"]).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: Density(kind="histogram"), "kind must be"),
+        (lambda: Density(cap_nats=0), "cap_nats must be > 0"),
+        (lambda: Density(shrink=2), "shrink must lie in 0..1"),
+        (lambda: Orientations(9), "2 to 8"),
+        (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "at least 40 taps"),
+        (
+            lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)),
+            "decoded angles must be finite",
+        ),
+        (
+            lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(181.0),
+            r"covers -180..180 degrees, got readings in 181..181",
+        ),
+        (
+            lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(np.nan),
+            "finite degrees",
+        ),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+def test_inner_folds_without_a_reading_are_left_out_or_refused():
+    pool = normal_pool(80, 60)
+
+    def late(part, pool):
+        # Readings of the second hypothesis come from few taps.
+        return [pool[0], pool[1][pool[1] > part]]
+
+    some = np.sort(pool[1])[-4] - 1e-9
+    fitted = fit_likelihood(pool, lambda p: late(some, p), (-180, 180))
+    assert fitted.shrink > 0
+    with pytest.raises(ValueError, match="too few taps to judge"):
+        # A small part of the taps never gives a reading of the second hypothesis.
+        fit_likelihood(pool, lambda p: [p[0], p[1] if len(p[1]) > 30 else p[1][:0]], (-180, 180))

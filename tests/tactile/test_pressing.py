@@ -1,0 +1,70 @@
+"""Plans of a library of contacts: their names, and the contact they solve."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from bgmodel.tactile.pressing import LibraryPlan, press
+from bgmodel.tactile.skin import Skin
+from tests.tactile.plans import PLAN, TINY
+
+
+def test_every_parameter_is_in_the_name():
+    changed = {
+        "skin": Skin(skin_mm=1.1),
+        "periods_mm": (0.0,),
+        "phases": 4,
+        "forces_n": (1.0, 2.0),
+        "side_mm": 16.0,
+        "field_side_mm": 64.0,
+        "kept_mm": 32.0,
+    }
+    for field in dataclasses.fields(TINY):
+        value = changed.get(field.name) or getattr(TINY, field.name) / 2
+        if field.name == "stored_dx_mm":
+            value = 1.0
+        assert dataclasses.replace(TINY, **{field.name: value}).name != TINY.name, field.name
+
+
+def test_equal_plans_share_a_name():
+    same = dataclasses.replace(PLAN, radius_mm=20, periods_mm=[0, 2, 5], skin=Skin(gel_mm=15))
+    assert same == PLAN
+    assert same.name == PLAN.name
+
+
+def test_the_interface_under_a_small_contact_moves_as_boussinesq_says():
+    # A point load on an incompressible half-space (Boussinesq): outwards, and down.
+    shear, load = 0.1, 0.001
+    body = Skin(skin_mm=1.0, skin_shear_mpa=shear, gel_mm=200.0, gel_shear_mpa=shear)
+    plan = dataclasses.replace(
+        PLAN, skin=body, radius_mm=2.0, forces_n=(load, 2 * load), dx_mm=0.125, stored_dx_mm=0.25
+    )
+    fields, place = press(plan, 0.0, 0.0)[0], (np.arange(144) - 71.5) * 0.25
+    x, y = place[68:86, None], place[None, 72:80]
+    distance = np.sqrt(x**2 + y**2 + 1)
+    outwards = load / (4 * np.pi * shear) / distance**3
+    down = load / (4 * np.pi * shear) * (1 / distance + 1 / distance**3)
+    near = fields[68:86, 72:80]
+    assert near[..., 0] == pytest.approx(x * outwards, abs=0.02 * (x * outwards).max())
+    assert near[..., 1] == pytest.approx(y * outwards, abs=0.02 * (x * outwards).max())
+    # Up to a constant: the mean displacement of a periodic surface is zero.
+    error = near[..., 2] - down
+    assert np.ptp(error) < 0.03 * np.ptp(down)
+
+
+@pytest.mark.parametrize(
+    ("made", "change", "message"),
+    [
+        (LibraryPlan, {"phases": 1}, r"LibraryPlan\.phases"),
+        (LibraryPlan, {"forces_n": (1.5, 1.2)}, r"LibraryPlan\.forces_n"),
+        (LibraryPlan, {"dx_mm": 0.3}, r"LibraryPlan\.dx_mm"),
+        (LibraryPlan, {"stored_dx_mm": 0.3}, r"LibraryPlan\.stored_dx_mm"),
+        (LibraryPlan, {"stored_dx_mm": 0.0625}, "the stored one not the smaller"),
+        (LibraryPlan, {"radius_mm": np.nan}, r"LibraryPlan\.radius_mm"),
+        (LibraryPlan, {"periods_mm": (1.1,)}, "whole number of cells"),
+    ],
+)
+def test_plans_without_sense_are_refused(made, change, message):
+    with pytest.raises(ValueError, match=message):
+        made(**change)

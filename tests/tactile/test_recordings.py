@@ -1,0 +1,312 @@
+"""Recordings are read as they are, and the markers are tracked to a fraction of a pixel."""
+
+import re
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.tactile.recordings import find_recordings, read_taps, read_targets
+
+SIZE, PITCH, MM_PER_PX = 160, 11.0, 0.2
+FIELD_PX = 4.5  # largest displacement
+NEEDED = ["x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg"]
+
+
+def hexagon(rings=5):
+    """Hexagonal pattern (91, 2) in px about the image's centre."""
+    q, r = np.meshgrid(*[np.arange(-rings, rings + 1)] * 2)
+    keep = np.abs(q + r) <= rings
+    pins = np.column_stack([q[keep] + r[keep] / 2, r[keep] * np.sqrt(3) / 2])
+    return pins * PITCH + (SIZE - 1) / 2
+
+
+def field(pins, yaw_deg):
+    """Give a smooth displacement (pins, 2) in px: an outward bulge off centre, at the yaw."""
+    yaw = np.deg2rad(yaw_deg)
+    away = pins - (SIZE - 1) / 2 - 15 * np.array([np.cos(yaw), np.sin(yaw)])
+    bulge = away * np.exp(-np.sum(away**2, axis=1, keepdims=True) / 2 / 25**2)
+    return FIELD_PX * bulge / (25 * np.exp(-0.5))
+
+
+def draw(pins, *, specks=(), radius=3.0):
+    """Grey image of bright discs at the pins, smooth at the edges, in uneven light."""
+    y, x = np.mgrid[:SIZE, :SIZE]
+    apart = np.hypot(x[..., None] - pins[:, 0], y[..., None] - pins[:, 1]).min(axis=-1)
+    image = 20 + 120 * x / SIZE + 100 * np.clip(radius + 0.5 - apart, 0, 1)
+    for column, row in specks:
+        image[row : row + 4, column : column + 4] = 220
+    return image.astype(np.uint8)
+
+
+def write(folder, images, layout="targets.csv"):
+    cv2 = pytest.importorskip("cv2")
+    yaw = np.linspace(-150, 150, len(images))
+    pose, images_folder = (["pose_1", "pose_2", "pose_3", "pose_4", "pose_5", "pose_6"], "images")
+    table = pd.DataFrame({"sensor_image": [f"image_{i + 1}.png" for i in range(len(images))]})
+    if layout == "targets.csv":
+        table["obj_id"], table["move_2"] = 1, 0.5
+    else:
+        images_folder, table["object_label"], table["shear_y"] = "processed_images", "edge", 0.5
+        pose = ["pose_x", "pose_y", "pose_z", "pose_Rx", "pose_Ry", "pose_Rz"]
+    table[pose] = np.column_stack([np.arange(5) + np.zeros((len(images), 1)), yaw])
+    (folder / images_folder).mkdir(parents=True)
+    table.to_csv(folder / layout, index=False)
+    for name, image in zip(table["sensor_image"], images, strict=True):
+        assert cv2.imwrite(str(folder / images_folder / name), image)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """Displacements (12, 91, 2) in px of the taps that `recording` shows."""
+    return np.stack([field(hexagon(), yaw) for yaw in np.linspace(-150, 150, 12)])
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory, truth):
+    """Folder of taps with specks beside the pins, and the untouched sensor."""
+    specks = [(2, 2), (150, 8), (4, 150)]
+    folder = write(
+        tmp_path_factory.mktemp("recording"),
+        [draw(hexagon() + moved, specks=specks) for moved in truth],
+    )
+    import cv2
+
+    cv2.imwrite(str(folder / "rest.png"), draw(hexagon(), specks=specks))
+    return folder
+
+
+def in_order(taps):
+    """Displacement (taps, 91, 2) in px, y down, with the pins as `hexagon` lists them."""
+    flip = np.array([1, -1]) / MM_PER_PX
+    places = taps.rest_mm * flip + (SIZE - 1) / 2
+    apart = np.linalg.norm(hexagon()[:, None] - places[None], axis=2)
+    assert sorted(apart.argmin(axis=1)) == list(range(len(places)))
+    return taps.displacement_mm[:, apart.argmin(axis=1)] * flip
+
+
+def test_displacement_is_right_to_a_fraction_of_a_pixel(recording, truth):
+    taps = read_taps(recording, mm_per_px=MM_PER_PX, rest=recording / "rest.png")
+    assert taps.displacement_mm.dtype == np.float32
+    np.testing.assert_allclose(taps.rest_mm.mean(axis=0), 0, atol=0.01)  # the image's centre
+    assert taps.labels["markers_found"].tolist() == [91] * 12
+    assert np.abs(in_order(taps) - truth).max() < 0.25
+    assert (in_order(taps) - truth).std() < 0.06
+
+
+def test_pins_are_followed_beyond_half_a_pitch(recording, tmp_path, truth):
+    far = 1.4 * truth
+    assert np.linalg.norm(far, axis=2).max() > 0.55 * PITCH
+    folder = write(tmp_path / "far", [draw(hexagon() + moved) for moved in far])
+    taps = read_taps(folder, mm_per_px=MM_PER_PX, rest=recording / "rest.png")
+    assert np.abs(in_order(taps) - far).max() < 0.25
+
+
+def test_without_a_rest_image_the_median_tap_is_the_origin(recording, truth):
+    taps = read_taps(recording, mm_per_px=MM_PER_PX)
+    assert taps.rest_mm.shape == (91, 2)
+    relative = truth - np.median(truth, axis=0)
+    assert (in_order(taps) - relative).std() < 0.1
+
+
+def test_layout_of_one_recording_serves_another(recording, tmp_path, truth):
+    first = read_taps(recording, mm_per_px=MM_PER_PX)
+    other = write(tmp_path / "other", [draw(hexagon() + truth[3])])
+    again = read_taps(other, mm_per_px=MM_PER_PX, rest=first.rest_mm)
+    np.testing.assert_array_equal(again.rest_mm, first.rest_mm)
+    np.testing.assert_allclose(again.displacement_mm[0], first.displacement_mm[3], atol=0.02)
+
+
+def test_missed_pins_take_the_motion_of_their_neighbours(recording, tmp_path, truth):
+    shown = np.delete(hexagon() + truth[4], [20, 45, 46], axis=0)
+    folder = write(tmp_path / "missed", [draw(shown)])
+    taps = read_taps(folder, mm_per_px=MM_PER_PX, rest=recording / "rest.png")
+    assert taps.labels["markers_found"].tolist() == [88]
+    error = np.linalg.norm(in_order(taps)[0] - truth[4], axis=1)
+    assert error.max() < 1.5
+    assert np.delete(error, [20, 45, 46]).max() < 0.3
+
+
+def test_a_speck_between_pins_is_no_pin(tmp_path, truth):
+    gap = hexagon()[45:47].mean(axis=0).astype(int) - 1
+    images = [draw(hexagon() + moved / 6, specks=[tuple(gap)], radius=2) for moved in truth]
+    taps = read_taps(write(tmp_path / "speck", images), mm_per_px=MM_PER_PX)
+    assert taps.rest_mm.shape == (91, 2)
+
+
+def test_workers_do_not_change_the_result(recording):
+    one, two = (read_taps(recording, mm_per_px=MM_PER_PX, workers=n) for n in (1, 2))
+    np.testing.assert_array_equal(one.displacement_mm, two.displacement_mm)
+    np.testing.assert_array_equal(one.rest_mm, two.rest_mm)
+    pd.testing.assert_frame_equal(one.labels, two.labels)
+
+
+def test_limit_spreads_over_the_table(recording):
+    taps = read_taps(recording, mm_per_px=MM_PER_PX, limit=3)
+    assert taps.labels["yaw_deg"].round().tolist() == [-150, -14, 150]
+
+
+@pytest.mark.parametrize(
+    ("layout", "folder", "label"),
+    [("targets.csv", "images", 1), ("targets_images.csv", "processed_images", "edge")],
+)
+def test_both_layouts_give_one_table(tmp_path, layout, folder, label):
+    targets = read_targets(write(tmp_path / "taps", [draw(hexagon())] * 2, layout))
+    assert targets[NEEDED].iloc[0].tolist() == [0, 1, 2, 3, 4, -150]
+    assert targets["image"].tolist() == [
+        tmp_path / "taps" / folder / f"image_{i}.png" for i in (1, 2)
+    ]
+    assert targets["object_label"].tolist() == [label] * 2
+    assert targets["shear_y_mm"].tolist() == [0.5] * 2
+    assert "shear_x_mm" not in targets
+
+
+def edit_table(change):
+    def spoil(folder):
+        change(pd.read_csv(folder / "targets.csv")).to_csv(folder / "targets.csv", index=False)
+
+    return spoil
+
+
+def edit_image(change):
+    def spoil(folder):
+        import cv2
+
+        path = str(folder / "images" / "image_2.png")
+        cv2.imwrite(path, change(cv2.imread(path, cv2.IMREAD_UNCHANGED)))
+
+    return spoil
+
+
+def rename(old, new):
+    return lambda folder: (folder / old).rename(folder / new)
+
+
+BAD = {
+    "no table": (rename("targets.csv", "labels.csv"), "has neither targets_images.csv nor targets"),
+    "no column": (
+        edit_table(lambda t: t.drop(columns="pose_6")),
+        "targets.csv: lacks pose_6; needed",
+    ),
+    "no image column": (edit_table(lambda t: t.drop(columns="sensor_image")), "lacks sensor_image"),
+    "no rows": (edit_table(lambda t: t.iloc[:0]), "targets.csv: has no rows"),
+    "empty table": (lambda f: (f / "targets.csv").write_text(""), "not a readable csv table"),
+    "binary table": (lambda f: (f / "targets.csv").write_bytes(b"\xff\xfe\x00"), "not a readable"),
+    "no number": (
+        edit_table(lambda t: t.astype({"pose_2": str}).replace({"pose_2": "1.0"}, "left")),
+        "pose_2 of image_1.png is missing or not a number",
+    ),
+    "no folder": (rename("images", "pictures"), "has no folder images"),
+    "no image": (rename("images/image_2.png", "images/image_9.png"), "image_2.png: no such file"),
+    "no picture": (
+        lambda f: (f / "images" / "image_2.png").write_text("text"),
+        "image_2.png: not a readable image",
+    ),
+    "colour": (edit_image(lambda i: np.dstack([i] * 3)), r"image_2.png: got uint8 of shape .* 3\)"),
+    "16 bits": (edit_image(lambda i: i.astype(np.uint16)), "image_2.png: got uint16"),
+    "other size": (edit_image(lambda i: i[:-1]), r"image_2.png: .*\(160, 160\) px like the first"),
+    "blank": (edit_image(np.zeros_like), "image_2.png: 0 markers found"),
+    "half seen": (
+        edit_image(lambda i: i * (np.arange(SIZE) < 60).astype(np.uint8)),
+        "image_2.png: .* of 91 pins are seen",
+    ),
+}
+
+
+@pytest.mark.parametrize(("spoil", "message"), BAD.values(), ids=list(BAD))
+@pytest.mark.filterwarnings("error")
+def test_bad_recordings_are_named(tmp_path, spoil, message):
+    folder = write(tmp_path / "taps", [draw(hexagon())] * 3)
+    spoil(folder)
+    with pytest.raises((ValueError, FileNotFoundError), match=message) as caught:
+        read_taps(folder, mm_per_px=MM_PER_PX)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_images_are_named_before_any_is_read(tmp_path, monkeypatch):
+    folder = write(tmp_path / "taps", [draw(hexagon())] * 3)
+    (folder / "images" / "image_3.png").unlink()
+    monkeypatch.setattr("bgmodel.tactile.recordings._read_image", None)
+    with pytest.raises(FileNotFoundError, match=r"image_3\.png"):
+        read_taps(folder, mm_per_px=MM_PER_PX)
+
+
+def test_images_that_are_too_small_are_refused(tmp_path):
+    folder = write(tmp_path / "taps", [draw(hexagon())[:63, :63]])
+    with pytest.raises(ValueError, match="64 px a side or more"):
+        read_taps(folder, mm_per_px=MM_PER_PX)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"mm_per_px": 0.0}, {"mm_per_px": np.nan}, {"workers": 0}, {"limit": 0}]
+    + [{"rest": rest} for rest in (np.zeros(4), np.zeros((20, 3)), np.full((20, 2), np.nan))],
+)
+def test_bad_arguments_are_named(recording, given):
+    name = next(iter(given))
+    with pytest.raises(ValueError, match=f"^{name}: got"):
+        read_taps(recording, **({"mm_per_px": MM_PER_PX} | given))
+
+
+def test_missing_opencv_says_what_to_install(recording, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    needed = 'reading recordings needs OpenCV: pip install ".[tactile]"'
+    with pytest.raises(ImportError, match=re.escape(needed)):
+        read_taps(recording, mm_per_px=MM_PER_PX)
+
+
+def test_recordings_are_found_by_option_then_environment(tmp_path, monkeypatch):
+    monkeypatch.delenv("BGMODEL_RECORDINGS", raising=False)
+    assert find_recordings(None) is None
+    monkeypatch.setenv("BGMODEL_RECORDINGS", str(tmp_path))
+    assert find_recordings(None) == tmp_path
+    (tmp_path / "option").mkdir()
+    assert find_recordings(tmp_path / "option") == tmp_path / "option"
+    with pytest.raises(ValueError, match="nowhere is not a folder"):
+        find_recordings(tmp_path / "nowhere")
+    monkeypatch.setenv("BGMODEL_RECORDINGS", str(tmp_path / "gone"))
+    with pytest.raises(ValueError, match="gone is not a folder"):
+        find_recordings(None)
+
+
+@pytest.fixture(scope="module")
+def edge_taps():
+    """Taps of a 331-pin sensor on an edge: 1500 of one recording."""
+    folder = find_recordings(None)
+    if folder is None:
+        pytest.skip("BGMODEL_RECORDINGS is not set: no recordings to read")
+    pytest.importorskip("cv2")
+    if not (folder / "csv_train").is_dir():
+        pytest.skip(f"{folder} holds no csv_train")
+    return read_taps(folder / "csv_train", mm_per_px=0.33, limit=1500)
+
+
+def test_real_markers_are_found(edge_taps):
+    assert edge_taps.rest_mm.shape == (331, 2)
+    assert edge_taps.labels["markers_found"].min() > 0.95 * 331
+    assert edge_taps.labels["markers_found"].mean() > 0.99 * 331
+
+
+def test_real_displacement_is_smooth(edge_taps):
+    """What a quarter of the taps explain of the rest: tracking slips would leave a pitch."""
+    flat = edge_taps.displacement_mm.reshape(len(edge_taps.labels), -1).astype(float)
+    flat = flat - flat.mean(axis=0)
+    main = np.linalg.svd(flat[::4], full_matrices=False)[2][:20]
+    rest = np.delete(flat, np.s_[::4], axis=0)
+    residual = rest - rest @ main.T @ main
+    assert 0.005 < residual.std() < 0.07
+    assert residual.std() < 0.5 * rest.std()
+
+
+def test_real_displacement_tells_the_yaw(edge_taps):
+    yaw = np.deg2rad(edge_taps.labels["yaw_deg"].to_numpy())
+    x = edge_taps.displacement_mm.reshape(len(yaw), -1).astype(float)
+    x = np.column_stack([x - x.mean(axis=0), np.ones(len(yaw))])
+    y = np.column_stack([np.cos(yaw), np.sin(yaw)])
+    test = np.arange(len(yaw)) % 3 == 0
+    fit = np.linalg.solve(x[~test].T @ x[~test] + 10 * np.eye(x.shape[1]), x[~test].T @ y[~test])
+    cos, sin = (x[test] @ fit).T
+    error = np.angle(np.exp(1j * (np.arctan2(sin, cos) - yaw[test])), deg=True)
+    assert np.abs(error).mean() < 30  # chance is 90

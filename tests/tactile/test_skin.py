@@ -1,0 +1,55 @@
+"""The layered skin against closed forms."""
+
+import numpy as np
+import pytest
+
+from bgmodel.tactile.skin import Skin, response
+
+K = np.geomspace(0.05, 100, 60)
+
+
+def test_a_thick_uniform_body_is_the_half_space():
+    shear = 0.02
+    body = Skin(skin_mm=0.7, skin_shear_mpa=shear, gel_mm=400, gel_shear_mpa=shear)
+    waves = response(body, K)
+    kz = K * 0.7
+    assert waves.compliance == pytest.approx(1 / (2 * shear * K), rel=1e-9)
+    decay = np.exp(-kz) / (2 * shear * K)
+    assert waves.interface_depth == pytest.approx((1 + kz) * decay, rel=1e-9)
+    assert waves.interface_lateral == pytest.approx(-kz * decay, rel=1e-9)
+
+
+def test_a_uniform_layer_on_a_window_has_its_closed_form():
+    # An incompressible bonded layer, closed form: the two layers add up to one of 3 mm.
+    shear, kh = 0.3, K * 3.0
+    layer = Skin(skin_mm=1.2, skin_shear_mpa=shear, gel_mm=1.8, gel_shear_mpa=shear)
+    # Numerator and denominator times exp(-2kh), so as not to overflow.
+    above = (1 - np.exp(-4 * kh)) / 2 - 2 * kh * np.exp(-2 * kh)
+    below = (1 + np.exp(-4 * kh)) / 2 + (1 + 2 * kh**2) * np.exp(-2 * kh)
+    assert response(layer, K).compliance == pytest.approx(above / below / (2 * shear * K), rel=1e-6)
+
+
+def test_short_waves_see_the_skin_and_long_ones_the_gel():
+    waves = response(Skin(gel_mm=2000), [0.01, 30.0])
+    assert waves.compliance[0] == pytest.approx(1 / (2 * 0.010 * 0.01), rel=0.02)
+    assert waves.compliance[1] == pytest.approx(1 / (2 / 3 * 30), rel=1e-6)
+
+
+def test_no_mean_displacement_and_no_overflow():
+    waves = response(Skin(), [[0.0, 1.0], [1e3, 1e6]])
+    assert waves.compliance.shape == (2, 2)
+    assert waves.compliance[0, 0] == 0
+    assert np.all(np.isfinite(waves))
+
+
+@pytest.mark.parametrize("name", ["skin_mm", "skin_shear_mpa", "gel_mm", "gel_shear_mpa"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
+def test_a_skin_without_sense_is_refused(name, value):
+    with pytest.raises(ValueError, match=rf"Skin\.{name}: got"):
+        Skin(**{name: value})
+
+
+@pytest.mark.parametrize("k", [-1.0, [1.0, np.nan]])
+def test_a_wavenumber_without_sense_is_refused(k):
+    with pytest.raises(ValueError, match="wavenumber_per_mm"):
+        response(Skin(), k)

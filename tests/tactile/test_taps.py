@@ -1,0 +1,46 @@
+"""Taps: maps of their displacement, parts and joins."""
+
+import numpy as np
+import pytest
+
+from bgmodel.tactile.sensor import simulate
+from bgmodel.tactile.taps import Taps
+from bgmodel.tactile.tips import Tip
+from tests.tactile.plans import STILL
+
+
+@pytest.mark.parametrize("layout", ["square", "hexagonal", "circular"])
+def test_maps_have_zero_mean_unit_spread_and_the_places_of_the_pins(library, layout):
+    rng = np.random.default_rng(3)
+    taps = simulate([0.0, 2.0, 5.0], [0, 45, 90], rng=rng, tip=Tip(layout), library=library)
+    maps = taps.maps()
+    assert maps.shape == (3, 1, 19, 19)
+    assert maps.dtype == np.float32
+    assert maps.mean(axis=(1, 2, 3)) == pytest.approx(0, abs=1e-5)
+    assert maps.std(axis=(1, 2, 3)) == pytest.approx(1, abs=1e-5)
+    middle = maps[0, 0]
+    assert middle[9, 9] < middle[9, 4]  # least under the apex, most on a ring about it
+    if layout == "square":
+        size = np.linalg.norm(taps.displacement_mm[2], axis=1).reshape(19, 19)
+        assert np.corrcoef(size.ravel(), maps[2].ravel())[0, 1] == pytest.approx(1, abs=1e-6)
+
+
+def test_parts_of_taps_join_to_the_taps_that_were_selected(library):
+    taps = simulate(
+        [0.0, 2.0, 5.0, 2.0], 10.0, rng=np.random.default_rng(0), nuisance=STILL, library=library
+    )
+    fine = taps.select(taps.labels.period_mm == 2.0)
+    assert len(fine) == 2
+    assert np.array_equal(fine.displacement_mm, taps.displacement_mm[[1, 3]])
+    both = Taps.concatenate([fine, taps.select([0])])
+    assert both.labels.period_mm.tolist() == [2.0, 2.0, 0.0]
+    assert both.labels.index.tolist() == [0, 1, 2]
+    other = simulate(2.0, 0, rng=np.random.default_rng(0), tip=Tip("hexagonal"), library=library)
+    with pytest.raises(ValueError, match="same pins"):
+        Taps.concatenate([taps, other])
+    with pytest.raises(ValueError, match="parts: got none"):
+        Taps.concatenate([])
+    with pytest.raises(ValueError, match=r"mask: got shape \(3,\)"):
+        taps.select([True, False, True])
+    with pytest.raises(ValueError, match=r"Taps\.displacement_mm"):
+        Taps(taps.displacement_mm[:2], taps.rest_mm, taps.labels)

@@ -1,0 +1,175 @@
+"""The tactile tasks on the held-out taps that ship with the package."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bgmodel import Msprt, Sprt, stream, tally, threshold_from_gap
+from bgmodel.learning.gap import fold_sources, increments
+from bgmodel.tactile.likelihood import Density
+from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
+from bgmodel.theory.sprt import sprt
+
+TAPS = held_out_taps()
+
+
+def test_the_shipped_table_is_small_and_says_where_it_is_from():
+    from importlib import resources
+
+    from bgmodel.files import read_provenance
+
+    with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
+        assert path.stat().st_size < 200_000
+        about = read_provenance(path)
+    assert about["parameters"]["command"] == "make shipped-taps"
+    assert {"tip", "skin", "nuisance", "training"} <= set(about["parameters"])
+    assert 25 < about["parameters"]["validation_mae_deg"] < 30
+
+
+@pytest.mark.parametrize("period", [3.0, 4.0, 5.0])
+def test_coarse_gratings_are_decided_by_one_reading(period):
+    for readings in fold_sources(TAPS, period):
+        test = sprt(*increments(readings), 0.0, t_max=30)
+        assert test.error_rate < 0.01
+        assert test.mean_steps == pytest.approx(1)
+
+
+def test_fine_gratings_need_more_readings():
+    for period, at_least in ((1.5, 0.2), (2.0, 0.1)):
+        test = sprt(*increments(fold_sources(TAPS, period)[0]), [0.0, 4.0], t_max=30)
+        assert test.error_rate[0] - test.error_rate[1] > at_least
+        assert test.mean_steps[1] > 1.5
+
+
+def test_a_smooth_plate_gives_no_evidence():
+    for readings in fold_sources(TAPS, 0.0):
+        error = sprt(*increments(readings), [0.0, 4.0, 8.0], t_max=30).error_rate
+        assert np.abs(error - 0.5).max() < 0.1
+
+
+def test_a_smooth_plate_tells_no_orientation():
+    """Pooled over folds; a shrinkage that finds a little by chance costs a few per cent."""
+    accuracy = []
+    for fold in range(6):
+        readings = source(TAPS, Orientations(8), period_mm=0.0, fold=fold)
+        evidence = readings.draw(2000, 30, rng=stream(1, "smooth", fold))
+        accuracy.append(tally(Msprt().run(evidence), evidence.truth, [0.01]).accuracy[0])
+    assert abs(np.mean(accuracy) - 1 / 8) < 0.05
+    # Nor does the linear head lean with the yaw.
+    smooth = TAPS[np.isclose(TAPS["period_mm"], 0)]
+    lean = smooth.groupby("yaw_deg")["psi_deg"].mean()
+    assert lean.std() < 3
+
+
+def test_scored_taps_fit_nothing():
+    """Whatever the scored fold holds, the likelihood is the same; other taps do change it."""
+    first = source(TAPS, SameDifferent(), period_mm=2.0, fold=2).likelihood
+    here = np.flatnonzero(np.isclose(TAPS["period_mm"], 2.0) & np.isclose(TAPS["yaw_deg"], 45))
+    for fold, same in ((2, True), (3, False)):
+        changed = TAPS.copy()
+        changed.loc[changed.index[here[np.arange(len(here)) % 6 == fold]], "psi_deg"] = 0.0
+        again = source(changed, SameDifferent(), period_mm=2.0, fold=2).likelihood
+        assert np.array_equal(again.log_density, first.log_density) == same
+
+
+def test_shuffled_truth_is_at_chance():
+    readings = fold_sources(TAPS, 2.5)[0]
+    evidence = readings.draw(20_000, 30, rng=stream(1, "shuffled"))
+    trace = Sprt().run(evidence)
+    right = tally(trace, evidence.truth, [threshold_from_gap(4.0)]).accuracy[0]
+    truth = stream(2, "shuffled").permutation(evidence.truth)
+    wrong = tally(trace, truth, [threshold_from_gap(4.0)]).accuracy[0]
+    assert right > 0.98
+    assert abs(wrong - 0.5) < 0.02
+
+
+@pytest.mark.parametrize("count", [2, 4, 8])
+def test_orientations_are_identified(count):
+    readings = source(TAPS, Orientations(count), period_mm=3.0, fold=1)
+    evidence = readings.draw(4000, 30, rng=stream(3, "orientations", count))
+    accuracy = tally(Msprt().run(evidence), evidence.truth, -np.log([0.9, 0.99])).accuracy
+    assert accuracy[1] > 0.9
+    assert accuracy[1] > 1.5 / count
+
+
+def test_draws_are_paired_and_reproducible():
+    readings = fold_sources(TAPS, 2.0)[0]
+    a, b = (readings.draw(50, 5, rng=stream(1, "draw")) for _ in range(2))
+    assert np.array_equal(a.log_likelihood, b.log_likelihood)
+    assert a.truth.tolist() == [0, 1] * 25
+
+
+def drawn(readings, *trials):
+    """Log-likelihoods of trials drawn in blocks from one generator."""
+    rng = stream(4, "drawn")
+    return np.concatenate([readings.draw(n, 3, rng=rng).log_likelihood for n in trials])
+
+
+@settings(max_examples=30, deadline=None)
+@given(trials=st.integers(1, 41), tables=st.lists(st.integers(1, 60), min_size=2, max_size=4))
+def test_a_trial_does_not_depend_on_those_after_it(trials, tables):
+    count = len(tables)
+    names = tuple("abcd"[:count])
+    values = [1000.0 * i + np.arange(float(n)) for i, n in enumerate(tables)]
+    # A reading tells its hypothesis and its place in the table.
+    readings = Source([np.stack([v] * count, axis=1) for v in values], names, None)
+    whole = drawn(readings, 2 * trials)
+    assert np.array_equal(drawn(readings, trials), whole[:trials])
+    assert (whole[..., 0] // 1000 == (np.arange(2 * trials) % count)[:, None]).all()
+    # Blocks that end with a whole round of hypotheses continue one another.
+    blocks = drawn(readings, count * trials, count * trials)
+    assert np.array_equal(blocks, drawn(readings, 2 * count * trials))
+
+
+@pytest.mark.parametrize("task", [SameDifferent(), Orientations(4)])
+@pytest.mark.parametrize("trials", [200, 201])
+def test_tactile_draws_begin_alike(task, trials):
+    readings = source(TAPS, task, period_mm=3.0, fold=0, density=Density(shrink=1.0))
+    assert np.array_equal(drawn(readings, trials), drawn(readings, 2 * trials)[:trials])
+
+
+def test_every_reading_is_as_likely_to_be_drawn():
+    table = np.arange(10.0)
+    readings = Source([np.stack([table, table], axis=1)] * 2, ("a", "b"), None)
+    values = readings.draw(10_000, 10, rng=stream(5, "even")).log_likelihood[..., 0]
+    for truth in (0, 1):
+        counts = np.bincount(values[truth::2].ravel().astype(int), minlength=10)
+        assert np.abs(counts - 5000).max() < 5 * np.sqrt(4500)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: source(TAPS, SameDifferent(), period_mm=2.0, fold=6), "fold must be 0..5"),
+        (lambda: source(TAPS, SameDifferent(), period_mm=2.2, fold=0), "period_mm must be one of"),
+        (lambda: source(TAPS, SameDifferent(b_deg=9), period_mm=2.0, fold=0), "no taps of period"),
+        (
+            lambda: fold_sources(TAPS, 2.0)[0].draw(0, 5, rng=stream(1)),
+            "trials and steps must be >= 1",
+        ),
+        (
+            lambda: source(pd.DataFrame(TAPS).head(0), SameDifferent(), period_mm=2.0, fold=0),
+            "period_mm must be one of",
+        ),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+def test_same_different_never_pairs_a_tap_with_itself():
+    same, different = SameDifferent().readings([np.array([1.0, 2.0, 4.0]), np.array([9.0, 5.0])])
+    assert sorted(same) == [-3, -2, -1, 1, 2, 3]
+    assert sorted(different) == [1, 3, 4, 5, 7, 8]
+
+
+def test_orientations_are_evenly_spaced():
+    for count in range(2, 9):
+        yaws = np.sort(Orientations(count).yaws_deg)
+        assert np.allclose(np.diff(yaws), 180 / count)
+        assert yaws.min() >= -90
+        assert yaws.max() < 90
+        assert -45 in np.round(yaws, 9)

@@ -1,0 +1,183 @@
+"""One table, all engines: the same answer where the theory gives one, the same spikes where not."""
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from scipy.special import log_softmax
+
+from circuits import anatomy
+from circuits.cells import Phase
+from circuits.engines import DROPPING, ENGINES, SPIKING, run
+from circuits.spec import Projection
+
+SEED = 11
+FAST = {"algebra": {}, "rate": {}, "ensemble": {}, "brian2": {}, "plain": {}}
+TABLE = anatomy.spiking_msprt(3).with_neurons(20)
+CENTRED = np.array([[1.1, -0.3, -0.8], [0.0, 0.0, 0.0], [-0.5, 1.5, -1.0]])
+
+
+def all_of(circuit, drive, engine, **options):
+    given = FAST[engine] | options
+    return run(circuit, drive, engine=engine, step_ms=100, seed=SEED, **given)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_option_that_an_engine_does_not_take_is_refused(engine):
+    for name in ("nonsense", *({"spikes"} if engine not in SPIKING else ())):
+        with pytest.raises(ValueError, match=f"the {engine} engine takes no '{name}': step_ms"):
+            all_of(TABLE, CENTRED[:, None], engine, **{name: ("STN",)})
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("step_ms", ["50", 0, -1, np.nan, np.inf, None])
+def test_a_step_that_is_no_time_is_refused(engine, step_ms):
+    with pytest.raises(ValueError, match="step_ms must be"):
+        run(TABLE, CENTRED[:, None], engine=engine, step_ms=step_ms, seed=SEED)
+
+
+def test_a_drive_beyond_the_range_is_said_by_the_fixed_point_too():
+    with pytest.warns(UserWarning, match="S runs from"):
+        run(TABLE, np.full((1, 1, 3), [30.0, -15, -15]), engine="algebra", step_ms=50)
+
+
+def test_every_engine_is_tested():
+    assert set(FAST) == set(ENGINES)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("circuit", [anatomy.bogacz_gurney(3), anatomy.appendix_b(3)])
+def test_exact_tables_settle_at_the_log_posterior(engine, circuit):
+    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
+    activity = all_of(circuit, drive, engine)
+    npt.assert_allclose(
+        activity.output_nats[:, -1], -log_softmax(CENTRED, axis=1), atol=1e-6, rtol=0
+    )
+    assert activity.engine == engine
+    assert set(activity.rates_hz) == {row.name for row in circuit.populations}
+    for rates in activity.rates_hz.values():
+        assert rates.shape[:2] == (3, len(activity.time_ms))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_lesion_of_stn_shifts_the_criterion_on_every_engine(engine):
+    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
+    circuit = anatomy.bogacz_gurney(3).without("STN", 0.4)
+    out = all_of(circuit, drive, engine).output_nats[:, -1]
+    exact = -log_softmax(CENTRED, axis=1) + np.log(0.6)
+    npt.assert_allclose(out, np.maximum(exact, 0), atol=1e-6, rtol=0)
+
+
+def growing(trials, steps):
+    """Evidence that grows for a channel in turn, each trial at a pace of its own."""
+    drive = np.zeros((trials, steps, 3))
+    drive[np.arange(trials), :, np.arange(trials) % 3] = np.linspace(0, 4, steps)
+    drive *= np.array([1, 0.3, 0.8, 0.2, 0.6, 0.4])[:trials, None, None]
+    return drive - drive.mean(axis=2, keepdims=True)
+
+
+@pytest.mark.parametrize("engine", DROPPING)
+def test_a_dropped_trial_is_the_whole_one_cut_short(engine):
+    drive = growing(6, 5)
+    whole = all_of(TABLE, drive, engine)
+    cut = all_of(TABLE, drive, engine, drop_below=0.3)
+    ends = []
+    for full, short in zip(whole.output_nats, cut.output_nats, strict=True):
+        over = np.flatnonzero(full.min(axis=1) < 0.3)
+        ends.append(over[0] + 1 if len(over) else len(full))
+        npt.assert_array_equal(short[: ends[-1]], full[: ends[-1]])
+        assert np.isnan(short[ends[-1] :]).all()
+    assert len(set(ends)) > 2
+    assert len(whole.time_ms) in ends
+    for name, rates in cut.rates_hz.items():
+        for end, full, short in zip(ends, whole.rates_hz[name], rates, strict=True):
+            npt.assert_array_equal(short[:end], full[:end])
+            assert np.isnan(short[end:]).all()
+
+
+@pytest.mark.parametrize("engine", DROPPING)
+def test_rates_can_be_left_out(engine):
+    drive = growing(2, 2)
+    without = all_of(TABLE, drive, engine, rates=False)
+    assert without.rates_hz == {}
+    npt.assert_array_equal(without.output_nats, all_of(TABLE, drive, engine).output_nats)
+
+
+@pytest.mark.parametrize("engine", SPIKING)
+def test_spiking_engines_need_a_seed(engine):
+    with pytest.raises(ValueError, match=f"the {engine} engine needs a seed"):
+        run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine=engine, step_ms=10)
+
+
+def test_an_unknown_engine_lists_those_that_there_are():
+    with pytest.raises(ValueError, match="algebra, rate, ensemble, brian2, plain, got 'nest'"):
+        run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine="nest", step_ms=10)
+
+
+ONE = TABLE.scaled("ctx", "D1", 0.8, 1).scaled("STN", "SNr", 1.2, 0).scaled("D2", "GPe", 0, 2)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_edit_of_one_channel_acts_on_every_engine(engine):
+    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
+    circuit = anatomy.bogacz_gurney(3).scaled("D1", "SNr", 0.9, channel=1)
+    out = all_of(circuit, drive, engine).output_nats[:, -1]
+    y = CENTRED + circuit.reference_nats - np.log(3)
+    exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
+    npt.assert_allclose(out, exact, atol=1e-6, rtol=0)
+
+
+@pytest.mark.parametrize("circuit", [TABLE, ONE], ids=["as it is", "one channel"])
+@pytest.mark.parametrize("engine", SPIKING)
+def test_same_input_same_noise_same_spikes(engine, circuit):
+    from circuits.engines.plain import run as run_plain
+
+    drive = np.repeat(CENTRED[:, None, :], 1, axis=1)
+    given = {"settle_ms": 30, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
+    fast = all_of(circuit, drive, engine, **given)
+    plain = run_plain(circuit, drive, step_ms=100, seed=SEED, **given)
+    for name, table in plain.spikes.items():
+        order = ["time_ms", "trial", "channel", "neuron"]
+        a, b = (t.round(3).sort_values(order)[order].to_numpy() for t in (fast.spikes[name], table))
+        npt.assert_allclose(a, b)
+    npt.assert_allclose(fast.output_nats, plain.output_nats, atol=1e-9)
+
+
+# ---- the two spiking engines, spike by spike: the circuits as they are shipped, eight trials each,
+# because one spike in 1e5 falls within a rounding of its threshold.
+
+FULL = anatomy.spiking_msprt(2)
+LOOP = Projection("GPe", "D2", -0.1, delay_ms=5, tau_ms=6)
+
+
+def edited(number):
+    """Return a circuit with some edits, drawn with a seed."""
+    rng = np.random.default_rng(number)
+    circuit = anatomy.spiking_msprt(int(rng.integers(2, 5))).dopamine(rng.uniform(0.8, 1.3))
+    for p in rng.choice(np.array(circuit.projections), 3, replace=False):
+        circuit = circuit.scaled(p.source, p.target, rng.uniform(0.5, 1.5))
+    stn = circuit.population("STN").bias_nats + rng.normal(0, 0.1)
+    circuit = circuit.with_population("STN", bias_nats=stn)
+    return [
+        circuit.with_rows(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
+        circuit.without("STN", 0.4, replaced=True),
+        circuit.with_population("STN", cell=Phase(0.9)),
+        circuit.with_spread(0.2),
+    ][number % 4]
+
+
+@pytest.mark.parametrize(
+    "circuit",
+    [FULL, FULL.with_rows(LOOP), FULL.dopamine(1.1), *map(edited, range(4))],
+    ids=["shipped", "GPe->D2", "dopamine", "loop", "lesion", "irregular", "spread"],
+)
+def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
+    walk = np.random.default_rng(2).normal(0, 0.4, (8, 3, circuit.channels)).cumsum(axis=1)
+    names = tuple(row.name for row in circuit.populations if row.spiking)
+    given = {"step_ms": 50, "settle_ms": 0, "seed": 1, "spikes": names}
+    fast = run(circuit, walk, engine="ensemble", **given)
+    plain = run(circuit, walk, engine="brian2", **given)
+    order = ["trial", "channel", "time_ms", "neuron"]
+    for name in names:
+        a, b = (each.spikes[name].sort_values(order)[order] for each in (fast, plain))
+        npt.assert_array_equal(a.round(6).to_numpy(), b.round(6).to_numpy(), err_msg=name)
+    npt.assert_allclose(fast.output_nats, plain.output_nats, rtol=0, atol=1e-12)

@@ -1,0 +1,91 @@
+"""A circuit whose unit is not nats: what needs nats is refused, in laws and commands."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import dopamine
+from bgmodel.cli import main
+from bgmodel.comparison.steady import out_shift
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits import anatomy
+from circuits.activity import total_nats
+from circuits.controls import correlated, linear_stn
+from circuits.laws.stability import onset
+
+
+def test_what_needs_nats_is_refused_without_them():
+    circuit = anatomy.gpr()
+    for refused in (
+        lambda: total_nats(circuit, np.zeros((1, 2))),
+        lambda: out_shift(circuit, circuit, [0.1]),
+        lambda: onset(circuit),
+        lambda: linear_stn(circuit),
+        lambda: correlated(circuit, 0.1),
+        lambda: dopamine.decided_out(circuit, 1.0, 1.0),
+        lambda: dopamine.working_range(circuit, 0.1),
+        lambda: dopamine.criterion(circuit, 1.0, 0.1, 1.0),
+        lambda: dopamine.usable_range(BasalGanglia(circuit), 0.1),
+    ):
+        with pytest.raises(ValueError, match=r"gpr works in salience, not nats: .* has no meaning"):
+            refused()
+
+
+def test_a_circuit_without_nats_decides_at_a_threshold_in_its_unit(tmp_path, capsys):
+    path = tmp_path / "gpr.csv"
+    task = ["--circuit", "gpr", "--engine", "rate", "--trials", "40", "--t-max", "60"]
+    done = ["circuit", "run", str(path), *task, "--gain", "0.2", "--threshold", "0.05"]
+    assert main(done) == 0
+    table = pd.read_csv(path)
+    assert table["forced"].mean() < 0.5
+    assert table.loc[~table["forced"], "correct"].mean() > 0.8
+    capsys.readouterr()
+    assert main([*done, "--force", "--edits.without", "D1"]) == 0
+    assert pd.read_csv(path)["forced"].all()
+
+
+def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, capsys):
+    path = tmp_path / "lesions.csv"
+    task = ["--circuit", "gpr", "--engine", "rate", "--gain", "0.1", "--trials", "100"]
+    at = ["--accuracies", "0.9", "0.97"]
+    assert main(["circuit", "lesion", str(path), "STN=.5", *task, "--t-max", "20", *at]) == 0
+    said = capsys.readouterr().err
+    assert "gpr works in salience, not nats: its thresholds are in salience" in said
+    assert set(pd.read_csv(path)["variant"]) == {"intact", "STN=.5"}
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (
+            ["run", "a.csv", "--gain", "0.1"],
+            "not nats: a posterior has no meaning there; give --thr",
+        ),
+        (
+            ["run", "a.csv", "--gain", "0.1", "--posterior", "0.9"],
+            "a posterior has no meaning there",
+        ),
+        (
+            ["run", "a.csv", "--threshold", "0.1"],
+            "gpr has no default gain: give a gain (--gain), t",
+        ),
+        (
+            ["run", "a.csv", "--gain", "1", "--threshold", "0.5"],
+            "not above the threshold of 0.50 sal",
+        ),
+        (
+            ["run", "a.csv", "--gain", "1", "--threshold", "-1"],
+            "reads no OUT below 0 salience; the",
+        ),
+        (["learn", "a.csv", "--gain", "1"], "a criterion that dopamine sets has no meaning"),
+    ],
+)
+def test_the_command_says_what_saliences_do_not_have(command, says, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    engine = [] if command[0] == "learn" else ["--engine", "rate"]
+    assert main(["circuit", *command, "--circuit", "gpr", *engine]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert says in lines[0]
+    assert main(["circuit", "show", "gpr", "--noise", "0.9"]) == 2
+    assert "a posterior (--noise) has no meaning" in capsys.readouterr().err

@@ -1,0 +1,21 @@
+"""Walks of a sample against those of the density it stands for."""
+
+import numpy as np
+import pytest
+from scipy.special import ndtri
+
+from bgmodel.theory.sprt import Empirical, gaussian_pair, walk
+
+
+@pytest.mark.parametrize("t_max", [None, 1, 10])
+@pytest.mark.parametrize("d", [0.25, 0.5, 1.0, 2.0])
+def test_quantiles_of_a_gaussian_agree_with_it(d, t_max):
+    x = gaussian_pair(d)[1]
+    grid = (np.arange(200_000) + 0.5) / 200_000
+    sample = Empirical.of_sample(x.mean + x.sd * ndtri(grid))
+    for lower, upper, start in ((-3, 3, 0), (-1, 2.5, 0.3), (0, 0, 0)):
+        fine = walk(x, lower, upper, start=start, t_max=t_max)
+        coarse = walk(sample, lower, upper, start=start, t_max=t_max)
+        # The quantiles are a little narrower than the Gaussian, which alone costs about 1e-6.
+        assert coarse.p_upper == pytest.approx(fine.p_upper, abs=4e-6)
+        assert coarse.mean_steps == pytest.approx(fine.mean_steps, rel=4e-6)

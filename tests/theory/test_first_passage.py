@@ -1,0 +1,243 @@
+"""Exact walks against enumeration, identities and simulation."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+from scipy.special import ndtri
+
+from bgmodel.theory.sprt import Empirical, Gaussian, gaussian_pair, sprt, walk
+
+TRIALS = 1_000_000
+Z_LIMIT = 4.0  # about 200 z-values below: one beyond 4 is expected once in 80 sets of seeds
+NEVER = 1 << 30
+# d, theta: exact ER and E[T], then Wald's and Siegmund's, as printed.
+SETTINGS = [(0.25, 3), (0.5, 1), (1, 1), (1, 3), (2, 3)]
+
+
+@njit
+def simulate(rng, draw, x, lower, upper, start, t_max, trials):
+    steps, upward, forced = np.zeros(trials), 0, 0
+    for i in range(trials):
+        z, t = start, 0
+        while True:
+            z += draw(rng, x)
+            t += 1
+            if z <= lower or z >= upper or t == t_max:
+                if (z <= lower and z >= upper) or (lower < z < upper and z == 0):
+                    upward += rng.random() < 0.5
+                else:
+                    upward += z >= upper or (z > lower and z > 0)
+                forced += lower < z < upper
+                break
+        steps[i] = t
+    return steps, upward, forced
+
+
+@njit
+def draw_gaussian(rng, x):
+    return x[0] + x[1] * rng.standard_normal()
+
+
+@njit
+def draw_sample(rng, x):
+    return x[int(rng.random() * x.size)]
+
+
+def assert_agrees(exact, simulated):
+    """Every |z| below 4: P(upper), P(forced), E[T] and, with a deadline, each P(T = t)."""
+    steps, upward, forced = simulated
+    counts = [(upward, exact.p_upper), (forced, exact.p_forced)]
+    if exact.steps_pmf is not None:
+        seen = np.bincount(steps.astype(int), minlength=exact.steps_pmf.size)
+        counts += zip(seen, exact.steps_pmf, strict=True)
+    for count, p in counts:
+        if min(p, 1 - p) * steps.size > 25:  # else a normal z means little
+            assert abs(count - p * steps.size) < Z_LIMIT * np.sqrt(steps.size * p * (1 - p))
+        else:
+            assert min(count, steps.size - count) < 80
+    error = steps.std() / np.sqrt(steps.size)
+    assert abs(steps.mean() - exact.mean_steps) <= Z_LIMIT * error + 1e-9
+
+
+CASES = [
+    *[(d, -theta, theta, 0.0, None) for d, theta in SETTINGS[1:]],
+    *[(d, -theta, theta, 0.0, t_max) for d, theta in SETTINGS for t_max in (1, 4, 20)],
+    (0.5, -1.0, 2.5, 0.3, None),
+    (0.5, -1.0, 2.5, 0.3, 7),
+    (1.0, 0.2, 2.0, 1.0, 5),  # 0 lies below both bounds: forced responses are all R2
+    (1.0, -1.0, 1.0, 1.0, 5),  # a start on a bound reads once more
+    (1.0, 0.0, 0.0, 0.0, 3),
+]
+
+
+@pytest.mark.parametrize("case", range(len(CASES)))
+def test_a_gaussian_walk_ends_as_simulated(case):
+    d, lower, upper, start, t_max = CASES[case]
+    x = gaussian_pair(d)[case % 2]
+    exact = walk(x, lower, upper, start=start, t_max=t_max)
+    rng, limit = np.random.default_rng(100 + case), t_max or NEVER
+    moments = np.array([x.mean, x.sd])
+    args = (moments, lower, upper, start, limit, TRIALS)
+    assert_agrees(exact, simulate(rng, draw_gaussian, *args))
+
+
+def capped_sample(size=40_000, cap=1.0):
+    """Likelihood ratios with a fifth exactly 0, a tenth at -cap and a fifth at cap."""
+    rng = np.random.default_rng(20)
+    x = np.clip(rng.normal(0.2, 1.0, size), -cap, cap)
+    x[rng.random(size) < 0.2] = 0.0
+    return x
+
+
+SAMPLE_CASES = [
+    (-2.0, 2.0, 0.0, None),  # two caps meet a bound exactly
+    (-2.0, 2.0, 0.0, 6),
+    (-0.5, 0.5, 0.0, 50),
+    (-1.0, 1.0, 0.0, 1),  # one cap meets it, and Z = 0 is a tie
+    (-1.0, 1.0, 0.0, 2),
+    (-3.0, 3.0, 0.0, 2),  # no bound in reach
+    (-1.0, 2.5, 0.37, None),
+    (-1.0, 2.5, 0.37, 8),
+    (-1.4, 1.6, 0.6, 5),  # the start and one cap meet each bound
+    (0.0, 0.0, 0.0, 5),
+]
+
+
+@pytest.mark.parametrize("case", range(len(SAMPLE_CASES)))
+def test_an_empirical_walk_ends_as_simulated(case):
+    lower, upper, start, t_max = SAMPLE_CASES[case]
+    x = capped_sample()
+    exact = walk(Empirical.of_sample(x), lower, upper, start=start, t_max=t_max)
+    rng, limit = np.random.default_rng(300 + case), t_max or NEVER
+    args = (x, lower, upper, start, limit, TRIALS)
+    assert_agrees(exact, simulate(rng, draw_sample, *args))
+
+
+def enumerate_walk(x, lower, upper, t_max):
+    """Every path of a walk with few whole-numbered steps, weighed by its probability."""
+    upward, pmf = 0.0, np.zeros(t_max + 1)
+    for path in itertools.product(range(x.values.size), repeat=t_max):
+        p, z = np.prod(x.weights[list(path)]), 0.0
+        for t, step in enumerate(path, start=1):
+            z += x.values[step]
+            if z <= lower or z >= upper or t == t_max:
+                break
+        pmf[t] += p
+        even = lower == z == upper or (lower < z < upper and z == 0)
+        upward += p * (0.5 if even else z > lower and (z >= upper or z > 0))
+    return upward, pmf
+
+
+@pytest.mark.parametrize("bounds", [(-2, 2), (-1, 3), (0, 0), (0, 2), (-2.5, 1.5), (-9, 9)])
+@pytest.mark.parametrize("values", [(-1.0, 0.0, 1.0), (-2.0, 1.0, 3.0)])
+def test_few_atoms_are_exact(values, bounds):
+    x = Empirical(np.array(values), np.array([0.3, 0.25, 0.45]))
+    upward, pmf = enumerate_walk(x, *bounds, t_max=7)
+    exact = walk(x, *bounds, t_max=7)
+    assert exact.p_upper == pytest.approx(upward, abs=1e-13)
+    assert exact.steps_pmf == pytest.approx(pmf, abs=1e-13)
+
+
+def test_atoms_that_never_meet_are_shared_out():
+    rng = np.random.default_rng(7)
+    x = Empirical.of_sample(rng.normal(0.1, 0.6, 32))  # 32 and then 1024 places: too many
+    upward, pmf = enumerate_walk(x, -0.7, 0.9, t_max=3)
+    exact = walk(x, -0.7, 0.9, t_max=3)
+    assert exact.p_upper == pytest.approx(upward, abs=1e-3)
+    assert exact.steps_pmf == pytest.approx(pmf, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    "x", [Gaussian(0.2, 0.9), Empirical.of_sample(ndtri(np.arange(1, 999) / 999))]
+)
+def test_bounds_out_of_reach_cost_nothing(x):
+    far, near = walk(x, -1e6, 1e6, t_max=4), walk(x, -14.0, 14.0, t_max=4)
+    assert far.p_forced == pytest.approx(1, abs=1e-9)
+    assert far.p_upper == pytest.approx(near.p_upper, abs=1e-5)
+
+
+def test_bounds_off_by_rounding_are_still_met():
+    """Three steps of 0.1 are 0.30000000000000004 and still meet a bound of 0.3."""
+    x = Empirical(np.array([-0.1, 0.1]), np.array([0.4, 0.6]))
+    odds = 0.4 / 0.6  # gambler's ruin, Feller (1968) XIV.2: 3 steps either way
+    ruin = walk(x, -0.3, 0.3)
+    assert ruin.p_lower == pytest.approx((odds**3 - odds**6) / (1 - odds**6), abs=1e-12)
+    assert ruin.mean_steps == pytest.approx(3 * (ruin.p_upper - ruin.p_lower) / 0.2, abs=1e-10)
+
+
+@pytest.mark.parametrize("bounds", [(-2.0, 2.0), (-0.55, 0.55), (-3.0, 3.0), (-1.0, 2.7)])
+def test_refining_the_cells_converges(bounds):
+    x = Empirical.of_sample(capped_sample())
+    finest = walk(x, *bounds, t_max=50, cells=2048)
+    gaps = []
+    for cells in (16, 64, 256):
+        rough = walk(x, *bounds, t_max=50, cells=cells)
+        steps = rough.mean_steps / finest.mean_steps - 1
+        gaps.append(np.hypot(rough.p_upper - finest.p_upper, steps))
+    assert gaps[0] > 3 * gaps[2]
+    assert gaps[1] < 1e-3
+    assert gaps[2] < 1.5e-4
+
+
+@pytest.mark.parametrize("t_max", [None, 6])
+def test_the_mirrored_walk_swaps_the_responses(t_max):
+    x = gaussian_pair(0.7)[1]
+    y = capped_sample(4000)
+    pairs = [
+        (x, Gaussian(-x.mean, x.sd)),
+        (Empirical.of_sample(y), Empirical.of_sample(-y)),
+    ]
+    for there, back in pairs:
+        one = walk(there, -1.2, 2.1, start=0.4, t_max=t_max)
+        other = walk(back, -2.1, 1.2, start=-0.4, t_max=t_max)
+        assert one.p_upper == pytest.approx(other.p_lower, abs=1e-9)
+        assert one.mean_steps == pytest.approx(other.mean_steps, rel=1e-9)
+        assert one.p_upper != pytest.approx(other.p_upper, abs=0.1)
+
+
+@pytest.mark.parametrize("lower_upper", [(-1.5, 1.5), (-0.3, 2.0)])
+def test_a_late_deadline_is_none(lower_upper):
+    for x in (gaussian_pair(0.6)[1], Empirical.of_sample(capped_sample(5000))):
+        late, never = walk(x, *lower_upper, t_max=600), walk(x, *lower_upper)
+        assert late.p_upper == pytest.approx(never.p_upper, abs=1e-10)
+        assert late.mean_steps == pytest.approx(never.mean_steps, rel=1e-9)
+        assert late.p_forced < 1e-10 < walk(x, *lower_upper, t_max=3).p_forced
+
+
+def test_only_a_start_strictly_beyond_a_bound_takes_no_reading():
+    for x in (gaussian_pair(1.0)[1], Empirical(np.array([-1.0, 1.0]), np.array([0.2, 0.8]))):
+        for start, upper, pmf in ((1.01, 1.0, [1, 0, 0]), (-1.01, 0.0, [1, 0, 0])):
+            end = walk(x, -1, 1, start=start, t_max=2)
+            assert (end.p_upper, end.p_lower, end.mean_steps) == (upper, 1 - upper, 0)
+            assert end.steps_pmf.tolist() == pmf
+        assert walk(x, -1, 1, start=1.0, t_max=2).steps_pmf[0] == 0
+    assert sprt(*gaussian_pair(1.0), 1.0, prior_s2=0.7) == (pytest.approx(0.3), 0)
+    assert sprt(*gaussian_pair(1.0), 2.0, prior_s2=0.7).mean_steps > 1
+
+
+values = st.lists(st.floats(-3, 3), min_size=1, max_size=40)
+gaussians = st.builds(Gaussian, st.floats(-2, 2), st.floats(0.05, 3))
+empiricals = values.map(Empirical.of_sample)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(
+    x=st.one_of(gaussians, empiricals),
+    lower=st.floats(-3, 2),
+    width=st.floats(0, 5),
+    start=st.floats(-3, 3),
+    t_max=st.integers(1, 25),
+)
+def test_probabilities_add_up(x, lower, width, start, t_max):
+    end = walk(x, lower, lower + width, start=start, t_max=t_max)
+    assert end.p_upper + end.p_lower == pytest.approx(1, abs=1e-9)
+    assert end.steps_pmf.sum() == pytest.approx(1, abs=1e-9)
+    assert end.steps_pmf.shape == (t_max + 1,)
+    assert end.steps_pmf.min() > -1e-6
+    assert -1e-9 <= end.p_forced <= end.steps_pmf[-1] + 1e-6
+    assert 0 <= end.mean_steps <= t_max + 1e-9
+    assert min(end.p_upper, end.p_lower) > -1e-6

@@ -1,0 +1,105 @@
+"""What the project claims of its circuits, on scoring seeds: make validate."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
+from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.compare import compare, sweep
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.rivals import MaxVsAverage
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from circuits.anatomy import circuit
+from circuits.controls import linear_stn, shuffled_stn
+
+pytestmark = pytest.mark.validate
+SCORING_SEED = 40_002
+
+
+def test_the_algebraic_circuit_is_the_sprt_on_gratings():
+    """N = 2: no decision of 1e5 tactile trials differs, in choice or in time."""
+    readings = source(held_out_taps(), SameDifferent(), period_mm=1.5, fold=0)
+    model = BasalGanglia(circuit("bogacz_gurney"), "algebra")
+    gap, different, trials = 4.0, 0, 0
+    for part in range(20):
+        evidence = readings.draw(5000, 30, rng=stream(SCORING_SEED, "mapping", part))
+        exact = first_crossing(Sprt().run(evidence), float(threshold_from_gap(gap)))
+        found = first_crossing(model.run(evidence), float(criterion_from_gap(gap)))
+        # The circuit holds each reading for a step: it is read when it comes.
+        different += np.sum(exact.choice != found.choice)
+        trials += evidence.trials
+    print(f"{different} of {trials} decisions differ")
+    assert different == 0
+
+
+def test_the_rate_circuit_agrees_where_it_settles():
+    """N = 4, 2 000 trials: read when a reading ends, 99.9 % of choices are the MSPRT's.
+
+    That holds while a reading lasts until the circuit has settled; how agreement falls as readings
+    get faster, and when OUT is read all the time, is printed. The circuit rests at S = 1: without a
+    common mode S grows with the evidence, and the loop with delays oscillates from 5.5.
+    """
+    table = replace(circuit("bogacz_gurney", 4), reference_nats=1.0)
+    threshold = float(-np.log(0.9))
+    agree = {}
+    for step_ms in (10.0, 20.0, 50.0, 100.0, 500.0):
+        evidence = gaussian_evidence(
+            2000, 25, 0.5, rng=stream(SCORING_SEED, "slow"), hypotheses=4, step_ms=step_ms
+        )
+        exact = first_crossing(Msprt().run(evidence), threshold).choice
+        for sample_ms in (step_ms, step_ms / 10):
+            model = BasalGanglia(table, "rate", options={"sample_ms": sample_ms, "dt_ms": 1.0})
+            found = [
+                first_crossing(trace, threshold).choice for _, _, trace in model.batches(evidence)
+            ]
+            agree[step_ms, sample_ms] = np.mean(np.concatenate(found) == exact)
+            print(
+                f"every {step_ms:g} ms, read every {sample_ms:g}: {agree[step_ms, sample_ms]:.4f}"
+            )
+    settled = [agree[step_ms, step_ms] for step_ms in (10.0, 20.0, 50.0, 100.0, 500.0)]
+    assert settled[0] < 0.99
+    assert min(settled[3:]) >= 0.999
+
+
+def test_a_circuit_without_what_computes_agrees_less():
+    """Controls at N = 4, 1 000 trials: each must lose by its margin, with its interval.
+
+    GPe held at rest: decisions within 50 ms of the MSPRT's fall by .2. A linear STN makes the
+    circuit that of max-vs-average: it needs longer for the same accuracy, as that does against
+    the MSPRT, by 30 ms or more, and .1 fewer decisions lie within 50 ms. A shuffled STN-SNr
+    pathway: accuracy .95 is never reached.
+    """
+    table = circuit("spiking_msprt", 4)
+    edited = {
+        "GPe": table.without("GPe", replaced=True),
+        "linear": linear_stn(table),
+        "shuffled": shuffled_stn(table),
+    }
+    evidence = gaussian_evidence(
+        1000, 40, 1 / np.sqrt(2), rng=stream(SCORING_SEED, "control"), hypotheses=4, step_ms=50.0
+    )
+    model = BasalGanglia(table, "ensemble", 0.5, SCORING_SEED, {"workers": 2})
+    found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
+    change = found[found["kind"] == "change"].set_index(["variant", "measure"])
+    rival = compare(
+        sweep(Msprt(0.5).run(evidence), evidence),
+        sweep(MaxVsAverage().run(evidence), evidence),
+        rng=stream(SCORING_SEED, "bootstrap"),
+        accuracies=(0.95,),
+    ).set_index("measure")
+    shown = (("GPe", "within_50_ms"), ("linear", "extra_ms"), ("linear", "within_50_ms"))
+    ends = ["value", "low", "high"]
+    for key in shown:
+        print(*key, change.loc[key, ends].round(3).tolist())
+    print("max-vs-average extra_ms", rival.loc["extra_ms", ends].round(1).tolist())
+    assert change.loc[("GPe", "within_50_ms"), "high"] < -0.2
+    assert change.loc[("linear", "extra_ms"), "low"] > 30
+    assert change.loc[("linear", "within_50_ms"), "high"] < -0.1
+    # As much as max-vs-average, within what 1 000 trials tell.
+    assert change.loc[("linear", "extra_ms"), "low"] < rival.loc["extra_ms", "high"]
+    assert change.loc[("linear", "extra_ms"), "high"] > rival.loc["extra_ms", "low"]
+    assert np.isnan(change.loc[("shuffled", "agreement"), "value"])
