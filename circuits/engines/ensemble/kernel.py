@@ -10,6 +10,7 @@ Sums over populations are double precision, in the order of the Brian2 engine; c
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
@@ -18,6 +19,12 @@ from circuits import noise
 from circuits.engines.ensemble import lanes
 from circuits.engines.ensemble.compiling import compiled
 from circuits.transfer import EXP_MOST
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from circuits.arrays import Array
+    from circuits.engines.ensemble.records import Plan, Work
 
 RATE, LIF, PHASE, GENERAL = range(4)
 """Loops over cells: none, those of two types, or one compiled from a type's own tick."""
@@ -392,7 +399,16 @@ def _at_rest(p, work, streams):
 
 
 @compiled
-def trial(p, work, drive, streams, drop_below, out, rates, spikes):
+def trial(
+    p: Plan,
+    work: Work,
+    drive: Array,
+    streams: npt.NDArray[np.uint64],
+    drop_below: float,
+    out: Array,
+    rates: npt.NDArray[np.float32],
+    spikes: npt.NDArray[np.int32],
+) -> int:
     """Run one trial.
 
     Parameters
