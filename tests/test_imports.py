@@ -222,10 +222,14 @@ def test_a_module_on_a_foreign_package_called_circuits_says_so(module):
     assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: {SENTENCE}")
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "tests").glob("*/**/test_*.py")), ids=str)
+def tail(path):
+    return str(path.relative_to(ROOT / "tests"))
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tests").glob("*/**/test_*.py")), ids=tail)
 def test_a_file_of_tests_in_a_folder_has_the_name_of_its_module(path):
     """Or, in the folder of long checks, holds nothing else than those."""
-    inside = path.relative_to(ROOT / "tests")
+    inside = Path(tail(path))
     long = re.search(r"^(@|pytestmark = )pytest\.mark\.validate", path.read_text(), re.MULTILINE)
     assert (inside.parts[0] == "validation") == bool(long)
     if inside.parts[0] != "validation":

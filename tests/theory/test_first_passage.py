@@ -14,7 +14,7 @@ from bgmodel.theory.sprt import Empirical, Gaussian, gaussian_pair, sprt, walk
 TRIALS = 1_000_000
 Z_LIMIT = 4.0  # about 200 z-values below: one beyond 4 is expected once in 80 sets of seeds
 NEVER = 1 << 30
-# d, theta: exact ER and E[T], then Wald's and Siegmund's, as printed.
+# d, theta: those of the printed table of the sequential test.
 SETTINGS = [(0.25, 3), (0.5, 1), (1, 1), (1, 3), (2, 3)]
 
 
