@@ -59,14 +59,15 @@ def correlated(
     noise_nats : float
         Standard deviation of the shared input, nats.
     cells, tau_ms : int, float
-        It comes from this many Poisson cells of 20 Hz, filtered with this time constant (ms); their
-        mean input is taken off.
+        It comes from this many irregular cells (Phase, CV 1) of 20 Hz, filtered with this time
+        constant (ms); their mean input is taken off.
     """
-    circuit.check_nats("noise in nats")
-    rate_hz = 20.0
-    # Shot noise through an exponential filter (Campbell): variance = rate / (2 tau cells).
-    sd_hz = np.sqrt(rate_hz / (2 * tau_ms / 1000 * cells))
-    gain = sd_hz / noise_nats
+    rate_hz, decay_hz = 20.0, 1000 / tau_ms
+    # Shot noise of a renewal process through an exponential filter (Cox 1962): ``passed`` is the
+    # transform of its intervals, inverse Gaussian, at the filter's decay.
+    passed = np.exp(1 - np.sqrt(1 + 2 * decay_hz / rate_hz))
+    variance = rate_hz * decay_hz / 2 * (1 + passed) / (1 - passed) - rate_hz**2
+    gain = np.sqrt(variance / cells) / noise_nats
     shared = Population("shared", Phase(1.0), rate_hz, gain, neurons=cells, cite="assumed")
     path = Projection("shared", circuit.input, 1, delay_ms=1, tau_ms=tau_ms, cite="assumed")
     return circuit.with_rows(shared, path)

@@ -15,12 +15,11 @@ import numba
 import numpy as np
 from numba import types
 from numba.cpython.unsafe.tuple import tuple_setitem
-from numba.extending import overload
 
-from circuits import single
 from circuits.cells import Cell, Lif, Phase
 from circuits.engines.ensemble import kernel, lanes
 from circuits.engines.ensemble.compiling import OPTIONS
+from circuits.engines.ensemble.singles import kept
 from circuits.ticks import NO_SPREAD
 
 Columns = dict[str, float]
@@ -97,41 +96,6 @@ def entry(cell: Cell) -> Entry:
 
 
 # ---- a tick as it stands
-
-
-@overload(single.single, strict=False)
-def _single(x: Any) -> Callable[..., Any]:
-    return lambda x: np.float32(x)
-
-
-@overload(single.fused, strict=False)
-def _fused(a: Any, b: Any, c: Any) -> Callable[..., Any] | None:
-    return (lambda a, b, c: lanes.fused(a, b, c)) if _singles(a, b, c) else None
-
-
-@overload(single.choose, strict=False)
-def _choose(test: Any, yes: Any, no: Any) -> Callable[..., Any] | None:
-    return (lambda test, yes, no: lanes.choose(test, yes, no)) if _singles(yes, no) else None
-
-
-@overload(single.exponential, strict=False)
-def _exponential(x: Any) -> Callable[..., Any] | None:
-    return (lambda x: lanes.exp32(x)) if _singles(x) else None
-
-
-def _singles(*kinds: Any) -> bool:
-    """Whether all are single precision: what is not would be rounded where NumPy does not."""
-    return all(kind == types.float32 for kind in kinds)
-
-
-def _kept(x: Any) -> Any:
-    """Return a variable of a cell, which must be single precision: nothing is rounded unasked."""
-    return x
-
-
-@overload(_kept)
-def _kept_single(x: Any) -> Callable[..., Any] | None:
-    return (lambda x: x) if _singles(x) else None
 
 
 class Loops(NamedTuple):
@@ -237,7 +201,7 @@ def _advance(tick: Callable[..., Any], size: int, count: int) -> Callable[..., N
                 marks[i] |= moved[0] << t
                 new = moved[1:]
                 for k in range(size):
-                    state[k * stride + i] = _kept(new[k])
+                    state[k * stride + i] = kept(new[k])
 
     return advance
 
@@ -251,7 +215,7 @@ def _place(begin: Callable[..., Any], size: int, count: int) -> Callable[..., No
             uniform = (lanes.word32(i, key) * 2.0**-32,)
             begun = begin(*(uniform + _gathered(constants, no_constants, stride, i)))
             for k in range(size):
-                state[k * stride + i] = _kept(begun[k])
+                state[k * stride + i] = kept(begun[k])
 
     return place
 

@@ -182,6 +182,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any) -> Any
         records.BLOCK,
         wiring.blocks,
         kind=[made.kind for made in places.entries],
+        variables=[len(row.cell.state) for row in places.rows],
         nats=[row.cell.hears == "nats" for row in places.rows],
         law=[_law(row.transfer) for row in places.rows],
         drive=drives,
@@ -319,16 +320,8 @@ def _edges(matrix: Array) -> tuple[Any, Any]:
     return starts, _records(records.EDGE, len(rows), index=columns, weight=matrix[rows, columns])
 
 
-def workspace(p: records.Plan, variables: int = 1) -> records.Work:
-    """Return the memory that one trial at a time runs in.
-
-    Parameters
-    ----------
-    p : Plan
-        The circuit.
-    variables : int
-        Most variables of a cell type without loops of its own.
-    """
+def workspace(p: records.Plan) -> records.Work:
+    """Return the memory that one trial at a time runs in."""
     blocks, units, clock = len(p.blocks), len(p.units), p.clock[0]
     ring, window = int(clock["ring"]), max(int(clock["window"]), kernel.WORD)
     cells = int(p.blocks["filled"].sum())
@@ -346,7 +339,7 @@ def workspace(p: records.Plan, variables: int = 1) -> records.Work:
         common=np.zeros(window),
         mean_step=np.zeros(window, np.float32),
         noise_step=np.zeros(window, np.float32),
-        states=np.zeros((variables, cells), np.float32),
+        states=np.zeros((int(p.blocks["variables"].max(initial=1)), cells), np.float32),
         heard=np.zeros((kernel.WORD, widest)),
         noted=np.zeros(widest, np.uint8),
         fired=np.zeros(kernel.WORD, np.int32),

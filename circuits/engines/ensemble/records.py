@@ -19,8 +19,8 @@ CLOCK = _record(
     f8="dt_s readout_decay readout_baseline readout_gain",
 )
 BLOCK = _record(
-    i8="kind nats law drive input inputs own_input own_inputs start cells filled variation kept "
-    "advance place",
+    i8="kind variables nats law drive input inputs own_input own_inputs start cells filled "
+    "variation kept advance place",
     f8="spike_hz baseline gain floor decay filter_gain bias drive_gain rest_x rest_hz",
     f4="membrane_decay rest slope noise_step threshold jitter refractory begin begin_span",
 )

@@ -22,6 +22,7 @@ from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_
 from circuits.checks import is_whole
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble.plan import plan, workspace
+from circuits.engines.ensemble.records import Plan
 from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import Clock
@@ -89,33 +90,12 @@ def run(
     names = circuit.spiking(spikes)
     written = np.array([wiring.row(b).name in names for b in range(wiring.blocks)])
     level = -np.inf if drop_below is None else float(drop_below)
-    variables = max((len(row.cell.state) for row in circuit.populations), default=1) or 1
-    p = plan(wiring, clock, kept=written)
     streams = noise.stream_keys(seed, first_trial + np.arange(trials), wiring.names)
     out = np.empty((trials, clock.samples, circuit.channels))
     shape = (trials, clock.samples, wiring.blocks) if rates else (trials, clock.samples, 0)
     kept = np.empty(shape, dtype=np.float32)
-    found: list[npt.NDArray[np.int32]] = [np.empty((0, 3), np.int32)] * trials
-
-    def task(first: int) -> int:
-        room = np.empty((FIRST_CAPACITY if names else 0, 3), np.int32)
-        work = workspace(p, variables)
-        for t in range(first, min(first + TRIALS_A_TASK, trials)):
-            while True:
-                given = (p, work, drive[t], streams[t], level, out[t], kept[t])
-                count = kernel.trial(*given, room)
-                if count <= len(room):
-                    break
-                room = np.empty((2 * count, 3), np.int32)
-            found[t] = room[:count].copy()
-        return int(min(TRIALS_A_TASK, trials - first))
-
-    with (
-        ThreadPoolExecutor(max_workers=workers) as pool,
-        tqdm(total=trials, unit="trial", disable=not progress) as bar,
-    ):
-        for done in pool.map(task, range(0, trials, TRIALS_A_TASK)):
-            bar.update(done)
+    p = plan(wiring, clock, kept=written)
+    found = _trials(p, (drive, streams, out, kept), level, workers, progress)
     about = {"seed": int(seed), "first_trial": first_trial, "dt_ms": dt_ms, "settle_ms": settle_ms}
     return Activity(
         circuit=circuit,
@@ -128,6 +108,50 @@ def run(
         spikes=_spike_tables(wiring, names, found, clock) if names else None,
         about=about,
     )
+
+
+def _trials(
+    p: Plan, arrays: tuple[Any, ...], level: float, workers: int, progress: bool
+) -> list[npt.NDArray[np.int32]]:
+    """Run all trials, a few per task; return the spikes of each.
+
+    Parameters
+    ----------
+    p : Plan
+        The circuit.
+    arrays : tuple
+        Drive, keys of noise, OUT and rates, a row per trial; the last two are written.
+    level : float
+        OUT below which a trial is over.
+    workers, progress :
+        As for ``run``.
+    """
+    trials = len(arrays[0])
+    found = [np.empty((0, 3), np.int32)] * trials
+
+    def task(first: int) -> int:
+        room, work = np.empty((_capacity(p), 3), np.int32), workspace(p)
+        last = min(first + TRIALS_A_TASK, trials)
+        for t in range(first, last):
+            drive, stream, out, kept = (array[t] for array in arrays)
+            given = (p, work, drive, stream, level, out, kept)
+            while (count := kernel.trial(*given, room)) > len(room):
+                room = np.empty((2 * count, 3), np.int32)
+            found[t] = room[:count].copy()
+        return last - first
+
+    with (
+        ThreadPoolExecutor(max_workers=workers) as pool,
+        tqdm(total=trials, unit="trial", disable=not progress) as bar,
+    ):
+        for done in pool.map(task, range(0, trials, TRIALS_A_TASK)):
+            bar.update(done)
+    return found
+
+
+def _capacity(p: Plan) -> int:
+    """Return for how many spikes there is room at first."""
+    return FIRST_CAPACITY if p.blocks["kept"].any() else 0
 
 
 def _spike_tables(
