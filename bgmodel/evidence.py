@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -103,14 +104,42 @@ class Evidence:
         """Number of each trial, (trials,)."""
         return np.arange(self.trials) if self.numbers is None else self.numbers
 
+    @property
+    def totals(self) -> npt.NDArray[np.float64]:
+        """Log prior plus all readings so far, (trials, 1 + steps, hypotheses) nats."""
+        total = np.empty((self.trials, self.steps + 1, self.hypotheses))
+        total[:, 0] = np.log(self.prior)
+        total[:, 1:] = self.log_likelihood
+        return np.cumsum(total, axis=1, out=total)
+
+    @cached_property
+    def posterior(self) -> npt.NDArray[np.float64]:
+        """Probability of each hypothesis given all readings so far, shaped as ``totals``."""
+        return np.exp(-minus_log_softmax(self.totals))
+
     def __getitem__(self, trials: slice | npt.NDArray[Any]) -> Evidence:
         """Return the evidence of some trials (a slice, a mask or indices)."""
         part = object.__new__(Evidence)  # checked already
         of_trials = ("log_likelihood", "truth", "lengths", "numbers")
-        for name, value in {**vars(self), "numbers": self.trial_numbers}.items():
+        for name in (field.name for field in fields(self)):
+            value = self.trial_numbers if name == "numbers" else getattr(self, name)
             chosen = value[trials] if name in of_trials and value is not None else value
             object.__setattr__(part, name, chosen)
         return part
+
+
+def minus_log_softmax(y: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return ``-y_i + ln sum_j exp y_j`` (..., N): -ln P of unnormalised log posteriors."""
+    # A loop over channels: numpy reduces a short last axis ten times slower.
+    channels = range(y.shape[-1])
+    top = y[..., 0].copy()
+    for i in channels:
+        np.maximum(top, y[..., i], out=top)
+    y = y - top[..., None]
+    total = np.zeros_like(top)
+    for i in channels:
+        total += np.exp(y[..., i])
+    return np.log(total)[..., None] - y
 
 
 def gaussian_evidence(

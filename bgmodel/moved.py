@@ -46,6 +46,8 @@ MOVED |= _members(
 MOVED |= _members("bgmodel.learning", "bgmodel.learning.reward", "mean_reward check_xi")
 MOVED |= {
     "bgmodel.learning.trials_of": "bgmodel.learning.worlds.trials_of",
+    "bgmodel.integrators.sprt.totals": "bgmodel.evidence.Evidence.totals",
+    "bgmodel.integrators.basal_ganglia.decoded_input": "bgmodel.comparison.decoder.decoded_input",
     "bgmodel.dopamine.Body": "bgmodel.learning.worlds.LevelOutcomes",
     "bgmodel.dopamine.knob": "bgmodel.dopamine.decide_at_levels",
     "bgmodel.dopamine.switching": "bgmodel.learning.worlds.switching",

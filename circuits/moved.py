@@ -53,6 +53,8 @@ class _Finder(MetaPathFinder):
         """Know more old names."""
         self.moved |= moved
         self.holders |= {old.rpartition(".")[0] for old in moved}
+        for name in self.holders & set(sys.modules):
+            self._answer(sys.modules[name])
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -72,9 +74,13 @@ class _Finder(MetaPathFinder):
 
         def exec_module(module: ModuleType) -> None:
             load(module)
-            vars(module).setdefault("__getattr__", partial(self._missing, module.__name__))
+            self._answer(module)
 
         loader.exec_module = exec_module  # type: ignore[method-assign]
+
+    def _answer(self, module: ModuleType) -> None:
+        """Let a module answer for the old names that it held."""
+        vars(module).setdefault("__getattr__", partial(self._missing, module.__name__))
 
     def _missing(self, module: str, name: str) -> None:
         old = f"{module}.{name}"

@@ -15,11 +15,11 @@ import numpy.typing as npt
 from circuits.checks import is_whole
 
 GOLDEN = 0x9E3779B97F4A7C15
-SPREAD, FIRST, SECOND = 0x9E3779B1, 0x21F0AAAD, 0x735A2D97
+GOLDEN_32, FIRST, SECOND = 0x9E3779B1, 0x21F0AAAD, 0x735A2D97
 TICKS_A_WORD = 4
 # Words for things that are fixed before a trial starts lie at ticks that no trial reaches.
 START_TICK = 2**62
-WIRES_TICK = START_TICK + 1
+CONNECTIONS_TICK = START_TICK + 1
 CELLS_TICK = START_TICK + 2
 
 _MASK = 2**64 - 1
@@ -84,7 +84,7 @@ def words(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.uint
     """
     index = np.arange(neurons) if np.ndim(neurons) == 0 else np.asarray(neurons)
     high, low = (np.uint32(half) for half in tick_key(stream, tick))
-    x = index.astype(np.uint32) * np.uint32(SPREAD) + high
+    x = index.astype(np.uint32) * np.uint32(GOLDEN_32) + high
     x ^= x >> np.uint32(16)
     x = x * np.uint32(FIRST) + low
     x ^= x >> np.uint32(15)

@@ -232,5 +232,5 @@ def fan_in(circuit: Circuit, p: Projection, target: int, source: int) -> npt.NDA
     targets = circuit.population(p.target).neurons
     degree = max(1, round(p.probability * sources))
     key = noise.stream_key(circuit.wiring_seed, 0, f"{p.name}/{target}/{source}")
-    words = noise.words(key, noise.WIRES_TICK, sources * targets).reshape(targets, sources)
+    words = noise.words(key, noise.CONNECTIONS_TICK, sources * targets).reshape(targets, sources)
     return np.sort(np.argsort(words, axis=1, kind="stable")[:, :degree], axis=1)

@@ -192,8 +192,8 @@ def test_loops_of_their_own_give_the_spikes_of_the_tick_as_it_stands(spread):
     """The compiled engine's fast loops against its general one: the same type by another name."""
     circuit = BASE.with_spread(spread)
     twin = own(circuit)
-    assert compiled_cells.entry(twin.population("GPe").cell) is compiled_cells.OWN
-    assert compiled_cells.entry(circuit.population("GPe").cell) is not compiled_cells.OWN
+    assert compiled_cells.entry(twin.population("GPe").cell) is compiled_cells.GENERAL
+    assert compiled_cells.entry(circuit.population("GPe").cell) is not compiled_cells.GENERAL
     assert spikes_of(circuit, "ensemble") == spikes_of(twin, "ensemble")
 
 
@@ -284,14 +284,14 @@ def test_a_type_without_a_text_is_refused_by_brian2_alone():
     [
         (lambda heard, ones, v: (v > single.ONE, v), r"tick must take .* constants"),
         (
-            lambda heard, ones, phi, kick, factor: (
+            lambda heard, ones, phi, noise_step, factor: (
                 phi > single.ONE,
                 single.fused(heard, phi, phi),
             ),
             "on numbers in single precision",
         ),
         (
-            lambda heard, ones, phi, kick, factor: (phi > single.ONE, phi + 0.5),
+            lambda heard, ones, phi, noise_step, factor: (phi > single.ONE, phi + 0.5),
             "on numbers in single precision",
         ),
     ],

@@ -28,12 +28,13 @@ from bgmodel.comparison.circuits import (
     thresholds_about,
 )
 from bgmodel.comparison.compare import compare
+from bgmodel.comparison.decoder import decoded_input
 from bgmodel.comparison.page import behaviour, page
 from bgmodel.comparison.steady import leader_drive, leader_out, out_shift, steady_out, steady_shifts
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import provenance_path
 from bgmodel.integrators import basal_ganglia
-from bgmodel.integrators.basal_ganglia import BasalGanglia, decoded_input, drive_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.anatomy import circuit
 from circuits.controls import correlated, perturbed, shuffled_stn
@@ -139,7 +140,7 @@ def test_the_decoder_of_a_steady_input_is_the_test():
     steady = replace(EVIDENCE[:40], log_likelihood=np.zeros((40, 20, 4)))
     steady.log_likelihood[:, 0, 0] = 3.0
     activity = MODEL.activity(steady)
-    out = decoded_input(activity, steady, tau_ms=100.0).out_nats[:, -200:, 0]
+    out = decoded_input(activity, MODEL.trace(activity, steady), tau_ms=100.0).out_nats[:, -200:, 0]
     wanted = Msprt(GAIN).run(steady).out_nats[0, -1, 0]
     assert out.mean() == pytest.approx(wanted, abs=0.03)
 

@@ -54,8 +54,7 @@ def test_the_rate_circuit_agrees_where_it_settles():
         for sample_ms in (step_ms, step_ms / 10):
             model = BasalGanglia(table, "rate", options={"sample_ms": sample_ms, "dt_ms": 1.0})
             found = [
-                first_crossing(model.trace(activity, part), threshold).choice
-                for part, activity in model.batches(evidence)
+                first_crossing(trace, threshold).choice for _, _, trace in model.batches(evidence)
             ]
             agree[step_ms, sample_ms] = np.mean(np.concatenate(found) == exact)
             print(

@@ -210,18 +210,24 @@ def test_lif_loop_against_numpy():
     v = rng.uniform(-5, 11, 128).astype(np.float32)
     v[3], v[4], v[5] = -lanes.WAIT, -2 * lanes.WAIT, -np.inf
     counts = rng.integers(0, 9, (128, 4)).astype(np.uint8).view(np.uint32).ravel()
-    push, kick = (0.2, 0.1, 0.4, 0.3), np.float32(0.3)
+    mean_step, noise_step = (0.2, 0.1, 0.4, 0.3), np.float32(0.3)
     expected, marks, spikes = v.copy(), np.zeros(128, np.uint8), np.zeros((4, 128), bool)
     for t in range(4):
         waiting = expected < lanes.WAITING
-        moved = 0.99 * expected + push[t] + 0.3 * (counts >> 8 * t & 15)
+        moved = 0.99 * expected + mean_step[t] + 0.3 * (counts >> 8 * t & 15)
         expected = np.where(waiting, expected + lanes.WAIT, moved)
         spikes[t] = expected >= 11
         expected[spikes[t]] = -20 * lanes.WAIT
-    constants = (np.float32(0.99), four(*push), kick, np.float32(11), np.float32(-20 * lanes.WAIT))
+    constants = (
+        np.float32(0.99),
+        four(*mean_step),
+        noise_step,
+        np.float32(11),
+        np.float32(-20 * lanes.WAIT),
+    )
     again = v.copy()
-    fired = lanes.lif_alike(v, counts, 0, 128, lanes.FOUR, *constants, None)
-    lanes.lif_alike(again, counts, 0, 128, lanes.FOUR, *constants, marks)
+    fired = lanes.lif_identical(v, counts, 0, 128, lanes.FOUR, *constants, None)
+    lanes.lif_identical(again, counts, 0, 128, lanes.FOUR, *constants, marks)
     assert fired == tuple(spikes.sum(axis=1))
     assert min(fired) > 0
     npt.assert_array_equal(marks, spikes.T @ [1, 2, 4, 8])
@@ -243,8 +249,8 @@ def test_a_tick_of_a_lif_is_the_exact_solution_of_its_equation():
         mean = cell.rest_mv + cell.mv_per_nat * slope * nats
         step = cell.noise_mv * np.sqrt(1 - alpha**2)
         exact = mean + (v - mean) * alpha + step * (ones - 4) / np.sqrt(2)
-        kept = c["keep"] * c["unit"] * (v - cell.reset_mv)
-        moved = kept + (c["rest"] + c["slope"] * nats + c["kick"] * ones)
+        kept = c["decay"] * c["unit"] * (v - cell.reset_mv)
+        moved = kept + (c["rest"] + c["slope"] * nats + c["noise_step"] * ones)
         npt.assert_allclose(cell.reset_mv + moved / c["unit"], exact, rtol=1e-6)
 
 
@@ -261,10 +267,10 @@ def test_phase_loop_against_numpy():
     v = rng.uniform(0, 1.05, 128).astype(np.float32)
     counts = rng.integers(0, 9, 128).astype(np.uint32)
     expected = v - (v >= 1) + 0.01 + 0.02 * counts
-    push, kick = four(0.01, 0, 0, 0), four(0.02, 0, 0, 0)
+    mean_step, noise_step = four(0.01, 0, 0, 0), four(0.02, 0, 0, 0)
     for marks in (None, np.zeros(128, np.uint8)):
         x = v.copy()
-        fired = lanes.phase_alike(x, counts, 0, 128, lanes.SINGLE, push, kick, marks)
+        fired = lanes.phase_identical(x, counts, 0, 128, lanes.SINGLE, mean_step, noise_step, marks)
         npt.assert_allclose(x, expected, rtol=1e-5)
         assert (fired[0] if marks is None else marks.sum()) == (expected >= 1).sum() > 0
 
@@ -272,7 +278,7 @@ def test_phase_loop_against_numpy():
 def test_compiled_code_is_kept_under_a_hash_of_all_sources():
     from circuits.engines.ensemble import compiling
 
-    for function in (kernel.trial, lanes.lif_alike):
+    for function in (kernel.trial, lanes.lif_identical):
         assert compiling.STATE in function.stats.cache_path
 
 

@@ -39,6 +39,7 @@ LEVELS = [
     {"bgmodel"},
     {
         "bgmodel.comparison.compare",
+        "bgmodel.comparison.decoder",
         "bgmodel.integrators.basal_ganglia",
         "bgmodel.integrators.rivals",
         "bgmodel.learning.reinforce",

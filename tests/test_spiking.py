@@ -82,13 +82,13 @@ def both(circuit, drive=DRIVE, **options):
         replace(small(), wiring_seed=3).scaled("ctx", "SNr", 0),
         small().scaled("ctx", "STN", 0.5, 0).scaled("SNr", "SNr", 2, 1),
     ],
-    ids=["whole", "spread", "sparse", "lesioned", "small", "other wires", "one channel"],
+    ids=["whole", "spread", "sparse", "lesioned", "small", "other connections", "one channel"],
 )
 def test_spikes_are_those_of_the_reference(circuit):
     assert_same(*both(circuit))
 
 
-def test_relays_are_n_squared_synapses():
+def test_shared_inputs_are_n_squared_synapses():
     assert_same(*both(WHOLE, DRIVE[:, :2], explicit=True))
     everywhere = replace(small(), projections=small().projections[:3])
     everywhere = replace(

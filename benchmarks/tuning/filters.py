@@ -48,7 +48,7 @@ class Run:
         self.thresholds = thresholds_about(self.test)
         kept: dict[str, list[Array]] = {"D1": [], "STN": [], "SNr": []}
         model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
-        for _, activity in model.batches(evidence):
+        for _, activity, _ in model.batches(evidence):
             for name, parts in kept.items():
                 parts.append(activity.decoded_nats(name))
         self.nats = {name: np.concatenate(parts) for name, parts in kept.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -18,13 +19,12 @@ from bgmodel.comparison.compare import (
     compare,
     sweep,
 )
+from bgmodel.comparison.decoder import decoded
 from bgmodel.comparison.steady import out_shift
-from bgmodel.decision import UNDECIDED, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
     deciding_thresholds,
-    decoded_input,
     rest_out,
 )
 from bgmodel.integrators.rivals import RIVALS
@@ -134,17 +134,11 @@ def decide_at_thresholds(
         model = replace(model, options=options)
     found: dict[str, Sweep] = {}
     first = 0
-    for part, activity in model.batches(evidence):
-        traces = {CIRCUIT: model.trace(activity, part)}
+    for part, activity, trace in model.batches(evidence):
+        traces = {CIRCUIT: trace}
         if decodes and decoder_tau_ms is not None:
-            decoded = decoded_input(activity, part, decoder_tau_ms)
-            dropped = np.isnan(activity.output_nats[:, -1, 0])
-            open_ = first_crossing(decoded, lowest, forced=False).choice == UNDECIDED
-            for t in np.flatnonzero(dropped & open_):
-                one = part[t : t + 1]
-                ((_, again),) = whole.batches(one, first + int(t))
-                decoded.out_nats[t] = decoded_input(again, one, decoder_tau_ms).out_nats[0]
-            traces[DECODER] = decoded
+            again = partial(whole.one_trial, part, first)
+            traces[DECODER] = decoded(activity, trace, lowest, again, decoder_tau_ms)
         for name, trace in traces.items():
             new = sweep(trace, part, thresholds)
             found[name] = found[name] + new if name in found else new

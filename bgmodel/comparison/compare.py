@@ -20,7 +20,6 @@ from scipy.stats import rankdata
 from bgmodel.arrays import Array
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import Msprt
 
 ACCURACIES = (0.90, 0.95, 0.97)
 FEWEST_TRIALS = 100
@@ -124,10 +123,9 @@ def sweep(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = N
     """
     chosen = levels(trace) if thresholds is None else np.sort(np.asarray(thresholds))[::-1]
     decided = first_crossing(trace, chosen)
-    known = np.exp(-Msprt().run(evidence).out_nats)
     reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
     reading = np.minimum(reading, evidence.readings)
-    posterior = known[np.arange(evidence.trials), reading, decided.choice]
+    posterior = evidence.posterior[np.arange(evidence.trials), reading, decided.choice]
     return Sweep(
         chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior
     )

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from bgmodel.arrays import Array
 from bgmodel.decision import Trace, any_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import Msprt, totals
 from bgmodel.memory import check_memory
 from bgmodel.ours import explained
 
@@ -178,11 +177,11 @@ class BasalGanglia:
 
     def batches(
         self, evidence: Evidence, first_trial: int = 0
-    ) -> Iterator[tuple[Evidence, Activity]]:
+    ) -> Iterator[tuple[Evidence, Activity, Trace]]:
         """Go through many trials, a part that fits into memory at a time.
 
-        Yields each part of the evidence with its activity; what a trial does is the same in any
-        part, and trial t has the noise of ``first_trial + t``.
+        Yields each part of the evidence with its activity and its OUT; what a trial does is the
+        same in any part, and trial t has the noise of ``first_trial + t``.
         """
         batch = self.batch(evidence)
         for first in range(0, evidence.trials, batch):
@@ -191,44 +190,18 @@ class BasalGanglia:
                 # A part at a time it would be said many times: ``warn_beyond_range`` says it once.
                 warnings.filterwarnings("ignore", message="(S|the input) runs from")
                 activity = self.activity(part, first_trial + first)
-            yield part, activity
+            yield part, activity, self.trace(activity, part)
+
+    def one_trial(self, part: Evidence, first_trial: int, trial: int) -> tuple[Activity, Trace]:
+        """Return one trial of a part as ``batches`` yields it, and as it is in that part."""
+        ((_, activity, trace),) = self.batches(part[trial : trial + 1], first_trial + trial)
+        return activity, trace
 
 
 def check_engine(engine: str) -> None:
     """Raise ValueError, with the engines that there are, for a name that is none."""
     if engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
-
-
-def decoded_input(activity: Activity, evidence: Evidence, tau_ms: float = 20.0) -> Trace:
-    """Return what a plain decoder makes of the spikes of the circuit's own input: -ln softmax.
-
-    It counts spikes through one exponential filter and knows the rest of the computation exactly:
-    what a circuit behind these spikes loses against it is its own. It is no bound: another filter,
-    or knowledge of when readings come, may do better.
-
-    Parameters
-    ----------
-    activity : Activity
-        Of an engine that spikes, with rates.
-    evidence : Evidence
-        What it was given.
-    tau_ms : float
-        Time constant with which it counts, ms.
-    """
-    # Importing scipy.signal takes half a second: only where spikes are decoded.
-    from scipy.signal import lfilter
-
-    activity.circuit.check_nats("-ln softmax of its input")
-    y = activity.decoded_nats(activity.circuit.input)
-    keep = np.exp(-float(activity.time_ms[0]) / tau_ms)
-    # What all channels share changes nothing: at the start none is ahead.
-    seen = lfilter([1 - keep], [1, -keep], y, axis=1)
-    # After a trial was dropped nothing new comes.
-    ended = np.isnan(y[:, :, 0])
-    last = np.maximum((~ended).sum(axis=1) - 1, 0)
-    seen = np.where(ended[:, :, None], seen[np.arange(len(y)), last][:, None], seen)
-    return BasalGanglia.trace(replace(activity, output_nats=Msprt().output(seen)), evidence)
 
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:
@@ -330,6 +303,6 @@ def drive_of(
     plus all readings so far: a common input changes nothing (Bogacz & Gurney 2007), and without
     the mean no rate would have to be negative.
     """
-    total = gain * totals(evidence)
+    total = gain * evidence.totals
     total = np.maximum(total, total.max(axis=2, keepdims=True) - reach_nats)
     return np.asarray(total - total.mean(axis=2, keepdims=True))

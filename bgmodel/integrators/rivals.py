@@ -15,7 +15,7 @@ import numpy as np
 from bgmodel.arrays import Array
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import at_readings, totals
+from bgmodel.integrators.sprt import at_readings
 
 
 class Rival(Protocol):
@@ -43,7 +43,7 @@ class Race:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -Y as a trace (trials, 1 + steps, hypotheses)."""
-        return at_readings(-totals(evidence) - np.log(evidence.hypotheses), evidence)
+        return at_readings(-evidence.totals - np.log(evidence.hypotheses), evidence)
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class MaxVsAverage:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return mean Y - Y as a trace (trials, 1 + steps, hypotheses)."""
-        total = totals(evidence)
+        total = evidence.totals
         return at_readings(total.mean(axis=2, keepdims=True) - total, evidence)
 
 
@@ -73,7 +73,7 @@ class MaxVsNext:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return the best other total minus Y as a trace (trials, 1 + steps, hypotheses)."""
-        total = totals(evidence)
+        total = evidence.totals
         top = np.sort(total, axis=2)[:, :, -2:]
         leads = total == top[:, :, 1:]
         return at_readings(np.where(leads, top[:, :, :1], top[:, :, 1:]) - total, evidence)

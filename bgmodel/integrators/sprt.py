@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.decision import Decision, Trace, first_crossing
-from bgmodel.evidence import Evidence, checked_prior
+from bgmodel.evidence import Evidence, checked_prior, minus_log_softmax
 
 
 class Integrator(Protocol):
@@ -79,7 +79,7 @@ class Msprt:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -ln P as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
-        return at_readings(self.output(totals(evidence)), evidence)
+        return at_readings(self.output(evidence.totals), evidence)
 
     def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the state before the first reading: log priors (N,)."""
@@ -93,17 +93,7 @@ class Msprt:
 
     def output(self, log_posterior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return OUT = -ln P (..., N) from unnormalised log posteriors (..., N)."""
-        y = self.gain * log_posterior
-        # A loop over channels: numpy reduces a short last axis ten times slower.
-        channels = range(y.shape[-1])
-        top = y[..., 0].copy()
-        for i in channels:
-            np.maximum(top, y[..., i], out=top)
-        y -= top[..., None]
-        total = np.zeros_like(top)
-        for i in channels:
-            total += np.exp(y[..., i])
-        return np.log(total)[..., None] - y
+        return minus_log_softmax(self.gain * log_posterior)
 
 
 def threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -161,14 +151,6 @@ def _checked_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
     if not (np.isfinite(gap).all() and (gap >= 0).all()):
         raise ValueError(f"delta must be finite and >= 0 nats, got {gap.tolist()}")
     return gap
-
-
-def totals(evidence: Evidence) -> npt.NDArray[np.float64]:
-    """Return log prior plus all readings so far, (trials, 1 + steps, hypotheses) nats."""
-    total = np.empty((evidence.trials, evidence.steps + 1, evidence.hypotheses))
-    total[:, 0] = np.log(evidence.prior)
-    total[:, 1:] = evidence.log_likelihood
-    return np.cumsum(total, axis=1, out=total)
 
 
 def at_readings(out: npt.NDArray[np.float64], evidence: Evidence) -> Trace:

@@ -15,7 +15,7 @@ from circuits.single import ONE, ZERO, choose, exponential, fused, single
 
 def _begin(
     uniform: Any,
-    keep: Any, rest: Any, slope: Any, kick: Any, sharp: Any, knee: Any, lift: Any, pull: Any,
+    decay: Any, rest: Any, slope: Any, noise_step: Any, sharp: Any, knee: Any, lift: Any, pull: Any,
     fade: Any, follow: Any, tail: Any, peak: Any, jump: Any, held: Any, height: Any,
 ) -> tuple[Any, ...]:  # fmt: skip
     return single(uniform) * height, held * ZERO, held * ZERO
@@ -23,12 +23,12 @@ def _begin(
 
 def _tick(
     heard: Any, ones: Any, v: Any, w: Any, wait: Any,
-    keep: Any, rest: Any, slope: Any, kick: Any, sharp: Any, knee: Any, lift: Any, pull: Any,
+    decay: Any, rest: Any, slope: Any, noise_step: Any, sharp: Any, knee: Any, lift: Any, pull: Any,
     fade: Any, follow: Any, tail: Any, peak: Any, jump: Any, held: Any, height: Any,
 ) -> tuple[Any, ...]:  # fmt: skip
-    push = fused(kick, ones, fused(slope, single(heard), rest))
+    push = fused(noise_step, ones, fused(slope, single(heard), rest))
     push = fused(lift, exponential(fused(sharp, v, knee)), push)
-    moved = choose(wait > ZERO, v, fused(keep, v, fused(pull, w, push)))
+    moved = choose(wait > ZERO, v, fused(decay, v, fused(pull, w, push)))
     drawn = fused(fade, w, fused(follow, v, tail))
     fired = moved >= peak
     left = choose(wait > ZERO, wait - ONE, ZERO)
@@ -89,10 +89,10 @@ class AdEx(Cell):
     tick = staticmethod(_tick)
     brian: ClassVar[BrianText | None] = BrianText(
         tick="""
-            push = fused(kick, ones(word, t_in_timesteps), fused(slope, nats, rest))
+            push = fused(noise_step, ones(word, t_in_timesteps), fused(slope, nats, rest))
             push = fused(lift, exponential(fused(sharp, v, knee)), push)
             drawn = fused(fade, w, fused(follow, v, tail))
-            v = chosen(wait > 0, v, fused(keep, v, fused(pull, w, push)))
+            v = chosen(wait > 0, v, fused(decay, v, fused(pull, w, push)))
             w = drawn
             wait = clip(wait - 1, 0, inf)
         """,
@@ -125,18 +125,18 @@ class AdEx(Cell):
         Factors are those of the time constant, of mv_per_nat and of the way from reset to knee.
         """
         tau, slope, top = factors
-        keep, fade = np.exp(-dt_ms / (self.tau_ms * tau)), np.exp(-dt_ms / self.tau_w_ms)
-        bit = self.noise_mv * np.sqrt((1 - keep**2) / 2)
+        decay, fade = np.exp(-dt_ms / (self.tau_ms * tau)), np.exp(-dt_ms / self.tau_w_ms)
+        bit = self.noise_mv * np.sqrt((1 - decay**2) / 2)
         way = (self.knee_mv - self.reset_mv) * top
         found = {
-            "keep": keep,
-            "rest": (self.rest_mv - self.reset_mv) * (1 - keep) - 4 * bit,
-            "slope": self.mv_per_nat * slope * (1 - keep),
-            "kick": bit,
+            "decay": decay,
+            "rest": (self.rest_mv - self.reset_mv) * (1 - decay) - 4 * bit,
+            "slope": self.mv_per_nat * slope * (1 - decay),
+            "noise_step": bit,
             "sharp": 1 / self.sharpness_mv,
             "knee": -way / self.sharpness_mv,
-            "lift": self.sharpness_mv * (1 - keep),
-            "pull": keep - 1,
+            "lift": self.sharpness_mv * (1 - decay),
+            "pull": decay - 1,
             "fade": fade,
             "follow": self.adaptation * (1 - fade),
             "tail": self.adaptation * (self.reset_mv - self.leak_mv) * (1 - fade),

@@ -17,17 +17,24 @@ OVERSHOOT = 0.5825971579390107
 
 
 def _begin(
-    uniform: Any, keep: Any, rest: Any, slope: Any, kick: Any, unit: Any, threshold: Any, held: Any
+    uniform: Any,
+    decay: Any,
+    rest: Any,
+    slope: Any,
+    noise_step: Any,
+    unit: Any,
+    threshold: Any,
+    held: Any,
 ) -> tuple[Any, ...]:
     return single(uniform) * threshold * unit, held * ZERO
 
 
 def _tick(
     heard: Any, ones: Any, v: Any, wait: Any,
-    keep: Any, rest: Any, slope: Any, kick: Any, unit: Any, threshold: Any, held: Any,
+    decay: Any, rest: Any, slope: Any, noise_step: Any, unit: Any, threshold: Any, held: Any,
 ) -> tuple[Any, ...]:  # fmt: skip
-    push = fused(kick, ones, fused(slope, single(heard), rest))
-    moved = choose(wait > ZERO, v, fused(keep, v, push))
+    push = fused(noise_step, ones, fused(slope, single(heard), rest))
+    moved = choose(wait > ZERO, v, fused(decay, v, push))
     fired = moved >= threshold
     left = choose(wait > ZERO, wait - ONE, ZERO)
     return fired, choose(fired, ZERO, moved), choose(fired, held, left)
@@ -68,8 +75,8 @@ class Lif(Cell):
     tick = staticmethod(_tick)
     brian: ClassVar[BrianText | None] = BrianText(
         tick="""
-            push = fused(kick, ones(word, t_in_timesteps), fused(slope, nats, rest))
-            v = chosen(wait > 0, v, fused(keep, v, push))
+            push = fused(noise_step, ones(word, t_in_timesteps), fused(slope, nats, rest))
+            v = chosen(wait > 0, v, fused(decay, v, push))
             wait = clip(wait - 1, 0, inf)
         """,
         spike="v >= threshold",
@@ -137,21 +144,21 @@ class Lif(Cell):
     # ---- spikes
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
-        """Return the constants of ``v = keep v + (rest + slope nats + kick ones)``, a tick.
+        """Return the constants of ``v = decay v + (rest + slope nats + noise_step ones)``, a tick.
 
         v is in mV from the reset, in units in which all cells of the population have its
         threshold; ``ones`` of 8 bits are the noise, and ``rest`` makes up for their mean of 4.
         """
         tau, slope, top = factors
-        keep = np.exp(-dt_ms / (self.tau_ms * tau))
+        decay = np.exp(-dt_ms / (self.tau_ms * tau))
         bit = self.step_mv(dt_ms, tau) / np.sqrt(2)
         threshold = self.sampled_threshold_mv(dt_ms) - self.reset_mv
         unit = threshold / (self.sampled_threshold_mv(dt_ms, tau, top) - self.reset_mv)
         found = {
-            "keep": keep,
-            "rest": unit * ((self.rest_mv - self.reset_mv) * (1 - keep) - 4 * bit),
-            "slope": unit * self.mv_per_nat * slope * (1 - keep),
-            "kick": unit * bit,
+            "decay": decay,
+            "rest": unit * ((self.rest_mv - self.reset_mv) * (1 - decay) - 4 * bit),
+            "slope": unit * self.mv_per_nat * slope * (1 - decay),
+            "noise_step": unit * bit,
             "unit": unit,
             "threshold": threshold,
             "held": whole_ticks("refractory_ms", self.refractory_ms, dt_ms),

@@ -15,12 +15,12 @@ from circuits.single import ONE, ZERO, choose, fused, single
 FOUR = np.float32(4)
 
 
-def _begin(uniform: Any, kick: Any, factor: Any) -> tuple[Any, ...]:
+def _begin(uniform: Any, noise_step: Any, factor: Any) -> tuple[Any, ...]:
     return (single(uniform),)
 
 
-def _tick(heard: Any, ones: Any, phi: Any, kick: Any, factor: Any) -> tuple[Any, ...]:
-    width = kick * single(np.sqrt(heard))
+def _tick(heard: Any, ones: Any, phi: Any, noise_step: Any, factor: Any) -> tuple[Any, ...]:
+    width = noise_step * single(np.sqrt(heard))
     push = factor * single(heard) - FOUR * width
     moved = phi + fused(width, ones, push)
     fired = moved >= ONE
@@ -48,7 +48,7 @@ class Phase(Cell):
     tick = staticmethod(_tick)
     brian: ClassVar[BrianText | None] = BrianText(
         tick="""
-            width = single(kick*single(sqrt(hz*dt_s)))
+            width = single(noise_step*single(sqrt(hz*dt_s)))
             push = single(single(factor*single(hz*dt_s)) - 4*width)
             phi = single(phi + fused(width, ones(word, t_in_timesteps), push))
         """,
@@ -66,8 +66,8 @@ class Phase(Cell):
 
         The first of the factors is that of the rate.
         """
-        kick = np.float32(self.cv * np.sqrt(factors[0] / 2))
-        return {"kick": kick, "factor": np.float32(factors[0])}
+        noise_step = np.float32(self.cv * np.sqrt(factors[0] / 2))
+        return {"noise_step": noise_step, "factor": np.float32(factors[0])}
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
         """Return the slopes of its line, which it follows at once, and its own power."""

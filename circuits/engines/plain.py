@@ -109,7 +109,7 @@ class _Trial:
             for b in range(w.blocks)
             if w.row(b).spiking
         }
-        self.own, weight = _own_connections(scheme)
+        self.own, weight = _own_inputs(scheme)
         self.common = replace(w, weight=weight)
         self.units, self.x, self.rest = scheme.start
         self.readout = w.blocks_of(w.circuit.readout)
@@ -181,7 +181,7 @@ class _Cells:
         return self.wiring.rates(inputs)[:, self.block] * self.dt_s
 
 
-class _OwnConnections:
+class _OwnInputs:
     """What the cells of one block get through one projection of their own connections."""
 
     def __init__(self, scheme: Scheme, path: int, channel: int) -> None:
@@ -208,17 +208,17 @@ class _OwnConnections:
         return np.asarray(self.weight * (self.u + self.constant))
 
 
-def _own_connections(scheme: Scheme) -> tuple[dict[int, list[_OwnConnections]], Array]:
+def _own_inputs(scheme: Scheme) -> tuple[dict[int, list[_OwnInputs]], Array]:
     """Return each block's sparse pathways, and the weights that are left for whole blocks."""
     w, circuit = scheme.wiring, scheme.wiring.circuit
-    own: dict[int, list[_OwnConnections]] = {b: [] for b in range(w.blocks)}
+    own: dict[int, list[_OwnInputs]] = {b: [] for b in range(w.blocks)}
     weight = w.weight.copy()
     for i, p in enumerate(circuit.projections):
         ends = circuit.population(p.source), circuit.population(p.target)
         if p.probability < 1 and all(end.spiking for end in ends):
             weight[:, w.path == i] = 0
             for channel, b in enumerate(w.blocks_of(p.target)):
-                own[int(b)].append(_OwnConnections(scheme, i, channel))
+                own[int(b)].append(_OwnInputs(scheme, i, channel))
     return own, weight
 
 

@@ -1,7 +1,7 @@
 """Where everything lies in the arrays of the Brian2 engine, and what it holds as a run begins.
 
-Every group lies trial after trial. A unit of the wiring that serves whole blocks is a *relay*; of a
-pathway that every cell sums for itself, each cell has a *socket*.
+Every group lies trial after trial. A unit of the wiring that serves whole blocks is a *shared
+input*; of a pathway that every cell sums for itself, each cell has an *own input*.
 """
 
 from __future__ import annotations
@@ -70,15 +70,15 @@ class Layout:
         return targets
 
     @cached_property
-    def relays(self) -> list[int]:
+    def shared_inputs(self) -> list[int]:
         """Units of the wiring that serve whole blocks."""
         return [u for u in range(self.wiring.units) if not self.is_own(self.wiring.projection(u))]
 
     @cached_property
-    def sockets(self) -> list[tuple[int, int, Index]]:
-        """(unit of the wiring, target block, places of its cells' sockets in a trial)."""
+    def own_inputs(self) -> list[tuple[int, int, Index]]:
+        """(unit of the wiring, target block, places of its cells' own inputs in a trial)."""
         begin, found = 0, []
-        for u in sorted(set(range(self.wiring.units)) - set(self.relays)):
+        for u in sorted(set(range(self.wiring.units)) - set(self.shared_inputs)):
             for b in self.targets[u]:
                 neurons = self.wiring.row(b).neurons
                 found.append((u, b, begin + np.arange(neurons)))
@@ -87,17 +87,20 @@ class Layout:
 
     @cached_property
     def units(self) -> dict[str, Index]:
-        """The units of the wiring that the relays and the sockets of a trial are of, if any."""
-        own = [np.full(len(places), u) for u, _, places in self.sockets]
-        units = {"relays": np.array(self.relays), "sockets": np.concatenate([[], *own])}
+        """The unit of the wiring of each shared and each own input of a trial, if there are any."""
+        own = [np.full(len(places), u) for u, _, places in self.own_inputs]
+        units = {
+            "shared_inputs": np.array(self.shared_inputs),
+            "own_inputs": np.concatenate([[], *own]),
+        }
         return {name: of.astype(np.intp) for name, of in units.items() if len(of)}
 
     @cached_property
     def line(self) -> dict[int, int]:
-        """Ticks to remember of each block that a relay hears."""
+        """Ticks to remember of each block that a shared input hears."""
         line: dict[int, int] = {}
-        for place, b in zip(*np.nonzero(self.wiring.deliver[self.relays]), strict=True):
-            delay = int(self.scheme.unit_delay[self.relays[place]])
+        for place, b in zip(*np.nonzero(self.wiring.deliver[self.shared_inputs]), strict=True):
+            delay = int(self.scheme.unit_delay[self.shared_inputs[place]])
             line[int(b)] = max(line.get(int(b), 0), delay)
         return line
 
@@ -128,19 +131,25 @@ class Layout:
 
     # ---- who reaches whom
 
-    def line_to_relays(self) -> Columns:
-        """Return places in the delay line, relays and nats/Hz."""
+    def line_to_shared(self) -> Columns:
+        """Return places in the delay line, shared inputs and nats/Hz."""
         w, found = self.wiring, []
-        for place, u in enumerate(self.relays):
+        for place, u in enumerate(self.shared_inputs):
             for b in np.flatnonzero(w.deliver[u]):
                 at = self.line_end(int(b)) - self.scheme.unit_delay[u]
-                found.append((self.index("line", at), self.index("relays", place), w.deliver[u, b]))
+                found.append(
+                    (self.index("line", at), self.index("shared_inputs", place), w.deliver[u, b])
+                )
         return joined(found)
 
-    def relays_to_blocks(self) -> Columns:
-        """Return relays and blocks."""
-        reached = [(place, b) for place, u in enumerate(self.relays) for b in self.targets[u]]
-        return joined([(self.index("relays", at), self.index("blocks", b)) for at, b in reached])
+    def shared_to_blocks(self) -> Columns:
+        """Return shared inputs and blocks."""
+        reached = [
+            (place, b) for place, u in enumerate(self.shared_inputs) for b in self.targets[u]
+        ]
+        return joined(
+            [(self.index("shared_inputs", at), self.index("blocks", b)) for at, b in reached]
+        )
 
     def cells_to_blocks(self, name: str) -> Columns:
         """Return cells, blocks and Hz a spike."""
@@ -148,21 +157,21 @@ class Layout:
         blocks = self.wiring.blocks_of(name)
         return joined([(self.cells(b), self.index("blocks", b), hz) for b in blocks])
 
-    def cells_to_sockets(self, name: str) -> Columns:
-        """Return cells, sockets, nats a spike and delays, ticks."""
+    def cells_to_own(self, name: str) -> Columns:
+        """Return cells, own inputs, nats per spike and delays, ticks."""
         w, found = self.wiring, []
-        for u, target, places in self.sockets:
+        for u, target, places in self.own_inputs:
             for b in set(w.blocks_of(name)) & set(np.flatnonzero(w.deliver[u])):
                 fan = fan_in(w.circuit, w.projection(u), int(w.channel[target]), int(w.channel[b]))
                 jump = w.deliver[u, b] * 1000 / (self.scheme.dt_ms * fan.shape[1])
-                sockets = self.index("sockets", places)[:, :, None]
-                found.append((self.cells(b)[:, fan], sockets, jump, self.scheme.unit_delay[u]))
+                own_inputs = self.index("own_inputs", places)[:, :, None]
+                found.append((self.cells(b)[:, fan], own_inputs, jump, self.scheme.unit_delay[u]))
         return joined(found)
 
-    def sockets_to_cells(self, name: str) -> Columns:
-        """Return sockets and their cells."""
-        here = [part for part in self.sockets if self.wiring.row(part[1]).name == name]
-        return joined([(self.index("sockets", at), self.cells(b)) for _, b, at in here])
+    def own_to_cells(self, name: str) -> Columns:
+        """Return own inputs and their cells."""
+        here = [part for part in self.own_inputs if self.wiring.row(part[1]).name == name]
+        return joined([(self.index("own_inputs", at), self.cells(b)) for _, b, at in here])
 
     # ---- what the variables hold
 
@@ -244,7 +253,7 @@ class Layout:
                 "weight": np.array([w.projection(u).weight for u in of]),
                 **brian_text.law_marks(self.unit_laws(group)),
             }
-            if group == "sockets":
+            if group == "own_inputs":
                 one |= {"at_rest": scheme.start[0][of], "wait": scheme.unit_delay[of]}
             values |= {(group, name): np.tile(value, self.trials) for name, value in one.items()}
         return values

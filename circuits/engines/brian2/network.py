@@ -22,7 +22,7 @@ from circuits.engines.brian2.layout import Columns, Layout, Values
 from circuits.engines.brian2.noise import functions, load_brian
 from circuits.ticks import Clock
 
-ORDER = {"line": -6, "relays": -4, "sockets": -4, "blocks": -2}
+ORDER = {"line": -6, "shared_inputs": -4, "own_inputs": -4, "blocks": -2}
 """Of the groups within a tick; cells follow at 0, 1 and 2."""
 WIDE = ("stream", "key", "block")
 """Variables of 64 bits."""
@@ -145,17 +145,17 @@ class Network:
         laws = self.layout.unit_laws(name)
         state = brian_text.UNIT_STATE + brian_text.law_state(laws)
         tick = brian_text.UNIT_TICK.format(law=brian_text.law(laws))
-        if name == "sockets":
-            state, tick = state + brian_text.SOCKET_STATE, brian_text.SOCKET_HEAR + tick
+        if name == "own_inputs":
+            state, tick = state + brian_text.OWN_INPUT_STATE, brian_text.OWN_INPUT_HEAR + tick
         self._every_tick(self._group(name, state), tick)
 
     def _blocks(self) -> None:
         laws = self.layout.block_laws
         blocks = self._group("blocks", brian_text.BLOCK_STATE + brian_text.law_state(laws))
         self._every_tick(blocks, brian_text.BLOCK_TICK.format(law=brian_text.law(laws)))
-        if self.layout.relays:
+        if self.layout.shared_inputs:
             self._connect(
-                "relays", "blocks", self.layout.relays_to_blocks(), "nats_post = sent_pre"
+                "shared_inputs", "blocks", self.layout.shared_to_blocks(), "nats_post = sent_pre"
             )
 
     def _line(self) -> None:
@@ -166,7 +166,7 @@ class Network:
         self._link(line, "next_hz", "line", "value_hz", after)
         self._every_tick(line, brian_text.LINE_TICK)
         add = "heard_post = nats_per_hz*value_hz_pre"
-        self._connect("line", "relays", layout.line_to_relays(), add, "nats_per_hz")
+        self._connect("line", "shared_inputs", layout.line_to_shared(), add, "nats_per_hz")
 
     def _cells(self, name: str) -> None:
         layout, row = self.layout, self.layout.wiring.circuit.population(name)
@@ -176,11 +176,11 @@ class Network:
         hears = row.cell.hears
         state = [brian_text.CELL_STATE, f"{hears} : 1", *(f"{n} : 1" for n in row.cell.state)]
         state += [f"{n} : 1 (constant)" for n in constants if n not in names]
-        hear, own = brian_text.HEAR[hears], layout.sockets_to_cells(name)
+        hear, own = brian_text.HEAR[hears], layout.own_to_cells(name)
         if own:
             hear = brian_text.OWN_HEAR[hears].format(law=brian_text.law([row.transfer]))
             state.append(brian_text.OWN_STATE)
-            names["decay"] = layout.scheme.block_decay[block]
+            names["filter_decay"] = layout.scheme.block_decay[block]
             names |= {n: getattr(row, n) for n in ("baseline_hz", "gain_hz_per_nat")}
         heard = "hz" if "block_hz" in hear else "x"
         state.append(f"block_{heard} : 1 (linked)")
@@ -195,10 +195,10 @@ class Network:
             name, "blocks", layout.cells_to_blocks(name), "rate_hz_post += a_spike", "a_spike"
         )
         if own:
-            self._connect("sockets", name, own, "own_post = sent_pre")
-        if layout.sockets:
+            self._connect("own_inputs", name, own, "own_post = sent_pre")
+        if layout.own_inputs:
             add = "arrived_post += a_spike"
-            self._connect(name, "sockets", layout.cells_to_sockets(name), add, "a_spike")
+            self._connect(name, "own_inputs", layout.cells_to_own(name), add, "a_spike")
 
     # ---- running
 

@@ -29,7 +29,7 @@ def tick_key(stream: Integers, tick: Integers) -> Integers:
 
 def random_word(cell: Integers, key: Integers) -> Integers:
     """Return ``noise.words`` as int32, for arrays of cells and of keys."""
-    x = _u32(cell) * np.uint32(noise.SPREAD) + _u32(np.asarray(key) >> 32)
+    x = _u32(cell) * np.uint32(noise.GOLDEN_32) + _u32(np.asarray(key) >> 32)
     x ^= x >> np.uint32(16)
     x = x * np.uint32(noise.FIRST) + _u32(key)
     x ^= x >> np.uint32(15)

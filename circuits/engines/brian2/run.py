@@ -3,8 +3,9 @@
 One network holds all trials of a batch. Its parts are those of ``circuits.ticks``: a *delay line*
 of the blocks' rates, *units* that filter them, *blocks* that sum units, and *cells*, a group for
 each population. Where all cells of a block reach all of another with one weight, a unit serves the
-whole block (a relay) in place of N^2 synapses; where connections are sparse, or ``explicit``, every
-cell has a unit of its own (a socket) that hears spikes through Brian2's synapses and delays.
+whole block (a shared input) in place of N^2 synapses; where connections are sparse, or
+``explicit``, every cell has a unit of its own (an own input) that hears spikes through Brian2's
+synapses and delays.
 
 ``text`` holds what runs every tick; ``layout`` says where everything lies and what it starts from,
 ``network`` builds it, ``noise`` is the noise.
@@ -63,7 +64,8 @@ def run(
     spikes : names
         Populations whose spikes are written down.
     explicit : bool
-        Whether connections of probability 1 become synapses too, N^2 of them: to check the relays.
+        Whether connections of probability 1 become synapses too, N^2 of them: to check the
+        shared inputs.
 
     Raises
     ------

@@ -25,7 +25,7 @@ next_hz : 1 (linked)
 
 LINE_TICK = "value_hz = newest*now_hz + (1 - newest)*next_hz"
 
-# ---- units: a relay hears the delay line, a socket hears spikes
+# ---- units: a shared input hears the delay line, an own input hears spikes
 
 UNIT_STATE = """
 heard : 1                   # nats that arrive in this tick
@@ -43,13 +43,13 @@ sent = weight*({law})
 """
 
 # A variable called delay would hide the delay of the synapses that end here.
-SOCKET_STATE = """
+OWN_INPUT_STATE = """
 arrived : 1
 at_rest : 1 (constant)      # arrives until the first spikes can
 wait : integer (constant)   # the tick when they can
 """
 
-SOCKET_HEAR = """
+OWN_INPUT_HEAR = """
 heard = arrived + at_rest*int(t_in_timesteps < wait)
 arrived = 0
 """
@@ -58,7 +58,7 @@ arrived = 0
 
 BLOCK_STATE = """
 rate_hz : 1                 # r of the last tick; then of this one, when its spikes are counted
-nats : 1                    # sum over the relays
+nats : 1                    # sum over the shared inputs
 x : 1                       # filtered input, nats; unfiltered for cells that filter for themselves
 hz : 1                      # the rate that x stands for
 window_hz : 1               # mean of r since the last sample
@@ -98,14 +98,14 @@ key : integer (linked)
 HEAR = {"nats": "nats = single(block_x)", "hz": "hz = block_hz"}
 
 OWN_STATE = """
-own : 1                     # sum over the cell's sockets
+own : 1                     # sum over the cell's own inputs
 own_x : 1
 """
 
 OWN_HEAR = {
     "nats": "nats = single(block_x + own)",
     "hz": """
-own_x = decay*own_x + (1 - decay)*own
+own_x = filter_decay*own_x + (1 - filter_decay)*own
 x = block_x + own_x
 hz = clip(baseline_hz + gain_hz_per_nat*({law}), 0, inf)
 """,

@@ -36,86 +36,67 @@ class Entry(NamedTuple):
         Which loops.
     columns : callable
         (cell, dt_ms) -> fields of its record, for cells that are alike.
-    apart : callable
+    varied : callable
         (cell, factors, dt_ms) -> rows (5, neurons) of ``Plan.constants``.
     """
 
     kind: int
     columns: Callable[[Any, float], Columns]
-    apart: Callable[[Any, Any, float], Any]
+    varied: Callable[[Any, Any, float], Any]
 
 
 def _lif_columns(cell: Lif, dt_ms: float) -> Columns:
     constants = cell.constants(NO_SPREAD, dt_ms)
-    names = ("keep", "rest", "slope", "kick", "threshold")
+    names = ("rest", "slope", "noise_step", "threshold")
     return {name: constants[name] for name in names} | {
-        "hold": -float(lanes.WAIT) * float(constants["held"]),
+        "membrane_decay": constants["decay"],
+        "refractory": -float(lanes.WAIT) * float(constants["held"]),
         "begin_span": constants["threshold"],
     }
 
 
-def _lif_apart(cell: Lif, factors: Any, dt_ms: float) -> Any:
+def _lif_varied(cell: Lif, factors: Any, dt_ms: float) -> Any:
     own = cell.constants(factors, dt_ms)
-    return [own[name] for name in ("keep", "rest", "slope", "kick", "unit")]
+    return [own[name] for name in ("decay", "rest", "slope", "noise_step", "unit")]
 
 
 def _phase_columns(cell: Phase, dt_ms: float) -> Columns:
-    return {"jitter": cell.constants(NO_SPREAD, dt_ms)["kick"], "begin_span": 1.0}
+    return {"jitter": cell.constants(NO_SPREAD, dt_ms)["noise_step"], "begin_span": 1.0}
 
 
-def _phase_apart(cell: Phase, factors: Any, dt_ms: float) -> Any:
+def _phase_varied(cell: Phase, factors: Any, dt_ms: float) -> Any:
     own = cell.constants(factors, dt_ms)
     none = np.zeros_like(own["factor"])
-    return [none, none, none, own["kick"], own["factor"]]
+    return [none, none, none, own["noise_step"], own["factor"]]
 
 
 ENTRIES: dict[type[Cell], Entry] = {
-    Lif: Entry(kernel.LIF, _lif_columns, _lif_apart),
-    Phase: Entry(kernel.PHASE, _phase_columns, _phase_apart),
+    Lif: Entry(kernel.LIF, _lif_columns, _lif_varied),
+    Phase: Entry(kernel.PHASE, _phase_columns, _phase_varied),
 }
 _UNIT = Entry(kernel.RATE, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 0.0)
 
 
-def _own_apart(cell: Cell, factors: Any, dt_ms: float) -> Any:
+def _general_varied(cell: Cell, factors: Any, dt_ms: float) -> Any:
     none = np.zeros(np.shape(factors)[1:])
     return [none, none, none, none, none + 1]
 
 
-def _own_columns(cell: Cell, dt_ms: float) -> Columns:
+def _general_columns(cell: Cell, dt_ms: float) -> Columns:
     made = loops(type(cell))
     return {"advance": made.advance.address, "place": made.place.address}
 
 
-OWN = Entry(kernel.OWN, _own_columns, _own_apart)
+GENERAL = Entry(kernel.GENERAL, _general_columns, _general_varied)
 """Of every type without loops of its own."""
 
 
 def entry(cell: Cell) -> Entry:
     """Return the entry of a cell; its exact type counts, for a subclass may tick otherwise."""
-    return ENTRIES.get(type(cell), OWN if cell.spikes else _UNIT)
+    return ENTRIES.get(type(cell), GENERAL if cell.spikes else _UNIT)
 
 
 # ---- a tick as it stands
-
-
-@overload(single.single, strict=False)
-def _single(x: Any) -> Callable[..., Any]:
-    return lambda x: np.float32(x)
-
-
-@overload(single.fused, strict=False)
-def _fused(a: Any, b: Any, c: Any) -> Callable[..., Any] | None:
-    return (lambda a, b, c: lanes.fused(a, b, c)) if _singles(a, b, c) else None
-
-
-@overload(single.choose, strict=False)
-def _choose(test: Any, yes: Any, no: Any) -> Callable[..., Any] | None:
-    return (lambda test, yes, no: lanes.choose(test, yes, no)) if _singles(yes, no) else None
-
-
-@overload(single.exponential, strict=False)
-def _exponential(x: Any) -> Callable[..., Any] | None:
-    return (lambda x: lanes.exp32(x)) if _singles(x) else None
 
 
 def _singles(*kinds: Any) -> bool:
@@ -128,13 +109,25 @@ def _kept(x: Any) -> Any:
     return x
 
 
-@overload(_kept)
-def _kept_single(x: Any) -> Callable[..., Any] | None:
-    return (lambda x: x) if _singles(x) else None
+# The compiled form of each. Numba wants both to name their arguments alike, types included: these
+# have none.
+overload(_kept)(lambda x: (lambda x: x) if _singles(x) else None)
+overload(single.single, strict=False)(lambda x: lambda x: np.float32(x))
+overload(single.fused, strict=False)(
+    lambda a, b, c: (lambda a, b, c: lanes.fused(a, b, c)) if _singles(a, b, c) else None
+)
+overload(single.choose, strict=False)(
+    lambda test, yes, no: (
+        (lambda test, yes, no: lanes.choose(test, yes, no)) if _singles(yes, no) else None
+    )
+)
+overload(single.exponential, strict=False)(
+    lambda x: (lambda x: lanes.exp32(x)) if _singles(x) else None
+)
 
 
 class Loops(NamedTuple):
-    """A cell type's compiled loops, called by address; keep this for as long as they are used."""
+    """A cell type's compiled loops, called by address: keep it while they are used."""
 
     advance: Any
     place: Any

@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from circuits.arrays import Array
     from circuits.engines.ensemble.records import Plan, Work
 
-RATE, LIF, PHASE, OWN = range(4)
+RATE, LIF, PHASE, GENERAL = range(4)
 """Loops over cells: none, those of two types, or one compiled from a type's own tick."""
 LINEAR, RECTIFIED, EXP, S_MINUS_LOG_S = range(4)
 TRANSFERS = {"linear": LINEAR, "rectified": RECTIFIED, "exp": EXP, "s_minus_log_s": S_MINUS_LOG_S}
 # Whether a block's cells are alike, differ in their constants, or in their inputs as well.
-ALIKE, SPREAD, WIRED = range(3)
+IDENTICAL, OWN_CONSTANTS, OWN_INPUTS = range(3)
 WORD = noise.TICKS_A_WORD
 WINDOW = 20
 """Most ticks that a block is taken through at a time: whole words, or one tick if the least delay
@@ -39,7 +39,7 @@ is shorter than a word."""
 LEAST_SCALE = 2.0**-10
 """Filters of cells are written anew when what they are divided by falls below this."""
 MOST_ROWS = 255
-"""Rows of wires that a count of a byte takes."""
+"""Rows of connections that a count of a byte takes."""
 
 _GOLDEN = np.uint64(noise.GOLDEN)
 
@@ -111,83 +111,88 @@ def _common(block, first, window, clock, inputs, passed, drive, common):
 @numba.njit(inline="always")
 def _receive(block, b, first, window, dt_s, work):
     """Turn a block's input into its rates, or into what its cells need."""
-    common, push, kick, mask = work.common, work.push, work.kick, work.ring.shape[1] - 1
-    if block.kind == LIF and block.apart == ALIKE:
+    common, mask = work.common, work.ring.shape[1] - 1
+    mean_step, noise_step = work.mean_step, work.noise_step
+    if block.kind == LIF and block.variation == IDENTICAL:
         for t in range(window):
-            push[t] = lanes.fused(block.slope, np.float32(common[t]), block.rest)
+            mean_step[t] = lanes.fused(block.slope, np.float32(common[t]), block.rest)
         return
     if block.nats:
         for t in range(window):
-            push[t] = common[t]
+            mean_step[t] = common[t]
         return
-    if block.apart == WIRED:
+    if block.variation == OWN_INPUTS:
         return
     x = work.state[b]
     for t in range(window):
-        x = block.decay * x + block.push * common[t]
+        x = block.decay * x + block.filter_gain * common[t]
         rate = max(block.baseline + block.gain * _law(block.law, x), block.floor)
         mean = rate * dt_s
         work.ring[b, (first + t) & mask] = rate
-        if block.kind == OWN:
+        if block.kind == GENERAL:
             common[t] = mean
-        elif block.apart == SPREAD:
-            push[t], kick[t] = mean, math.sqrt(mean)
+        elif block.variation == OWN_CONSTANTS:
+            mean_step[t], noise_step[t] = mean, math.sqrt(mean)
         elif block.kind == PHASE:
             each = np.float32(math.sqrt(mean)) * block.jitter
-            push[t], kick[t] = np.float32(mean) - lanes.HALF_BITS * each, each
+            mean_step[t], noise_step[t] = np.float32(mean) - lanes.HALF_BITS * each, each
     work.state[b] = x
 
 
 @numba.njit(inline="always")
 def _filter(p, work, s, k, cells):
-    """Take the filters of a strand to tick k.
+    """Take the filters of an own input to tick k.
 
     They are kept divided by a common scale, which alone decays: only spikes touch them.
     """
-    strand, mask = p.strands[s], p.clock[0].ring - 1
-    if k < strand.delay:
+    own_input, mask = p.own_inputs[s], p.clock[0].ring - 1
+    if k < own_input.delay:
         # What is under way at the start keeps the filter at rest.
         return
-    work.scale[s] *= strand.decay
+    work.scale[s] *= own_input.decay
     if work.scale[s] < LEAST_SCALE:
-        lanes.scaled(work.strand, strand.start, cells, np.float32(work.scale[s]))
+        lanes.scaled(work.own_input, own_input.start, cells, np.float32(work.scale[s]))
         work.scale[s] = 1.0
-    jump, rows, most = np.float32(strand.jump / work.scale[s]), 0, _most(work)
-    for f in range(strand.fibre, strand.fibres):
-        place = ((k - strand.delay) & mask) * len(p.blocks) + p.fibres[f].source
+    jump, rows, most = np.float32(own_input.jump / work.scale[s]), 0, _most(work)
+    for f in range(own_input.own_source, own_input.own_sources):
+        place = ((k - own_input.delay) & mask) * len(p.blocks) + p.own_sources[f].source
         for i in range(work.found_n[place]):
-            row = p.fibres[f].wires + work.found[place * most + i] * (cells // lanes.LANES)
-            lanes.add_row(work.sums, p.wires, row, cells)
+            row = p.own_sources[f].connections + work.found[place * most + i] * (
+                cells // lanes.LANES
+            )
+            lanes.add_row(work.sums, p.connections, row, cells)
             rows += 1
             if rows % MOST_ROWS == 0:
-                lanes.arrive(work.strand, strand.start, work.sums, cells, jump)
+                lanes.arrive(work.own_input, own_input.start, work.sums, cells, jump)
     if rows % MOST_ROWS:
-        lanes.arrive(work.strand, strand.start, work.sums, cells, jump)
+        lanes.arrive(work.own_input, own_input.start, work.sums, cells, jump)
 
 
 @numba.njit(inline="always")
-def _wired(p, work, block, common, k, x):
+def _cell_inputs(p, work, block, common, k, x):
     """Fill x with what all cells of a block receive, and each through its own connections."""
-    first, last, u = block.strand, block.strands - 1, work.strand
+    first, last, u = block.own_input, block.own_inputs - 1, work.own_input
     for s in range(first, last + 1):
         _filter(p, work, s, k, block.filled)
     second = min(first + 1, last)
-    weight = np.float32(p.strands[first].weight * work.scale[first])
-    other = np.float32(p.strands[second].weight * work.scale[second] if second > first else 0.0)
-    one, two = p.strands[first].start, p.strands[second].start
+    weight = np.float32(p.own_inputs[first].weight * work.scale[first])
+    other = np.float32(p.own_inputs[second].weight * work.scale[second] if second > first else 0.0)
+    one, two = p.own_inputs[first].start, p.own_inputs[second].start
     lanes.inputs(x, block.filled, common, u, one, weight, two, other)
     for s in range(second + 1, last + 1):
-        weight = np.float32(p.strands[s].weight * work.scale[s])
-        lanes.more_inputs(x, block.filled, u, p.strands[s].start, weight)
+        weight = np.float32(p.own_inputs[s].weight * work.scale[s])
+        lanes.more_inputs(x, block.filled, u, p.own_inputs[s].start, weight)
 
 
 @compiled
-def _rates_apart(block, dt_s, x, state, constants):
+def _rates_varied(block, dt_s, x, state, constants):
     """Turn each cell's input into its expected number of spikes a tick, in place in x."""
     if constants is None:
         return
     first, code, factor = block.start, block.law, constants[lanes.FACTOR]
-    lanes.filtered(state, first, block.filled, np.float32(block.decay), np.float32(block.push), x)
+    lanes.filtered(
+        state, first, block.filled, np.float32(block.decay), np.float32(block.filter_gain), x
+    )
     gain, baseline = np.float32(block.gain * dt_s), np.float32(block.baseline * dt_s)
     if code == EXP:
         for i in range(block.filled):
@@ -207,78 +212,79 @@ def _four(values, t):
 
 
 @numba.njit(inline="always")
-def _inputs_apart(p, work, block, t, k, ticks):
+def _inputs_varied(p, work, block, t, k, ticks):
     """Fill x with each cell's own inputs in some ticks, or its expected numbers of spikes."""
     for i in range(ticks):
-        _wired(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
+        _cell_inputs(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
         if not block.nats:
-            _rates_apart(block, p.clock[0].dt_s, work.x[i], work.own, p.constants)
+            _rates_varied(block, p.clock[0].dt_s, work.x[i], work.cell_x, p.constants)
 
 
 @numba.njit(inline="always")
 def _cells(p, work, block, t, ticks, marks):
     """Advance the cells of a block by some ticks; return how many fired in each, or mark them."""
-    if block.kind == OWN:
-        return _own(p, work, block, t, ticks, marks)
-    if block.apart == ALIKE:
-        return _alike(work, block, t, ticks, marks)
-    if block.apart == SPREAD:
-        return _apart(p, work, block, t, ticks, None, marks)
-    return _apart(p, work, block, t, ticks, work.x, marks)
+    if block.kind == GENERAL:
+        return _general(p, work, block, t, ticks, marks)
+    if block.variation == IDENTICAL:
+        return _identical(work, block, t, ticks, marks)
+    if block.variation == OWN_CONSTANTS:
+        return _varied(p, work, block, t, ticks, None, marks)
+    return _varied(p, work, block, t, ticks, work.x, marks)
 
 
 @numba.njit(inline="always")
-def _alike(work, block, t, ticks, marks):
+def _identical(work, block, t, ticks, marks):
     """Advance cells that differ in noise alone."""
-    v, counts, first, cells, push = work.v, work.counts, block.start, block.filled, work.push
+    v, counts, first, cells = work.v, work.counts, block.start, block.filled
+    step = _four(work.mean_step, t)
     if block.kind == LIF:
-        push, threshold, hold = _four(push, t), block.threshold, block.hold
-        return lanes.lif_alike(
-            v, counts, first, cells, ticks, block.keep, push, block.kick, threshold, hold, marks
+        decay, noise_step, top = block.membrane_decay, block.noise_step, block.threshold
+        return lanes.lif_identical(
+            v, counts, first, cells, ticks, decay, step, noise_step, top, block.refractory, marks
         )
     # Phases: ``plan`` gives no other kind.
-    push, kick = _four(push, t), _four(work.kick, t)
-    return lanes.phase_alike(v, counts, first, cells, ticks, push, kick, marks)
+    noise_steps = _four(work.noise_step, t)
+    return lanes.phase_identical(v, counts, first, cells, ticks, step, noise_steps, marks)
 
 
 @numba.njit(inline="always")
-def _apart(p, work, block, t, ticks, x, marks):
+def _varied(p, work, block, t, ticks, x, marks):
     """Advance cells that differ in their constants and, with x, in their inputs."""
     v, counts, first, cells, own = work.v, work.counts, block.start, block.filled, p.constants
-    common = _four(work.push, t)
+    common = _four(work.mean_step, t)
     if block.kind == LIF:
-        top, hold = block.threshold, block.hold
-        return lanes.lif_apart(v, counts, first, cells, ticks, common, x, own, top, hold, marks)
-    root, each = _four(work.kick, t), block.jitter
-    return lanes.phase_apart(v, counts, first, cells, ticks, common, root, x, own, each, marks)
+        top, held = block.threshold, block.refractory
+        return lanes.lif_varied(v, counts, first, cells, ticks, common, x, own, top, held, marks)
+    root, each = _four(work.noise_step, t), block.jitter
+    return lanes.phase_varied(v, counts, first, cells, ticks, common, root, x, own, each, marks)
 
 
 @compiled
-def _own_marked(p, work, block, t, ticks, marks):
+def _general_marked(p, work, block, t, ticks, marks):
     """Advance cells by the compiled tick of their own type."""
     heard, fired = work.heard, work.fired
     for i in range(len(ticks)):
         fired[i] = 0
         for j in range(block.cells):
-            if block.apart == WIRED:
+            if block.variation == OWN_INPUTS:
                 heard[i, j] = np.float64(work.x[i, j])
             else:
                 heard[i, j] = work.common[t + i]
     for j in range(block.filled):
         marks[j] = 0
     lanes.advance(
-        block.advance, work.states, p.own, block.start, work.counts, heard, block.cells,
+        block.advance, work.states, p.tick_constants, block.start, work.counts, heard, block.cells,
         len(ticks), marks, fired,
     )  # fmt: skip
     return fired[0], fired[1], fired[2], fired[3]
 
 
 @compiled
-def _own(p, work, block, t, ticks, marks):
+def _general(p, work, block, t, ticks, marks):
     """Advance cells by their own type's tick, with marks or without."""
     if marks is None:
-        return _own_marked(p, work, block, t, ticks, work.noted)
-    return _own_marked(p, work, block, t, ticks, marks)
+        return _general_marked(p, work, block, t, ticks, work.noted)
+    return _general_marked(p, work, block, t, ticks, marks)
 
 
 @numba.njit(inline="always")
@@ -348,8 +354,8 @@ def _advance(p, work, b, first, window, drive, stream):
     for t in range(0, window, WORD):
         k = first + t
         _noise(work, block, k, stream)
-        if block.apart == WIRED:
-            _inputs_apart(p, work, block, t, k, min(WORD, window - t))
+        if block.variation == OWN_INPUTS:
+            _inputs_varied(p, work, block, t, k, min(WORD, window - t))
         # Ticks beyond the last of the run are computed, and read by nobody.
         _fire(p, work, block, b, t, k)
 
@@ -374,19 +380,19 @@ def _at_rest(p, work, streams):
         work.state[b] = block.rest_x
         work.ring[b] = block.rest_hz
         for j in range(block.start, block.start + block.filled):
-            work.own[j] = block.rest_x
-        if block.kind == LIF and block.apart != ALIKE:
+            work.cell_x[j] = block.rest_x
+        if block.kind == LIF and block.variation != IDENTICAL:
             lanes.in_own_units(work.v, block.start, block.filled, p.constants)
-        if block.kind == OWN:
-            lanes.place(block.place, work.states, p.own, block.start, key, block.cells)
+        if block.kind == GENERAL:
+            lanes.place(block.place, work.states, p.tick_constants, block.start, key, block.cells)
     for c in range(len(p.readout)):
         work.low_pass[c] = p.blocks[p.readout[c]].rest_hz
     for q in range(len(p.units)):
         work.unit[q] = p.units[q].rest
-    for s in range(len(p.strands)):
-        first = p.strands[s].start
-        for j in range(first, first + p.blocks[p.strands[s].target].filled):
-            work.strand[j] = p.strands[s].rest
+    for s in range(len(p.own_inputs)):
+        first = p.own_inputs[s].start
+        for j in range(first, first + p.blocks[p.own_inputs[s].target].filled):
+            work.own_input[j] = p.own_inputs[s].rest
     work.sums[:] = 0
     work.scale[:] = 1.0
     work.total[:] = 0.0

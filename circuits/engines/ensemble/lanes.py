@@ -11,7 +11,7 @@ count as well would take longer. Seven things are needed for speed, and each is 
 * A number of cells that the compiler sees to be a multiple of 64: nothing is left over at the end.
 * A loop over ticks whose length the compiler sees, as that of a tuple: it writes the ticks out, one
   after the other, and goes through cells side by side.
-* Arguments that are None where a loop has no use for them: each combination is compiled apart.
+* Arguments that are None where a loop has no use for them: each combination is compiled variation.
 * An unsigned index, so that no negative one has to be wrapped.
 * Choosing between two values instead of branching, and storing what was chosen every time: a
   store under a mask costs ten times as much on some machines.
@@ -19,7 +19,8 @@ count as well would take longer. Seven things are needed for speed, and each is 
   a potential (measured from its reset), adds WAIT at each tick and is back at exactly 0 in time.
   Cells that only fill a register up wait for ever, at minus infinity.
 
-The state of a cell is float32, sums over cells are int32. The tests hold each loop to plain NumPy.
+The state of a cell is float32, sums over cells are int32. The tests hold each loop to plain
+NumPy.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ WAIT = np.float32(2.0**20)
 WAITING = np.float32(-(2.0**19))
 ONE = np.float32(1.0)
 ZERO = np.float32(0.0)
-KICK, FACTOR = 3, 4
+NOISE_STEP, FACTOR = 3, 4
 """Rows of the cells' constants: what a bit of noise does, and what a rate is multiplied by."""
 FOUR, SINGLE = (0, 1, 2, 3), (0,)
 """Ticks that a loop takes its cells through at once."""
@@ -132,7 +133,7 @@ def word32(typing, index, key):
         _, key = arguments
         high = builder.trunc(builder.lshr(key, ir.Constant(key.type, 32)), _I32)
         x, low = (builder.trunc(value, _I32) for value in arguments)
-        x = builder.add(builder.mul(x, _const(noise.SPREAD)), high)
+        x = builder.add(builder.mul(x, _const(noise.GOLDEN_32)), high)
         x = builder.xor(x, builder.lshr(x, _const(16)))
         x = builder.add(builder.mul(x, _const(noise.FIRST)), low)
         x = builder.xor(x, builder.lshr(x, _const(15)))
@@ -310,27 +311,29 @@ def _noted(fired, mark, t, spike, marks):
 
 
 @numba.njit(inline="always")
-def _lif(old, moved, threshold, hold):
+def _lif(old, moved, threshold, refractory):
     """Return the next state of an integrate-and-fire cell, and whether it fires."""
     new = choose(old < WAITING, old + WAIT, moved)
     spike = new >= threshold
-    return choose(spike, hold, new), spike
+    return choose(spike, refractory, new), spike
 
 
 @compiled
-def lif_alike(v, counts, start, cells, ticks, decay, push, kick, threshold, hold, marks):
+def lif_identical(
+    v, counts, start, cells, ticks, decay, mean_step, noise_step, threshold, refractory, marks
+):
     """Advance integrate-and-fire cells that differ in noise alone.
 
-    v is measured from the reset: ``v decay + (push + kick * ones)``, waiting cells apart: the
-    bracket does not wait for the tick before.
+    v is measured from the reset: ``v decay + (mean_step + noise_step * ones)``, waiting cells
+    apart: the bracket does not wait for the tick before.
     """
     fired = NOBODY
     for i in range(cells & WHOLE):
         j, mark = np.uint64(start + i), UNMARKED
         x, word = v[j], counts[j]
         for t in range(len(ticks)):
-            moved = fused(x, decay, fused(kick, ones_at(word, t), push[t]))
-            x, spike = _lif(x, moved, threshold, hold)
+            moved = fused(x, decay, fused(noise_step, ones_at(word, t), mean_step[t]))
+            x, spike = _lif(x, moved, threshold, refractory)
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = x
         if marks is not None:
@@ -339,7 +342,7 @@ def lif_alike(v, counts, start, cells, ticks, decay, push, kick, threshold, hold
 
 
 @compiled
-def lif_apart(v, counts, start, cells, ticks, common, x, constants, threshold, hold, marks):
+def lif_varied(v, counts, start, cells, ticks, common, x, constants, threshold, refractory, marks):
     """Advance integrate-and-fire cells with constants each; with inputs x, or all with the common.
 
     v is in units in which all cells have one threshold.
@@ -347,14 +350,14 @@ def lif_apart(v, counts, start, cells, ticks, common, x, constants, threshold, h
     if constants is None:
         return NOBODY
     fired = NOBODY
-    decay, rest, slope, kick = constants[0], constants[1], constants[2], constants[KICK]
+    decay, rest, slope, noise_step = constants[0], constants[1], constants[2], constants[NOISE_STEP]
     for i in range(cells & WHOLE):
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
         y, word = v[j], counts[j]
         for t in range(len(ticks)):
             heard = common[t] if x is None else x[t, c]
-            push = fused(kick[j], ones_at(word, t), fused(slope[j], heard, rest[j]))
-            y, spike = _lif(y, fused(y, decay[j], push), threshold, hold)
+            mean_step = fused(noise_step[j], ones_at(word, t), fused(slope[j], heard, rest[j]))
+            y, spike = _lif(y, fused(y, decay[j], mean_step), threshold, refractory)
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = y
         if marks is not None:
@@ -363,21 +366,21 @@ def lif_apart(v, counts, start, cells, ticks, common, x, constants, threshold, h
 
 
 @numba.njit(inline="always")
-def _phase(old, push):
+def _phase(old, mean_step):
     """Return the next phase of a cell, and whether it fires: it shows that until the next tick."""
-    new = (old - choose(old >= ONE, ONE, ZERO)) + push
+    new = (old - choose(old >= ONE, ONE, ZERO)) + mean_step
     return new, new >= ONE
 
 
 @compiled
-def phase_alike(v, counts, start, cells, ticks, push, kick, marks):
+def phase_identical(v, counts, start, cells, ticks, mean_step, noise_step, marks):
     """Advance phases that differ in noise alone."""
     fired = NOBODY
     for i in range(cells & WHOLE):
         j, mark = np.uint64(start + i), UNMARKED
         x, word = v[j], counts[j]
         for t in range(len(ticks)):
-            x, spike = _phase(x, fused(kick[t], ones_at(word, t), push[t]))
+            x, spike = _phase(x, fused(noise_step[t], ones_at(word, t), mean_step[t]))
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = x
         if marks is not None:
@@ -386,24 +389,24 @@ def phase_alike(v, counts, start, cells, ticks, push, kick, marks):
 
 
 @compiled
-def phase_apart(v, counts, start, cells, ticks, mean, root, x, constants, each, marks):
+def phase_varied(v, counts, start, cells, ticks, mean, root, x, constants, each, marks):
     """Advance phases with an expected advance each: x, or the mean times the cell's factor.
 
-    The jitter of an advance m is ``each sqrt(m)``; root is that of the mean, and a cell's kick
-    ``each`` times the root of its factor.
+    The jitter of an advance m is ``each sqrt(m)``; root is that of the mean, and a cell's noise
+    step ``each`` times the root of its factor.
     """
     if constants is None:
         return NOBODY
     fired = NOBODY
-    kick, factor = constants[KICK], constants[FACTOR]
+    noise_step, factor = constants[NOISE_STEP], constants[FACTOR]
     for i in range(cells & WHOLE):
         c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
         y, word = v[j], counts[j]
         for t in range(len(ticks)):
             m = mean[t] * factor[j] if x is None else x[t, c]
-            width = root[t] * kick[j] if x is None else each * np.sqrt(m)
-            push = fused(width, ones_at(word, t), m - HALF_BITS * width)
-            y, spike = _phase(y, push)
+            width = root[t] * noise_step[j] if x is None else each * np.sqrt(m)
+            mean_step = fused(width, ones_at(word, t), m - HALF_BITS * width)
+            y, spike = _phase(y, mean_step)
             fired, mark = _noted(fired, mark, t, spike, marks)
         v[j] = y
         if marks is not None:
@@ -439,14 +442,14 @@ def marked(marks, cells, found, most, places, found_n):
 
 
 @numba.njit(inline="always")
-def add_row(sums, wires, row, cells):
+def add_row(sums, connections, row, cells):
     """Add the connections of one spike, a row of bits, to the target cells' counts, a byte each.
 
     Bit ``8 i + k`` of a word stands for cell ``8 k + i`` of its 64.
     """
     eight = sums.view(np.uint64)
     for m in range(cells // LANES):
-        add_bits(eight, np.uint64(8 * m), wires[np.uint64(row + m)])
+        add_bits(eight, np.uint64(8 * m), connections[np.uint64(row + m)])
 
 
 @compiled

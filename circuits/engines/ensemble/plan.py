@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.engines.ensemble import kernel, lanes, records
-from circuits.engines.ensemble.cells import OWN, Entry, entry
+from circuits.engines.ensemble.cells import GENERAL, Entry, entry
 from circuits.spec import Circuit, Population, Projection
 from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz
 from circuits.wiring import Wiring, fan_in
@@ -35,7 +35,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
         If a cell type lacks what the compiled engine needs, or it knows no such transfer.
     """
     places = _Places(Scheme(wiring, clock.dt_ms))
-    strands, fibres, wires, needs = _strands(places)
+    own_inputs, own_sources, connections, needs = _own_inputs(places)
     window, ring = _window(places.scheme)
     # Ticks taken one by one are rare: to list their spikes saves compiling more loops.
     listing = bool((kept | needs).any() or window == 1)
@@ -43,17 +43,17 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     input_from, inputs = _edges(places.weight)
     return records.Plan(
         clock=_clock(places, clock, window, ring, listing),
-        blocks=_blocks(places, kept, input_from, strands),
+        blocks=_blocks(places, kept, input_from, own_inputs),
         units=_units(places, source_from),
         sources=sources,
         inputs=inputs,
-        strands=strands,
-        fibres=fibres,
-        wires=wires,
+        own_inputs=own_inputs,
+        own_sources=own_sources,
+        connections=connections,
         readout=wiring.blocks_of(wiring.circuit.readout),
         ticks=lanes.SINGLE if window == 1 else lanes.FOUR,
         constants=_constants(places),
-        own=_own_constants(places),
+        tick_constants=_tick_constants(places),
     )
 
 
@@ -99,13 +99,13 @@ class _Places:
         return np.where(self.sparse[None, :], 0.0, self.wiring.weight)
 
     @cached_property
-    def apart(self) -> npt.NDArray[np.int64]:
+    def variation(self) -> npt.NDArray[np.int64]:
         """In what the cells of each block differ."""
         spread = [row.spiking and row.spread for row in self.rows]
-        apart = np.where(spread, kernel.SPREAD, kernel.ALIKE)
+        variation = np.where(spread, kernel.OWN_CONSTANTS, kernel.IDENTICAL)
         for q in np.flatnonzero(self.sparse):
-            apart[self.targets[q]] = kernel.WIRED
-        return apart
+            variation[self.targets[q]] = kernel.OWN_INPUTS
+        return variation
 
     @cached_property
     def cells(self) -> npt.NDArray[np.int64]:
@@ -168,11 +168,11 @@ def _clock(places: _Places, clock: Clock, window: int, ring: int, listing: bool)
     )
 
 
-def _blocks(places: _Places, kept: Any, input_from: Any, strands: Any) -> Any:
+def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any) -> Any:
     """Return one record per block; fields that its cell type leaves out are 0."""
     wiring, circuit, scheme = places.wiring, places.circuit, places.scheme
     _, rest_x, rest_hz = scheme.start
-    strand_from = np.searchsorted(strands["target"], np.arange(wiring.blocks + 1))
+    own_from = np.searchsorted(own_inputs["target"], np.arange(wiring.blocks + 1))
     drives = np.full(wiring.blocks, -1)
     drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
     pairs = zip(places.entries, places.rows, strict=True)
@@ -187,19 +187,19 @@ def _blocks(places: _Places, kept: Any, input_from: Any, strands: Any) -> Any:
         drive=drives,
         input=input_from[:-1],
         inputs=input_from[1:],
-        strand=strand_from[:-1],
-        strands=strand_from[1:],
+        own_input=own_from[:-1],
+        own_inputs=own_from[1:],
         start=places.start,
         cells=places.cells,
         spike_hz=spike_hz(places.cells, scheme.dt_ms),
         filled=places.filled,
-        apart=places.apart,
+        variation=places.variation,
         kept=kept,
         baseline=wiring.baseline_hz,
         gain=wiring.gain_hz_per_nat,
         floor=wiring.floor_hz,
         decay=scheme.block_decay,
-        push=1 - scheme.block_decay,
+        filter_gain=1 - scheme.block_decay,
         # What a sparse unit always delivers is the same for all cells.
         bias=wiring.bias + (wiring.weight - places.weight) @ wiring.constant,
         drive_gain=circuit.drive_gain,
@@ -234,20 +234,20 @@ def _law(name: str) -> int:
 
 def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
     """Return the constants of each cell where cells differ; None if none do."""
-    if not places.apart.any():
+    if not places.variation.any():
         return None
     constants = np.zeros((5, int(places.filled.sum())), np.float32)
-    for b in np.flatnonzero(places.apart):
+    for b in np.flatnonzero(places.variation):
         here = slice(places.start[b], places.start[b] + places.cells[b])
         cell, dt_ms = places.rows[b].cell, places.scheme.dt_ms
-        constants[:, here] = places.entries[b].apart(cell, places.factors(b), dt_ms)
+        constants[:, here] = places.entries[b].varied(cell, places.factors(b), dt_ms)
     return constants
 
 
-def _own_constants(places: _Places) -> npt.NDArray[np.float32]:
+def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
     """Return the constants of the cells of types without loops of their own."""
     found = {}
-    for b in [b for b, made in enumerate(places.entries) if made is OWN]:
+    for b in [b for b, made in enumerate(places.entries) if made is GENERAL]:
         factors = places.factors(b) if places.rows[b].spread else NO_SPREAD
         constants = places.rows[b].cell.constants(factors, places.scheme.dt_ms)
         found[b] = list(constants.values())
@@ -258,12 +258,12 @@ def _own_constants(places: _Places) -> npt.NDArray[np.float32]:
     return own
 
 
-def _strands(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
-    """Lay out connections cell by cell: strands, fibres, wires, and whose spikes they need."""
+def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
+    """Lay out own inputs, their sources and connections, and whose spikes they need."""
     wiring, scheme, filled = places.wiring, places.scheme, places.filled
-    strands: list[tuple[Any, ...]] = []
-    fibres: list[tuple[Any, ...]] = []
-    wires = [np.zeros(0, np.uint64)]
+    own_inputs: list[tuple[Any, ...]] = []
+    own_sources: list[tuple[Any, ...]] = []
+    connections = [np.zeros(0, np.uint64)]
     size = cells = 0
     needs = np.zeros(wiring.blocks, dtype=bool)
     for q in np.flatnonzero(places.sparse):
@@ -274,23 +274,24 @@ def _strands(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
             raise ValueError(f"{p.name}: sparse connections need one weight for all channels")
         needs[sources] = True
         for b in places.targets[q]:
-            first, degree = len(fibres), 1
+            first, degree = len(own_sources), 1
             for source in sources:
                 who = fan_in(wiring.circuit, p, int(wiring.channel[b]), int(wiring.channel[source]))
                 degree = who.shape[1]
-                wires.append(_bits(who, wiring.circuit.population(p.source).neurons, filled[b]))
-                fibres.append((source, size))
-                size += len(wires[-1])
+                neurons = wiring.circuit.population(p.source).neurons
+                connections.append(_bits(who, neurons, filled[b]))
+                own_sources.append((source, size))
+                size += len(connections[-1])
             decay = scheme.unit_decay[q]
             jump = (1 - decay) * gains.sum() / max(len(gains), 1) / (degree * scheme.dt_ms / 1000)
-            at = (b, cells, scheme.unit_delay[q], first, len(fibres))
-            strands.append((*at, decay, jump, wiring.weight[b, q], scheme.start[0][q]))
+            at = (b, cells, scheme.unit_delay[q], first, len(own_sources))
+            own_inputs.append((*at, decay, jump, wiring.weight[b, q], scheme.start[0][q]))
             cells += int(filled[b])
-    strands.sort(key=lambda strand: strand[0])
+    own_inputs.sort(key=lambda own_input: own_input[0])
     return (
-        np.array(strands, dtype=records.STRAND),
-        np.array(fibres, dtype=records.FIBRE),
-        np.concatenate(wires),
+        np.array(own_inputs, dtype=records.OWN_INPUT),
+        np.array(own_sources, dtype=records.OWN_SOURCE),
+        np.concatenate(connections),
         needs,
     )
 
@@ -331,28 +332,28 @@ def workspace(p: records.Plan, variables: int = 1) -> records.Work:
     blocks, units, clock = len(p.blocks), len(p.units), p.clock[0]
     ring, window = int(clock["ring"]), max(int(clock["window"]), kernel.WORD)
     cells = int(p.blocks["filled"].sum())
-    connected = int(p.blocks["filled"][p.strands["target"]].sum())
+    connected = int(p.blocks["filled"][p.own_inputs["target"]].sum())
     widest = int(p.blocks["filled"].max())
     most = widest if clock["listing"] else 1
     return records.Work(
         v=np.zeros(cells, np.float32),
         counts=np.zeros(cells, np.uint32),
         x=np.zeros((kernel.WORD, widest), np.float32),
-        own=np.zeros(cells, np.float32),
+        cell_x=np.zeros(cells, np.float32),
         ring=np.zeros((blocks, ring)),
         state=np.zeros(blocks),
         total=np.zeros(blocks),
         common=np.zeros(window),
-        push=np.zeros(window, np.float32),
-        kick=np.zeros(window, np.float32),
+        mean_step=np.zeros(window, np.float32),
+        noise_step=np.zeros(window, np.float32),
         states=np.zeros((variables, cells), np.float32),
         heard=np.zeros((kernel.WORD, widest)),
         noted=np.zeros(widest, np.uint8),
         fired=np.zeros(kernel.WORD, np.int32),
         unit=np.zeros(units),
         passed=np.zeros((units, window)),
-        strand=np.zeros(connected, np.float32),
-        scale=np.zeros(len(p.strands)),
+        own_input=np.zeros(connected, np.float32),
+        scale=np.zeros(len(p.own_inputs)),
         sums=np.zeros(widest, np.uint8),
         marks=np.zeros(widest, np.uint8) if clock["listing"] else None,
         places=np.zeros(kernel.WORD, np.int64),

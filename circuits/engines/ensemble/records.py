@@ -19,20 +19,20 @@ CLOCK = _record(
     f8="dt_s readout_decay readout_baseline readout_gain",
 )
 BLOCK = _record(
-    i8="kind nats law drive input inputs strand strands start cells filled apart kept "
+    i8="kind nats law drive input inputs own_input own_inputs start cells filled variation kept "
     "advance place",
-    f8="spike_hz baseline gain floor decay push bias drive_gain rest_x rest_hz",
-    f4="keep rest slope kick threshold jitter hold begin begin_span",
+    f8="spike_hz baseline gain floor decay filter_gain bias drive_gain rest_x rest_hz",
+    f4="membrane_decay rest slope noise_step threshold jitter refractory begin begin_span",
 )
 OF_TYPE = (
-    "keep", "rest", "slope", "kick", "threshold", "jitter", "hold", "begin", "begin_span",
-    "advance", "place",
+    "membrane_decay", "rest", "slope", "noise_step", "threshold", "jitter", "refractory",
+    "begin", "begin_span", "advance", "place",
 )  # fmt: skip
 """Fields of a block that its cell type sets; see ``cells.Entry``."""
 UNIT = _record(i8="law delay source sources", f8="decay constant rest")
 EDGE = _record(i8="index", f8="weight")
-STRAND = _record(i8="target start delay fibre fibres", f4="decay jump weight rest")
-FIBRE = _record(i8="source wires")
+OWN_INPUT = _record(i8="target start delay own_source own_sources", f4="decay jump weight rest")
+OWN_SOURCE = _record(i8="source connections")
 
 
 class Plan(NamedTuple):
@@ -48,11 +48,11 @@ class Plan(NamedTuple):
         One row a postsynaptic sum, with where its sources lie.
     sources, inputs : record arrays
         Which block reaches a unit with which weight; which unit reaches a block.
-    strands : record array
+    own_inputs : record array
         Connections cell by cell: one row a target block of a sparse projection.
-    fibres : record array
-        Which blocks feed a strand, and where their rows of bits lie in ``wires``.
-    wires : array uint64
+    own_sources : record array
+        Which blocks feed an own input, and where their rows of bits lie in ``connections``.
+    connections : array uint64
         Connections: for every source cell one row of target cells, a bit each.
     readout : array (channels,)
         Blocks of the read-out.
@@ -60,10 +60,10 @@ class Plan(NamedTuple):
         As long as the number of ticks that cells are taken through at once.
     constants : array (5, cells) float32, or None
         Constants of each cell where cells differ: what nothing needs is not compiled. For a Lif:
-        decay, rest (which makes up for the mean of the noise), slope, kick, unit of potential; for
-        the others the last is a factor on the rate, and the kick is that of a Phase, cv times the
-        root of half of it.
-    own : array (most constants, cells) float32
+        decay, rest (which makes up for the mean of the noise), slope, noise step, unit of
+        potential; for the others the last is a factor on the rate, and the noise step is that of a
+        Phase, cv times the root of half of it.
+    tick_constants : array (most constants, cells) float32
         Constants of the ticks of types without loops of their own.
     """
 
@@ -72,13 +72,13 @@ class Plan(NamedTuple):
     units: Any
     sources: Any
     inputs: Any
-    strands: Any
-    fibres: Any
-    wires: Any
+    own_inputs: Any
+    own_sources: Any
+    connections: Any
     readout: Any
     ticks: Any
     constants: Any
-    own: Any
+    tick_constants: Any
 
 
 class Work(NamedTuple):
@@ -86,7 +86,7 @@ class Work(NamedTuple):
 
     Parameters
     ----------
-    v, counts, own : arrays (cells,)
+    v, counts, cell_x : arrays (cells,)
         State, noise of four ticks, and filtered input of each cell.
     x : array (4, most cells of a block)
         Inputs of the cells of one block in four ticks.
@@ -94,18 +94,18 @@ class Work(NamedTuple):
         Rates of the last ticks, Hz.
     state, total : arrays (blocks,)
         Filtered inputs, nats; sums of rates over a sample.
-    common, push, kick : arrays (window,)
+    common, mean_step, noise_step : arrays (window,)
         Input of all cells of one block, nats; what it does to a cell's state, and the noise of a
-        bit. Where cells have constants of their own push is that input (of a Lif) or the mean
-        advance, and kick its root.
+        bit. Where cells have constants of their own mean_step is that input (of a Lif) or the mean
+        advance, and noise_step its root.
     states : array (most variables, cells)
         Variables of cells of types without loops of their own.
     heard, noted, fired : arrays (4, most cells of a block), (most cells of a block,), (4,)
         What those cells hear, marks of those that fire, and how many do.
     unit, passed : arrays (units,), (units, window)
         Filtered activity before and after the transfer.
-    strand, scale : arrays (strand cells,), (strands,)
-        Filtered activity cell by cell, divided by a scale that a strand's cells share.
+    own_input, scale : arrays (own_input cells,), (own_inputs,)
+        Filtered activity cell by cell, divided by a scale that an own input's cells share.
     sums, marks : arrays (most cells of a block,)
         Arrivals in a tick; a bit for each of four ticks in which a cell fired, or None where no
         spikes are listed.
@@ -120,20 +120,20 @@ class Work(NamedTuple):
     v: Any
     counts: Any
     x: Any
-    own: Any
+    cell_x: Any
     ring: Any
     state: Any
     total: Any
     common: Any
-    push: Any
-    kick: Any
+    mean_step: Any
+    noise_step: Any
     states: Any
     heard: Any
     noted: Any
     fired: Any
     unit: Any
     passed: Any
-    strand: Any
+    own_input: Any
     scale: Any
     sums: Any
     marks: Any
