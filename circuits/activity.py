@@ -144,8 +144,9 @@ def spike_table(
 ) -> pd.DataFrame:
     """Return spikes as ``Activity`` keeps them; tick 0 is the first of the evidence."""
     time_ms = (np.asarray(tick) + 1) * dt_ms
-    columns = {"trial": trial, "channel": channel, "neuron": neuron, "time_ms": time_ms}
-    return pd.DataFrame(columns)
+    names = {"trial": trial, "channel": channel, "neuron": neuron}
+    whole = {name: np.asarray(value, dtype=np.int64) for name, value in names.items()}
+    return pd.DataFrame(whole | {"time_ms": time_ms})
 
 
 def checked_drive(circuit: Circuit, drive: npt.ArrayLike) -> Array:

@@ -410,6 +410,12 @@ class Circuit:
 
     def _reaches(self) -> None:
         """Refuse a circuit whose evidence cannot reach its read-out."""
+        for role in ("input", "readout"):
+            if getattr(self, role) not in self._known:
+                raise ValueError(
+                    f"{self.name} has no nucleus {getattr(self, role)!r}: its {role} must be one "
+                    f"of {', '.join(self._known)}"
+                )
         if self.population(self.input).pooled or self.population(self.readout).pooled:
             raise ValueError(f"{self.input} and {self.readout} need a channel an alternative")
         reached = {self.input}

@@ -178,7 +178,7 @@ def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
         channel += range(count)
     rows = [circuit.populations[i] for i in owner]
     start = {row.name: owner.index(i) for i, row in enumerate(circuit.populations)}
-    bias = np.array([row.bias_nats for row in rows])
+    bias = np.array([row.bias_nats for row in rows], dtype=np.float64)
     bias[[row.name == circuit.input for row in rows]] += circuit.drive_gain * circuit.rest_drive
 
     path, deliver, constant, weights = [], [], [], []

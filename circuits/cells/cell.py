@@ -11,9 +11,11 @@ that names the type and what it lacks: nothing is taken for something else.
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple, NoReturn, TypeVar
 
+import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
@@ -111,13 +113,13 @@ class Cell:
         """
         if self.hears == "hz":
             return 0.0
-        return self.lacks("membrane_ms", "rates with time constants and stability")
+        return self.lacks("membrane_ms", "the rate engine (and stability)")
 
     def rate_hz(self, x: Array, line_hz: Array) -> Array:
         """Return the stationary rate at steady inputs x (S,), nats: its own f-I law, Hz."""
         if self.hears == "hz":
             return line_hz
-        return self.lacks("rate_hz", 'laws="cells"')
+        return self.lacks("rate_hz", 'laws="cells" (and "finite")')
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
         """Return how it answers small fluctuations about inputs x (S,), at frequencies (F,)."""
@@ -126,7 +128,7 @@ class Cell:
     # ---- spikes
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
-        """Return the constants of a tick by name, in single precision.
+        """Return the constants of a tick by name, in single precision: all that ``begin`` takes.
 
         Parameters
         ----------
@@ -175,8 +177,8 @@ def register(kind: C) -> C:
         raise ValueError(f"the cell type {name} must be a dataclass with frozen=True")
     if kind.hears not in HEARS:
         raise ValueError(f"{name}.hears must be one of {', '.join(HEARS)}, got {kind.hears!r}")
-    if kind.spikes and not kind.state:
-        raise ValueError(f"{name} spikes, so {name}.state must name its variables")
+    if kind.spikes and not (kind.state and isinstance(kind.state, tuple)):
+        raise ValueError(f"{name} spikes, so {name}.state must be a tuple of its variables' names")
     if name in CELLS and CELLS[name].__module__ != kind.__module__:
         raise ValueError(f"there is a cell type {name} already, in {CELLS[name].__module__}")
     CELLS[name] = kind
@@ -191,3 +193,60 @@ def check_cell(owner: str, cell: object) -> None:
             f"{owner}: cell must be one of {known}, got {cell!r}; circuits.cells.register enters "
             "a type of your own"
         )
+
+
+def constant_names(kind: type[Cell]) -> tuple[str, ...]:
+    """Return the names of a type's constants, in the order in which its functions take them.
+
+    Raises
+    ------
+    ValueError
+        If the type lacks ``begin`` or ``tick``, they take other arguments, or give another number
+        of results than the type has variables.
+    """
+    blank, name = object.__new__(kind), kind.__name__
+    begin = blank.begin or blank.lacks("begin", "engines that spike")
+    tick = blank.tick or blank.lacks("tick", "engines that spike")
+    names = tuple(inspect.signature(begin).parameters)[1:]
+    taken = tuple(inspect.signature(tick).parameters)[2:]
+    if taken != kind.state + names:
+        raise ValueError(
+            f"{name}.tick must take (heard, ones, *state, *constants), with the constants of "
+            f"{name}.begin, {', '.join(names)}; it takes {', '.join(taken)}"
+        )
+    constants, one = [np.float32(1)] * len(names), np.float32(1)
+    with np.errstate(all="ignore"):
+        begun = begin(np.float64(0.5), *constants)
+        moved = tick(np.float64(0.5), one, *[one] * len(kind.state), *constants)
+    for what, given, wanted in (("begin", begun, 0), ("tick", moved, 1)):
+        if len(given) != wanted + len(kind.state):
+            raise ValueError(
+                f"{name}.{what} must return {'whether it fires and ' if wanted else ''}"
+                f"{', '.join(kind.state)}; it returns {len(given)} values"
+            )
+    return names
+
+
+def tick_constants(cell: Cell, factors: Array, dt_ms: float) -> Constants:
+    """Return a cell's constants in the order in which ``begin`` and ``tick`` take them.
+
+    Raises
+    ------
+    ValueError
+        If they are other ones than those take, not in single precision, or not finite.
+    """
+    name, found = type(cell).__name__, cell.constants(factors, dt_ms)
+    names = constant_names(type(cell))
+    if set(found) != set(names):
+        raise ValueError(
+            f"{name}.constants must give what {name}.begin takes, {', '.join(names)}; it gives "
+            f"{', '.join(found)}"
+        )
+    for constant, value in found.items():
+        if np.asarray(value).dtype != np.float32:
+            raise ValueError(
+                f"{name}.constants: {constant} must be in single precision, np.float32"
+            )
+        if not np.isfinite(value).all():
+            raise ValueError(f"{name}.constants: {constant} must be finite, got {value}")
+    return {constant: found[constant] for constant in names}

@@ -17,6 +17,7 @@ import pandas as pd
 from circuits import noise
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
 from circuits.arrays import Array, Index, Truths
+from circuits.cells.cell import tick_constants
 from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
@@ -159,7 +160,7 @@ class _Cells:
         cell, factors = self.row.cell, NO_SPREAD
         if self.row.spread:
             factors = cell_factors(w.circuit, self.row.name, int(w.channel[block]))
-        constants = cell.constants(factors, scheme.dt_ms)
+        constants = tick_constants(cell, factors, scheme.dt_ms)
         self.step = cell.tick or cell.lacks("tick", "the plain engine")
         self.constants = list(constants.values())
         self.state: tuple[Any, ...] = starting_state(cell, constants, stream, self.neurons)

@@ -1,10 +1,14 @@
-"""Sparse connections."""
+"""The table as arrays: whole numbers, roles, sparse connections."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from circuits import anatomy
+from circuits.cells import Rate
+from circuits.engines import run
+from circuits.spec import Circuit, Population, Projection
 from circuits.wiring import fan_in
 
 
@@ -21,3 +25,22 @@ def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
     # Every source is chosen about equally often: 40 * .25 expected of each.
     uses = np.bincount(wires.ravel(), minlength=40)
     assert ((uses - 10) ** 2 / (40 * 0.25 * 0.75)).sum() < 80
+
+
+def test_a_table_of_whole_numbers_is_that_of_floats():
+    whole, floats = (
+        Circuit(
+            "whole",
+            (Population("ctx", Rate(), 0, 1, bias_nats=kind(1)), Population("SNr", Rate(), 0, 1)),
+            (Projection("ctx", "SNr", kind(2), delay_ms=kind(1)),),
+        )
+        for kind in (int, float)
+    )
+    found = [run(c, np.ones((1, 2, 2)), engine="rate", step_ms=10) for c in (whole, floats)]
+    assert found[0].output_nats.tobytes() == found[1].output_nats.tobytes()
+
+
+@pytest.mark.parametrize("role", ["input", "readout"])
+def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
+    with pytest.raises(ValueError, match=f"no nucleus 'GPi': its {role} must be one of ctx"):
+        replace(anatomy.spiking_msprt(), **{role: "GPi"})

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from circuits import noise
 from circuits.arrays import Array, Index
+from circuits.cells.cell import tick_constants
 from circuits.engines.brian2 import text as brian_text
 from circuits.spec import Projection
 from circuits.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
@@ -197,7 +198,7 @@ class Layout:
     def constants(self, block: int) -> dict[str, Any]:
         """Return the constants of a block's cells: numbers, or (neurons,) where they vary."""
         cell = self.wiring.row(block).cell
-        constants = cell.constants(self._factors(block), self.scheme.dt_ms)
+        constants = tick_constants(cell, self._factors(block), self.scheme.dt_ms)
         return {name: np.float64(value) for name, value in constants.items()}
 
     def _factors(self, block: int) -> Array:
@@ -222,7 +223,8 @@ class Layout:
     def _cells_start(self, name: str, streams: npt.NDArray[np.uint64]) -> Values:
         """Return the first value of each variable of a population's cells, trial after trial."""
         row, blocks = self.wiring.circuit.population(name), self.wiring.blocks_of(name)
-        constants = {b: row.cell.constants(self._factors(b), self.scheme.dt_ms) for b in blocks}
+        dt_ms = self.scheme.dt_ms
+        constants = {b: tick_constants(row.cell, self._factors(b), dt_ms) for b in blocks}
         begun = [
             starting_state(row.cell, constants[b], int(one[b]), row.neurons)
             for one in streams

@@ -7,7 +7,6 @@ as it stands. The loop is called by its address, so that the kernel need not be 
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -17,6 +16,7 @@ from numba import types
 from numba.cpython.unsafe.tuple import tuple_setitem
 
 from circuits.cells import Cell, Lif, Phase
+from circuits.cells.cell import constant_names
 from circuits.engines.ensemble import kernel, lanes
 from circuits.engines.ensemble.compiling import OPTIONS
 from circuits.engines.ensemble.singles import kept
@@ -126,22 +126,6 @@ PLACE = types.void(
 )
 
 
-def names_of(kind: type[Cell]) -> tuple[str, ...]:
-    """Return the names of a type's constants, in order; ValueError if its functions disagree."""
-    tick, begin = (
-        getattr(kind, name) or Cell.lacks(object.__new__(kind), name, "the ensemble engine")
-        for name in ("tick", "begin")
-    )
-    first = tuple(inspect.signature(begin).parameters)[1:]
-    second = tuple(inspect.signature(tick).parameters)[2:]
-    if second != kind.state + first:
-        raise ValueError(
-            f"{kind.__name__}.tick must take (heard, ones, *state, *constants), with the constants "
-            f"of {kind.__name__}.begin, {', '.join(first)}; it takes {', '.join(second)}"
-        )
-    return first
-
-
 def loops(kind: type[Cell]) -> Loops:
     """Compile a cell type's ``tick`` and ``begin``: once per process, for seconds.
 
@@ -159,7 +143,7 @@ _LOOPS: dict[type[Cell], Loops] = {}
 
 
 def _compiled_loops(kind: type[Cell]) -> Loops:
-    count, size = len(names_of(kind)), len(kind.state)
+    count, size = len(constant_names(kind)), len(kind.state)
     options = {name: value for name, value in OPTIONS.items() if name != "cache"}
     tick, begin = (numba.njit(**options)(function) for function in (kind.tick, kind.begin))
     for_c = {name: value for name, value in options.items() if name != "nogil"}

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
+from circuits.cells.cell import tick_constants
 from circuits.engines.ensemble import kernel, lanes, records
 from circuits.engines.ensemble.cells import GENERAL, Entry, entry
 from circuits.spec import Circuit, Population, Projection
@@ -250,7 +251,7 @@ def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
     found = {}
     for b in [b for b, made in enumerate(places.entries) if made is GENERAL]:
         factors = places.factors(b) if places.rows[b].spread else NO_SPREAD
-        constants = places.rows[b].cell.constants(factors, places.scheme.dt_ms)
+        constants = tick_constants(places.rows[b].cell, factors, places.scheme.dt_ms)
         found[b] = list(constants.values())
     own = np.zeros((max(map(len, found.values()), default=1), int(places.filled.sum())), np.float32)
     for b, values in found.items():

@@ -106,10 +106,10 @@ def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision()
 @pytest.mark.parametrize(
     ("call", "answer", "user"),
     [
-        (lacking("algebra", laws="cells"), "rate_hz", 'laws="cells"'),
-        (lacking("algebra", laws="finite"), "rate_hz", 'laws="cells"'),
-        (lacking("rate"), "membrane_ms", "rates with time constants and stability"),
-        (growth, "membrane_ms", "rates with time constants and stability"),
+        (lacking("algebra", laws="cells"), "rate_hz", 'laws="cells" (and "finite")'),
+        (lacking("algebra", laws="finite"), "rate_hz", 'laws="cells" (and "finite")'),
+        (lacking("rate"), "membrane_ms", "the rate engine (and stability)"),
+        (growth, "membrane_ms", "the rate engine (and stability)"),
     ],
 )
 def test_an_adex_without_laws_says_so(call, answer, user):

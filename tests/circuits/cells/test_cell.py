@@ -62,7 +62,7 @@ def test_a_type_that_cannot_be_one_is_refused_at_registration():
     one_sentence(lambda: register(int), "subclass of circuits.cells.Cell")
     one_sentence(lambda: register(Plain), "frozen=True")
     one_sentence(lambda: register(Deaf), "hears must be one of nats, hz")
-    one_sentence(lambda: register(Stateless), "Stateless.state must name")
+    one_sentence(lambda: register(Stateless), "Stateless.state must be a tuple")
     twin = dataclass(frozen=True)(type("Lif", (Phase,), {"__module__": "elsewhere"}))
     one_sentence(lambda: register(twin), "there is a cell type Lif already")
 
@@ -85,3 +85,50 @@ def test_every_registered_type_answers_or_raises_in_every_engine():
             except ValueError as error:
                 right = f"{name} cells do not have it" in str(error)
             assert right
+
+
+def fitting(**answers):
+    """Return a circuit whose GPe has a Phase-like type of its own with other answers."""
+    kind = dataclass(frozen=True)(type("Fitting", (Phase,), {"__module__": __name__, **answers}))
+    return with_cell(BASE, "STN", register(kind)(0.3))
+
+
+@pytest.mark.parametrize("engine", SPIKING)
+@pytest.mark.parametrize(
+    ("answers", "says"),
+    [
+        ({"constants": lambda *_: {"factor": np.float32(1)}}, "constants must give what"),
+        (
+            {"constants": lambda *_: {n: np.float32(1) for n in ("factor", "noise_step", "more")}},
+            "constants must give what",
+        ),
+        ({"constants": lambda *_: {"noise_step": 1.0, "factor": np.float32(1)}}, "single prec"),
+        (
+            {"constants": lambda *_: {"noise_step": np.float32("nan"), "factor": np.float32(1)}},
+            "noise_step must be finite, got nan",
+        ),
+        ({"begin": staticmethod(lambda uniform, noise_step, factor: ())}, "begin must return phi"),
+        (
+            {"tick": staticmethod(lambda heard, ones, phi, noise_step, factor: (phi > phi,))},
+            "tick must return whether it fires and phi; it returns 1",
+        ),
+        (
+            {"tick": staticmethod(lambda heard, ones, phi, factor, noise_step: (phi > phi, phi))},
+            "tick must take",
+        ),
+    ],
+    ids=["too few", "too many", "double", "nan", "begin", "tick", "order"],
+)
+def test_a_type_whose_answers_do_not_fit_each_other_is_refused_by_every_engine(
+    engine, answers, says
+):
+    one_sentence(lambda: lacking(engine)(fitting(**answers)), says)
+
+
+def test_the_order_of_constants_changes_no_spike():
+    def reversed_constants(self, factors, dt_ms):
+        return dict(reversed(Phase.constants(self, factors, dt_ms).items()))
+
+    circuit = fitting(constants=reversed_constants)
+    for engine in SPIKING:
+        assert spikes_of(circuit, engine) == spikes_of(BASE, engine)
