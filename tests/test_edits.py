@@ -142,3 +142,8 @@ def test_one_channel_is_edited_as_written():
     circuit = anatomy.spiking_msprt(4)
     edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).apply(circuit)
     assert edited == circuit.scaled("ctx", "D1", 1.1, channel=2).scaled("STN", "GPe", 0.5)
+
+
+def test_replaced_gives_back_what_a_lesion_took():
+    lost = Edits(without=("GPe",), replaced=True).apply(TABLE)
+    assert lost == TABLE.without("GPe", replaced=True) != TABLE.without("GPe")

@@ -23,6 +23,14 @@ from circuits.arrays import Array
 Constants = dict[str, Any]
 
 HEARS = ("nats", "hz")
+_RESERVED = (
+    "i j N t dt xi pi e inf nats hz word cell block key block_x block_hz own own_x x dt_s "
+    "filter_decay baseline_hz gain_hz_per_nat word_ticks settle_ticks sample_ticks out_decay onset "
+    "reading t_in_timesteps lastspike not_refractory rate_hz ones single fused exponential chosen "
+    "clip exp log sqrt abs int tick_key byte_counts"
+)
+RESERVED = frozenset(_RESERVED.split())
+"""Names that Brian2's texts use for themselves."""
 
 
 class Line(NamedTuple):
@@ -177,6 +185,8 @@ def register(kind: C) -> C:
         raise ValueError(f"the cell type {name} must be a dataclass with frozen=True")
     if kind.hears not in HEARS:
         raise ValueError(f"{name}.hears must be one of {', '.join(HEARS)}, got {kind.hears!r}")
+    if not kind.spikes and kind.hears != "hz":
+        raise ValueError(f"{name} does not spike, so it passes a rate on: {name}.hears must be hz")
     if kind.spikes and not (kind.state and isinstance(kind.state, tuple)):
         raise ValueError(f"{name} spikes, so {name}.state must be a tuple of its variables' names")
     if name in CELLS and CELLS[name].__module__ != kind.__module__:
@@ -192,6 +202,11 @@ def check_cell(owner: str, cell: object) -> None:
         raise ValueError(
             f"{owner}: cell must be one of {known}, got {cell!r}; circuits.cells.register enters "
             "a type of your own"
+        )
+    if isinstance(cell, Cell) and cell.lowest_hz != 0 and (cell.spikes or cell.lowest_hz > -np.inf):
+        raise ValueError(
+            f"{owner}: lowest_hz of {cell.kind} must be 0, or -inf where it does not spike, got "
+            f"{cell.lowest_hz}"
         )
 
 
@@ -214,6 +229,17 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
             f"{name}.tick must take (heard, ones, *state, *constants), with the constants of "
             f"{name}.begin, {', '.join(names)}; it takes {', '.join(taken)}"
         )
+    if taken_by_engines := RESERVED & {*kind.state, *names}:
+        raise ValueError(
+            f"{name}: an engine's own names can't be those of a variable or a constant: "
+            f"{', '.join(sorted(taken_by_engines))}"
+        )
+    for what, function in (("begin", begin), ("tick", tick)):
+        if numbers := _bare_numbers(function):
+            raise ValueError(
+                f"{name}.{what} holds the numbers {', '.join(map(str, numbers))}: they must be "
+                "constants, or global names of np.float32, so that every engine rounds alike"
+            )
     constants, one = [np.float32(1)] * len(names), np.float32(1)
     with np.errstate(all="ignore"):
         begun = begin(np.float64(0.5), *constants)
@@ -225,6 +251,13 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
                 f"{', '.join(kind.state)}; it returns {len(given)} values"
             )
     return names
+
+
+def _bare_numbers(function: Callable[..., Any]) -> list[float]:
+    """Return the numbers in a function's text, or behind its global names, that are Python's."""
+    code, outside = function.__code__, function.__globals__
+    held = [*code.co_consts, *(outside.get(name) for name in code.co_names)]
+    return [value for value in held if type(value) in (int, float, bool)]
 
 
 def tick_constants(cell: Cell, factors: Array, dt_ms: float) -> Constants:

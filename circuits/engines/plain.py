@@ -171,8 +171,8 @@ class _Cells:
         heard = nats if self.row.cell.hears == "nats" else self._expected(nats)
         ones = noise.ones8(self.stream, k, self.neurons)
         fired, *state = self.step(heard, ones, *self.state, *self.constants)
-        self.state = tuple(state)
-        return np.asarray(fired)
+        self.state = tuple(np.broadcast_to(value, self.neurons) for value in state)
+        return np.broadcast_to(fired, self.neurons)
 
     def _expected(self, nats: Any) -> Array:
         """Return each cell's expected number of spikes in a tick, its input filtered."""

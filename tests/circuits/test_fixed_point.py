@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from circuits import anatomy, fixed_point
+from circuits.engines import run
+from circuits.spec import Projection
 from tests.circuits.helpers import evidence
 
 
@@ -28,3 +30,14 @@ def test_parts_come_upstream_first_and_say_which_loop():
     assert [loop for names, loop in found if len(names) == 1] == [False] * 4
     assert order["ctx"] < order["D2"] < order["GPe"] < order["SNr"]
     assert order["D1"] < order["SNr"]
+
+
+def test_a_nucleus_that_inhibits_itself_alone_settles_where_its_rates_do():
+    circuit = anatomy.bogacz_gurney().with_rows(Projection("SNr", "SNr", -0.2, delay_ms=1))
+    drive = np.zeros((1, 60, 2))
+    exact = run(circuit, drive, engine="algebra", step_ms=10).output_nats[0, -1]
+    alone = run(anatomy.bogacz_gurney(), drive, engine="algebra", step_ms=10).output_nats[0, -1]
+    # x = OUT - .2 x.
+    np.testing.assert_allclose(exact, alone / 1.2, rtol=1e-9)
+    settled = run(circuit, drive, engine="rate", step_ms=10).output_nats[0, -1]
+    np.testing.assert_allclose(settled, exact, atol=1e-6)

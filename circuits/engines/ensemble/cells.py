@@ -19,7 +19,7 @@ from circuits.cells import Cell, Lif, Phase
 from circuits.cells.cell import constant_names
 from circuits.engines.ensemble import kernel, lanes
 from circuits.engines.ensemble.compiling import OPTIONS
-from circuits.engines.ensemble.singles import kept
+from circuits.engines.ensemble.singles import kept, truth
 from circuits.ticks import NO_SPREAD
 
 Columns = dict[str, float]
@@ -134,12 +134,14 @@ def loops(kind: type[Cell]) -> Loops:
     ValueError
         If the type has none, or they use what cannot be compiled.
     """
-    if kind not in _LOOPS:
-        _LOOPS[kind] = _compiled_loops(kind)
-    return _LOOPS[kind]
+    functions = (kind.tick, kind.begin)
+    if functions not in _LOOPS:
+        _LOOPS[functions] = _compiled_loops(kind)
+    return _LOOPS[functions]
 
 
-_LOOPS: dict[type[Cell], Loops] = {}
+_LOOPS: dict[tuple[Any, Any], Loops] = {}
+"""By ``tick`` and ``begin``: a type whose functions were replaced is compiled anew."""
 
 
 def _compiled_loops(kind: type[Cell]) -> Loops:
@@ -152,11 +154,11 @@ def _compiled_loops(kind: type[Cell]) -> Loops:
             numba.cfunc(ADVANCE, **for_c)(_advance(tick, size, count)),
             numba.cfunc(PLACE, **for_c)(_place(begin, size, count)),
         )
-    except numba.errors.TypingError as error:
+    except numba.errors.NumbaError as error:
         raise ValueError(
             f"{kind.__name__}.tick and .begin must be compiled: they may use +, -, *, comparisons, "
             "constants of np.float32 and the functions of circuits.single, on numbers in single "
-            f"precision ({_reason(error)})"
+            f"precision, and say by one truth whether a cell fires ({_reason(error)})"
         ) from error
 
 
@@ -181,8 +183,9 @@ def _advance(tick: Callable[..., Any], size: int, count: int) -> Callable[..., N
                 given = (heard[t * width + i], lanes.ones_at(noise[i], t))
                 old = _gathered(state, no_state, stride, i)
                 moved = tick(*(given + old + _gathered(constants, no_constants, stride, i)))
-                fired[t] += moved[0]
-                marks[i] |= moved[0] << t
+                fires = truth(moved[0])
+                fired[t] += fires
+                marks[i] |= fires << t
                 new = moved[1:]
                 for k in range(size):
                     state[k * stride + i] = kept(new[k])

@@ -48,3 +48,13 @@ def kept(x: Any) -> Any:
 @overload(kept)
 def _kept_single(x):
     return (lambda x: x) if _singles(x) else None
+
+
+def truth(x: Any) -> Any:
+    """Return whether a cell fires, which must be one truth: another number has more bits."""
+    return x
+
+
+@overload(truth)
+def _truth(x):
+    return (lambda x: x) if x == types.boolean else None

@@ -117,3 +117,15 @@ def test_an_adex_without_laws_says_so(call, answer, user):
         call(WITH_ADEX)
     said = str(error.value)
     assert said == f"{user} needs AdEx.{answer}, and AdEx cells do not have it"
+
+
+def test_factors_of_an_adex_are_of_its_time_constant_its_slope_and_its_way_to_the_knee():
+    one, tau, slope, top = (
+        ADEX.constants(np.array(factors), 0.1)
+        for factors in ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2))
+    )
+    assert tau["decay"] == pytest.approx(np.exp(-0.1 / (2 * ADEX.tau_ms)), rel=1e-6)
+    assert slope["slope"] == pytest.approx(2 * one["slope"], rel=1e-6)
+    assert top["knee"] == pytest.approx(2 * one["knee"], rel=1e-6)
+    assert slope["knee"] == one["knee"]
+    assert top["slope"] == one["slope"]

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from circuits.cells import CELLS, AdEx, Cell, Phase, Rate, register
+from circuits.cells.cell import RESERVED
+from circuits.single import single
 from tests.circuits.spiking import ADEX, BASE, SPIKING, lacking, one_sentence, spikes_of, with_cell
 
 
@@ -132,3 +134,81 @@ def test_the_order_of_constants_changes_no_spike():
     circuit = fitting(constants=reversed_constants)
     for engine in SPIKING:
         assert spikes_of(circuit, engine) == spikes_of(BASE, engine)
+
+
+def test_a_cell_that_says_by_another_number_whether_it_fires_is_refused():
+    """Two truths added are one truth in NumPy and the number 2 when compiled."""
+
+    def tick(heard, ones, phi, noise_step, factor):
+        high, low = phi > noise_step, phi > factor
+        return high + low, phi
+
+    one_sentence(lambda: lacking("ensemble")(fitting(tick=staticmethod(tick))), "one truth")
+
+
+@pytest.mark.parametrize("engine", SPIKING)
+@pytest.mark.parametrize("name", ["decay_hz", "x", "nats", "pi", "dt_s", "own"])
+def test_names_of_the_engines_are_refused_as_those_of_a_cell(engine, name):
+    def begin(uniform, noise_step, factor):
+        return (single(uniform),)
+
+    circuit = fitting(state=(name,), begin=staticmethod(begin))
+    code = f"lambda heard, ones, {name}, noise_step, factor: ({name} > {name}, {name})"
+    type(circuit.population("STN").cell).tick = staticmethod(eval(code))
+    if name in RESERVED:
+        one_sentence(lambda: lacking(engine)(circuit), "an engine's own names", name)
+    elif engine != "brian2":
+        lacking(engine)(circuit)
+
+
+@pytest.mark.parametrize("engine", SPIKING)
+def test_a_bare_number_in_a_tick_is_refused(engine):
+    def tick(heard, ones, phi, noise_step, factor):
+        return phi >= 1, phi + 0.5
+
+    one_sentence(lambda: lacking(engine)(fitting(tick=staticmethod(tick))), "numbers 1, 0.5")
+
+
+def test_a_unit_that_does_not_spike_hears_a_rate_and_its_floor_is_none_or_zero():
+    @dataclass(frozen=True)
+    class Unit(Cell):
+        spikes = False
+        hears = "nats"
+
+    one_sentence(lambda: register(Unit), "Unit.hears must be hz")
+
+    @register
+    @dataclass(frozen=True)
+    class High(Rate):
+        lowest_hz = 40.0
+
+    one_sentence(lambda: with_cell(BASE, "common", High()), "lowest_hz of High must be 0")
+
+
+def test_a_type_whose_tick_was_replaced_is_compiled_anew():
+    circuit = fitting()
+    before = spikes_of(circuit, "ensemble")
+
+    def silent(heard, ones, phi, noise_step, factor):
+        return phi > phi, phi
+
+    type(circuit.population("STN").cell).tick = staticmethod(silent)
+    assert not any(s[0] == "STN" for s in spikes_of(circuit, "ensemble"))
+    assert any(s[0] == "STN" for s in before)
+
+
+def test_what_all_cells_do_alike_counts_for_each_of_them():
+    def tick(heard, ones, phi, noise_step, factor):
+        return factor >= factor, phi
+
+    counts = [
+        sum(s[0] == "STN" for s in spikes_of(fitting(tick=staticmethod(tick)), engine))
+        for engine in ("plain", "ensemble")
+    ]
+    assert counts[0] == counts[1] == 2 * 2 * 40 * 1200
+
+
+def test_a_class_that_was_registered_anew_takes_the_place_of_the_old_one():
+    old = fitting()
+    fitting(brian=None)
+    one_sentence(lambda: with_cell(BASE, "STN", old.population("STN").cell), "cell must be one of")

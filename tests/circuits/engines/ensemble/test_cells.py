@@ -79,7 +79,7 @@ def test_another_window_or_recording_changes_no_spike_of_a_type_of_ones_own(monk
         ),
         (
             lambda heard, ones, phi, noise_step, factor: (phi > single.ONE, phi + 0.5),
-            "on numbers in single precision",
+            "holds the numbers 0.5",
         ),
     ],
     ids=["names", "double into fused", "a literal"],
