@@ -62,6 +62,7 @@ def correlated(
         It comes from this many irregular cells (Phase, CV 1) of 20 Hz, filtered with this time
         constant (ms); their mean input is taken off.
     """
+    circuit.check_nats("noise in nats")
     rate_hz, decay_hz = 20.0, 1000 / tau_ms
     # Shot noise of a renewal process through an exponential filter (Cox 1962): ``passed`` is the
     # transform of its intervals, inverse Gaussian, at the filter's decay.
