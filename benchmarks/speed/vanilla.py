@@ -44,7 +44,7 @@ def _group(b2: Any, circuit: Circuit, row: Population) -> Any:
 
 
 def _input(circuit: Circuit, row: Population) -> str:
-    """Return what a population receives, nats, as text."""
+    """Return a population's input, nats, as text."""
     drive = circuit.reference_nats - np.log(circuit.channels)
     parts = [str(row.bias_nats + (drive if row.name == circuit.input else 0))]
     for p in circuit.projections:

@@ -18,7 +18,6 @@ from bgmodel.commands.checks import (
     check_ending,
     check_whole,
     options_of,
-    say,
     say_before,
     say_of_trials,
 )
@@ -170,8 +169,6 @@ class CircuitRun(Writes):
         table = model.circuit
         threshold = self._threshold(table)
         check_threshold(table, threshold)
-        if self.engine == "brian2":
-            say("Brian2 writes and compiles its program: 10 to 30 seconds")
         started = time.perf_counter()
         say_before(model, evidence, evidence.trials)
         model.warn_of_noise(threshold)

@@ -127,7 +127,7 @@ class CircuitLesion(Comparison):
 
 
 def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
-    """Return what a result was made with, for its provenance."""
+    """Return the options and the circuit of a result, for its provenance."""
     from bgmodel.integrators.basal_ganglia import identity
 
     command = options_of(asked_for, gain=model.gain)

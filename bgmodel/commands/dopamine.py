@@ -124,7 +124,7 @@ class CircuitLearn(Writes):
         return start
 
     def _summary(self, learned: Learned, outcomes: LevelOutcomes) -> dict[str, Any]:
-        """Return what goes beside the table: what was learned, what it costs, what is best."""
+        """Return the summary beside the table: the level learned, its cost, the best level."""
         from bgmodel.learning.level import regret
 
         cost = regret(learned.learned, outcomes, self.xi)

@@ -52,7 +52,7 @@ def references(model: BasalGanglia, evidence: Evidence) -> dict[str, Sweep]:
 
 
 def sample_ms(step_ms: float) -> float:
-    """Return how far samples of OUT lie apart: 1 ms, or a fiftieth of slow readings."""
+    """Return the time between samples of OUT: 1 ms, or a fiftieth of slow readings."""
     return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
 
 
@@ -276,7 +276,7 @@ def _warn_of_noise(model: BasalGanglia, found: Sweep, accuracies: Sequence[float
 def _moved(
     before: Circuit, after: Circuit, levels: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return what an edit adds to OUT at each level; 0 where that is not known."""
+    """Return the shift of OUT by an edit at each level; 0 where it is not known."""
     known = before.unit == NATS
     return np.nan_to_num(out_shift(before, after, levels)) if known else np.zeros_like(levels)
 

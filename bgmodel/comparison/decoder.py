@@ -42,7 +42,7 @@ def decoded(
 
 
 def decoded_input(activity: Activity, trace: Trace, tau_ms: float = 20.0) -> Trace:
-    """Return what a plain decoder makes of the spikes of a circuit's own input: -ln softmax.
+    """Return -ln softmax of a circuit's input, decoded from its spikes by a plain filter.
 
     It counts spikes through one exponential filter and knows the rest of the computation exactly:
     what a circuit behind these spikes loses against it is its own. It is no bound: another filter,

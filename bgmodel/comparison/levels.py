@@ -50,7 +50,7 @@ def level_table(
     rng: np.random.Generator,
     resamples: int = 500,
 ) -> pd.DataFrame:
-    """Return what each level of dopamine does, beside the fixed point and tests.
+    """Return the decisions at each level of dopamine, beside the fixed point and tests.
 
     Parameters
     ----------

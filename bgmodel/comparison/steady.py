@@ -55,7 +55,7 @@ def leader_out(
 def out_shift(
     circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike, *, laws: str = "table"
 ) -> npt.NDArray[np.float64]:
-    """Return what an edit adds to the winner's OUT at the fixed point, nats.
+    """Return the shift of the winner's OUT by an edit at the fixed point, nats.
 
     Where any OUT that is asked for has no fixed point, or none that is known, all are NaN.
 
