@@ -138,6 +138,8 @@ class Circuit:
         for name in ("range_nats", "readable_nats"):
             if any(map(math.isnan, getattr(self, name))):
                 raise ValueError(f"{name} must be two numbers, got {getattr(self, name)}")
+            if sorted(getattr(self, name)) != list(getattr(self, name)):
+                raise ValueError(f"{name} must rise, got {getattr(self, name)}")
         for name in ("reference_nats", "drive_gain"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{name} must be finite, got {getattr(self, name)}")

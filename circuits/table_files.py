@@ -54,6 +54,7 @@ def digest(circuit: Circuit) -> str:
 def text(circuit: Circuit) -> str:
     """Return a circuit as the text of a file."""
     data = plain(circuit)
+    data.setdefault("reference_nats", circuit.reference_nats)
     tables = {name: data.pop(name) for name in TABLES}
     lines = [
         f"# The circuit {json.dumps(circuit.name)}, sha256 {digest(circuit)} when it was written.",

@@ -15,6 +15,8 @@ from circuits.spec import Circuit, Population
 from circuits.table_files import FORMAT, TABLES, TYPE
 
 KEYS = ("format", *(f.name for f in fields(Circuit) if f.init), "cells")
+NEEDED = ("format", "channels", "reference_nats", *TABLES)
+"""Keys that every file says for itself: another table's input at rest would mean nothing."""
 
 
 def read(path: str | Path, channels: int | None = None) -> Circuit:
@@ -42,7 +44,8 @@ def read(path: str | Path, channels: int | None = None) -> Circuit:
     found = parse(given, path.name)
     if channels not in (None, found.channels):
         raise ValueError(
-            f"{path.name} holds a circuit for {found.channels} alternatives, not for {channels}"
+            f"{path.name} holds a circuit for {found.channels} alternatives, not for {channels}: "
+            f"ask for {found.channels} channels"
         )
     return found
 
@@ -69,7 +72,7 @@ class _Reader:
         """Return the circuit; raises ValueError with the first thing that is wrong."""
         for key in data:
             self._known(self._at("", key), "key", key, KEYS)
-        for key in ("format", "channels", *TABLES):
+        for key in NEEDED:
             if key not in data:
                 raise ValueError(f"{self.file}: the key {key!r} is missing")
         if (form := data.pop("format")) != FORMAT:

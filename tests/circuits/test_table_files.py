@@ -96,6 +96,7 @@ def test_a_file_of_ones_own_needs_no_more_than_what_differs():
     text = """
         format = 1
         channels = 2
+        reference_nats = 3
         [cells]
         source = { type = "Phase", cv = 0.5 }
         [populations]
@@ -130,6 +131,7 @@ CTX = line_of('["ctx",    "Phase')
 COLUMNS = line_of('columns = ["name"')
 OF_PATHS = line_of('columns = ["source"')
 LIF = line_of("Lif_GPe")
+REFERENCE = TEXT.splitlines(keepends=True)[line_of("reference_nats") - 1]
 # fmt: off
 WRONG = [
     ('"bias_nats"', '"bias"', COLUMNS, "no column of populations 'bias'; there are name, cell"),
@@ -161,6 +163,7 @@ WRONG = [
     ("channels = 2", 'channels = "two"', 5, "channels must be a whole number, got 'two'"),
     ("channels = 2", 'channels = 2\nunit = "bits"', 6, "unit must be one of nats, salience, got"),
     ("channels = 2", "channels = 2\ngane = 1", 6, "no key 'gane'; there are format, name"),
+    ("range_nats = [1, 12]", "range_nats = [12, 1]", line_of("range_nats"), "must rise, got"),
     ("range_nats = [1, 12]", "range_nats = [1]", line_of("range_nats"), "must be two numbers"),
     ("format = 1", "format = 2", 3, "the format must be 1, got 2"),
 ]
@@ -182,6 +185,7 @@ def test_what_is_wrong_is_said_with_its_line(old, new, line, says):
     [
         ("format = 1\n", "", "mine.toml: the key 'format' is missing"),
         ("channels = 2\n", "", "mine.toml: the key 'channels' is missing"),
+        (REFERENCE, "", "mine.toml: the key 'reference_nats' is missing"),
         ('"name",  ', '"cite",  ', "the column 'cite' of populations stands there twice"),
         ('columns = ["source", "target",', 'columns = ["source",', "needs the columns target"),
         (
@@ -263,7 +267,8 @@ def test_a_file_that_cannot_be_read_is_said(tmp_path):
 def test_a_file_is_for_one_number_of_alternatives(tmp_path):
     path = table_files.write(anatomy.spiking_msprt(4), tmp_path / "mine.toml")
     with pytest.raises(
-        ValueError, match=r"^mine\.toml holds a circuit for 4 alternatives, not for 2$"
+        ValueError,
+        match=r"^mine\.toml holds a circuit for 4 alternatives, not for 2: ask for 4 channels$",
     ):
         anatomy.circuit(path, 2)
 

@@ -96,7 +96,7 @@ def circuit_edit(rng: Rng, folder: Path) -> Case:
         own = np.random.default_rng(seed)
         circuit = anatomy.circuit(name, channels)
         for edit in good:
-            once = edit in ("row", "lesion", "replaced") and good.count(edit) > 1
+            once = edit in ("row", "row in text", "lesion", "replaced") and good.count(edit) > 1
             absent = edit in ("neurons", "spread", "wires") and name != "spiking_msprt"
             circuit = circuit if once or absent else GOOD_EDITS[edit](circuit, own)
         return circuit

@@ -165,7 +165,7 @@ def edits(rng: Rng, name: str = "spiking_msprt") -> list:
         ["--edits.scale", f"STN->GPe={rng.uniform(0.98, 1.02):.3f}"],
         ["--edits.scale", f"D1->SNr[0]={rng.uniform(0.98, 1.02):.3f}"],
         ["--edits.change", f"STN.cite={rng.integers(9)}"],
-        ["--edits.add", f"STN->D2 weight={rng.uniform(0, 0.001):.4f}"],
+        ["--edits.add", f"STN->D1 weight={rng.uniform(0, 0.001):.4f}"],
     )
 
 
