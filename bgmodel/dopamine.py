@@ -21,7 +21,7 @@ from bgmodel.comparison.steady import leader_out
 from bgmodel.decision import any_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
-from circuits.engines import SPIKING
+from circuits.engines import NOISY
 from circuits.spec import Circuit
 
 ALLOWED = (0.0, 2.0)
@@ -101,9 +101,9 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
 def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level that a learner should play.
 
-    The working range, shrunk by ``MARGIN`` at both ends (not at a level of 2). With spikes its
+    The working range, shrunk by ``MARGIN`` at both ends (not at a level of 2). With noise its
     upper end also lies below the level at which noise alone decides: at which OUT at rest meets the
-    threshold in more than ``NOISE_SHARE`` of 200 trials of half a second, in the compiled engine.
+    threshold in more than ``NOISE_SHARE`` of 200 trials of half a second.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
         edited = replace(model, circuit=model.circuit.dopamine(level))
         return bool(any_crossing(edited.out_at_rest(200), threshold_nats).mean() > NOISE_SHARE)
 
-    if model.engine in SPIKING and noisy(high):
+    if model.engine in NOISY and noisy(high):
         quiet = low
         while high - quiet > 0.01:
             middle = (quiet + high) / 2

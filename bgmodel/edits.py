@@ -63,13 +63,13 @@ class Edits:
         return {f.name: getattr(self, f.name) for f in changed}
 
     def check_engine(self, engine: str) -> None:
-        """Raise ValueError for edits of cells where an engine has none: they would do nothing."""
+        """Raise ValueError for edits of cells where an engine knows none: they would do nothing."""
         # Importing it with the package would cost time that only circuits need.
         from circuits.cells import CELLS
-        from circuits.engines import SPIKING
+        from circuits.engines import NOISY
 
         of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
-        if engine in SPIKING:
+        if engine in NOISY:
             return
         for name in ("neurons", "connections", "spread"):
             if getattr(self, name):

@@ -44,11 +44,13 @@ def memory_bytes(
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
     blocks = sum(circuit.channels_of(row.name) for row in circuit.populations)
     outputs = 8.0 * trials * samples * circuit.channels
-    if engine not in SPIKING:
+    if engine == "algebra":
         # Rates of all populations are in double precision on the way, kept or not.
         return outputs + 12.0 * trials * samples * blocks
-    copies = trials if engine == "brian2" else workers
     kept = 4.0 * trials * samples * blocks if rates else 0.0
+    if engine not in SPIKING:
+        return outputs + kept
+    copies = trials if engine == "brian2" else workers
     return (
         outputs + kept + _connections_bytes(circuit) + CELL_BYTES[engine] * cells(circuit) * copies
     )

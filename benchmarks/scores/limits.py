@@ -19,7 +19,7 @@ from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt
 from bgmodel.comparison.page import page
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.engines import SPIKING
+from circuits.engines import NOISY
 from circuits.spec import Circuit
 
 TIMES = 6
@@ -57,7 +57,7 @@ def main() -> None:
             continue
         gain, parts = gain_of(table), []
         for case, engine, edited in cases(table):
-            noisy = engine in SPIKING
+            noisy = engine in NOISY
             options = {"workers": given.workers} if noisy else {}
             model = BasalGanglia(edited, engine, gain, SCORING_SEED if noisy else None, options)
             found = compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=())

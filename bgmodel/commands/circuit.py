@@ -198,14 +198,16 @@ class CircuitRun(Writes):
         """Return the circuit as edited, on its engine."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
         from circuits.anatomy import circuit
-        from circuits.engines import SPIKING
+        from circuits.engines import SPIKING, THREADED
 
         table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
         options: dict[str, Any] = {}
         if self.engine in SPIKING and self.nwb is not None:
             options["spikes"] = [p.name for p in table.populations if p.spiking]
+        if self.engine in THREADED:
+            options["workers"] = self.workers
         if self.engine == "ensemble":
-            options |= {"workers": self.workers, "progress": True}
+            options["progress"] = True
         return BasalGanglia(table, self.engine, gain_of(table, self.gain), self.seed, options)
 
     def _say_decided(
@@ -232,9 +234,9 @@ class CircuitRun(Writes):
 
     def _draws(self) -> bool:
         """Whether anything is drawn with the seed: evidence, or the noise of cells."""
-        from circuits.engines import SPIKING
+        from circuits.engines import NOISY
 
-        return self.stimuli.evidence is None or self.engine in SPIKING
+        return self.stimuli.evidence is None or self.engine in NOISY
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""

@@ -140,6 +140,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     from bgmodel.comparison.compare import MARGIN, check_trials
     from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
     from circuits.anatomy import circuit
+    from circuits.engines import DROPPING, THREADED
     from circuits.spec import NATS
 
     stimuli = asked_for.stimuli
@@ -164,9 +165,9 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
         )
     table = asked_for.edits.apply(circuit(asked_for.circuit, evidence.hypotheses))
     options: dict[str, Any] = {}
-    if asked_for.engine == "ensemble":
+    if asked_for.engine in THREADED:
         options = {"workers": asked_for.workers}
-    if asked_for.engine in ("ensemble", "rate"):
+    if asked_for.engine in DROPPING:
         options["sample_ms"] = sample_ms(evidence.step_ms)
     gain = gain_of(table, asked_for.gain)
     if table.unit != NATS:

@@ -30,7 +30,7 @@ from bgmodel.integrators.basal_ganglia import (
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.seeds import stream
-from circuits.engines import DROPPING, SPIKING
+from circuits.engines import DROPPING, NOISY
 from circuits.spec import NATS, Circuit
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
@@ -107,7 +107,7 @@ def decide_at_thresholds(
     *,
     decoder_tau_ms: float | None = DECODER_TAU_MS,
 ) -> dict[str, Sweep]:
-    """Return the decisions of a circuit and, if it spikes, of a decoder of its input.
+    """Return the decisions of a circuit and, if it has noise, of a decoder of its input.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def decide_at_thresholds(
     the decoder has not crossed all thresholds by then, the trial is run again, to its end.
     """
     in_nats = model.circuit.unit == NATS
-    decodes = in_nats and model.engine in SPIKING and decoder_tau_ms is not None
+    decodes = in_nats and model.engine in NOISY and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
     if model.engine in DROPPING:
         level = lowest - (BELOW_NATS if decodes else ROUNDING_NATS)

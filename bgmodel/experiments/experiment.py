@@ -34,6 +34,7 @@ from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.anatomy import circuit
+from circuits.engines import THREADED
 from circuits.spec import Circuit
 from circuits.table_files import is_path
 
@@ -172,7 +173,7 @@ class Experiment:
         table = self.table(condition, channels)
         gain = gain_of(table, self.gain)
         options: dict[str, Any] = {}
-        if self.engine == "ensemble":
+        if self.engine in THREADED:
             options = {"workers": workers, "rates": False}
         return BasalGanglia(table, self.engine, gain, self.seed, options)
 

@@ -19,7 +19,7 @@ from bgmodel.ours import explained
 try:
     from circuits.activity import checked_drive, warn_beyond_range
     from circuits.cost import cells, ensemble_s, memory_bytes
-    from circuits.engines import ENGINES, SPIKING
+    from circuits.engines import ENGINES, NOISY, THREADED
     from circuits.engines import run as run_engine
     from circuits.spec import NATS, Circuit
 except ImportError as error:
@@ -107,7 +107,7 @@ class BasalGanglia:
         trials, steps, _ = checked_drive(self.circuit, drive).shape
         self.check_memory(trials, steps, step_ms)
         given: dict[str, Any] = {}
-        if self.engine in SPIKING:
+        if self.engine in NOISY:
             given = {"seed": self.seed, "first_trial": first_trial}
         return run_engine(
             self.circuit, drive, engine=self.engine, step_ms=step_ms, **given, **self.options
@@ -147,15 +147,16 @@ class BasalGanglia:
         warn_beyond_range(self.circuit, self.drive(evidence))
 
     def out_at_rest(self, trials: int = 40) -> npt.NDArray[np.float64]:
-        """Return OUT (trials, ticks, channels) of 500 ms without evidence, compiled engine."""
+        """Return OUT (trials, ticks, channels) of 500 ms without evidence, with noise."""
         silence = np.zeros((trials, 1, self.circuit.channels))
         kept = {k: v for k, v in self.options.items() if k in ("dt_ms", "settle_ms", "workers")}
-        quiet = replace(self, engine="ensemble", options={**kept, "rates": False})
+        engine = self.engine if self.engine in THREADED else "ensemble"
+        quiet = replace(self, engine=engine, options={**kept, "rates": False})
         return np.asarray(quiet.run_drive(silence, step_ms=500.0).output_nats)
 
     def warn_of_noise(self, threshold_nats: float) -> None:
         """Warn if noise alone crosses a threshold."""
-        if self.engine != "ensemble":
+        if self.engine not in THREADED:
             return
         out = self.out_at_rest()
         share = any_crossing(out, threshold_nats).mean()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
 
 ENGINES = {
     "algebra": "the fixed point, exact",
-    "rate": "rates with time constants and delays",
+    "rate": "rates with time constants and delays, without noise",
+    "population": "rates with the noise of a finite number of cells, by the cells' own laws",
     "ensemble": "spikes, compiled, for thousands of trials",
     "brian2": "spikes in Brian2",
     "plain": "spikes in plain NumPy, the readable reference",
@@ -23,15 +25,22 @@ ENGINES = {
 """Names of the engines, and what each is."""
 MODULES = {
     "algebra": "algebra",
-    "rate": "rate",
+    "rate": "population.run",
+    "population": "population.run",
     "ensemble": "ensemble.run",
     "brian2": "brian2.run",
     "plain": "plain",
 }
 """Where each engine's ``run`` is; one that is not asked for is not imported."""
+SETTINGS: dict[str, dict[str, Any]] = {"rate": {"laws": "lines", "noise": False}}
+"""Options by which one engine goes by two names."""
 SPIKING = ("ensemble", "brian2", "plain")
-DROPPING = ("rate", "ensemble")
+NOISY = ("population", *SPIKING)
+"""Engines with noise, which needs a seed."""
+DROPPING = ("rate", "population", "ensemble")
 """Engines that can drop a trial once it is decided, and can leave rates out."""
+THREADED = ("population", "ensemble")
+"""Engines that can use several threads."""
 
 
 def run(
@@ -56,21 +65,23 @@ def run(
     step_ms : float
         Time from one reading to the next, ms.
     seed : int, optional
-        Key of the noise; required by the engines that spike.
+        Key of the noise; required by the engines that have noise.
     **options
         Passed on: see the ``run`` of each engine's module.
 
     Raises
     ------
     ValueError
-        For an unknown engine, a spiking one without a seed, or an option that it does not take.
+        For an unknown engine, one with noise and no seed, or an option that it does not take.
     """
     if engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
     module = importlib.import_module(f"circuits.engines.{MODULES[engine]}")
-    known = inspect.signature(module.run).parameters
+    fixed = SETTINGS.get(engine, {})
+    hidden = {*fixed, *(() if engine in NOISY else ("seed", "first_trial"))}
+    known = [name for name in inspect.signature(module.run).parameters if name not in hidden]
     given: dict[str, Any] = {"step_ms": step_ms, **options}
-    if engine in SPIKING:
+    if engine in NOISY and options.get("noise", True):
         if seed is None:
             raise ValueError(f"the {engine} engine needs a seed")
         given["seed"] = seed
@@ -78,5 +89,5 @@ def run(
         if name not in known:
             takes = ", ".join(p for p in known if p not in ("circuit", "drive"))
             raise ValueError(f"the {engine} engine takes no {name!r}: {takes}")
-    activity: Activity = module.run(circuit, drive, **given)
-    return activity
+    activity: Activity = module.run(circuit, drive, **given, **fixed)
+    return replace(activity, engine=engine)

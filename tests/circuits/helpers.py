@@ -3,6 +3,7 @@
 import numpy as np
 
 from circuits import anatomy, fixed_point
+from circuits.engines import run
 from circuits.laws.mean_field import settled
 
 CLOSE = 1e-9
@@ -26,3 +27,8 @@ def state(circuit):
     wiring = fixed_point.wired(circuit)
     silence = np.zeros((1, circuit.channels))
     return wiring, settled(wiring, silence, fixed_point.solve(wiring, silence))[0]
+
+
+def run_rate(circuit, drive, **options):
+    """Run the table's rates without noise."""
+    return run(circuit, drive, engine="rate", **options)

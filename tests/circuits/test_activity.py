@@ -9,11 +9,11 @@ from scipy.special import logsumexp
 from circuits import anatomy
 from circuits.activity import checked_drive, total_nats
 from circuits.cells import Phase
-from circuits.engines import algebra, rate
+from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.response import phase_spectrum
 from circuits.spec import Circuit, Population
-from tests.circuits.helpers import CLOSE, REFERENCE, evidence
+from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_rate
 
 
 def test_total_is_the_log_of_the_sum():
@@ -54,7 +54,7 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
 
 
 def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
-    found = rate.run(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
+    found = run_rate(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
     with pytest.raises(ValueError, match="segment_ms must fit into what is left"):
         found.spectrum("STN", from_ms=100)
 
@@ -70,6 +70,6 @@ def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
     ],
 )
 def test_a_drive_that_does_not_fit_is_refused(circuit, drive, message):
-    for engine in (checked_drive, algebra.run, lambda *a: rate.run(*a, step_ms=1)):
+    for engine in (checked_drive, algebra.run, lambda *a: run_rate(*a, step_ms=1)):
         with pytest.raises(ValueError, match=message):
             engine(circuit, drive)

@@ -5,9 +5,9 @@ import pytest
 
 from circuits import anatomy
 from circuits.checks import whole_ticks
-from circuits.engines import rate
 from circuits.ticks import Clock, Scheme
 from circuits.wiring import wire
+from tests.circuits.helpers import run_rate
 
 
 def test_times_are_whole_ticks():
@@ -18,7 +18,7 @@ def test_times_are_whole_ticks():
     ):
         _ = Scheme(wire(circuit), 0.1).unit_delay
     with pytest.raises(ValueError, match="delay of STN->GPe"):
-        rate.run(circuit, np.zeros((1, 1, 2)), step_ms=1)
+        run_rate(circuit, np.zeros((1, 1, 2)), step_ms=1)
     with pytest.raises(ValueError, match="dt_ms must be > 0, got 0"):
         whole_ticks("delay", 2, 0)
     with pytest.raises(ValueError, match="step_ms must be > 0 and finite, got 0"):

@@ -17,8 +17,8 @@ from numba.cpython.unsafe.tuple import tuple_setitem
 
 from circuits.cells import Cell, Lif, Phase
 from circuits.cells.cell import constant_names
+from circuits.engines.compiling import OPTIONS
 from circuits.engines.ensemble import kernel, lanes
-from circuits.engines.ensemble.compiling import OPTIONS
 from circuits.engines.ensemble.singles import kept, truth
 from circuits.ticks import NO_SPREAD
 

@@ -16,8 +16,8 @@ import numba
 import numpy as np
 
 from circuits import noise
+from circuits.engines.compiling import compiled
 from circuits.engines.ensemble import lanes
-from circuits.engines.ensemble.compiling import compiled
 from circuits.transfer import EXP_MOST
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ LEAST_SCALE = 2.0**-10
 MOST_ROWS = 255
 """Rows of connections that a count of a byte takes."""
 
-_GOLDEN = np.uint64(noise.GOLDEN)
-
 
 @numba.njit(inline="always")
 def _law(code, x):
@@ -59,14 +57,6 @@ def _law(code, x):
 def _most(work):
     """Return how many spikes a list of found ones has room for."""
     return len(work.found) // len(work.found_n)
-
-
-@numba.njit(inline="always")
-def _tick_key(stream, tick):
-    z = stream + np.uint64(tick + 1) * _GOLDEN
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return z ^ (z >> np.uint64(31))
 
 
 @compiled
@@ -340,7 +330,7 @@ def _noise(work, block, k, stream):
     if k % WORD:
         lanes.next_byte(work.counts, block.start, block.filled)
     else:
-        lanes.refresh(work.counts, block.start, block.filled, _tick_key(stream, k // WORD))
+        lanes.refresh(work.counts, block.start, block.filled, lanes.tick_key(stream, k // WORD))
 
 
 @numba.njit(inline="always")
@@ -373,7 +363,7 @@ def _at_rest(p, work, streams):
     """Start everything at rest, each cell at a random place between reset and threshold."""
     for b in range(len(p.blocks)):
         block = p.blocks[b]
-        key = _tick_key(streams[b], noise.START_TICK)
+        key = lanes.tick_key(streams[b], noise.START_TICK)
         lanes.begin(
             work.v, block.start, block.cells, block.filled, key, block.begin, block.begin_span
         )

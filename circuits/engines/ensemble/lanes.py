@@ -33,7 +33,7 @@ from numba.cpython.unsafe.tuple import tuple_setitem
 from numba.extending import intrinsic
 
 from circuits import noise
-from circuits.engines.ensemble.compiling import compiled
+from circuits.engines.compiling import compiled
 
 LANES = 64
 """Populations are filled up to a multiple of this many cells."""
@@ -51,6 +51,7 @@ UNMARKED = np.int32(0)
 NOBODY = (np.int32(0),) * 4
 HALF_BITS = np.float32(4.0)
 
+_GOLDEN = np.uint64(noise.GOLDEN)
 _I32 = ir.IntType(32)
 _F32 = ir.FloatType()
 
@@ -265,6 +266,15 @@ def exp32(x):
     p = fused(p, r, ONE)
     p = fused(p, r, ONE)
     return p * two_to(whole)
+
+
+@numba.njit(inline="always")
+def tick_key(stream, tick):
+    """Return ``noise.tick_key`` as one word."""
+    z = stream + np.uint64(tick + 1) * _GOLDEN
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
 
 
 @compiled

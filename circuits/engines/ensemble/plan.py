@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.cells.cell import tick_constants
+from circuits.engines.compiling import edges
+from circuits.engines.compiling import records as filled
 from circuits.engines.ensemble import kernel, lanes, records
 from circuits.engines.ensemble.cells import GENERAL, Entry, entry
 from circuits.spec import Circuit, Population, Projection
@@ -40,8 +42,8 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     window, ring = _window(places.scheme)
     # Ticks taken one by one are rare: to list their spikes saves compiling more loops.
     listing = bool((kept | needs).any() or window == 1)
-    source_from, sources = _edges(wiring.deliver)
-    input_from, inputs = _edges(places.weight)
+    source_from, sources = edges(records.EDGE, wiring.deliver)
+    input_from, inputs = edges(records.EDGE, places.weight)
     return records.Plan(
         clock=_clock(places, clock, window, ring, listing),
         blocks=_blocks(places, kept, input_from, own_inputs),
@@ -128,15 +130,6 @@ class _Places:
         return cell_factors(self.circuit, name, int(self.wiring.channel[block]))
 
 
-def _records(dtype: np.dtype, count: int, /, **columns: Any) -> Any:
-    """Return a record array with one column per keyword."""
-    table = np.zeros(count, dtype)
-    assert set(columns) == set(dtype.names or ())
-    for name, values in columns.items():
-        table[name] = values
-    return table
-
-
 def _sparse(circuit: Circuit, p: Projection) -> bool:
     between = circuit.population(p.source).spiking and circuit.population(p.target).spiking
     return bool(p.probability < 1 and between)
@@ -152,7 +145,7 @@ def _window(scheme: Scheme) -> tuple[int, int]:
 
 def _clock(places: _Places, clock: Clock, window: int, ring: int, listing: bool) -> Any:
     readout = places.circuit.population(places.circuit.readout)
-    return _records(
+    return filled(
         records.CLOCK,
         1,
         ticks=clock.ticks,
@@ -179,7 +172,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any) -> Any
     pairs = zip(places.entries, places.rows, strict=True)
     own = [made.columns(row.cell, scheme.dt_ms) for made, row in pairs]
     of_type = {name: [columns.get(name, 0) for columns in own] for name in records.OF_TYPE}
-    return _records(
+    return filled(
         records.BLOCK,
         wiring.blocks,
         kind=[made.kind for made in places.entries],
@@ -212,7 +205,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any) -> Any
 
 
 def _units(places: _Places, source_from: Any) -> Any:
-    return _records(
+    return filled(
         records.UNIT,
         places.wiring.units,
         law=[_law(p.transfer) for p in places.projections],
@@ -312,13 +305,6 @@ def _bits(who: npt.NDArray[np.int64], sources: int, targets: int) -> npt.NDArray
     table[who.ravel(), np.repeat(np.arange(len(who)), who.shape[1])] = 1
     groups = table.reshape(sources, -1, 8, 8)
     return np.packbits(groups, axis=2, bitorder="little").ravel().view(np.uint64)
-
-
-def _edges(matrix: Array) -> tuple[Any, Any]:
-    """Return where each row's nonzero entries start, and the entries as records."""
-    rows, columns = np.nonzero(matrix)
-    starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
-    return starts, _records(records.EDGE, len(rows), index=columns, weight=matrix[rows, columns])
 
 
 def workspace(p: records.Plan) -> records.Work:

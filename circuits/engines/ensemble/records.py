@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
+from circuits.engines.compiling import record
 
-
-def _record(**fields: str) -> np.dtype:
-    """Return a record type with the fields named under each NumPy type."""
-    pairs = [(name, kind) for kind, names in fields.items() for name in names.split()]
-    return np.dtype(pairs, align=True)
-
-
-# Records keep a row of the table together; the compiler reads their fields without a detour.
-CLOCK = _record(
+CLOCK = record(
     i8="ticks settle step sample ring window listing",
     f8="dt_s readout_decay readout_baseline readout_gain",
 )
-BLOCK = _record(
+BLOCK = record(
     i8="kind variables nats law drive input inputs own_input own_inputs start cells filled "
     "variation kept advance place",
     f8="spike_hz baseline gain floor decay filter_gain bias drive_gain rest_x rest_hz",
@@ -29,10 +21,10 @@ OF_TYPE = (
     "begin", "begin_span", "advance", "place",
 )  # fmt: skip
 """Fields of a block that its cell type sets; see ``cells.Entry``."""
-UNIT = _record(i8="law delay source sources", f8="decay constant rest")
-EDGE = _record(i8="index", f8="weight")
-OWN_INPUT = _record(i8="target start delay own_source own_sources", f4="decay jump weight rest")
-OWN_SOURCE = _record(i8="source connections")
+UNIT = record(i8="law delay source sources", f8="decay constant rest")
+EDGE = record(i8="index", f8="weight")
+OWN_INPUT = record(i8="target start delay own_source own_sources", f4="decay jump weight rest")
+OWN_SOURCE = record(i8="source connections")
 
 
 class Plan(NamedTuple):

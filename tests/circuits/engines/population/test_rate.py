@@ -1,4 +1,4 @@
-"""The rate engine: its scheme, its steady state and its order."""
+"""The population engine without noise, by the table's lines: scheme, steady state and order."""
 
 import warnings
 from dataclasses import replace
@@ -9,10 +9,13 @@ import pytest
 
 from circuits import anatomy
 from circuits.activity import total_nats
-from circuits.engines import algebra, rate
+from circuits.engines import algebra
 from circuits.fixed_point import wired
 from circuits.ticks import Clock, Scheme
-from tests.circuits.helpers import MEMBERS
+from tests.circuits.helpers import MEMBERS, run_rate
+
+SINGLE = 5e-5
+"""What single precision leaves, nats, or as a fraction of a rate."""
 
 
 def evidence(trials, steps, channels, seed=0):
@@ -20,26 +23,45 @@ def evidence(trials, steps, channels, seed=0):
     return drive - drive.mean(axis=2, keepdims=True)
 
 
+def low_pass(tau_ms, dt_ms):
+    """Return the step (state, value now, value before) -> state, exact for straight lines."""
+    tau_ms = np.asarray(tau_ms, dtype=np.float64)
+    some = tau_ms > 0
+    ratio = dt_ms / np.where(some, tau_ms, 1.0)
+    decay = np.where(some, np.exp(-ratio), 0.0)
+    mean = np.where(some, (1 - decay) / ratio, 0.0)  # of the decay over a tick
+    return lambda state, now, before: decay * state + (1 - mean) * now + (mean - decay) * before
+
+
 def by_the_scheme(circuit, drive, clock):
-    """Follow circuits.ticks word for word: OUT and mean rates of one trial."""
+    """Follow circuits.ticks with straight lines from tick to tick: OUT and mean rates of a trial.
+
+    A reading is no straight line: it jumps where it comes.
+    """
     wiring = wired(circuit)
     scheme = Scheme(wiring, clock.dt_ms)
     units, x, start = scheme.start
-    out = start[wiring.blocks_of(circuit.readout)]
-    rates = []
+    arrived_before, input_before = units, x
+    readout = wiring.blocks_of(circuit.readout)
+    paths = [wiring.projection(q) for q in range(wiring.units)]
+    of_units = low_pass([p.tau_ms for p in paths], clock.dt_ms)
+    of_blocks = low_pass(wiring.tau_ms, clock.dt_ms)
+    of_readout = low_pass(circuit.readout_tau_ms, clock.dt_ms)
+    out, rates, held = start[readout], [], np.zeros(wiring.blocks)
     decoded, means = [], []
     for k in range(clock.ticks):
         seen = [rates[k - d] if k >= d else start for d in scheme.unit_delay]
         arrived = np.array([wiring.deliver[u] @ hz for u, hz in enumerate(seen)])
-        units = scheme.unit_decay * units + (1 - scheme.unit_decay) * arrived
+        units = of_units(units, arrived, arrived_before)
+        arrived_before = arrived
         step = clock.step_of(k)
-        inputs = wiring.inputs(units + wiring.constant)
-        if step >= 0:
-            inputs = inputs + wiring.drive(drive[step])
-        x = scheme.rate_decay * x + (1 - scheme.rate_decay) * inputs
+        reading = wiring.drive(drive[step]) if step >= 0 else held
+        inputs = wiring.inputs(units + wiring.constant) + reading
+        x = of_blocks(x, inputs, input_before + reading - held)
+        input_before, held = inputs, reading
         rates.append(wiring.rates(x))
-        seen = rates[k][wiring.blocks_of(circuit.readout)]
-        out = scheme.readout_decay * out + (1 - scheme.readout_decay) * seen
+        before = rates[k - 1] if k else start
+        out = of_readout(out, rates[k][readout], before[readout])
         late = k + 1 - clock.settle_ticks
         if late > 0 and late % clock.sample_ticks == 0:
             decoded.append(wiring.activity(out, circuit.readout))
@@ -56,12 +78,13 @@ def test_every_tick_follows_the_scheme(name, fastest_ms):
     drive = evidence(2, 3, 3)
     clock = Clock(3, 6.0, dt_ms=0.25, sample_ms=1.5, settle_ms=4.0)
     times = {"dt_ms": 0.25, "sample_ms": 1.5, "settle_ms": 4.0}
-    found = rate.run(circuit, drive, step_ms=6.0, **times)
+    found = run_rate(circuit, drive, step_ms=6.0, **times)
     out, means = by_the_scheme(circuit, drive[1], clock)
-    assert np.abs(found.output_nats[1] - out).max() < 1e-9
+    assert np.abs(found.output_nats[1] - out).max() < SINGLE
     for row in circuit.populations:
         blocks = wired(circuit).blocks_of(row.name)
-        assert np.abs(found.rates_hz[row.name][1] - means[:, blocks]).max() < 1e-8
+        near = SINGLE * np.abs(means[:, blocks]).max() + SINGLE
+        assert np.abs(found.rates_hz[row.name][1] - means[:, blocks]).max() < near
     assert found.time_ms.tolist() == clock.time_ms.tolist()
 
 
@@ -77,17 +100,17 @@ def test_steady_state_is_the_fixed_point(name, channels):
     drive += (wanted - total_nats(circuit, drive)[:, 0])[:, None, None]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "S runs")  # the highest S is the limit but for rounding
-        late = rate.run(circuit, drive, step_ms=3000, sample_ms=100).output_nats[:, -1]
+        late = run_rate(circuit, drive, step_ms=3000, sample_ms=100).output_nats[:, -1]
     exact = algebra.run(circuit, drive).output_nats[:, 0]
-    assert np.abs(late - exact).max() < 1e-6
+    assert np.abs(late - exact).max() < SINGLE
 
 
 def test_a_circuit_at_rest_stays_there():
     for name in anatomy.CIRCUITS:
         circuit = anatomy.circuit(name, 4)
-        activity = rate.run(circuit, np.zeros((1, 1, 4)), step_ms=50, settle_ms=0)
+        activity = run_rate(circuit, np.zeros((1, 1, 4)), step_ms=50, settle_ms=0)
         rest = algebra.run(circuit, np.zeros((1, 1, 4))).output_nats
-        assert np.abs(activity.output_nats - rest).max() < 1e-9
+        assert np.abs(activity.output_nats - rest).max() < SINGLE
 
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
@@ -96,7 +119,7 @@ def test_rates_are_never_negative_but_where_they_stand_for_a_difference(name):
     drive = evidence(20, 5, 3) * 3
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        activity = rate.run(circuit, drive, step_ms=40)
+        activity = run_rate(circuit, drive, step_ms=40)
     for row in circuit.populations:
         rates = activity.rates_hz[row.name]
         assert np.isfinite(rates).all()
@@ -105,15 +128,17 @@ def test_rates_are_never_negative_but_where_they_stand_for_a_difference(name):
     assert activity.rates_hz["SNr"].min() == 0  # so the floor was met
 
 
-@pytest.mark.parametrize("name", ["appendix_b", "spiking_msprt"])
-def test_half_the_tick_halves_the_error(name):
+@pytest.mark.parametrize(("name", "order"), [("appendix_b", 1), ("spiking_msprt", 2)])
+def test_half_the_tick_takes_the_error_down_by_its_order(name, order):
+    """Where a reading jumps through blocks without a filter the error falls as the tick does."""
     circuit = anatomy.circuit(name, 2)
     drive = evidence(4, 5, 2)
     dts = (0.5, 0.25, 0.125, 0.0625)
-    out = [rate.run(circuit, drive, step_ms=40, dt_ms=dt).output_nats for dt in dts]
+    out = [run_rate(circuit, drive, step_ms=40, dt_ms=dt).output_nats for dt in dts]
     errors = [np.abs(a - b).max() for a, b in pairwise(out)]
+    print(errors)
     for coarse, fine in pairwise(errors):
-        assert coarse / fine == pytest.approx(2, rel=0.15)
+        assert fine < SINGLE or coarse / fine == pytest.approx(2**order, rel=0.3)
 
 
 def test_delays_are_kept_to_the_tick():
@@ -121,8 +146,8 @@ def test_delays_are_kept_to_the_tick():
     drive = np.full((1, 1, 2), 0.5)
 
     def moves_ms(circuit):
-        activity = rate.run(circuit, drive, step_ms=30, sample_ms=0.1)
-        return activity.time_ms[np.abs(activity.output_nats[0, :, 0] - np.log(2)) > 1e-9][0]
+        activity = run_rate(circuit, drive, step_ms=30, sample_ms=0.1)
+        return activity.time_ms[np.abs(activity.output_nats[0, :, 0] - np.log(2)) > 1e-6][0]
 
     circuit = anatomy.bogacz_gurney().with_projection("ctx", "D1", delay_ms=7)
     # ctx-STN 3 ms, STN-SNr 2 ms; a sample's time is the end of its tick.
@@ -138,9 +163,9 @@ def test_a_trial_alone_has_the_bytes_that_it_has_in_a_batch(name, channels):
     circuit = anatomy.circuit(name, channels)
     drive = evidence(7, 3, channels) / 2
     times = {"step_ms": 20, "settle_ms": 20}
-    every = rate.run(circuit, drive, **times)
+    every = run_rate(circuit, drive, **times)
     for trials in (slice(3, 4), slice(0, 2), slice(2, 7)):
-        some = rate.run(circuit, drive[trials], **times)
+        some = run_rate(circuit, drive[trials], **times)
         assert some.output_nats.tobytes() == every.output_nats[trials].tobytes()
         for name_, rates in some.rates_hz.items():
             assert rates.tobytes() == every.rates_hz[name_][trials].tobytes()
@@ -149,7 +174,7 @@ def test_a_trial_alone_has_the_bytes_that_it_has_in_a_batch(name, channels):
 def test_a_drive_beyond_the_stated_range_warns_once_with_the_number():
     circuit = anatomy.bogacz_gurney()
     with pytest.warns(UserWarning, match=r"S runs from 3\.00 to 7\.00 nats, bogacz_gurney works"):
-        rate.run(circuit, np.array([[[0.0, 0.0], [4.0, 4.0]]]), step_ms=2)
+        run_rate(circuit, np.array([[[0.0, 0.0], [4.0, 4.0]]]), step_ms=2)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        rate.run(circuit, np.ones((1, 1, 2)), step_ms=2)
+        run_rate(circuit, np.ones((1, 1, 2)), step_ms=2)

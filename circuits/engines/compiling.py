@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 import platformdirs
 
 import circuits
@@ -42,3 +43,29 @@ def compiled(function: Callable[..., Any]) -> Any:
         return numba.njit(**OPTIONS)(function)
     finally:
         numba.config.CACHE_DIR = before
+
+
+def record(**kinds: str) -> np.dtype:
+    """Return a record type with the fields named under each NumPy type.
+
+    Records keep a row of the table together; the compiler reads their fields without a detour.
+    """
+    pairs = [(name, kind) for kind, names in kinds.items() for name in names.split()]
+    return np.dtype(pairs, align=True)
+
+
+def records(dtype: np.dtype, count: int, /, **columns: Any) -> Any:
+    """Return a record array with one column per keyword."""
+    table = np.zeros(count, dtype)
+    assert set(columns) == set(dtype.names or ())
+    for name, values in columns.items():
+        table[name] = values
+    return table
+
+
+def edges(dtype: np.dtype, matrix: np.ndarray) -> tuple[Any, Any]:
+    """Return where each row's nonzero entries start, and the entries as records."""
+    rows, columns = np.nonzero(matrix)
+    starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
+    found = records(dtype, len(rows), index=columns, weight=matrix[rows, columns])
+    return starts, found

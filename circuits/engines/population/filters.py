@@ -1,0 +1,147 @@
+"""Answers of cells as filters: how their rates follow an input, and the colour of their noise.
+
+Theory gives both as functions of frequency (``Cell.response``). Here each becomes a filter with few
+coefficients, fitted to it by least squares up to 250 Hz, state by state: how cells follow by
+``(1 + n1 s + n2 s^2) / (1 + d1 s + d2 s^2)``, so 1 at rest (the cascade "LNdos" of Augustin,
+Ladenbauer, Baumann & Obermayer 2017, PLoS Comput Biol 13, e1005545, with zeros of its own); the
+power of their noise by two such sections. Nothing is fitted to spikes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.arrays import Array, Complex
+
+FREQUENCIES_HZ = np.concatenate([[1e-3, 1.0, 2.0, 4.0], np.geomspace(6, 250, 36)])
+"""Where answers are fitted; the first stands for rest."""
+KEPT = 0.03
+"""How much a coefficient is held to that of the state before, where the answer does not tell."""
+MIDDLING_HZ = 25.0
+"""Rate at which a pacemaker's coefficients begin where those of others do."""
+SECTIONS = 2
+"""Sections of the filter of noise: one misses the peak of a pacemaker by up to 30 %."""
+PER_RAD_S = 2j * np.pi * FREQUENCIES_HZ / 100
+"""i omega in units of 100 /s, in which coefficients are near 1."""
+
+
+class Fitted(NamedTuple):
+    """A filter's coefficients, a row per state, and its largest misfit there up to 100 Hz."""
+
+    coefficients: Array
+    misfit: Array
+
+
+def following(gain: Complex) -> Fitted:
+    """Fit how rates follow an input: n1, n2, d1, d2 in powers of 10 ms; misfit over gain at rest.
+
+    Parameters
+    ----------
+    gain : complex array (S, F)
+        At ``FREQUENCIES_HZ``.
+    """
+    s = PER_RAD_S
+
+    def answer(p: Array) -> Complex:
+        n1, n2, d1, d2 = p[0], p[1], *np.exp(p[2:])
+        return np.asarray((1 + n1 * s + n2 * s * s) / (1 + d1 * s + d2 * s * s))
+
+    wanted, weight = gain / gain[:, :1].real, 1 / (1 + FREQUENCIES_HZ / 100)
+
+    def missing(p: Array, state: int) -> Array:
+        off = (answer(p) - wanted[state]) * weight
+        return np.concatenate([off.real, off.imag])
+
+    found = _along(len(gain), missing, np.array([0.3, 0.03, np.log(0.6), np.log(0.05)]))
+    off = np.abs(np.array([answer(p) for p in found]) - wanted)
+    found[:, 2:] = np.exp(found[:, 2:])
+    return Fitted(found, off[:, FREQUENCIES_HZ <= 100].max(axis=1))
+
+
+def colour(power: Array, rate_hz: Array) -> Fitted:
+    """Fit the colour of noise: b1, b0, a1, a0 of each section ``(s^2 + b1 s + b0)/(... a1, a0)``.
+
+    A pacemaker's frequencies go with its rate, those of a cell that noise fires with its membrane:
+    both are tried, and what fits better is taken.
+
+    Parameters
+    ----------
+    power : array (S, F)
+        At ``FREQUENCIES_HZ``, over that at the highest frequencies.
+    rate_hz : array (S,)
+        Rates of the states.
+
+    Returns
+    -------
+    Fitted
+        Coefficients (S, 4 SECTIONS) in powers of 100 /s; the misfit is relative.
+    """
+    tried = [_colour(power, unit) for unit in (np.ones(len(power)), rate_hz / MIDDLING_HZ)]
+    return min(tried, key=lambda found: float(found.misfit.sum()))
+
+
+def _colour(power: Array, unit: Array) -> Fitted:
+    """Fit the colour of noise with frequencies in units of their own at each state."""
+    wanted = np.log(power)
+
+    def answer(p: Array, state: int) -> Array:
+        s, total = PER_RAD_S / unit[state], np.zeros(len(PER_RAD_S))
+        for b1, b0, a1, a0 in np.exp(p).reshape(-1, 4):
+            total += 2 * np.log(np.abs((s * s + b1 * s + b0) / (s * s + a1 * s + a0)))
+        return total
+
+    def missing(p: Array, state: int) -> Array:
+        return np.asarray(answer(p, state) - wanted[state])
+
+    found = _along(len(power), missing, np.log([1.0, 1.0, 1.0, 4.0, 3.0, 9.0, 3.0, 9.0]))
+    off = np.array([missing(p, state) for state, p in enumerate(found)])
+    misfit = np.abs(np.expm1(off))[:, FREQUENCIES_HZ <= 100].max(axis=1)
+    return Fitted(np.exp(found) * unit[:, None] ** np.tile([1, 2, 1, 2], SECTIONS), misfit)
+
+
+def _along(count: int, missing: Callable[[Array, int], Array], start: Array) -> Array:
+    """Solve one least-squares problem per state, from the first to the last, each near the last."""
+    from scipy.optimize import least_squares
+
+    found, first = np.empty((count, len(start))), start
+    for state in range(count):
+        before = start
+
+        def all_missing(p: Array, state: int = state, before: Array = before) -> Array:
+            return np.concatenate([missing(p, state), KEPT * (p - before), KEPT * (p - first)])
+
+        start = least_squares(all_missing, before, method="lm", max_nfev=400).x
+        found[state] = start
+    return found
+
+
+def sampled(sections: Array, dt_ms: float) -> npt.NDArray[np.float64]:
+    """Return sections (S, 4) as filters of ticks: b0, b1, b2, a1, a2 (5, S), by Tustin's rule."""
+    b1, b0, a1, a0 = sections.T
+    k = 20 / dt_ms  # 2 / tick, in 100 /s
+    top = np.array([k * k + b1 * k + b0, 2 * (b0 - k * k), k * k - b1 * k + b0])
+    low = np.array([k * k + a1 * k + a0, 2 * (a0 - k * k), k * k - a1 * k + a0])
+    top, low = top / low[0], low / low[0]
+    held = b0 / a0
+    return np.array([held, top[0] - held, held * low[2] - top[2], low[1], low[2]])
+
+
+def propagated(coefficients: Array, dt_ms: float) -> npt.NDArray[np.float64]:
+    """Return n1, n2, d1, d2 (S, 4) as what a tick does: p11, p12, p21, p22, c1, c2 (6, S).
+
+    With e the low-passed input less the input u, and v its slope, a tick is
+    ``e, v = p11 e + p12 v, p21 e + p22 v``, and cells answer ``u + c1 e + c2 v``. At rest both are
+    0 whatever the coefficients, so that these may follow the state.
+    """
+    from scipy.linalg import expm
+
+    n1, n2, d1, d2 = coefficients.T
+    matrix = np.zeros((len(d1), 2, 2))
+    matrix[:, 0, 1] = 1
+    matrix[:, 1, 0], matrix[:, 1, 1] = -1 / d2, -d1 / d2
+    tick = expm(dt_ms / 10 * matrix).reshape(len(d1), 4).T
+    return np.array([*tick, 1 - n2 / d2, n1 - n2 * d1 / d2])

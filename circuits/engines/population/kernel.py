@@ -1,0 +1,407 @@
+"""The ticks of the population engine, compiled: many trials side by side in registers.
+
+A group of ``LANES`` trials shares every loop, one trial a lane. Nothing goes from lane to lane, so
+a trial's bytes do not depend on those beside it; a trial that is over makes room for the next,
+whose clock starts then. What arrives in the next ticks, up to the least delay, is known before they
+begin: so each block in turn goes through a window of ticks.
+
+The compiler vectorises a loop over lanes if it sees that their number is a multiple of ``LANES``,
+that no index is negative (``_at``), and that rows of one array lie a fixed way apart.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from circuits.engines.compiling import compiled
+from circuits.engines.ensemble.lanes import exp32, fused, tick_key, word32
+
+LANES = 64
+WHOLE = -LANES
+WINDOW = 4
+"""Most ticks that a block is taken through at a time: those of one key of noise."""
+REFRESH = 16
+"""Ticks after which the coefficients of a block's filters follow its state."""
+LOOKED_UP, LINEAR, RECTIFIED, RAMP, EXP, S_MINUS_LOG_S = range(6)
+LAWS = {
+    "linear": LINEAR,
+    "rectified": RECTIFIED,
+    "ramp": RAMP,
+    "exp": EXP,
+    "s_minus_log_s": S_MINUS_LOG_S,
+}
+"""Transfers with a loop of their own; any other law is looked up."""
+HEARD, ACTIVE, NOISE = range(3)
+"""Rows of what a block works on: its input, what it makes of it, and the noise of its cells."""
+X, LAST, LOW, MEAN, SLOPE, FIRST, SECOND = 0, 1, 2, 3, 4, 5, 8
+"""Rows of a block's state: its filter and the filter's last input; the input that cells follow,
+slowly too, and its slope; three rows for each section of the noise."""
+FOLLOWING, SECTION, COEFFICIENTS = 6, 5, 16
+"""Coefficients of how cells follow, of a section of their noise, and in all."""
+VALUE_ROWS, UNIT_ROWS, STATE_ROWS = 3, 2, 11
+EMPTY = -1
+ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
+SIXTEEN, ROOT = np.float32(16), np.float32(8**-0.5)
+
+
+@intrinsic
+def ones32(typing, word):
+    """Return the number of ones in a word, as float32."""
+
+    def build(context, builder, signature, arguments):
+        return builder.uitofp(builder.ctpop(arguments[0]), ir.FloatType())
+
+    return types.float32(types.uint32), build
+
+
+@numba.njit(inline="always")
+def _at(row, lane):
+    """Return where a lane of a row lies in a flat array: unsigned, so that no index is wrapped."""
+    return np.uint64(row * LANES + lane)
+
+
+@compiled
+def _fill(n, values, row, value):
+    for i in range(n & WHOLE):
+        values[_at(row, i)] = value
+
+
+@compiled
+def _add(n, weight, values, row, source, place):
+    """Add a weighted row of a source to a row of values."""
+    for i in range(n & WHOLE):
+        j = _at(row, i)
+        values[j] = fused(weight, source[_at(place, i)], values[j])
+
+
+@compiled
+def _low_pass(n, gain, before, values, row, state, new, last):
+    """Low-pass a row of values in place, taken for straight lines from tick to tick."""
+    for i in range(n & WHOLE):
+        value, old = values[_at(row, i)], state[_at(new, i)]
+        moved = fused(gain, value - old, fused(before, state[_at(last, i)] - value, old))
+        state[_at(last, i)] = value
+        state[_at(new, i)] = moved
+        values[_at(row, i)] = moved
+
+
+@compiled
+def _s_minus_log_s(n, values, row, into):
+    for i in range(n & WHOLE):
+        x = values[_at(row, i)]
+        values[_at(into, i)] = np.float32(x - math.log(x)) if x > ZERO else ZERO
+
+
+@compiled
+def _apply(n, law, values, row, into, lowest, per, points):
+    """Put the law of a row of values into a row."""
+    if law == LINEAR:
+        for i in range(n & WHOLE):
+            values[_at(into, i)] = values[_at(row, i)]
+    elif law == RECTIFIED:
+        for i in range(n & WHOLE):
+            values[_at(into, i)] = max(values[_at(row, i)], ZERO)
+    elif law == RAMP:
+        for i in range(n & WHOLE):
+            values[_at(into, i)] = min(max(values[_at(row, i)], ZERO), ONE)
+    elif law == EXP:
+        for i in range(n & WHOLE):
+            values[_at(into, i)] = exp32(values[_at(row, i)])
+    elif law == S_MINUS_LOG_S:
+        _s_minus_log_s(n, values, row, into)
+    else:
+        _look_up(n, values, row, into, lowest, per, points)
+
+
+@compiled
+def _look_up(n, values, row, into, lowest, per, points):
+    """Put a law that is known at even steps into a row; beyond the ends it goes on straight."""
+    last = np.float32(len(points) - 2)
+    for i in range(n & WHOLE):
+        at = (values[_at(row, i)] - lowest) * per
+        k = np.int32(min(max(at, ZERO), last))
+        low, high = points[np.uint32(k)], points[np.uint32(k) + np.uint32(1)]
+        values[_at(into, i)] = fused(at - np.float32(k), high - low, low)
+
+
+@compiled
+def _look_up_coefficients(n, table, state, lowest, per, indices, found):
+    """Take the coefficients at each lane's state, the nearest in a table."""
+    last = np.float32(len(table) // COEFFICIENTS - 1)
+    for i in range(n & WHOLE):
+        at = min(max((state[_at(MEAN, i)] - lowest) * per + HALF, ZERO), last)
+        indices[np.uint64(i)] = np.int32(at) * np.int32(COEFFICIENTS)
+    for c in range(COEFFICIENTS):
+        for i in range(n & WHOLE):
+            found[_at(c, i)] = table[np.uint32(indices[np.uint64(i)]) + np.uint32(c)]
+
+
+@compiled
+def _drift(n, slowly, values, state):
+    """Follow the input slowly, so that coefficients do not go with its noise."""
+    for i in range(n & WHOLE):
+        old = state[_at(MEAN, i)]
+        state[_at(MEAN, i)] = fused(slowly, values[_at(HEARD, i)] - old, old)
+
+
+@compiled
+def _follow(n, found, values, state):
+    """Turn the input into that which cells answer at once (``filters.propagated``), in place."""
+    for i in range(n & WHOLE):
+        u, v = values[_at(HEARD, i)], state[_at(SLOPE, i)]
+        middle = HALF * (u + state[_at(LAST, i)])
+        old = state[_at(LOW, i)] - middle
+        low = fused(found[_at(0, i)], old, fused(found[_at(1, i)], v, middle))
+        v = fused(found[_at(2, i)], old, found[_at(3, i)] * v)
+        state[_at(LAST, i)] = u
+        state[_at(LOW, i)] = low
+        state[_at(SLOPE, i)] = v
+        values[_at(HEARD, i)] = fused(found[_at(4, i)], low - u, fused(found[_at(5, i)], v, u))
+
+
+@compiled
+def _draw(n, keys, index, values):
+    """Draw near-Gaussian noise of unit variance: ``noise.bits32``."""
+    for i in range(n & WHOLE):
+        word = word32(index, keys[np.uint64(i)])
+        values[_at(NOISE, i)] = (ones32(word) - SIXTEEN) * ROOT
+
+
+@compiled
+def _section(n, found, c, values, state, s):
+    """Filter the noise in place by a section of second order (``filters.sampled``).
+
+    What is not its answer to a constant is a difference from tick to tick: it adds up to nothing in
+    the long run, however the coefficients follow the state.
+    """
+    for i in range(n & WHOLE):
+        e, last, before = values[_at(NOISE, i)], state[_at(s, i)], state[_at(s + 1, i)]
+        new = fused(found[_at(c + 1, i)], e, found[_at(c + 2, i)] * state[_at(s + 2, i)])
+        new = fused(-found[_at(c + 3, i)], last, fused(-found[_at(c + 4, i)], before, new))
+        state[_at(s, i)] = new
+        state[_at(s + 1, i)] = last
+        state[_at(s + 2, i)] = e
+        values[_at(NOISE, i)] = fused(found[_at(c, i)], e, new - last)
+
+
+@compiled
+def _send(n, baseline, hz_per_nat, floor, noise, values, ring, place):
+    """Turn activity into a rate, with the noise of so many cells."""
+    for i in range(n & WHOLE):
+        ring[_at(place, i)] = max(fused(hz_per_nat, values[_at(ACTIVE, i)], baseline), floor)
+    if noise > ZERO:
+        for i in range(n & WHOLE):
+            rate = ring[_at(place, i)]
+            each = noise * np.float32(math.sqrt(max(rate, ZERO)))
+            ring[_at(place, i)] = fused(each, values[_at(NOISE, i)], rate)
+
+
+@numba.njit(inline="always")
+def _arrive(p, work, q, first):
+    """Take a unit through a window: what its sources sent, filtered and transformed."""
+    n, mask = len(work.keys), work.ring.shape[1] // LANES - 1
+    unit, passed = p.units[q], work.passed[q]
+    for t in range(p.clock[0].window):
+        _fill(n, passed, t, ZERO)
+        place = (first + t - unit.delay) & mask
+        for e in range(unit.source, unit.sources):
+            _add(n, p.sources[e].weight, passed, t, work.ring[p.sources[e].index], place)
+        _low_pass(n, unit.gain, unit.before, passed, t, work.units[q], 0, 1)
+        constant = unit.constant
+        for i in range(n & WHOLE):
+            passed[_at(t, i)] += constant
+        if unit.law != LINEAR:
+            _apply(n, unit.law, passed, t, t, unit.lowest, unit.per, p.laws[unit.column])
+
+
+@numba.njit(inline="always")
+def _hear(p, work, b, t):
+    """Put what a block receives in a tick of the window into its row, nats."""
+    n, block, values = len(work.keys), p.blocks[b], work.values
+    _fill(n, values, HEARD, block.bias)
+    for e in range(block.input, block.inputs):
+        _add(n, p.inputs[e].weight, values, HEARD, work.passed[p.inputs[e].index], t)
+    if block.drive >= 0:
+        _add(n, ONE, values, HEARD, work.drive[block.drive], 0)
+    if block.gain < ONE:
+        _low_pass(n, block.gain, block.before, values, HEARD, work.states[b], X, LAST)
+
+
+@numba.njit(inline="always")
+def _noise(work, b, k):
+    """Filter the noise of a tick."""
+    n, values, state, found = len(work.keys), work.values, work.states[b], work.coefficients[b]
+    _draw(n, work.keys, k & 3, values)
+    _section(n, found, FOLLOWING, values, state, FIRST)
+    _section(n, found, FOLLOWING + SECTION, values, state, SECOND)
+
+
+@compiled
+def _advance(p, work, b, first):
+    """Take a block through the ticks of a window."""
+    n, mask, block = len(work.keys), work.ring.shape[1] // LANES - 1, p.blocks[b]
+    values, state, keys = work.values, work.states[b], work.keys
+    if block.noise > ZERO:
+        streams, begun = work.streams[b], work.begun
+        for i in range(n & WHOLE):
+            j = np.uint64(i)
+            keys[j] = tick_key(streams[j], (first - begun[j]) >> 2)
+    if block.table >= 0 and first % p.clock[0].refresh == 0:
+        _look_up_coefficients(n, p.tables[block.table], state, block.state_lowest, block.state_per,
+                              work.indices, work.coefficients[b])  # fmt: skip
+    for k in range(first, first + p.clock[0].window):
+        _hear(p, work, b, k - first)
+        if block.table >= 0:
+            _drift(n, p.clock[0].follow_slowly, values, state)
+        if block.lags:
+            _follow(n, work.coefficients[b], values, state)
+        _apply(n, block.law, values, HEARD, ACTIVE, block.lowest, block.per, p.laws[block.column])
+        if block.noise > ZERO:
+            _noise(work, b, k)
+        _send(n, block.baseline, block.hz_per_nat, block.floor, block.noise, values, work.ring[b],
+              k & mask)  # fmt: skip
+
+
+@numba.njit(inline="always")
+def _read(p, work, place):
+    """Low-pass the read-out (line 4 of the scheme), and sum up rates."""
+    n, gain, before = len(work.keys), p.clock[0].readout_gain, p.clock[0].readout_before
+    past = (place - 1) & (work.ring.shape[1] // LANES - 1)
+    for c in range(len(p.readout)):
+        low, rates = work.low_pass[c], work.ring[p.readout[c]]
+        for i in range(n & WHOLE):
+            j, now = _at(0, i), rates[_at(place, i)]
+            moved = fused(before, rates[_at(past, i)] - now, low[j])
+            low[j] = fused(gain, now - low[j], moved)
+    if work.kept:
+        for b in range(len(p.blocks)):
+            _add(n, ONE, work.totals[b], 0, work.ring[b], place)
+
+
+@compiled
+def _load(p, work, lane, trial, first, streams):
+    """Start a trial in a lane, at rest."""
+    work.trial[lane], work.begun[lane] = trial, first
+    clock = p.clock[0]
+    work.samples[lane] = -((clock.settle + clock.sample - 1) // clock.sample)
+    for b in range(len(p.blocks)):
+        block = p.blocks[b]
+        for k in range(work.ring.shape[1] // LANES):
+            work.ring[b, k * LANES + lane] = block.rest_hz
+        for k in range(STATE_ROWS):
+            work.states[b, k * LANES + lane] = block.rest_x if k < SLOPE else ZERO
+        work.totals[b, lane] = ZERO
+        if trial != EMPTY and len(streams):
+            work.streams[b, lane] = streams[trial, b]
+    for q in range(len(p.units)):
+        for k in range(UNIT_ROWS):
+            work.units[q, k * LANES + lane] = p.units[q].rest
+    for c in range(len(p.readout)):
+        work.low_pass[c, lane] = p.blocks[p.readout[c]].rest_hz
+    for c in range(len(work.drive)):
+        work.drive[c, lane] = ZERO
+
+
+@numba.njit(inline="always")
+def _record(p, work, lane, sample, out, rates):
+    """Write a sample of a lane down; return its lowest OUT, or NaN if rates run away."""
+    clock, trial, least = p.clock[0], work.trial[lane], np.inf
+    for c in range(len(p.readout)):
+        value = work.low_pass[c, lane]
+        if not abs(value) < clock.most_hz:
+            return np.nan
+        out[trial, sample, c] = (value - clock.readout_baseline) / clock.readout_hz_per_nat
+        least = min(least, out[trial, sample, c])
+    if work.kept:
+        for b in range(len(p.blocks)):
+            rates[trial, sample, b] = work.totals[b, lane] / np.float32(clock.sample)
+    return least
+
+
+@numba.njit(inline="always")
+def _sample(p, work, level, out, rates):
+    """Record a sample of every lane past its time at rest; return how many are over, or -1."""
+    over = 0
+    for lane in range(LANES):
+        if work.trial[lane] == EMPTY:
+            continue
+        sample = work.samples[lane]
+        work.samples[lane] = sample + 1
+        if sample >= 0:
+            least = _record(p, work, lane, sample, out, rates)
+            if math.isnan(least):
+                return -1 - sample
+            if least < level or sample + 1 == out.shape[1]:
+                out[work.trial[lane], sample + 1 :] = np.nan
+                if work.kept:
+                    rates[work.trial[lane], sample + 1 :] = np.nan
+                work.trial[lane] = EMPTY
+                over += 1
+        if work.kept:
+            for b in range(len(p.blocks)):
+                work.totals[b, lane] = ZERO
+    return over
+
+
+@numba.njit(inline="always")
+def _hold(p, work, first, drive):
+    """Hold the reading of each lane for a window; what jumps is no straight line to a filter."""
+    clock = p.clock[0]
+    for lane in range(LANES):
+        late = first - work.begun[lane] - clock.settle
+        if work.trial[lane] != EMPTY and late >= 0 and late % clock.step == 0:
+            for c in range(len(work.drive)):
+                new = np.float32(drive[work.trial[lane], late // clock.step, c] * clock.drive_gain)
+                work.states[p.driven[c], LAST * LANES + lane] += new - work.drive[c, lane]
+                work.drive[c, lane] = new
+
+
+@compiled
+def trials(p, work, drive, streams, level, out, rates):
+    """Run trials.
+
+    Parameters
+    ----------
+    p, work : Plan, Work
+    drive : array (trials, steps, channels), nats
+    streams : array (trials, blocks) uint64, or (0, 0) without noise
+    level : float
+        OUT below which a trial is over.
+    out, rates : arrays (trials, samples, channels), (trials, samples, blocks or 0)
+        Written here; NaN after a trial is over.
+
+    Returns
+    -------
+    int
+        0, or one more than the sample at which rates ran away.
+    """
+    clock, mask = p.clock[0], work.ring.shape[1] // LANES - 1
+    waiting, running, first = 0, 0, 0
+    work.trial[:] = EMPTY
+    while running or waiting < len(drive):
+        if first % clock.start == 0 and (waiting < len(drive) or first == 0):
+            for lane in range(LANES):
+                if work.trial[lane] == EMPTY and (waiting < len(drive) or first == 0):
+                    trial = waiting if waiting < len(drive) else EMPTY
+                    _load(p, work, lane, trial, first, streams)
+                    waiting, running = waiting + (trial != EMPTY), running + (trial != EMPTY)
+        _hold(p, work, first, drive)
+        for q in range(len(p.units)):
+            _arrive(p, work, q, first)
+        for b in range(len(p.blocks)):
+            _advance(p, work, b, first)
+        for k in range(first, first + clock.window):
+            _read(p, work, k & mask)
+            if (k + 1 - clock.settle) % clock.sample == 0:
+                over = _sample(p, work, level, out, rates)
+                if over < 0:
+                    return -over
+                running -= over
+        first += clock.window
+    return 0

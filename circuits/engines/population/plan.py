@@ -1,0 +1,289 @@
+"""From the wiring to what the population kernel reads: records, laws and filters in tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import lcm
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.arrays import Array
+from circuits.engines.compiling import edges
+from circuits.engines.compiling import records as filled
+from circuits.engines.population import kernel, records
+from circuits.engines.population.answers import POINTS, STEPS, Straight, answers, looked_up
+from circuits.spec import Population
+from circuits.ticks import Clock, Scheme
+from circuits.wiring import Wiring
+
+LINES, CELLS = "lines", "cells"
+LAWS = {LINES: "the table's lines, behind each membrane", CELLS: "the cells' own laws and lags"}
+"""What rates follow."""
+SLOW_MS = 50.0
+"""Time in which coefficients follow the state: well above the noise, well below a decision."""
+MOST_HZ = 1e6
+"""Rates beyond stand for nothing: the loop is unstable."""
+NO_ANSWERS: dict[str, float] = {
+    "table": -1,
+    "lags": 0,
+    "state_lowest": 0,
+    "state_per": 0,
+    "noise": 0,
+}
+"""Fields of the record of a block whose cells answer nothing."""
+TICKS_MS = (0.5, 0.25, 0.2, 0.1)
+"""Ticks that are tried, ms, the longest first."""
+
+
+@dataclass(frozen=True)
+class Laws:
+    """What rates follow, and whether they have the noise of a finite number of cells.
+
+    Parameters
+    ----------
+    rates : str
+        A name in ``LAWS``.
+    noise : bool
+    """
+
+    rates: str
+    noise: bool
+
+    def __post_init__(self) -> None:
+        if self.rates not in LAWS:
+            raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {self.rates!r}")
+
+
+def plan(scheme: Scheme, clock: Clock, laws: Laws) -> records.Plan:
+    """Lay a circuit out for the population engine.
+
+    Parameters
+    ----------
+    scheme : Scheme
+        The circuit as arrays, and its tick.
+    clock : Clock
+        Times of the run.
+    laws : Laws
+        What rates follow.
+
+    Raises
+    ------
+    ValueError
+        If a cell type lacks an answer, or cells differ in a way that theory does not tell.
+    """
+    wiring = scheme.wiring
+    _check(wiring)
+    tables = _Tables(wiring, laws, clock.dt_ms)
+    source_from, sources = edges(records.EDGE, wiring.deliver)
+    input_from, inputs = edges(records.EDGE, wiring.weight)
+    return records.Plan(
+        clock=_clock(scheme, clock),
+        units=_units(scheme, tables, source_from),
+        blocks=_blocks(scheme, tables, input_from),
+        sources=sources,
+        inputs=inputs,
+        driven=wiring.blocks_of(wiring.circuit.input),
+        readout=wiring.blocks_of(wiring.circuit.readout),
+        laws=_together(tables.laws, 2),
+        tables=_together(tables.rows, kernel.COEFFICIENTS),
+    )
+
+
+def _together(tables: dict[Any, Array], least: int) -> npt.NDArray[np.float32]:
+    return np.array(list(tables.values()) or [np.zeros(least)], np.float32)
+
+
+def tick_ms(wiring: Wiring, *times_ms: float) -> float:
+    """Return the longest tick that all delays and these times are multiples of, or the shortest."""
+    delays = [wiring.projection(q).delay_ms for q in range(wiring.units)]
+    for dt in TICKS_MS:
+        whole = np.array([*delays, *times_ms]) / dt
+        if np.abs(whole - np.round(whole)).max() < 1e-6:
+            return dt
+    return TICKS_MS[-1]
+
+
+def _check(wiring: Wiring) -> None:
+    """Raise ValueError where cells of a population differ: what that does is not known here."""
+    circuit = wiring.circuit
+    spiking = {row.name: row for row in circuit.populations if row.spiking}
+    for row in spiking.values():
+        if row.spread:
+            raise ValueError(
+                f"the population engine takes the cells of a population as alike, and those of "
+                f"{row.name} differ by {row.spread:.0%}: use ensemble"
+            )
+    for p in circuit.projections:
+        if p.probability < 1 and p.source in spiking and p.target in spiking:
+            raise ValueError(
+                "the population engine takes all cells of a channel to hear the same, and "
+                f"{p.name} connects {p.probability:.0%}: use ensemble"
+            )
+
+
+class _Tables:
+    """Laws and coefficients that are looked up, each once, and which of them each block has."""
+
+    def __init__(self, wiring: Wiring, laws: Laws, dt_ms: float) -> None:
+        self.wiring, self.chosen, self.dt_ms = wiring, laws, dt_ms
+        self.laws: dict[Any, Array] = {}
+        self.rows: dict[Any, Array] = {}
+
+    @cached_property
+    def blocks(self) -> list[Population]:
+        return [self.wiring.row(b) for b in range(self.wiring.blocks)]
+
+    def block(self, row: Population) -> dict[str, float]:
+        """Return the fields of a block's record that its law and its cells' answers set."""
+        found = NO_ANSWERS | self.transfer(row.transfer)
+        found["baseline"], found["hz_per_nat"] = row.baseline_hz, row.gain_hz_per_nat
+        found["floor"] = row.cell.lowest_hz
+        own_law = self.chosen.rates == CELLS and row.cell.hears == "nats"
+        if not (row.spiking and (own_law or self.chosen.noise)):
+            return found
+        line = Straight(row.transfer, row.baseline_hz, row.gain_hz_per_nat)
+        own, key = answers(row.cell, line, self.dt_ms), (row.cell, line)
+        ends = (own.lowest, own.highest)
+        found["table"] = _place(self.rows, key, own.rows.T.ravel())
+        found["state_lowest"], found["state_per"] = own.lowest, _per(ends, STEPS)
+        if self.chosen.noise:
+            found["noise"] = (row.neurons * self.dt_ms / 1000) ** -0.5
+        if own_law:
+            found |= self._looked_up(key, ends, own.hz)
+            found |= {"lags": own.lags, "baseline": 0, "hz_per_nat": 1, "floor": 0}
+        return found
+
+    def transfer(self, name: str) -> dict[str, float]:
+        """Return the fields of a record that a transfer sets."""
+        if name in kernel.LAWS:
+            return {"law": kernel.LAWS[name], "column": 0, "lowest": 0, "per": 0}
+        lowest, highest, values = looked_up(name)
+        return self._looked_up(name, (lowest, highest), values)
+
+    def _looked_up(self, key: Any, ends: tuple[float, float], values: Array) -> dict[str, float]:
+        column = _place(self.laws, key, values)
+        per = _per(ends, POINTS)
+        return {"law": kernel.LOOKED_UP, "column": column, "lowest": ends[0], "per": per}
+
+
+def _per(ends: tuple[float, float], points: int) -> float:
+    """Return the steps per nat of so many points between two ends."""
+    return (points - 1) / (ends[1] - ends[0])
+
+
+def _place(tables: dict[Any, Array], key: Any, values: Array) -> int:
+    """Return the number of a table, entered where it is not there yet."""
+    tables.setdefault(key, values)
+    return list(tables).index(key)
+
+
+def _low_pass(tau_ms: Array, dt_ms: float) -> dict[str, Array]:
+    """Return what a low-pass of values that go straight from tick to tick is made of.
+
+    Exact for such values, so of second order in the tick: its mean lag is its time constant.
+    """
+    some = tau_ms > 0
+    safe = np.where(some, tau_ms, 1.0)
+    gain = -np.expm1(-dt_ms / safe)
+    before = gain * safe / dt_ms - np.exp(-dt_ms / safe)
+    return {"gain": np.where(some, gain, 1.0), "before": np.where(some, before, 0.0)}
+
+
+def _blocks(scheme: Scheme, tables: _Tables, input_from: Any) -> Any:
+    """Return one record per block."""
+    wiring, circuit = scheme.wiring, scheme.wiring.circuit
+    drives = np.full(wiring.blocks, -1)
+    drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
+    of_rows = [tables.block(row) for row in tables.blocks]
+    columns = {name: [one[name] for one in of_rows] for name in of_rows[0]}
+    own = tables.chosen.rates == CELLS
+    tau_ms = np.array(
+        [row.tau_ms + (0 if own else row.cell.membrane_ms()) for row in tables.blocks]
+    )
+    _, rest_x, rest_hz = scheme.start
+    return filled(
+        records.BLOCK,
+        wiring.blocks,
+        drive=drives,
+        input=input_from[:-1],
+        inputs=input_from[1:],
+        bias=wiring.bias,
+        rest_x=rest_x,
+        rest_hz=rest_hz,
+        **columns,
+        **_low_pass(tau_ms, scheme.dt_ms),
+    )
+
+
+def _units(scheme: Scheme, tables: _Tables, source_from: Any) -> Any:
+    wiring = scheme.wiring
+    paths = [wiring.projection(q) for q in range(wiring.units)]
+    of_paths = [tables.transfer(p.transfer) for p in paths]
+    return filled(
+        records.UNIT,
+        wiring.units,
+        delay=scheme.unit_delay,
+        source=source_from[:-1],
+        sources=source_from[1:],
+        constant=wiring.constant,
+        rest=scheme.start[0],
+        **{name: [one[name] for one in of_paths] for name in of_paths[0]},
+        **_low_pass(np.array([p.tau_ms for p in paths]), scheme.dt_ms),
+    )
+
+
+def _clock(scheme: Scheme, clock: Clock) -> Any:
+    circuit = scheme.wiring.circuit
+    readout = circuit.population(circuit.readout)
+    read = _low_pass(np.array([circuit.readout_tau_ms]), clock.dt_ms)
+    window, least = kernel.WINDOW, int(scheme.unit_delay.min(initial=kernel.WINDOW))
+    while window > least or clock.step_ticks % window or clock.settle_ticks % window:
+        window //= 2
+    return filled(
+        records.CLOCK,
+        1,
+        window=window,
+        settle=clock.settle_ticks,
+        step=clock.step_ticks,
+        sample=clock.sample_ticks,
+        refresh=kernel.REFRESH,
+        start=lcm(kernel.REFRESH, clock.sample_ticks),
+        follow_slowly=-np.expm1(-clock.dt_ms / SLOW_MS),
+        readout_gain=read["gain"],
+        readout_before=read["before"],
+        readout_baseline=readout.baseline_hz,
+        readout_hz_per_nat=readout.gain_hz_per_nat,
+        drive_gain=circuit.drive_gain,
+        most_hz=MOST_HZ,
+    )
+
+
+def workspace(p: records.Plan, *, kept: bool) -> records.Work:
+    """Return the memory that a group of trials runs in."""
+    blocks, units, channels = len(p.blocks), len(p.units), len(p.readout)
+    places = 1 << (int(p.units["delay"].max(initial=1)) + kernel.WINDOW).bit_length()
+
+    def rows(count: int, *of: int) -> npt.NDArray[np.float32]:
+        return np.zeros((*of, count * kernel.LANES), np.float32)
+
+    return records.Work(
+        ring=rows(places, blocks),
+        units=rows(kernel.UNIT_ROWS, units),
+        states=rows(kernel.STATE_ROWS, blocks),
+        coefficients=rows(kernel.COEFFICIENTS, blocks),
+        passed=rows(kernel.WINDOW, units),
+        totals=rows(1, blocks),
+        values=rows(kernel.VALUE_ROWS),
+        drive=rows(1, channels),
+        low_pass=rows(1, channels),
+        streams=np.zeros((blocks, kernel.LANES), np.uint64),
+        keys=np.zeros(kernel.LANES, np.uint64),
+        indices=np.zeros(kernel.LANES, np.int32),
+        trial=np.zeros(kernel.LANES, np.int64),
+        begun=np.zeros(kernel.LANES, np.int64),
+        samples=np.zeros(kernel.LANES, np.int64),
+        kept=kept,
+    )

@@ -1,0 +1,95 @@
+"""What the population engine reads and writes: a row of the table is a record."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from circuits.engines.compiling import record
+
+CLOCK = record(
+    i8="window settle step sample refresh start",
+    f4="follow_slowly readout_gain readout_before readout_baseline "
+    "readout_hz_per_nat drive_gain most_hz",
+)
+UNIT = record(i8="law column delay source sources", f4="gain before constant rest lowest per")
+BLOCK = record(
+    i8="law column drive input inputs table lags",
+    f4="bias gain before baseline hz_per_nat floor noise lowest per state_lowest state_per "
+    "rest_x rest_hz",
+)
+EDGE = record(i8="index", f4="weight")
+
+
+class Plan(NamedTuple):
+    """A circuit and a clock as the kernel wants them; made by ``plan.plan``.
+
+    Parameters
+    ----------
+    clock : record array (1,)
+        Times in ticks, and the read-out.
+    units, blocks : record arrays
+        One row a postsynaptic sum, one a block: law, filter, and where its inputs lie.
+    sources, inputs : record arrays
+        Which block reaches a unit with which weight; which unit reaches a block.
+    driven, readout : arrays (channels,)
+        Blocks of the input, and of the read-out.
+    laws : array (laws, points) float32
+        Laws that are looked up: values at even steps of the input.
+    tables : array (tables, states * COEFFICIENTS) float32
+        Coefficients of the blocks' filters, state by state.
+    """
+
+    clock: Any
+    units: Any
+    blocks: Any
+    sources: Any
+    inputs: Any
+    driven: Any
+    readout: Any
+    laws: Any
+    tables: Any
+
+
+class Work(NamedTuple):
+    """What a group of trials writes on; made by ``plan.workspace``.
+
+    A row holds one number for each lane; the rows of a unit or a block lie one after the other.
+
+    Parameters
+    ----------
+    ring : array (blocks, places * LANES)
+        Rates of the last ticks, Hz.
+    units, states, coefficients : arrays (units or blocks, rows * LANES)
+        Filters of units; state of blocks; the coefficients of their filters.
+    passed : array (units, WINDOW * LANES)
+        Activity that each unit passes on, nats.
+    totals : array (blocks, LANES)
+        Sums of rates over a sample.
+    values : array (rows * LANES,)
+        What one block works on.
+    drive, low_pass : arrays (channels, LANES)
+        Drive that is held, nats; the read-out, Hz.
+    streams, keys : arrays (blocks, LANES), (LANES,)
+        Keys of the noise.
+    indices, trial, begun, samples : arrays (LANES,)
+        Places in a table; each lane's trial, its first tick, and samples so far.
+    kept : bool
+        Whether rates are kept.
+    """
+
+    ring: Any
+    units: Any
+    states: Any
+    coefficients: Any
+    passed: Any
+    totals: Any
+    values: Any
+    drive: Any
+    low_pass: Any
+    streams: Any
+    keys: Any
+    indices: Any
+    trial: Any
+    begun: Any
+    samples: Any
+    kept: bool

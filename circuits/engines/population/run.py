@@ -1,0 +1,166 @@
+"""The population engine: rates in place of cells, at a cost that does not grow with their number.
+
+Every population passes a rate on. It follows the row's line behind its membrane
+(``laws="lines"``), or the cells' own f-I law with their own lags (``laws="cells"``); with
+``noise=True`` it has the noise of a finite number of cells, of the colour that their spikes have,
+keyed as the noise of cells is. The scheme is that of ``circuits.ticks``, but for filters that take
+rates for straight lines from tick to tick.
+
+What it assumes: cells of a population are alike and hear the same, each for itself (no synchrony
+but what the common input makes), and their noise is Gaussian, so that a nearly silent population
+may pass a rate below zero for a moment. Literature: Brunel & Hakim 1999 (Neural Comput 11, 1621)
+for the noise of a finite number of cells; Ostojic & Brunel 2011 (PLoS Comput Biol 7, e1001056) for
+lags that go with the state; Schwalger, Deger & Gerstner 2017 (PLoS Comput Biol 13, e1005507) for
+what is exact.
+"""
+
+from __future__ import annotations
+
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits import noise as noises
+from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.checks import check_time, is_whole
+from circuits.engines.population import kernel
+from circuits.engines.population.plan import CELLS, Laws, plan, tick_ms, workspace
+from circuits.fixed_point import wired
+from circuits.laws.stability import growth
+from circuits.spec import Circuit
+from circuits.ticks import Clock, Scheme
+
+RINGING_PER_S = 5.0
+"""An oscillation that dies out more slowly than this is said."""
+
+
+def run(
+    circuit: Circuit,
+    drive: npt.ArrayLike,
+    *,
+    step_ms: float,
+    seed: int | None = None,
+    laws: str = CELLS,
+    noise: bool = True,
+    dt_ms: float | None = None,
+    sample_ms: float = 1.0,
+    settle_ms: float = 300.0,
+    first_trial: int = 0,
+    rates: bool = True,
+    drop_below: float | None = None,
+    workers: int = 1,
+) -> Activity:
+    """Run a circuit's populations on many trials.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    drive : array (trials, steps, channels), nats
+        Accumulated evidence; 0 is rest. Each reading is held until the next.
+    step_ms : float
+        Time from one reading to the next, ms.
+    seed : int, optional
+        Key of the noise; trial t has the noise of (seed, first_trial + t), whatever runs beside it.
+    laws : str
+        "lines" or "cells": see ``plan.LAWS``.
+    noise : bool
+        Whether rates have the noise of a finite number of cells.
+    dt_ms : float, optional
+        One tick; the longest of .5, .25, .2 and .1 ms that all delays and times are multiples of.
+    sample_ms, settle_ms : float
+        As in ``Clock``.
+    first_trial : int
+        Number of the first trial.
+    rates : bool
+        Whether to keep the rates: 4 bytes a trial, sample and channel of each population.
+    drop_below : float, optional
+        OUT, nats, below which a trial is over: what follows is NaN.
+    workers : int
+        Threads; they change no byte.
+
+    Returns
+    -------
+    Activity
+        Rates are means from sample to sample, OUT is low-passed and read at each sample's end.
+
+    Raises
+    ------
+    ValueError
+        If the drive, a time or a law does not fit the circuit, there is noise and no seed, a cell
+        type lacks an answer, the circuit has no fixed point at rest, or rates run away.
+    """
+    drive = checked_drive(circuit, drive)
+    chosen = Laws(laws, noise)
+    if not is_whole(workers) or workers < 1:
+        raise ValueError(f"workers must be a whole number >= 1, got {workers!r}")
+    if noise and seed is None:
+        raise ValueError("the noise of the population engine needs a seed")
+    for name, value in (("step_ms", step_ms), ("sample_ms", sample_ms), ("settle_ms", settle_ms)):
+        check_time(name, value, zero=name == "settle_ms")
+    wiring = wired(circuit)
+    dt = tick_ms(wiring, step_ms, sample_ms, settle_ms) if dt_ms is None else dt_ms
+    clock = Clock(drive.shape[1], step_ms, dt, sample_ms, settle_ms)
+    p = plan(Scheme(wiring, dt), clock, chosen)
+    warn_beyond_range(circuit, drive)
+    if noise:
+        _warn_of_ringing(circuit)
+    names = wiring.names if noise else []
+    streams = noises.stream_keys(seed or 0, first_trial + np.arange(len(drive)), names)
+    out = np.empty((len(drive), clock.samples, circuit.channels))
+    shape = (len(drive), clock.samples, wiring.blocks if rates else 0)
+    kept = np.empty(shape, dtype=np.float32)
+    level = -np.inf if drop_below is None else float(drop_below)
+    late = _trials(p, (drive, streams if noise else streams[:0], out, kept), level, workers)
+    if late:
+        raise ValueError(f"rates of {circuit.name} run away, {late * sample_ms:g} ms after onset")
+    about: dict[str, Any] = {"dt_ms": dt, "settle_ms": settle_ms, "laws": laws, "noise": noise}
+    return Activity(
+        circuit=circuit,
+        time_ms=clock.time_ms,
+        rates_hz={
+            row.name: kept[..., wiring.blocks_of(row.name)] for row in circuit.populations if rates
+        },
+        output_nats=out,
+        engine="population",
+        about=about | ({"seed": int(seed or 0), "first_trial": first_trial} if noise else {}),
+    )
+
+
+def _trials(p: Any, arrays: tuple[Any, ...], level: float, workers: int) -> int:
+    """Run all trials; return 0, or one more than the first sample at which rates ran away.
+
+    Parameters
+    ----------
+    p : Plan
+        The circuit.
+    arrays : tuple
+        Drive, keys of noise, OUT and rates, a row per trial; the last two are written.
+    level, workers :
+        As for ``run``.
+    """
+    edges = np.linspace(0, len(arrays[0]), workers + 1).astype(int)
+
+    def task(k: int) -> int:
+        drive, streams, out, kept = (array[edges[k] : edges[k + 1]] for array in arrays)
+        work = workspace(p, kept=bool(kept.shape[2]))
+        return int(kernel.trials(p, work, drive, streams, level, out, kept))
+
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        ended = [sample for sample in pool.map(task, range(workers)) if sample]
+    return min(ended, default=0)
+
+
+def _warn_of_ringing(circuit: Circuit) -> None:
+    """Warn near an oscillation: there cells fire together, and noise is no small thing."""
+    root = growth(circuit)
+    if root.imag and root.real > -RINGING_PER_S:
+        warnings.warn(
+            f"{circuit.name} as edited is near an oscillation at {abs(root.imag) / 2 / np.pi:.0f} "
+            "Hz: its cells fire together there, and the population engine takes their noise for "
+            "independent",
+            stacklevel=3,
+        )
