@@ -1,0 +1,329 @@
+"""The population engine held to spikes on scoring seeds: make score.
+
+Both decide on the same evidence with noise of their own; beside the difference stands that of two
+noise seeds of spikes, which no engine can fall below. No constant of the population engine was
+fitted to spikes, and these seeds tuned nothing. Before the evidence both are at rest for a second:
+spikes start from a burst that they forget in about as long. Tables and figure P2 go to
+``benchmarks/out``; with ``--keep`` a table that is there already is not computed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.signal import welch
+from scipy.stats import ks_2samp
+
+from benchmarks import OUT
+from bgmodel import stream
+from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
+from bgmodel.comparison.compare import Sweep
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of, identity
+from circuits.activity import Activity
+from circuits.anatomy import circuit
+from circuits.engines import run
+from circuits.spec import Circuit
+
+SCORING_SEED = 50_001
+OTHER_SEED, POPULATION_SEED = SCORING_SEED + 1, SCORING_SEED + 2
+TABLE = "spiking_msprt"
+STEP_MS, SETTLE_MS = 50.0, 1000.0
+POSTERIORS = (0.8, 0.85, 0.9, 0.95)
+D_PRIMES = {2: (0.35, 0.5, 0.8), 4: (0.35, 0.5, 0.8), 8: (0.35, 0.5, 0.8)}
+READINGS = {0.35: 120, 0.5: 80, 0.8: 40}
+"""Most readings of a trial, by d': nearly all decide."""
+EDITS: dict[str, Callable[[Circuit], Circuit]] = {
+    "STN -10 %": lambda table: table.without("STN", 0.1),
+    "STN -20 %": lambda table: table.without("STN", 0.2),
+    "GPe -10 %": lambda table: table.without("GPe", 0.1),
+    "dopamine .9": lambda table: table.dopamine(0.9),
+    "dopamine 1.2": lambda table: table.dopamine(1.2),
+    "100 cells": lambda table: table.with_neurons(100),
+    "3000 cells": lambda table: table.with_neurons(3000),
+}
+EDITED_AT, EDITED_D_PRIME = 0.9, 0.5
+BANDS_HZ = ((4, 8), (8, 13), (13, 20), (20, 30), (30, 45), (45, 70), (70, 100))
+SIZES = (30, 100, 300, 1000, 3000)
+HELD_NATS = (0.0, 0.6, 1.2)
+SPIKES, AGAIN, POPULATION = "spikes", "spikes, another seed", "population"
+ENGINES = {
+    SPIKES: ("ensemble", SCORING_SEED),
+    AGAIN: ("ensemble", OTHER_SEED),
+    POPULATION: ("population", POPULATION_SEED),
+}
+
+
+def evidence(channels: int, d_prime: float, trials: int) -> Evidence:
+    """Draw the evidence of one condition."""
+    return gaussian_evidence(
+        trials,
+        READINGS[d_prime],
+        d_prime / np.sqrt(2),
+        rng=stream(SCORING_SEED, "population", str(channels), str(d_prime)),
+        hypotheses=channels,
+        step_ms=STEP_MS,
+    )
+
+
+def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Sweep:
+    """Let a circuit decide on an engine, at every posterior."""
+    engine, seed = ENGINES[name]
+    options = {"workers": workers, "settle_ms": SETTLE_MS}
+    model = BasalGanglia(table, engine, gain_of(table), seed, options)
+    thresholds = -np.log(POSTERIORS)
+    return decide_at_thresholds(model, shown, thresholds, decoder_tau_ms=None)[CIRCUIT]
+
+
+def _measures(found: Sweep, truth: npt.NDArray[Any], k: int) -> dict[str, float]:
+    times, right = found.time_ms[k], found.choice[k] == truth
+    quantiles = dict(zip(("q10", "q50", "q90"), np.quantile(times, (0.1, 0.5, 0.9)), strict=True))
+    return {
+        "accuracy": right.mean(),
+        "forced": found.forced[k].mean(),
+        "mean_ms": times.mean(),
+        "sd_ms": times.std(),
+        **quantiles,
+    }
+
+
+def _beside(found: Sweep, other: Sweep, k: int) -> dict[str, float]:
+    return {
+        "ks": float(ks_2samp(found.time_ms[k], other.time_ms[k]).statistic),
+        "r": float(np.corrcoef(found.time_ms[k], other.time_ms[k])[0, 1]),
+        "same_choice": float((found.choice[k] == other.choice[k]).mean()),
+    }
+
+
+def decisions(trials: int, workers: int) -> pd.DataFrame:
+    """Return accuracy and times of each engine, and how far each lies from spikes."""
+    rows = []
+    for channels, d_primes in D_PRIMES.items():
+        table = circuit(TABLE, channels)
+        for d_prime in d_primes:
+            shown = evidence(channels, d_prime, trials)
+            assert shown.truth is not None
+            found = {name: decided(table, shown, name, workers) for name in ENGINES}
+            for k, threshold in enumerate(found[SPIKES].settings):
+                for name, own in found.items():
+                    of = {"channels": channels, "d_prime": d_prime}
+                    of |= {"posterior": float(np.exp(-threshold)), "engine": name}
+                    beside = _beside(own, found[SPIKES], k)
+                    rows.append(of | _measures(own, shown.truth, k) | beside)
+            print(
+                _table_of(pd.DataFrame(rows).query("channels == @channels and d_prime == @d_prime"))
+            )
+    return pd.DataFrame(rows)
+
+
+def edits(trials: int, workers: int) -> pd.DataFrame:
+    """Return what each edit changes in accuracy and time, by spikes and by populations."""
+    rows = []
+    for channels in (2, 4):
+        table = circuit(TABLE, channels)
+        shown = evidence(channels, EDITED_D_PRIME, trials)
+        k = int(np.flatnonzero(np.isclose(sorted(POSTERIORS), EDITED_AT))[0])
+        for name in (SPIKES, POPULATION):
+            intact = decided(table, shown, name, workers)
+            for edit, of in EDITS.items():
+                found = decided(of(table), shown, name, workers)
+                later = found.time_ms[k] - intact.time_ms[k]
+                right = (found.choice[k] == shown.truth) * 1.0 - (intact.choice[k] == shown.truth)
+                se = [values.std() / np.sqrt(trials) for values in (right, later)]
+                rows.append(
+                    {"channels": channels, "edit": edit, "engine": name}
+                    | {"accuracy_gained": right.mean(), "later_ms": later.mean()}
+                    | {"accuracy_se": se[0], "later_se_ms": se[1]}
+                )
+                print(rows[-1], flush=True)
+    return pd.DataFrame(rows)
+
+
+def _held(table: Circuit, nats: float, trials: int, name: str, workers: int) -> Activity:
+    """Run a circuit under held evidence: one channel ahead, the others behind."""
+    engine, seed = ENGINES[name]
+    ahead = nats * np.where(np.arange(table.channels) == 0, 1.0, -1 / (table.channels - 1))
+    return run(
+        table,
+        np.broadcast_to(ahead, (trials, 4, table.channels)),
+        engine=engine,
+        step_ms=500.0,
+        settle_ms=SETTLE_MS,
+        seed=seed,
+        workers=workers,
+    )
+
+
+def rates(trials: int, workers: int) -> pd.DataFrame:
+    """Return mean rates, power by band and scatter of OUT under held evidence."""
+    rows = []
+    for channels in (2, 4):
+        for nats in HELD_NATS:
+            for name in ENGINES:
+                table = circuit(TABLE, channels)
+                activity = _held(table, nats, trials, name, workers)
+                of = {"channels": channels, "nats": nats, "engine": name, "neurons": 300}
+                rows += [of | one for one in _spectra(activity, table)]
+                scatter = float(activity.output_nats[:, 500:].std(axis=(0, 1))[0])
+                rows.append(of | {"what": "OUT", "measure": "sd_nats", "value": scatter})
+    for neurons in SIZES:
+        for name in ENGINES:
+            few = max(6, round(trials * min(1, 300 / neurons)))
+            activity = _held(circuit(TABLE, 2).with_neurons(neurons), 0.0, few, name, workers)
+            scatter = float(activity.output_nats[:, 500:].std(axis=(0, 1))[0])
+            of = {"channels": 2, "nats": 0.0, "engine": name, "neurons": neurons}
+            rows.append(of | {"what": "OUT by size", "measure": "sd_nats", "value": scatter})
+    return pd.DataFrame(rows)
+
+
+def _spectra(activity: Activity, table: Circuit) -> Iterator[dict[str, Any]]:
+    for row in table.populations:
+        if not row.spiking:
+            continue
+        late = np.asarray(activity.rates_hz[row.name][:, 500:], dtype=np.float64)
+        yield {"what": row.name, "measure": "hz", "value": float(late[..., 0].mean())}
+        at, power = welch(late.mean(axis=2), fs=1000, nperseg=500, axis=1)
+        for low, high in BANDS_HZ:
+            inside = (at >= low) & (at < high)
+            value = float(power.mean(axis=0)[inside].mean())
+            yield {"what": row.name, "measure": f"{low}-{high} Hz", "value": value}
+
+
+def _table_of(found: pd.DataFrame) -> str:
+    return found.drop(columns=["q10", "q50", "q90"]).round(3).to_string(index=False)
+
+
+def summary(made: dict[str, pd.DataFrame]) -> str:
+    """Return the figures that are asked for, worst first."""
+    index = ["channels", "d_prime", "posterior"]
+    by = made["decisions"].set_index([*index, "engine"]).unstack("engine")
+    lines = []
+
+    def worst(name: str, values: pd.Series) -> None:
+        lines.append(
+            f"{name}: worst {values.max():.3g} at {values.idxmax()}, median {values.median():.3g}"
+        )
+
+    for name, column in (("mean time", "mean_ms"), ("sd of times", "sd_ms")):
+        off = by[column][POPULATION] / by[column][[SPIKES, AGAIN]].mean(axis=1) - 1
+        worst(f"{name}, relative", off.abs())
+    worst(
+        "accuracy",
+        (by["accuracy"][POPULATION] - by["accuracy"][[SPIKES, AGAIN]].mean(axis=1)).abs(),
+    )
+    worst("KS above two seeds of spikes", by["ks"][POPULATION] - by["ks"][AGAIN])
+    worst("r below two seeds of spikes", by["r"][AGAIN] - by["r"][POPULATION])
+    index = ["channels", "edit"]
+    by = made["edits"].set_index([*index, "engine"]).unstack("engine")
+    for column in ("accuracy_gained", "later_ms"):
+        worst(f"{column} of edits", (by[column][POPULATION] - by[column][SPIKES]).abs())
+    index = ["channels", "nats", "neurons", "what", "measure"]
+    by = made["rates"].set_index([*index, "engine"])["value"].unstack("engine")
+    power = by[by.index.get_level_values("measure").str.endswith("Hz") & (by[SPIKES] > 1e-4)]
+    worst("power in a band, relative", (power[POPULATION] / power[SPIKES] - 1).abs())
+    worst("power, two seeds of spikes", (power[AGAIN] / power[SPIKES] - 1).abs())
+    return "\n".join(lines)
+
+
+def draw(made: dict[str, pd.DataFrame], folder: Path) -> None:
+    """Draw figure P2."""
+    import matplotlib.pyplot as plt
+
+    figure, panels = plt.subplots(2, 3, figsize=(11, 6.4))
+    _draw_decisions(made["decisions"], panels[0])
+    _draw_edits(made["edits"], panels[1, 0])
+    _draw_rates(made["rates"], panels[1, 1], panels[1, 2])
+    figure.tight_layout()
+    for ending in ("pdf", "png"):
+        figure.savefig(folder / f"figP2.{ending}", dpi=150)
+
+
+COLOURS = {AGAIN: "0.6", POPULATION: "#cc3311"}
+
+
+def _draw_decisions(found: pd.DataFrame, panels: Any) -> None:
+    by = found.set_index(["channels", "d_prime", "posterior", "engine"]).unstack("engine")
+    shown = {"accuracy": "accuracy", "mean_ms": "mean time, ms", "sd_ms": "sd of times, ms"}
+    for panel, (column, label) in zip(panels, shown.items(), strict=True):
+        for name, colour in COLOURS.items():
+            panel.plot(by[column][SPIKES], by[column][name], "o", ms=4, color=colour, label=name)
+        ends = [by[column].min().min(), by[column].max().max()]
+        panel.plot(ends, ends, lw=0.8, color="k", zorder=0)
+        panel.set_xlabel(f"{label}: spikes")
+        panel.set_ylabel("other")
+    panels[0].legend(frameon=False, fontsize=8)
+
+
+def _draw_edits(found: pd.DataFrame, panel: Any) -> None:
+    by = found.set_index(["channels", "edit", "engine"]).unstack("engine")["later_ms"]
+    errors = found.set_index(["channels", "edit", "engine"]).unstack("engine")["later_se_ms"]
+    for channels, marker in ((2, "o"), (4, "s")):
+        own, se = by.loc[channels], 2 * errors.loc[channels]
+        panel.errorbar(own[SPIKES], own[POPULATION], se[POPULATION], se[SPIKES], fmt=marker, ms=4,
+                       color=COLOURS[POPULATION], lw=0.8, label=f"N = {channels}")  # fmt: skip
+    ends = [by.min().min(), by.max().max()]
+    panel.plot(ends, ends, lw=0.8, color="k", zorder=0)
+    panel.set_xlabel("later by an edit, ms: spikes")
+    panel.set_ylabel("population")
+    panel.legend(frameon=False, fontsize=8)
+
+
+def _draw_rates(found: pd.DataFrame, spectra: Any, sizes: Any) -> None:
+    power = found[found["measure"].str.contains("-") & (found["what"] != "OUT")]
+    by = power.set_index(["channels", "nats", "what", "measure", "engine"])["value"].unstack(
+        "engine"
+    )
+    bands = [f"{low}-{high} Hz" for low, high in BANDS_HZ]
+    place = by.index.get_level_values("measure").map(bands.index)
+    for shift, (name, colour) in zip((-0.1, 0.1), COLOURS.items(), strict=True):
+        spectra.plot(place + shift, by[name] / by[SPIKES], ".", ms=3, color=colour)
+    spectra.axhline(1, lw=0.8, color="k", zorder=0)
+    spectra.set_xticks(range(len(bands)), [band.removesuffix(" Hz") for band in bands], fontsize=7)
+    spectra.set_xlabel("band, Hz")
+    spectra.set_ylabel("power of a nucleus, over that of spikes")
+    spectra.set_ylim(0.5, 1.5)
+    grown = found[found["what"] == "OUT by size"]
+    for name in ENGINES:
+        own = grown[grown["engine"] == name].sort_values("neurons")
+        sizes.loglog(
+            own["neurons"], own["value"], "o-", ms=4, color=COLOURS.get(name, "k"), label=name
+        )
+    sizes.set_xlabel("cells a channel")
+    sizes.set_ylabel("sd of OUT at rest, nats")
+    sizes.legend(frameon=False, fontsize=8)
+
+
+def main() -> None:
+    """Score decisions, edits and rates, and draw them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=5000, help="of each condition")
+    parser.add_argument("--edited", type=int, default=2000, help="trials of each edit")
+    parser.add_argument("--held", type=int, default=100, help="trials of held evidence")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--keep", action="store_true", help="compute only what is not there")
+    given = parser.parse_args()
+    OUT.mkdir(exist_ok=True)
+    counts = {"decisions": given.trials, "edits": given.edited, "rates": given.held}
+    make = {"decisions": decisions, "edits": edits, "rates": rates}
+    made = {}
+    for name, count in counts.items():
+        path = OUT / f"population {name}.csv"
+        if not (given.keep and path.exists()):
+            found = partial(make[name], count, given.workers)()
+            behind = {"trials": count, "circuit": identity(circuit(TABLE, 2))}
+            write_table(found, path, seed=SCORING_SEED, **behind)
+        made[name] = read_table(path)
+    print(summary(made))
+    draw(made, OUT)
+
+
+if __name__ == "__main__":
+    main()
