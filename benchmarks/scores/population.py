@@ -50,7 +50,8 @@ EDITS: dict[str, Callable[[Circuit], Circuit]] = {
     "100 cells": lambda table: table.with_neurons(100),
     "3000 cells": lambda table: table.with_neurons(3000),
 }
-EDITED_AT, EDITED_D_PRIME = 0.9, 0.5
+EDITED, EDITED_AT, EDITED_D_PRIME = (2, 4), 0.9, 0.5
+"""Alternatives, posterior and d' of the edits."""
 BANDS_HZ = ((4, 8), (8, 13), (13, 20), (20, 30), (30, 45), (45, 70), (70, 100))
 SIZES = (30, 100, 300, 1000, 3000)
 HELD_NATS = (0.0, 0.6, 1.2)
@@ -103,47 +104,37 @@ def _beside(found: Sweep, other: Sweep, k: int) -> dict[str, float]:
     }
 
 
-def decisions(trials: int, workers: int) -> pd.DataFrame:
+def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.DataFrame:
     """Return accuracy and times of each engine, and how far each lies from spikes."""
-    rows = []
-    for channels, d_primes in D_PRIMES.items():
-        table = circuit(TABLE, channels)
-        for d_prime in d_primes:
-            shown = evidence(channels, d_prime, trials)
-            assert shown.truth is not None
-            found = {name: decided(table, shown, name, workers) for name in ENGINES}
-            for k, threshold in enumerate(found[SPIKES].settings):
-                for name, own in found.items():
-                    of = {"channels": channels, "d_prime": d_prime}
-                    of |= {"posterior": float(np.exp(-threshold)), "engine": name}
-                    beside = _beside(own, found[SPIKES], k)
-                    rows.append(of | _measures(own, shown.truth, k) | beside)
-            print(
-                _table_of(pd.DataFrame(rows).query("channels == @channels and d_prime == @d_prime"))
-            )
+    rows, shown = [], evidence(channels, d_prime, trials)
+    assert shown.truth is not None
+    found = {name: decided(circuit(TABLE, channels), shown, name, workers) for name in ENGINES}
+    for k, threshold in enumerate(found[SPIKES].settings):
+        for name, own in found.items():
+            of = {"channels": channels, "d_prime": d_prime}
+            of |= {"posterior": float(np.exp(-threshold)), "engine": name}
+            beside = _beside(own, found[SPIKES], k)
+            rows.append(of | _measures(own, shown.truth, k) | beside)
     return pd.DataFrame(rows)
 
 
-def edits(trials: int, workers: int) -> pd.DataFrame:
+def edits(channels: int, trials: int, workers: int) -> pd.DataFrame:
     """Return what each edit changes in accuracy and time, by spikes and by populations."""
-    rows = []
-    for channels in (2, 4):
-        table = circuit(TABLE, channels)
-        shown = evidence(channels, EDITED_D_PRIME, trials)
-        k = int(np.flatnonzero(np.isclose(sorted(POSTERIORS), EDITED_AT))[0])
-        for name in (SPIKES, POPULATION):
-            intact = decided(table, shown, name, workers)
-            for edit, of in EDITS.items():
-                found = decided(of(table), shown, name, workers)
-                later = found.time_ms[k] - intact.time_ms[k]
-                right = (found.choice[k] == shown.truth) * 1.0 - (intact.choice[k] == shown.truth)
-                se = [values.std() / np.sqrt(trials) for values in (right, later)]
-                rows.append(
-                    {"channels": channels, "edit": edit, "engine": name}
-                    | {"accuracy_gained": right.mean(), "later_ms": later.mean()}
-                    | {"accuracy_se": se[0], "later_se_ms": se[1]}
-                )
-                print(rows[-1], flush=True)
+    rows, table = [], circuit(TABLE, channels)
+    shown = evidence(channels, EDITED_D_PRIME, trials)
+    k = sorted(POSTERIORS).index(EDITED_AT)
+    for name in (SPIKES, POPULATION):
+        intact = decided(table, shown, name, workers)
+        for edit, of in EDITS.items():
+            found = decided(of(table), shown, name, workers)
+            later = found.time_ms[k] - intact.time_ms[k]
+            right = (found.choice[k] == shown.truth) * 1.0 - (intact.choice[k] == shown.truth)
+            se = [values.std() / np.sqrt(trials) for values in (right, later)]
+            rows.append(
+                {"channels": channels, "edit": edit, "engine": name}
+                | {"accuracy_gained": right.mean(), "later_ms": later.mean()}
+                | {"accuracy_se": se[0], "later_se_ms": se[1]}
+            )
     return pd.DataFrame(rows)
 
 
@@ -301,28 +292,43 @@ def _draw_rates(found: pd.DataFrame, spectra: Any, sizes: Any) -> None:
     sizes.legend(frameon=False, fontsize=8)
 
 
+def pieces(given: argparse.Namespace) -> Iterator[tuple[str, str, int, Callable[[], pd.DataFrame]]]:
+    """Yield what is scored: its table, its own name, its trials, and how it is made."""
+    for channels, d_primes in D_PRIMES.items():
+        for d_prime in d_primes:
+            made = partial(decisions, channels, d_prime, given.trials, given.workers)
+            yield "decisions", f"N = {channels}, d' {d_prime:g}", given.trials, made
+    for channels in EDITED:
+        made = partial(edits, channels, given.edited, given.workers)
+        yield "edits", f"N = {channels}", given.edited, made
+    yield "rates", "held evidence", given.held, partial(rates, given.held, given.workers)
+
+
 def main() -> None:
     """Score decisions, edits and rates, and draw them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=5000, help="of each condition")
     parser.add_argument("--edited", type=int, default=2000, help="trials of each edit")
     parser.add_argument("--held", type=int, default=100, help="trials of held evidence")
+    parser.add_argument("--only", default="", help="pieces whose name contains this")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", action="store_true", help="compute only what is not there")
     given = parser.parse_args()
     OUT.mkdir(exist_ok=True)
-    counts = {"decisions": given.trials, "edits": given.edited, "rates": given.held}
-    make = {"decisions": decisions, "edits": edits, "rates": rates}
-    made = {}
-    for name, count in counts.items():
-        path = OUT / f"population {name}.csv"
-        if not (given.keep and path.exists()):
-            found = partial(make[name], count, given.workers)()
-            behind = {"trials": count, "circuit": identity(circuit(TABLE, 2))}
-            write_table(found, path, seed=SCORING_SEED, **behind)
-        made[name] = read_table(path)
-    print(summary(made))
-    draw(made, OUT)
+    made: dict[str, list[pd.DataFrame]] = {}
+    for kind, name, trials, make in pieces(given):
+        path = OUT / f"population {kind} {name}.csv"
+        if given.only in path.name and not (given.keep and path.exists()):
+            behind = {"trials": trials, "circuit": identity(circuit(TABLE, 2))}
+            write_table(make(), path, seed=SCORING_SEED, **behind)
+        if path.exists():
+            made.setdefault(kind, []).append(read_table(path))
+            print(path.name, flush=True)
+    whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
+    print(_table_of(whole["decisions"]))
+    print(whole["edits"].round(3).to_string(index=False))
+    print(summary(whole))
+    draw(whole, OUT)
 
 
 if __name__ == "__main__":
