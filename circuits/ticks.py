@@ -13,6 +13,9 @@ Cells are single precision, everything else double. What moves a cell is built o
 so an engine that rounded elsewhere would have other spikes. Double precision holds a product of
 singles to the last bit, so ``single(a + b*c)`` is what a processor's fused multiply-add gives.
 
+The population engine takes rates for straight lines from tick to tick instead, so that its filters
+have their own mean lag at any tick, and what it computes is of second order in it.
+
 A delay is at least one tick. Everything starts at the intact circuit's rest; the evidence comes
 after a time to settle.
 """

@@ -148,6 +148,13 @@ def test_what_it_does_not_know_is_refused_in_one_sentence():
         assert "\n" not in str(caught.value)
 
 
+def test_lines_without_noise_are_those_of_cells_that_differ_too():
+    drive = np.random.default_rng(1).normal(0, 0.3, (3, 3, 2))
+    apart = FULL.with_spread(0.1).with_connections(0.25)
+    alike, differ = (run(table, drive, engine="rate", step_ms=50) for table in (FULL, apart))
+    assert alike.output_nats.tobytes() == differ.output_nats.tobytes()
+
+
 def test_rates_that_run_away_are_said_with_their_time():
     loop = Projection("ctx", "ctx", 3.0, delay_ms=2)
     with pytest.raises(ValueError, match=r"rates of source run away, \d+ ms after onset"):
