@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +78,13 @@ class Decision:
     def steps(self) -> Array:
         """Time in readings, the paper's T (never below 0; NaN where undecided)."""
         return np.maximum(self.time_ms, 0.0) / self.step_ms
+
+
+def joined(parts: Sequence[Decision]) -> Decision:
+    """Return the decisions of several parts of the same trials as one; all at one threshold."""
+    names = ("choice", "time_ms", "forced", "premature", "deadline_ms")
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Decision(**arrays, step_ms=parts[0].step_ms)
 
 
 def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = True) -> Decision:

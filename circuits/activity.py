@@ -122,16 +122,39 @@ class Activity:
 
     def rate_table(self) -> pd.DataFrame:
         """Return mean rates as a table: one row a population, channel and time."""
+        means = RateMeans()
+        means.add(self)
+        return means.table()
+
+
+class RateMeans:
+    """Mean rates of trials that are never in memory all at once."""
+
+    def __init__(self) -> None:
+        self._sums: dict[str, Array] = {}
+        self._counts: dict[str, Array] = {}
+        self._time_ms: Array = np.zeros(0)
+
+    def add(self, activity: Activity) -> None:
+        """Add trials of the same circuit and clock; what was dropped counts for nothing."""
+        self._time_ms = activity.time_ms
+        for name, rates in activity.rates_hz.items():
+            summed, counted = np.nansum(rates, axis=0), np.isfinite(rates).sum(axis=0)
+            self._sums[name] = self._sums.get(name, 0.0) + summed.astype(np.float64)
+            self._counts[name] = self._counts.get(name, 0) + counted
+
+    def table(self) -> pd.DataFrame:
+        """Return the means as a table: one row a population, channel and time."""
         parts = []
-        for name, rates in self.rates_hz.items():
-            mean = np.nanmean(rates, axis=0)
-            ticks, channels = mean.shape
+        for name, total in self._sums.items():
+            ticks, channels = total.shape
+            mean = total / np.where(self._counts[name] > 0, self._counts[name], np.nan)
             parts.append(
                 pd.DataFrame(
                     {
                         "population": name,
                         "channel": np.tile(np.arange(channels), ticks),
-                        "time_ms": np.repeat(self.time_ms, channels),
+                        "time_ms": np.repeat(self._time_ms, channels),
                         "rate_hz": mean.ravel(),
                     }
                 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,7 +22,7 @@ from bgmodel.commands.checks import (
     say_of_trials,
 )
 from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
-from bgmodel.decision import Decision, first_crossing
+from bgmodel.decision import Decision, first_crossing, joined
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from circuits.activity import RateMeans
     from circuits.spec import Circuit
 
 DEFAULT_POSTERIOR = 0.9
@@ -151,7 +152,7 @@ class CircuitRun(Writes):
     threshold: float | None = None
     """OUT at which it decides, in the circuit's unit, in place of a posterior."""
     workers: int = 2
-    """Threads of the ensemble engine; they change no byte."""
+    """Threads of the engines that can use several; they change no byte."""
     rates: Path | None = None
     """Where mean rates go, .parquet or .csv."""
     nwb: Path | None = None
@@ -170,10 +171,9 @@ class CircuitRun(Writes):
         threshold = self._threshold(table)
         check_threshold(table, threshold)
         started = time.perf_counter()
-        say_before(model, evidence, evidence.trials)
+        say_before(model, evidence, model.batch(evidence))
         model.warn_of_noise(threshold)
-        activity = model.activity(evidence)
-        decision = first_crossing(model.trace(activity, evidence), threshold)
+        decision, means = self._decide(model, evidence, threshold)
         seed = self.seed if self._draws() else None
         about = f"{table.name} {self.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
@@ -184,30 +184,58 @@ class CircuitRun(Writes):
         }
         files.write_table(result, self.output, seed=seed, **behind)
         if self.rates is not None:
-            files.write_table(activity.rate_table(), self.rates, seed=seed, **behind)
+            files.write_table(means.table(), self.rates, seed=seed, **behind)
         if self.nwb is not None:
-            from circuits.nwb import write_nwb
-
-            write_nwb(activity, self.nwb)
+            self._write_first(model, evidence, self.nwb)
         if self.stimuli.evidence is not None:
             print(trials.said())
         known, seconds = evidence.truth is not None, time.perf_counter() - started
         self._say_decided(result, decision, known, seconds)
 
+    def _decide(
+        self, model: BasalGanglia, evidence: Evidence, threshold: float
+    ) -> tuple[Decision, RateMeans]:
+        """Let the circuit decide, a part of the trials at a time; sum up rates that are asked for.
+
+        Without them a trial is over at its decision.
+        """
+        from tqdm import tqdm
+
+        from bgmodel.integrators.basal_ganglia import ROUNDING_NATS
+        from circuits.activity import RateMeans
+
+        means, decided = RateMeans(), []
+        if self.rates is None:
+            model = model.until(threshold - ROUNDING_NATS)
+        with tqdm(total=evidence.trials, unit="trial", disable=None) as bar:
+            for part, activity, trace in model.batches(evidence):
+                decided.append(first_crossing(trace, threshold))
+                if self.rates is not None:
+                    means.add(activity)
+                bar.update(part.trials)
+        return joined(decided), means
+
+    @staticmethod
+    def _write_first(model: BasalGanglia, evidence: Evidence, path: Path) -> None:
+        """Write the first trial, to its end, as NWB, with its spikes if the engine has any."""
+        from circuits.engines import SPIKING
+        from circuits.nwb import write_nwb
+
+        if model.engine in SPIKING:
+            names = [row.name for row in model.circuit.populations if row.spiking]
+            model = replace(model, options={**model.options, "spikes": names})
+        write_nwb(model.activity(evidence[:1]), path)
+
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
         from circuits.anatomy import circuit
-        from circuits.engines import SPIKING, THREADED
+        from circuits.engines import THREADED
 
         table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
         options: dict[str, Any] = {}
-        if self.engine in SPIKING and self.nwb is not None:
-            options["spikes"] = [p.name for p in table.populations if p.spiking]
         if self.engine in THREADED:
             options["workers"] = self.workers
-        if self.engine == "ensemble":
-            options["progress"] = True
         return BasalGanglia(table, self.engine, gain_of(table, self.gain), self.seed, options)
 
     def _say_decided(

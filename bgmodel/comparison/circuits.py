@@ -23,6 +23,7 @@ from bgmodel.comparison.decoder import decoded
 from bgmodel.comparison.steady import out_shift
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
+    ROUNDING_NATS,
     BasalGanglia,
     deciding_thresholds,
     rest_out,
@@ -30,7 +31,7 @@ from bgmodel.integrators.basal_ganglia import (
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.seeds import stream
-from circuits.engines import DROPPING, NOISY
+from circuits.engines import NOISY
 from circuits.spec import NATS, Circuit
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
@@ -41,8 +42,6 @@ LOWEST_NATS = 1e-3
 HIGHEST = 0.98
 BELOW_NATS = 0.04
 """How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
-ROUNDING_NATS = 0.01
-"""The same where nothing is decoded."""
 
 
 def references(model: BasalGanglia, evidence: Evidence) -> dict[str, Sweep]:
@@ -128,10 +127,7 @@ def decide_at_thresholds(
     in_nats = model.circuit.unit == NATS
     decodes = in_nats and model.engine in NOISY and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
-    if model.engine in DROPPING:
-        level = lowest - (BELOW_NATS if decodes else ROUNDING_NATS)
-        options = {**model.options, "drop_below": level, "rates": decodes}
-        model = replace(model, options=options)
+    model = model.until(lowest - (BELOW_NATS if decodes else ROUNDING_NATS), rates=decodes)
     found: dict[str, Sweep] = {}
     first = 0
     for part, activity, trace in model.batches(evidence):

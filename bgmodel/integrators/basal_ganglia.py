@@ -19,7 +19,7 @@ from bgmodel.ours import explained
 try:
     from circuits.activity import checked_drive, warn_beyond_range
     from circuits.cost import cells, ensemble_s, memory_bytes
-    from circuits.engines import ENGINES, NOISY, THREADED
+    from circuits.engines import DROPPING, ENGINES, NOISY, THREADED
     from circuits.engines import run as run_engine
     from circuits.spec import NATS, Circuit
 except ImportError as error:
@@ -33,6 +33,8 @@ BATCH = 250
 WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
 """Without rates: so many, if OUT has no more numbers than this. The rate engine is faster on many.
 """
+ROUNDING_NATS = 0.01
+"""How far below its threshold a trial is dropped."""
 LONG_S = 120.0
 """Runs that take longer say so."""
 NOISE_SHARE = 0.02
@@ -167,6 +169,12 @@ class BasalGanglia:
                 f"{out.std():.2f}",
                 stacklevel=2,
             )
+
+    def until(self, level_nats: float, *, rates: bool = False) -> BasalGanglia:
+        """Return the model that drops a trial below a level of OUT, where its engine can."""
+        if self.engine not in DROPPING:
+            return self
+        return replace(self, options={**self.options, "drop_below": level_nats, "rates": rates})
 
     def batch(self, evidence: Evidence) -> int:
         """Return the number of trials in a batch of ``batches``."""

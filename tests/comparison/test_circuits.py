@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison import circuits as circuit_study
 from bgmodel.comparison.circuits import (
     CIRCUIT,
     DECODER,
@@ -105,7 +104,7 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
     # Batches of 20: a trial that is run again has the noise of its place among all.
     monkeypatch.setattr(basal_ganglia, "BATCH", 20)
     dropped = decide_at_thresholds(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
-    monkeypatch.setattr(circuit_study, "DROPPING", ())
+    monkeypatch.setattr(basal_ganglia, "DROPPING", ())
     whole = decide_at_thresholds(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
     assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
     for name, one in whole.items():

@@ -25,6 +25,8 @@ MIDDLING_HZ = 25.0
 """Rate at which a pacemaker's coefficients begin where those of others do."""
 SECTIONS = 2
 """Sections of the filter of noise: one misses the peak of a pacemaker by up to 30 %."""
+SIGNS = np.tile([1.0, -1.0], SECTIONS)
+"""Of what stands above and below in a section."""
 PER_RAD_S = 2j * np.pi * FREQUENCIES_HZ / 100
 """i omega in units of 100 /s, in which coefficients are near 1."""
 
@@ -44,20 +46,27 @@ def following(gain: Complex) -> Fitted:
     gain : complex array (S, F)
         At ``FREQUENCIES_HZ``.
     """
-    s = PER_RAD_S
+    s, weight = PER_RAD_S, 1 / (1 + FREQUENCIES_HZ / 100)
+    wanted = gain / gain[:, :1].real
 
-    def answer(p: Array) -> Complex:
-        n1, n2, d1, d2 = p[0], p[1], *np.exp(p[2:])
-        return np.asarray((1 + n1 * s + n2 * s * s) / (1 + d1 * s + d2 * s * s))
-
-    wanted, weight = gain / gain[:, :1].real, 1 / (1 + FREQUENCIES_HZ / 100)
+    def parts(p: Array) -> tuple[Complex, Complex, Array]:
+        d1, d2 = np.exp(p[2:])
+        return 1 + p[0] * s + p[1] * s * s, 1 + d1 * s + d2 * s * s, np.array([d1, d2])
 
     def missing(p: Array, state: int) -> Array:
-        off = (answer(p) - wanted[state]) * weight
+        top, low, _ = parts(p)
+        off = (top / low - wanted[state]) * weight
         return np.concatenate([off.real, off.imag])
 
-    found = _along(len(gain), missing, np.array([0.3, 0.03, np.log(0.6), np.log(0.05)]))
-    off = np.abs(np.array([answer(p) for p in found]) - wanted)
+    def slopes(p: Array, state: int) -> Array:
+        top, low, (d1, d2) = parts(p)
+        down = -top / low**2
+        found = np.array([s / low, s * s / low, down * d1 * s, down * d2 * s * s]) * weight
+        return np.concatenate([found.real, found.imag], axis=1).T
+
+    start = np.array([0.3, 0.03, np.log(0.6), np.log(0.05)])
+    found = _along(len(gain), missing, slopes, start)
+    off = np.abs(np.array([np.divide(*parts(p)[:2]) for p in found]) - wanted)
     found[:, 2:] = np.exp(found[:, 2:])
     return Fitted(found, off[:, FREQUENCIES_HZ <= 100].max(axis=1))
 
@@ -88,33 +97,47 @@ def _colour(power: Array, unit: Array) -> Fitted:
     """Fit the colour of noise with frequencies in units of their own at each state."""
     wanted = np.log(power)
 
-    def answer(p: Array, state: int) -> Array:
-        s, total = PER_RAD_S / unit[state], np.zeros(len(PER_RAD_S))
-        for b1, b0, a1, a0 in np.exp(p).reshape(-1, 4):
-            total += 2 * np.log(np.abs((s * s + b1 * s + b0) / (s * s + a1 * s + a0)))
-        return total
+    def polynomials(p: Array, state: int) -> Complex:
+        """Return the tops and bottoms of the sections in turn, (2 SECTIONS, F)."""
+        s, c = PER_RAD_S / unit[state], np.exp(p).reshape(-1, 2, 1)
+        return np.asarray(s * s + c[:, 0] * s + c[:, 1])
 
     def missing(p: Array, state: int) -> Array:
-        return np.asarray(answer(p, state) - wanted[state])
+        logs = 2 * np.log(np.abs(polynomials(p, state)))
+        return np.asarray(SIGNS @ logs - wanted[state])
 
-    found = _along(len(power), missing, np.log([1.0, 1.0, 1.0, 4.0, 3.0, 9.0, 3.0, 9.0]))
+    def slopes(p: Array, state: int) -> Array:
+        of = 1 / polynomials(p, state)
+        c, s = np.exp(p).reshape(-1, 2, 1), PER_RAD_S / unit[state]
+        each = np.stack([c[:, 0] * s * of, c[:, 1] * of], axis=1).real
+        return np.asarray(2 * (SIGNS[:, None, None] * each).reshape(len(p), -1).T)
+
+    start = np.log([1.0, 1.0, 1.0, 4.0, 3.0, 9.0, 3.0, 9.0])
+    found = _along(len(power), missing, slopes, start)
     off = np.array([missing(p, state) for state, p in enumerate(found)])
     misfit = np.abs(np.expm1(off))[:, FREQUENCIES_HZ <= 100].max(axis=1)
     return Fitted(np.exp(found) * unit[:, None] ** np.tile([1, 2, 1, 2], SECTIONS), misfit)
 
 
-def _along(count: int, missing: Callable[[Array, int], Array], start: Array) -> Array:
+Of = Callable[[Array, int], Array]
+
+
+def _along(count: int, missing: Of, slopes: Of, start: Array) -> Array:
     """Solve one least-squares problem per state, from the first to the last, each near the last."""
     from scipy.optimize import least_squares
 
     found, first = np.empty((count, len(start))), start
+    held = KEPT * np.eye(len(start))
     for state in range(count):
         before = start
 
         def all_missing(p: Array, state: int = state, before: Array = before) -> Array:
             return np.concatenate([missing(p, state), KEPT * (p - before), KEPT * (p - first)])
 
-        start = least_squares(all_missing, before, method="lm", max_nfev=400).x
+        def all_slopes(p: Array, state: int = state) -> Array:
+            return np.concatenate([slopes(p, state), held, held])
+
+        start = least_squares(all_missing, before, jac=all_slopes, method="lm", max_nfev=400).x
         found[state] = start
     return found
 

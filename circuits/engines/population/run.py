@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -154,9 +155,14 @@ def _trials(p: Any, arrays: tuple[Any, ...], level: float, workers: int) -> int:
     return min(ended, default=0)
 
 
+@lru_cache(maxsize=64)
+def _rightmost(circuit: Circuit) -> complex:
+    return growth(circuit)
+
+
 def _warn_of_ringing(circuit: Circuit) -> None:
     """Warn near an oscillation: there cells fire together, and noise is no small thing."""
-    root = growth(circuit)
+    root = _rightmost(circuit)
     if root.imag and root.real > -RINGING_PER_S:
         warnings.warn(
             f"{circuit.name} as edited is near an oscillation at {abs(root.imag) / 2 / np.pi:.0f} "
