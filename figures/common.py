@@ -52,6 +52,8 @@ class Settings:
     most_neurons: int = 3000
     lesioned_trials: int = 14
     dopamine_trials: int = 40
+    # Of the experiments, every so-many-th is run in spikes too.
+    held_to_spikes: int = 1
 
     @property
     def deltas(self) -> np.ndarray:
@@ -82,6 +84,7 @@ FAST = Settings(
     most_neurons=1000,
     lesioned_trials=8,
     dopamine_trials=8,
+    held_to_spikes=5,
 )
 
 

@@ -1,7 +1,8 @@
 """Figure D1: reward finds the trade-off: the gap of the algorithm, dopamine in the circuit.
 
 One learner, two deciders. The algorithm's plays the gap of an SPRT; the circuit's plays a level of
-dopamine, and neither gap nor posterior nor a test is known to it.
+dopamine, and neither gap nor posterior nor a test is known to it. Circuits of rates and of
+populations with noise learn; what the latter learned is scored in spikes.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from bgmodel import stream
 from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.level import learn_level, level_outcomes, scored_runs
+from bgmodel.learning.level import LevelOutcomes, learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
 from circuits.anatomy import circuit
@@ -27,14 +28,15 @@ from figures.common import COLOUR, GAIN, Settings, letter, run
 STEP_MS = 50.0
 STARTS = (1, -2)
 """Where tonic dopamine starts, of the levels played: too careful, too hasty."""
-TRIALS = {"rate": 3.0, "ensemble": 1.0}
+TRIALS = {"rate": 3.0, "population": 3.0, "ensemble": 1.0}
 """Trials of a circuit, as a share of what the figures of circuits have."""
-LEVELS = 16
+LEVELS, SCORED = 16, 6
+"""Levels that are played; levels at which spikes score what populations learned."""
 RUNS = 20
 KEPT = 120
 COLUMNS = ["run", "learned_level", "regret", "period_mm"]
 COLUMNS += ["start_level", "best_level", "best_reward", "start_regret"]
-PERIODS = {"rate": (1.5, 2.0, 2.5), "ensemble": (1.5, 2.0)}
+PERIODS = {"rate": (1.5, 2.0, 2.5), "population": (1.5, 2.0)}
 
 
 def rate(settings: Settings, taps: Path, *, output: Path) -> None:
@@ -42,31 +44,59 @@ def rate(settings: Settings, taps: Path, *, output: Path) -> None:
     _learn(settings, taps, "rate", output)
 
 
-def spikes(settings: Settings, taps: Path, *, output: Path) -> None:
-    """Learn dopamine in the spiking circuit."""
-    _learn(settings, taps, "ensemble", output)
+def population(settings: Settings, taps: Path, *, output: Path) -> None:
+    """Learn dopamine in the circuit with the noise of its cells."""
+    _learn(settings, taps, "population", output)
+
+
+def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> None:
+    """Score in spikes, on fresh evidence, what populations learned."""
+    model = _model(settings, "ensemble")
+    model = replace(model, seed=settings.seed + 1)
+    parts = []
+    for period, runs in read_table(learned).groupby("period_mm"):
+        ends = runs.drop_duplicates(["start_level", "run"])
+        at = [*ends["start_level"], ends["best_level"].iloc[0], *ends["learned_level"]]
+        levels = np.quantile(at, np.linspace(0, 1, SCORED))
+        levels = np.unique([*levels, *ends["start_level"], ends["best_level"].iloc[0]])
+        fresh = _outcomes(settings, taps, model, float(period), "scored", levels)
+        for start, of_start in ends.groupby("start_level"):
+            found = scored_runs(
+                of_start["learned_level"], fresh, xi=settings.xi, start_level=float(start)
+            )
+            parts.append(found.assign(period_mm=period)[COLUMNS])
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def _model(settings: Settings, engine: str) -> BasalGanglia:
+    options = COARSE if engine == "rate" else {}
+    return BasalGanglia(circuit("spiking_msprt"), engine, GAIN, settings.seed, options)
+
+
+def _outcomes(
+    settings: Settings,
+    taps: Path,
+    model: BasalGanglia,
+    period: float,
+    name: str,
+    levels: np.ndarray,
+) -> LevelOutcomes:
+    """Return what comes of each level on evidence of its own, learned from or scored on."""
+    drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
+    rng = stream(settings.seed, "figD1", name, period)
+    trials = round(TRIALS[model.engine] * settings.circuit_trials)
+    return level_outcomes(model, drawn(trials, settings.t_max, rng=rng, step_ms=STEP_MS), levels)
 
 
 def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
-    options = COARSE if engine == "rate" else {}
-    model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, settings.seed, options)
+    model = _model(settings, engine)
     levels = playable_levels(model, LEVELS)
     parts = []
     for period in PERIODS[engine]:
-        drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
+        # What is scored has noise of its own too.
         outcomes, fresh = (
-            level_outcomes(
-                # What is scored has noise of its own too.
-                replace(model, seed=settings.seed + (name == "scored")),
-                drawn(
-                    round(TRIALS[engine] * settings.circuit_trials),
-                    settings.t_max,
-                    rng=stream(settings.seed, "figD1", name, period),
-                    step_ms=STEP_MS,
-                ),
-                levels,
-            )
-            for name in ("learned", "scored")
+            _outcomes(settings, taps, replace(model, seed=seed), period, name, levels)
+            for name, seed in (("learned", settings.seed), ("scored", settings.seed + 1))
         )
         for start in levels[list(STARTS)].tolist():
             learned = learn_level(
@@ -90,17 +120,19 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
-def draw(settings: Settings, gap: Path, rates: Path, spiking: Path, *, output: Path) -> Figure:
+def draw(
+    settings: Settings, gap: Path, rates: Path, noisy: Path, spiking: Path, *, output: Path
+) -> Figure:
     """Draw what is learned, trial by trial, and what it costs in the end."""
     figure, axes = plt.subplots(1, 4, figsize=(7.2, 2.5), width_ratios=[1, 1, 1, 0.9])
     algorithm = read_table(gap)
     # The circuits were given the readings of one fold.
     algorithm = algorithm[algorithm["fold"] == 0]
     _gap(axes[0], algorithm)
-    for ax, path, mark in ((axes[1], rates, "b  rate circuit"), (axes[2], spiking, "c  spikes")):
+    for ax, path, mark in ((axes[1], rates, "b  rates"), (axes[2], noisy, "c  with noise")):
         _levels(ax, read_table(path))
         letter(ax, mark)
-    _regret(axes[3], algorithm, read_table(rates), read_table(spiking))
+    _regret(axes[3], algorithm, *map(read_table, (rates, noisy, spiking)))
     return figure
 
 
@@ -125,8 +157,10 @@ def _levels(ax, table: pd.DataFrame) -> None:
     ax.set(xlabel="trials (1 000)", ylabel="tonic dopamine")
 
 
-def _regret(ax, gap: pd.DataFrame, rates: pd.DataFrame, spiking: pd.DataFrame) -> None:
-    deciders = {"algorithm": gap, "rate": rates, "spikes": spiking}
+def _regret(
+    ax, gap: pd.DataFrame, rates: pd.DataFrame, noisy: pd.DataFrame, spiking: pd.DataFrame
+) -> None:
+    deciders = {"algorithm": gap, "rates": rates, "noise": noisy, "spikes": spiking}
     for place, table in enumerate(deciders.values()):
         by = ["period_mm", "start_level" if "start_level" in table else "start_delta"]
         one = [*by, "run"] if "run" in table else [*by, "fold", "repeat"]
@@ -140,9 +174,9 @@ def _regret(ax, gap: pd.DataFrame, rates: pd.DataFrame, spiking: pd.DataFrame) -
                 ax.scatter(x, 100 * max(start, 1e-4), marker="_", s=30, color=COLOUR[period])
     ax.axhline(3, ls=":", lw=0.8, color="k")
     ax.set(yscale="log", ylabel="cost beyond the optimum (%)")
-    ax.set_xticks(range(len(deciders)), list(deciders))
+    ax.set_xticks(range(len(deciders)), list(deciders), rotation=30, ha="right")
     letter(ax, "d")
 
 
 if __name__ == "__main__":
-    run(rate=rate, spikes=spikes, draw=draw)
+    run(rate=rate, population=population, spikes=spikes, draw=draw)

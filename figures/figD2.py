@@ -16,11 +16,14 @@ from circuits.anatomy import circuit
 from figures.common import Settings, letter, run
 
 COLOURS = {2: "C0", 4: "C1"}
+SPIKING_EVERY = 3
+"""Spikes are held beside populations at every so-many-th level."""
+ENGINES = (("rate", "o", "rates"), ("population", "d", "with noise"), ("ensemble", "s", "spikes"))
 
 
 def compute(settings: Settings, *, output: Path) -> None:
-    """Let both circuits decide at levels across their working range, N = 2 and 4."""
-    found = levels_against_msprt(settings.seed, settings.circuit_trials // 2)
+    """Let all circuits decide at levels across their working range, N = 2 and 4."""
+    found = levels_against_msprt(settings.seed, settings.circuit_trials // 2, SPIKING_EVERY)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
@@ -65,7 +68,7 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
     levels = levels_between(low * 1.001, high * 0.999, 40)
     exact = [criterion(table, level, threshold, GAIN) for level in levels]
     ax.plot(levels, exact, lw=0.8, color=colour, label=f"N = {channels}")
-    for engine, mark, name in (("rate", "o", "rates"), ("ensemble", "s", "spikes")):
+    for engine, mark, name in ENGINES:
         points = _points(rows, engine, "criterion")
         off = [points["value"] - points["low"], points["high"] - points["value"]]
         ax.errorbar(
@@ -76,7 +79,7 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
             ms=3,
             lw=0.6,
             color=colour,
-            mfc="w" if mark == "o" else colour,
+            mfc=colour if mark == "s" else "w",
             label=name if channels == 2 else None,
         )
         early = _points(rows, engine, "premature")["value"] > 0.02
@@ -86,17 +89,17 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
 def _tradeoff(ax, rows: pd.DataFrame, colour: str) -> None:
     line = rows[(rows["measure"] == "curve") & (rows["reference"] == MSPRT)]
     ax.plot(line["value"] / 1000, line["level"], lw=0.8, color=colour)
-    for engine, mark in (("rate", "o"), ("ensemble", "s")):
+    for engine, mark, _ in ENGINES:
         time, known = (_points(rows, engine, name) for name in ("mean_ms", "criterion"))
-        face = "w" if mark == "o" else colour
+        face = colour if mark == "s" else "w"
         ax.plot(time["value"] / 1000, known["value"], mark, ms=3, color=colour, mfc=face)
 
 
 def _gap(ax, rows: pd.DataFrame, colour: str) -> None:
-    for engine, mark in (("rate", "o"), ("ensemble", "s")):
+    for engine, mark, _ in ENGINES:
         gap, known = (_points(rows, engine, name) for name in ("accuracy_gap", "criterion"))
         off = [gap["value"] - gap["low"], gap["high"] - gap["value"]]
-        face = "w" if mark == "o" else colour
+        face = colour if mark == "s" else "w"
         ax.errorbar(
             known["value"], gap["value"], off, fmt=mark, ms=3, lw=0.6, color=colour, mfc=face
         )

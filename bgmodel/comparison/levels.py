@@ -36,7 +36,7 @@ LATENCY_MS = {2: 54.0, 4: 71.0}
 """Non-decision time: the spiking circuit's offset against the MSPRT at this gain (`python -m
 benchmarks.scores.agreement --gain 0.5`, d' = .5, every 50 ms). It is taken off beside the full
 MSPRT too, so that what the lower gain costs is not."""
-ENGINES = ("rate", "ensemble")
+ENGINES = ("rate", "population", "ensemble")
 
 
 def level_table(
@@ -103,8 +103,8 @@ def _between(at: Array, x: Array, y: Array) -> Array:
     return np.array([np.interp(*row, np.nan, np.nan) for row in zip(at, x, y, strict=True)])
 
 
-def levels_against_msprt(seed: int, trials: int) -> pd.DataFrame:
-    """Return ``level_table`` for 2 and 4 alternatives and two engines, beside the tests' curves.
+def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.DataFrame:
+    """Return ``level_table`` for 2 and 4 alternatives and all engines, beside the tests' curves.
 
     Parameters
     ----------
@@ -112,6 +112,8 @@ def levels_against_msprt(seed: int, trials: int) -> pd.DataFrame:
         Of evidence, noise and bootstrap.
     trials : int
         Trials of Gaussian evidence for each number of alternatives.
+    spiking_every : int
+        Spikes decide at every so-many-th level.
 
     Returns
     -------
@@ -132,8 +134,9 @@ def levels_against_msprt(seed: int, trials: int) -> pd.DataFrame:
         for engine in ENGINES:
             options = COARSE if engine == "rate" else {}
             model = BasalGanglia(table, engine, GAIN, seed, options)
+            played = levels[::spiking_every] if engine == "ensemble" else levels
             found = level_table(
-                decide_at_levels(model, evidence, levels, threshold),
+                decide_at_levels(model, evidence, played, threshold),
                 tests,
                 circuit=table,
                 gain=GAIN,
