@@ -74,6 +74,18 @@ def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) 
     return _cost(cells_of(circuit), trials, cpu / times, wall / times)
 
 
+def population(trials: int = 5000, **which: Any) -> dict[str, float]:
+    """Measure the population engine, as if each of its cells had ticks of .1 ms."""
+    from circuits.engines.population.run import run
+
+    circuit = circuit_of(**which)
+    given = {"step_ms": STEP_MS, "seed": 1, "settle_ms": SETTLE_MS, "rates": False}
+    run(circuit, drive(1, circuit.channels), **given)
+    evidence = drive(trials, circuit.channels)
+    cpu = _timed(lambda: run(circuit, evidence, **given))
+    return _cost(cells_of(circuit), trials, cpu, cpu)
+
+
 def brian2(trials: int = 20, **which: Any) -> dict[str, float]:
     """Measure the Brian2 engine, all trials in one network."""
     from circuits.engines.brian2 import run as spiking
@@ -152,12 +164,21 @@ def _cost(
     }
 
 
-KINDS = {"ensemble": ensemble, "brian2": brian2, "vanilla": vanilla, "nengo": nengo}
+KINDS = {
+    "ensemble": ensemble,
+    "population": population,
+    "brian2": brian2,
+    "vanilla": vanilla,
+    "nengo": nengo,
+}
 SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
     ("ensemble", "ensemble", {"trials": 300}),
     ("ensemble, 10 % spread", "ensemble", {"trials": 300, "spread": 0.1}),
     ("ensemble, 25 % connections", "ensemble", {"trials": 300, "connections": 0.25}),
     ("ensemble, both", "ensemble", {"trials": 300, "spread": 0.1, "connections": 0.25}),
+    ("population", "population", {}),
+    ("ensemble, 3 000 cells", "ensemble", {"trials": 30, "neurons": 3000}),
+    ("population, 3 000 cells", "population", {"neurons": 3000}),
     ("Brian2 engine", "brian2", {}),
     ("vanilla Brian2, standalone", "vanilla", {"target": "standalone"}),
     ("vanilla Brian2, cython", "vanilla", {"target": "cython"}),
