@@ -110,6 +110,7 @@ def save(figure: Figure, path: Path) -> None:
         with replacing(path.with_suffix(ending)) as partial:
             figure.savefig(partial, metadata=metadata)
     plt.close(figure)
+    print(f"drawn: {path.with_suffix('.png')}", flush=True)
 
 
 def letter(ax: Any, text: str) -> None:

