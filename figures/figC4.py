@@ -32,6 +32,8 @@ from figures.common import BRIEF, GAIN, Settings, letter, run
 NEURONS = (30, 100, 300, 1000, 3000)
 AT, HIGHEST = 0.95, 0.96
 SHOWN = 14
+SPIKING = 5
+"""Changes that are made in spikes too."""
 SPAN_MS = 50.0
 # Where a change is asked how far it moves OUT: about the thresholds.
 OUTS = (0.15, 0.3, 0.6)
@@ -90,17 +92,23 @@ def wiring(settings: Settings, *, output: Path) -> None:
 
 
 def numbers(settings: Settings, *, output: Path) -> None:
-    """Change the numbers of the table by 20 %, N = 2: those that move its fixed point most."""
+    """Change the numbers of the table by 20 %, N = 2: those that move its fixed point most.
+
+    By populations with noise; those that move it most of all in spikes too.
+    """
     evidence = gaussian(settings, "numbers", settings.varied_trials, 2, 1.0)
     table = circuit("spiking_msprt")
     every = perturbed(table)
     moved = [np.abs(out_shift(table, edit, OUTS, laws="cells")).max() for edit in every.values()]
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]
-    edited = {name: every[name] for name in names}
-    model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
-    found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
-    write_table(found.assign(of=len(every)), output, seed=settings.seed, settings=settings)
+    parts = []
+    for engine, count in (("population", len(names)), ("ensemble", SPIKING)):
+        edited = {name: every[name] for name in names[:count]}
+        model = BasalGanglia(table, engine, GAIN, settings.seed, BRIEF)
+        found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
+        parts.append(found.assign(of=len(every), engine=engine))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
 def draw(settings: Settings, *data: Path, output: Path) -> Figure:
@@ -160,6 +168,9 @@ def _edits(ax, table: pd.DataFrame) -> None:
 
 def _numbers(ax, table: pd.DataFrame) -> None:
     """Show the numbers whose change moves accuracy most, and what a new threshold leaves of it."""
+    spiking, table = (table[table["engine"] == name] for name in ("ensemble", "population"))
+    in_spikes = spiking[(spiking["kind"] == "fixed") & (spiking["measure"] == "expected_accuracy")]
+    in_spikes = in_spikes.set_index("variant")["value"]
     fixed = table[(table["kind"] == "fixed") & (table["measure"] == "expected_accuracy")]
     fixed = fixed.set_index("variant")["value"]
     tuned = table[(table["kind"] == "change") & (table["measure"] == "pearson_r")]
@@ -168,6 +179,9 @@ def _numbers(ax, table: pd.DataFrame) -> None:
     worst = moved.abs().sort_values(ascending=False).index[:SHOWN]
     places = np.arange(len(worst))[::-1]
     ax.plot(moved[worst], places, "s", ms=4, color="C1", label="accuracy, threshold kept")
+    known = [k for k, name in enumerate(worst) if name in in_spikes.index]
+    off = in_spikes[worst[known]] - in_spikes["intact"]
+    ax.plot(off, places[known], "x", ms=5, color="k", label="the same, in spikes")
     here = tuned.loc[worst]
     off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
     ax.errorbar(

@@ -20,6 +20,8 @@ from circuits.wiring import Wiring
 
 NODES = 12
 """Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""
+RINGING_HZ = np.geomspace(0.02, 1000, 400)
+"""Where amplification is looked for."""
 LOWEST_NATS, HIGHEST_NATS, FACTOR = 0.25, 40.0, 1.15
 """Where the limit is looked for, and in what steps."""
 
@@ -108,6 +110,34 @@ def onset(circuit: Circuit) -> Onset:
             return Onset(limit, abs(at(limit).imag) / (2 * math.pi))
         low = high
     return Onset(math.inf, math.nan)
+
+
+def ringing(circuit: Circuit) -> tuple[float, float]:
+    """Return how much the loops amplify fluctuations at most, and at which frequency, Hz.
+
+    The largest of ``1 / |det(1 - L)|`` from 1 to 100 Hz at the fixed point of rest, L what goes
+    once round (Nyquist's criterion): 1 without loops, infinite where the fixed point is unstable.
+
+    Raises
+    ------
+    ValueError
+        If there is no fixed point.
+    """
+    wiring = wired(circuit)
+    x = solve(wiring, np.zeros((1, circuit.channels)))
+    turn = 2j * np.pi * RINGING_HZ[:, None] / 1000
+    paths = [wiring.projection(u) for u in range(wiring.units)]
+    delay, tau = (np.array([getattr(p, k) for p in paths]) for k in ("delay_ms", "tau_ms"))
+    synapse = np.exp(-turn * delay) / (1 + turn * tau)
+    block = wiring.rates_slope(x)[0] / (1 + turn * wiring.tau_ms)
+    loops = (block[:, :, None] * wiring.weight) @ (synapse[:, :, None] * wiring.deliver)
+    left = np.linalg.det(np.eye(wiring.blocks) - loops)
+    turned = np.unwrap(np.angle(left))
+    seen = (RINGING_HZ >= 1) & (RINGING_HZ <= 100)
+    most = int(np.argmin(np.where(seen, np.abs(left), np.inf)))
+    # Each unstable root turns the determinant by half a turn, an integrator by a quarter.
+    unstable = abs(turned[-1] - turned[0]) > 0.75 * np.pi
+    return math.inf if unstable else float(1 / np.abs(left[most])), float(RINGING_HZ[most])
 
 
 def stability_limit_nats(circuit: Circuit) -> float:

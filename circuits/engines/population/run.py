@@ -30,12 +30,13 @@ from circuits.checks import check_time, is_whole
 from circuits.engines.population import kernel
 from circuits.engines.population.plan import CELLS, Laws, plan, tick_ms, workspace
 from circuits.fixed_point import wired
-from circuits.laws.stability import growth
+from circuits.laws.stability import ringing
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
 
-RINGING_PER_S = 5.0
-"""An oscillation that dies out more slowly than this is said."""
+RINGING = 8.0
+"""Loops that amplify fluctuations by more than this are said."""
+_ringing = lru_cache(maxsize=64)(ringing)
 
 
 def run(
@@ -155,18 +156,12 @@ def _trials(p: Any, arrays: tuple[Any, ...], level: float, workers: int) -> int:
     return min(ended, default=0)
 
 
-@lru_cache(maxsize=64)
-def _rightmost(circuit: Circuit) -> complex:
-    return growth(circuit)
-
-
 def _warn_of_ringing(circuit: Circuit) -> None:
     """Warn near an oscillation: there cells fire together, and noise is no small thing."""
-    root = _rightmost(circuit)
-    if root.imag and root.real > -RINGING_PER_S:
+    amplified, hz = _ringing(circuit)
+    if amplified > RINGING:
         warnings.warn(
-            f"{circuit.name} as edited is near an oscillation at {abs(root.imag) / 2 / np.pi:.0f} "
-            "Hz: its cells fire together there, and the population engine takes their noise for "
-            "independent",
+            f"{circuit.name} as edited is near an oscillation at {hz:.0f} Hz: its cells fire "
+            "together there, and the population engine takes their noise for independent",
             stacklevel=3,
         )

@@ -163,3 +163,20 @@ def test_a_drive_of_another_shape_and_a_loop_that_is_never_stable_are_refused():
     unstable = circuit.with_projection("STN", "GPe", transfer="linear", weight=400, delay_ms=50)
     with pytest.raises(ValueError, match=r"unstable already at S = 0\.25 nats"):
         stability.onset(unstable)
+
+
+def test_loops_amplify_as_far_as_they_are_from_their_limit():
+    """1 without loops, 1/|1 - L| for one loop, infinite beyond the onset."""
+    assert stability.ringing(anatomy.bogacz_gurney().without("GPe"))[0] == pytest.approx(
+        1, abs=1e-6
+    )
+    circuit = loop(6, 14, (5, 5))
+    limit = stability.onset(circuit)
+    near, beyond = (
+        stability.ringing(replace(circuit, reference_nats=share * limit.total_nats))
+        for share in (0.99, 1.01)
+    )
+    assert near[0] > 30
+    assert near[1] == pytest.approx(limit.frequency_hz, rel=0.08)
+    assert beyond[0] == np.inf
+    assert stability.ringing(anatomy.spiking_msprt(2))[0] < 3
