@@ -56,6 +56,7 @@ BANDS_HZ = ((4, 8), (8, 13), (13, 20), (20, 30), (30, 45), (45, 70), (70, 100))
 SIZES = (30, 100, 300, 1000, 3000)
 HELD_NATS = (0.0, 0.6, 1.2)
 SPIKES, AGAIN, POPULATION = "spikes", "spikes, another seed", "population"
+KINDS = ("decisions", "edits", "rates")
 ENGINES = {
     SPIKES: ("ensemble", SCORING_SEED),
     AGAIN: ("ensemble", OTHER_SEED),
@@ -325,6 +326,9 @@ def main() -> None:
             made.setdefault(kind, []).append(read_table(path))
             print(path.name, flush=True)
     whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
+    if len(whole) < len(KINDS):
+        print(f"there are no {', '.join(kind for kind in KINDS if kind not in whole)} yet")
+        return
     print(_table_of(whole["decisions"]))
     print(whole["edits"].round(3).to_string(index=False))
     print(summary(whole))
