@@ -50,7 +50,7 @@ class Comparison(Writes):
     accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
     """Expected accuracies at which thresholds are matched."""
     workers: int = 2
-    """Threads of the ensemble engine; they change no byte."""
+    """Threads of the engines that can use several; they change no byte."""
     seed: int = 0
 
 

@@ -9,6 +9,7 @@ from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.commands.checks import Writes, check_apart, check_ending, check_whole, recorded
+from bgmodel.commands.names import EngineName
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class ExperimentRun(Writes):
     the 95 % interval of the change.
 
     Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial;
-    bgmodel experiment mine.toml outcome.csv --trials 200
+    bgmodel experiment mine.toml outcome.csv --trials 200 --engine population
     """
 
     file: Positional[str] = ""
@@ -32,8 +33,10 @@ class ExperimentRun(Writes):
     """Trials, if not those of the file."""
     seed: int | None = None
     """Seed, if not that of the file."""
+    engine: EngineName | None = None
+    """Engine, if not that of the file: population takes a second where spikes take minutes."""
     workers: int = 2
-    """Threads of the ensemble engine; they change no byte."""
+    """Threads of the engines that can use several; they change no byte."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -51,6 +54,8 @@ class ExperimentRun(Writes):
             experiment = replace(experiment, task=replace(experiment.task, trials=self.trials))
         if self.seed is not None:
             experiment = replace(experiment, seed=self.seed)
+        if self.engine is not None:
+            experiment = replace(experiment, engine=self.engine)
         experiment.check_differs()
         self._check_apart(experiment.task.evidence)
         done = experiments.run_experiment(experiment, workers=self.workers)

@@ -245,7 +245,7 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
     experiment : Experiment
         What to run.
     workers : int
-        Threads of the ensemble engine; they change no byte.
+        Threads of the engines that can use several; they change no byte.
 
     Raises
     ------

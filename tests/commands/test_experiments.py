@@ -188,6 +188,14 @@ def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
     assert out.read_bytes() != again.read_bytes()
 
 
+def test_another_engine_than_the_files_is_used_and_kept(experiment_file, tmp_path):
+    out = tmp_path / "a.csv"
+    given = ("--trials", 100, "--engine", "population")
+    assert run("experiment", experiment_file, out, *given) == 0
+    assert read_provenance(out)["parameters"]["experiment"]["engine"] == "population"
+    assert set(pd.read_csv(tmp_path / "a_trials.csv")["model"]) == {"spiking_msprt population"}
+
+
 def test_the_same_bytes_for_any_number_of_workers_and_any_batch(
     experiment_file, tmp_path, monkeypatch
 ):
