@@ -120,6 +120,20 @@ class Activity:
         frequency, power = welch(rates, fs=1000 / apart_ms, nperseg=length, axis=1)
         return frequency, power.mean(axis=0)
 
+    def spike_table(self) -> pd.DataFrame:
+        """Return all spikes that were kept: population, trial, channel, neuron, time_ms.
+
+        Raises
+        ------
+        ValueError
+            If none were kept.
+        """
+        if not self.spikes:
+            raise ValueError(f"the {self.engine} engine kept no spikes: ask for some (spikes=)")
+        parts = [table.assign(population=name) for name, table in self.spikes.items()]
+        whole = pd.concat(parts, ignore_index=True)
+        return whole[["population", *(name for name in whole if name != "population")]]
+
     def rate_table(self) -> pd.DataFrame:
         """Return mean rates as a table: one row a population, channel and time."""
         means = RateMeans()

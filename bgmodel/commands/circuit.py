@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from circuits.activity import RateMeans
+    from circuits.activity import Activity, RateMeans
     from circuits.spec import Circuit
 
 DEFAULT_POSTERIOR = 0.9
@@ -155,6 +155,10 @@ class CircuitRun(Writes):
     """Threads of the engines that can use several; they change no byte."""
     rates: Path | None = None
     """Where mean rates go, .parquet or .csv."""
+    spikes: Path | None = None
+    """Where the spikes of the first trials go, one row each, .parquet or .csv."""
+    spike_trials: int = 10
+    """So many trials' spikes."""
     nwb: Path | None = None
     """Where the first trial's spikes and rates go, .nwb."""
     seed: int = 0
@@ -185,8 +189,13 @@ class CircuitRun(Writes):
         files.write_table(result, self.output, seed=seed, **behind)
         if self.rates is not None:
             files.write_table(means.table(), self.rates, seed=seed, **behind)
+        if self.spikes is not None:
+            spikes = self._first(model, evidence, self.spike_trials).spike_table()
+            files.write_table(spikes, self.spikes, seed=seed, **behind)
         if self.nwb is not None:
-            self._write_first(model, evidence, self.nwb)
+            from circuits.nwb import write_nwb
+
+            write_nwb(self._first(model, evidence, 1), self.nwb)
         if self.stimuli.evidence is not None:
             print(trials.said())
         known, seconds = evidence.truth is not None, time.perf_counter() - started
@@ -216,15 +225,14 @@ class CircuitRun(Writes):
         return joined(decided), means
 
     @staticmethod
-    def _write_first(model: BasalGanglia, evidence: Evidence, path: Path) -> None:
-        """Write the first trial, to its end, as NWB, with its spikes if the engine has any."""
+    def _first(model: BasalGanglia, evidence: Evidence, trials: int) -> Activity:
+        """Return the first trials, to their ends, with their spikes if the engine has any."""
         from circuits.engines import SPIKING
-        from circuits.nwb import write_nwb
 
         if model.engine in SPIKING:
             names = [row.name for row in model.circuit.populations if row.spiking]
             model = replace(model, options={**model.options, "spikes": names})
-        write_nwb(model.activity(evidence[:1]), path)
+        return model.activity(evidence[:trials])
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
@@ -268,6 +276,8 @@ class CircuitRun(Writes):
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
+        from circuits.engines import SPIKING
+
         check_ending("output", self.output, ".parquet", ".csv")
         self.edits.check_engine(self.engine)
         self.stimuli.check()
@@ -278,7 +288,11 @@ class CircuitRun(Writes):
             raise ValueError(f"threshold must be finite, got {self.threshold}")
         if self.stimuli.evidence is None and self.threshold is None:
             criterion_from_posterior(self._posterior(), self.stimuli.channels)
-        for name, endings in (("rates", (".parquet", ".csv")), ("nwb", (".nwb",))):
+        check_whole(spike_trials=self.spike_trials)
+        if self.spikes is not None and self.engine not in SPIKING:
+            raise ValueError(f"the {self.engine} engine has no spikes: leave --spikes out")
+        tables_of = (".parquet", ".csv")
+        for name, endings in (("rates", tables_of), ("spikes", tables_of), ("nwb", (".nwb",))):
             if (path := getattr(self, name)) is not None:
                 check_ending(name, path, *endings)
                 if name == "nwb" and importlib.util.find_spec("pynwb") is None:

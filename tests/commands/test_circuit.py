@@ -28,7 +28,7 @@ def test_show_says_whose_noise_it_is(capsys):
     assert "does not scatter" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate"])
+@pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate", "population"])
 def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp_path, engine):
     table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
     options = ["--trials", 6, "--t-max", 4, "--seed", 3, "--channels", 3]
@@ -42,6 +42,31 @@ def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp
     again = tmp_path / "again.csv"
     assert run("circuit", "run", again, "--engine", engine, *options, "--workers", 1) == 0
     pd.testing.assert_frame_equal(first, pd.read_csv(again, comment="#"))
+
+
+def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path):
+    table, spikes, rates = (tmp_path / f"{name}.csv" for name in "dsr")
+    options = ["--trials", 3, "--t-max", 2, "--edits.neurons", 30, "--spike-trials", 2]
+    assert run("circuit", "run", table, *options, "--spikes", spikes, "--rates", rates) == 0
+    found = pd.read_csv(spikes, comment="#")
+    assert list(found) == ["population", "trial", "channel", "neuron", "time_ms"]
+    assert set(found["trial"]) == {0, 1}
+    assert {"ctx", "D1", "D2", "STN", "GPe", "SNr"} == set(found["population"])
+    every = [*options[:-1], 3]
+    assert run("circuit", "run", table, *every, "--spikes", spikes, "--force") == 0
+    found, mean = pd.read_csv(spikes, comment="#"), pd.read_csv(rates, comment="#")
+    for name in ("STN", "GPe"):
+        hz = mean[mean["population"] == name]["rate_hz"].mean()
+        # 3 trials, 2 channels of 30 cells, two readings and a step of 50 ms.
+        counted = (found["population"] == name).sum() / (3 * 2 * 30 * 0.15)
+        assert counted == pytest.approx(hz, rel=1e-5)
+
+
+def test_run_without_spikes_writes_none(tmp_path, capsys):
+    given = ("--engine", "population", "--spikes", tmp_path / "s.csv")
+    assert run("circuit", "run", tmp_path / "d.csv", *given) == 2
+    assert "the population engine has no spikes: leave --spikes out" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
