@@ -133,6 +133,13 @@ class Cell:
         """Return how it answers small fluctuations about inputs x (S,), at frequencies (F,)."""
         return self.lacks("response", 'laws="finite"')
 
+    def varied(self, factors: Array) -> tuple[Cell, float]:
+        """Return the cell that such factors (3,) of its constants make, and what its rate is times.
+
+        They are the factors that ``constants`` takes, for populations whose cells differ.
+        """
+        return self.lacks("varied", "the population engine, where cells differ,")
+
     # ---- spikes
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:

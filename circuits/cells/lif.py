@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -140,6 +140,13 @@ class Lif(Cell):
         found = lif_response(self, self.mean_mv(x), frequency_hz)
         gain, bend = self.mv_per_nat * found.gain, self.mv_per_nat**2 * found.bend
         return Response(gain, bend, found.spectrum)
+
+    def varied(self, factors: Array) -> tuple[Cell, float]:
+        """Return a cell with another time constant, slope, and way from reset to threshold."""
+        tau, slope, top = (float(factor) for factor in factors)
+        threshold_mv = self.reset_mv + top * (self.threshold_mv - self.reset_mv)
+        constants = {"tau_ms": tau * self.tau_ms, "mv_per_nat": slope * self.mv_per_nat}
+        return replace(self, **constants, threshold_mv=threshold_mv), 1.0
 
     # ---- spikes
 

@@ -69,6 +69,10 @@ class Phase(Cell):
         noise_step = np.float32(self.cv * np.sqrt(factors[0] / 2))
         return {"noise_step": noise_step, "factor": np.float32(factors[0])}
 
+    def varied(self, factors: Array) -> tuple[Cell, float]:
+        """Return the same cell; the first factor is that of its rate."""
+        return self, float(factors[0])
+
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
         """Return the slopes of its line, which it follows at once, and its own power."""
         from circuits.laws.response import phase_spectrum  # scipy, only where it is asked for

@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits import transfer
 from circuits.arrays import Array
-from circuits.cells.cell import Cell, Line
+from circuits.cells.cell import Cell, Line, Response
 from circuits.engines.population import filters
 from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING
+from circuits.ticks import SPREAD_LEAST
 
-STATES, STEPS, POINTS = 28, 512, 4096
+STATES, STEPS, POINTS = 28, 512, 8192
 """States at which filters are fitted; steps at which their coefficients and laws are kept."""
-LEAST_HZ, MOST_HZ = 1e-3, 400.0
-"""Rates between which a cell's answers go with its state; a law goes on straight beyond."""
+LEAST_HZ, MOST_HZ, TOP_HZ = 1e-3, 400.0, 1000.0
+"""Rates between which a cell's answers go with its state, and up to which its law does."""
 SLOWEST_HZ = 0.1
 """Below, all cells answer as a Poisson process that hardly follows."""
 FAR_NATS = 256.0
 """No input is further from 0."""
 ROUGH, SEEN_HZ = 0.25, (1.0, 120.0)
 """A misfit of a filter that is worth a word, between these rates."""
+LEAST_POWER = 1e-6
+"""Least power of noise at a frequency, over the rate."""
+OF_LIMIT = 0.95
+"""How much of the highest rate a law is known to; it goes on straight beyond."""
+SHARE = 1e-3
+"""How near a rate comes to its limits."""
 BENT = 2e-3
 """Largest misfit of a law between two points, as a fraction of the highest value."""
 
@@ -51,53 +57,104 @@ class Answers:
 
     Parameters
     ----------
-    lowest, highest : float
-        The inputs.
+    lowest, highest, top : float
+        The inputs between which filters follow the state, and up to which the law is known.
     hz : array (POINTS,)
-        Rate at even steps between them.
+        Rate at even steps from the lowest to the top.
     rows : array (COEFFICIENTS, STEPS)
         Coefficients of how rates follow, and of the two sections of the noise.
     lags : bool
         Whether rates follow their input with a lag of their own.
+    rough : str
+        Where a filter is far off what theory says, a sentence.
     """
 
     lowest: float
     highest: float
+    top: float
     hz: Array
     rows: Array
     lags: bool
+    rough: str
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Cells of a population that differ: the mean of their answers.
+
+    Three factors of their constants vary with a standard deviation ``spread``. The mean over six
+    points, each factor up or down by root 3 spreads, is right to third order.
+
+    Parameters
+    ----------
+    cell : Cell
+        The cell of the row.
+    line : Straight
+        Its line.
+    spread : float
+        0 for cells that are alike.
+    """
+
+    cell: Cell
+    line: Straight
+    spread: float = 0.0
+
+    @cached_property
+    def cells(self) -> list[tuple[Cell, float]]:
+        """Cells that stand for all, and what the rate of each is times."""
+        if not self.spread:
+            return [(self.cell, 1.0)]
+        ways = np.concatenate([np.eye(3), -np.eye(3)]) * np.sqrt(3) * self.spread
+        return [self.cell.varied(np.maximum(1 + way, SPREAD_LEAST)) for way in ways]
+
+    def at(self, x: Array, factor: float) -> Line:
+        """Return the line of one of the cells at inputs x (S,)."""
+        return Line(*(factor * part for part in self.line.at(x, self.cell.lowest_hz)))
+
+    def rate_hz(self, x: Array) -> Array:
+        """Return the mean rate at inputs x (S,), Hz."""
+        every = [cell.rate_hz(x, self.at(x, f).hz) for cell, f in self.cells]
+        return np.asarray(np.mean(every, axis=0))
+
+    def response(self, x: Array, frequency_hz: Array) -> Response:
+        """Return the mean response at inputs x (S,), at frequencies (F,)."""
+        found = [cell.response(x, self.at(x, f), frequency_hz) for cell, f in self.cells]
+        return Response(*(np.mean(part, axis=0) for part in zip(*found, strict=True)))
 
 
 @lru_cache(maxsize=256)
-def answers(cell: Cell, line: Straight, dt_ms: float) -> Answers:
+def answers(mixture: Mixture, dt_ms: float) -> Answers:
     """Return what the cells of a population answer; raises ValueError if they lack an answer."""
-
-    def rate(x: Array) -> Array:
-        return np.asarray(cell.rate_hz(x, line.at(x, cell.lowest_hz).hz), dtype=np.float64)
-
-    low, high = _ends(rate)
-    steps, grid = np.linspace(low, high, STEPS), np.linspace(low, high, POINTS)
+    rate = mixture.rate_hz
+    low, high = _ends(rate, MOST_HZ)
+    _, top = _ends(rate, min(TOP_HZ, OF_LIMIT * float(rate(np.array([FAR_NATS]))[0])))
+    steps = np.linspace(low, high, STEPS)
     pace = _pace(rate(steps))
     paces = np.linspace(pace[0], pace[-1], STATES)
     x = np.interp(paces, pace, steps)
-    found = cell.response(x, line.at(x, cell.lowest_hz), filters.FREQUENCIES_HZ)
-    rows, lags = np.zeros((COEFFICIENTS, STEPS)), bool(np.iscomplexobj(found.gain))
+    hz = np.maximum(rate(x), LEAST_HZ)
+    found = mixture.response(x, filters.FREQUENCIES_HZ)
+    rows, lags, rough = np.zeros((COEFFICIENTS, STEPS)), bool(np.iscomplexobj(found.gain)), ""
 
-    def kept(fit: filters.Fitted, what: str) -> Array:
-        _say_if_rough(cell, what, rate(x), fit.misfit)
-        return np.array([np.interp(pace, paces, column) for column in fit.coefficients.T]).T
+    def kept(coefficients: Array) -> Array:
+        return np.array([np.interp(pace, paces, column) for column in coefficients.T]).T
 
     if lags:
-        fit = kept(filters.following(found.gain), "how its rate follows an input")
-        rows[:FOLLOWING] = filters.propagated(fit, dt_ms)
-    silent = found.spectrum[:, -1].max() == 0
-    if not silent:
-        colour = filters.colour(found.spectrum / rate(x)[:, None], rate(x))
+        fit = filters.following(found.gain)
+        rows[:FOLLOWING] = filters.propagated(kept(fit.coefficients), dt_ms)
+        rough = _rough(mixture.cell, "how its rate follows an input", hz, fit.misfit)
+    if found.spectrum.max() > 0:
+        # Near saturation theory's power is a difference of two that cancel.
+        power = np.maximum(np.nan_to_num(found.spectrum / hz[:, None], nan=1.0), LEAST_POWER)
+        fit = filters.colour(power, hz)
         # Between states they go as powers of the rate, as a pacemaker's do.
-        fit = np.exp(kept(colour._replace(coefficients=np.log(colour.coefficients)), "its noise"))
-        rows[FOLLOWING:] = np.concatenate([filters.sampled(fit[:, :4], dt_ms),
-                                           filters.sampled(fit[:, 4:], dt_ms)])  # fmt: skip
-    return Answers(low, high, rate(grid), rows, lags)
+        sections = np.exp(kept(np.log(fit.coefficients)))
+        rows[FOLLOWING:] = np.concatenate([filters.sampled(sections[:, :4], dt_ms),
+                                           filters.sampled(sections[:, 4:], dt_ms)])  # fmt: skip
+        rough = rough or _rough(mixture.cell, "its noise", hz, fit.misfit)
+    else:
+        rough = f"{mixture.cell} fires as a clock: the population engine gives it no noise"
+    return Answers(low, high, top, rate(np.linspace(low, top, POINTS)), rows, lags, rough)
 
 
 @lru_cache(maxsize=64)
@@ -120,19 +177,20 @@ def looked_up(name: str) -> tuple[float, float, Array]:
     return *ends, values
 
 
-def _ends(rate: Callable[[Array], Array]) -> tuple[float, float]:
-    """Return the inputs between which the rate goes from LEAST_HZ to MOST_HZ, or the furthest."""
+def _ends(rate: Callable[[Array], Array], most_hz: float) -> tuple[float, float]:
+    """Return the inputs between which the rate goes from LEAST_HZ to so much, or as it can."""
     from scipy.optimize import brentq
 
-    ends = []
-    for wanted, furthest in ((LEAST_HZ, -FAR_NATS), (MOST_HZ, FAR_NATS)):
+    def of(x: float) -> float:
+        return float(rate(np.array([x]))[0])
 
-        def beyond(x: float, wanted: float = wanted) -> float:
-            return float(rate(np.array([x]))[0]) - wanted
-
-        reached = beyond(-FAR_NATS) * beyond(FAR_NATS) < 0
-        ends.append(brentq(beyond, -FAR_NATS, FAR_NATS, xtol=1e-6) if reached else furthest)
-    return ends[0], ends[1]
+    least, most = of(-FAR_NATS), of(FAR_NATS)
+    high = most_hz if most > most_hz else most - SHARE * (most - least)
+    low = LEAST_HZ if least < LEAST_HZ else least + SHARE * (high - least)
+    if not low < high:
+        return -1.0, 1.0
+    at = [brentq(lambda x, hz=hz: of(x) - hz, -FAR_NATS, FAR_NATS, xtol=1e-6) for hz in (low, high)]
+    return float(at[0]), float(at[1])
 
 
 def _pace(hz: Array) -> Array:
@@ -141,12 +199,13 @@ def _pace(hz: Array) -> Array:
     return np.asarray(rising + 1e-9 * np.arange(len(hz)))
 
 
-def _say_if_rough(cell: Cell, what: str, hz: Array, misfit: npt.NDArray[np.floating]) -> None:
-    rough = (misfit > ROUGH) & (hz >= SEEN_HZ[0]) & (hz <= SEEN_HZ[1])
-    if rough.any():
-        worst = int(np.argmax(np.where(rough, misfit, 0)))
-        warnings.warn(
-            f"{cell}: the population engine meets {what} at {hz[worst]:.0f} Hz only within "
-            f"{misfit[worst]:.0%}: hold what follows to spikes",
-            stacklevel=2,
-        )
+def _rough(cell: Cell, what: str, hz: Array, misfit: npt.NDArray[np.floating]) -> str:
+    """Return a sentence on where a filter is far off, or nothing."""
+    seen = (misfit > ROUGH) & (hz >= SEEN_HZ[0]) & (hz <= SEEN_HZ[1])
+    if not seen.any():
+        return ""
+    worst = int(np.argmax(np.where(seen, misfit, 0)))
+    return (
+        f"{cell}: the population engine meets {what} at {hz[worst]:.0f} Hz only within "
+        f"{misfit[worst]:.0%}: hold what follows to spikes"
+    )

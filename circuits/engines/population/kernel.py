@@ -66,6 +66,13 @@ def _at(row, lane):
     return np.uint64(row * LANES + lane)
 
 
+@numba.njit(inline="always")
+def _within(at, last):
+    """Return a place from 0 to the last; what is no number is at 0, so that no index is wild."""
+    at = at if at > ZERO else ZERO
+    return at if at < last else last
+
+
 @compiled
 def _fill(n, values, row, value):
     for i in range(n & WHOLE):
@@ -125,7 +132,7 @@ def _look_up(n, values, row, into, lowest, per, points):
     last = np.float32(len(points) - 2)
     for i in range(n & WHOLE):
         at = (values[_at(row, i)] - lowest) * per
-        k = np.int32(min(max(at, ZERO), last))
+        k = np.int32(_within(at, last))
         low, high = points[np.uint32(k)], points[np.uint32(k) + np.uint32(1)]
         values[_at(into, i)] = fused(at - np.float32(k), high - low, low)
 
@@ -135,8 +142,8 @@ def _look_up_coefficients(n, table, state, lowest, per, indices, found):
     """Take the coefficients at each lane's state, the nearest in a table."""
     last = np.float32(len(table) // COEFFICIENTS - 1)
     for i in range(n & WHOLE):
-        at = min(max((state[_at(MEAN, i)] - lowest) * per + HALF, ZERO), last)
-        indices[np.uint64(i)] = np.int32(at) * np.int32(COEFFICIENTS)
+        at = (state[_at(MEAN, i)] - lowest) * per + HALF
+        indices[np.uint64(i)] = np.int32(_within(at, last)) * np.int32(COEFFICIENTS)
     for c in range(COEFFICIENTS):
         for i in range(n & WHOLE):
             found[_at(c, i)] = table[np.uint32(indices[np.uint64(i)]) + np.uint32(c)]
@@ -309,13 +316,14 @@ def _load(p, work, lane, trial, first, streams):
 
 
 @numba.njit(inline="always")
-def _record(p, work, lane, sample, out, rates):
+def _record(p, work, lane, sample, place, out, rates):
     """Write a sample of a lane down; return its lowest OUT, or NaN if rates run away."""
     clock, trial, least = p.clock[0], work.trial[lane], np.inf
+    for b in range(len(p.blocks)):
+        if not abs(work.ring[b, place * LANES + lane]) < clock.most_hz:
+            return np.nan
     for c in range(len(p.readout)):
         value = work.low_pass[c, lane]
-        if not abs(value) < clock.most_hz:
-            return np.nan
         out[trial, sample, c] = (value - clock.readout_baseline) / clock.readout_hz_per_nat
         least = min(least, out[trial, sample, c])
     if work.kept:
@@ -325,7 +333,7 @@ def _record(p, work, lane, sample, out, rates):
 
 
 @numba.njit(inline="always")
-def _sample(p, work, level, out, rates):
+def _sample(p, work, place, level, out, rates):
     """Record a sample of every lane past its time at rest; return how many are over, or -1."""
     over = 0
     for lane in range(LANES):
@@ -334,7 +342,7 @@ def _sample(p, work, level, out, rates):
         sample = work.samples[lane]
         work.samples[lane] = sample + 1
         if sample >= 0:
-            least = _record(p, work, lane, sample, out, rates)
+            least = _record(p, work, lane, sample, place, out, rates)
             if math.isnan(least):
                 return -1 - sample
             if least < level or sample + 1 == out.shape[1]:
@@ -399,7 +407,7 @@ def trials(p, work, drive, streams, level, out, rates):
         for k in range(first, first + clock.window):
             _read(p, work, k & mask)
             if (k + 1 - clock.settle) % clock.sample == 0:
-                over = _sample(p, work, level, out, rates)
+                over = _sample(p, work, k & mask, level, out, rates)
                 if over < 0:
                     return -over
                 running -= over

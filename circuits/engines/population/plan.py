@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from math import lcm
@@ -11,10 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
+from circuits.checks import is_bool
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
 from circuits.engines.population import kernel, records
-from circuits.engines.population.answers import POINTS, STEPS, Straight, answers, looked_up
+from circuits.engines.population.answers import (
+    POINTS,
+    STEPS,
+    Mixture,
+    Straight,
+    answers,
+    looked_up,
+)
 from circuits.spec import Population
 from circuits.ticks import Clock, Scheme
 from circuits.wiring import Wiring
@@ -26,6 +35,11 @@ SLOW_MS = 50.0
 """Time in which coefficients follow the state: well above the noise, well below a decision."""
 MOST_HZ = 1e6
 """Rates beyond stand for nothing: the loop is unstable."""
+FEW = 30
+FEW_CELLS = (
+    f"the population engine takes noise for Gaussian, and that of fewer than {FEW} cells is not: "
+    "hold what follows to spikes"
+)
 NO_ANSWERS: dict[str, float] = {
     "table": -1,
     "lags": 0,
@@ -53,8 +67,10 @@ class Laws:
     noise: bool
 
     def __post_init__(self) -> None:
-        if self.rates not in LAWS:
+        if self.rates not in tuple(LAWS):
             raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {self.rates!r}")
+        if not is_bool(self.noise):
+            raise ValueError(f"noise must be True or False, got {self.noise!r}")
 
 
 def plan(scheme: Scheme, clock: Clock, laws: Laws) -> records.Plan:
@@ -80,10 +96,13 @@ def plan(scheme: Scheme, clock: Clock, laws: Laws) -> records.Plan:
     tables = _Tables(wiring, laws, clock.dt_ms)
     source_from, sources = edges(records.EDGE, wiring.deliver)
     input_from, inputs = edges(records.EDGE, wiring.weight)
+    blocks = _blocks(scheme, tables, input_from)
+    for sentence in tables.rough:
+        warnings.warn(sentence, stacklevel=3)
     return records.Plan(
         clock=_clock(scheme, clock),
         units=_units(scheme, tables, source_from),
-        blocks=_blocks(scheme, tables, input_from),
+        blocks=blocks,
         sources=sources,
         inputs=inputs,
         driven=wiring.blocks_of(wiring.circuit.input),
@@ -108,15 +127,9 @@ def tick_ms(wiring: Wiring, *times_ms: float) -> float:
 
 
 def _check(wiring: Wiring) -> None:
-    """Raise ValueError where cells of a population differ: what that does is not known here."""
+    """Raise ValueError where cells of a channel hear different cells: that is not known here."""
     circuit = wiring.circuit
-    spiking = {row.name: row for row in circuit.populations if row.spiking}
-    for row in spiking.values():
-        if row.spread:
-            raise ValueError(
-                f"the population engine takes the cells of a population as alike, and those of "
-                f"{row.name} differ by {row.spread:.0%}: use ensemble"
-            )
+    spiking = {row.name for row in circuit.populations if row.spiking}
     for p in circuit.projections:
         if p.probability < 1 and p.source in spiking and p.target in spiking:
             raise ValueError(
@@ -132,6 +145,7 @@ class _Tables:
         self.wiring, self.chosen, self.dt_ms = wiring, laws, dt_ms
         self.laws: dict[Any, Array] = {}
         self.rows: dict[Any, Array] = {}
+        self.rough: dict[str, None] = {}
 
     @cached_property
     def blocks(self) -> list[Population]:
@@ -146,14 +160,19 @@ class _Tables:
         if not (row.spiking and (own_law or self.chosen.noise)):
             return found
         line = Straight(row.transfer, row.baseline_hz, row.gain_hz_per_nat)
-        own, key = answers(row.cell, line, self.dt_ms), (row.cell, line)
-        ends = (own.lowest, own.highest)
+        key = Mixture(row.cell, line, row.spread)
+        own = answers(key, self.dt_ms)
+        ends, whole = (own.lowest, own.highest), (own.lowest, own.top)
+        if own.rough and self.chosen.noise:
+            self.rough[own.rough] = None
         found["table"] = _place(self.rows, key, own.rows.T.ravel())
         found["state_lowest"], found["state_per"] = own.lowest, _per(ends, STEPS)
+        if self.chosen.noise and row.neurons < FEW:
+            self.rough[FEW_CELLS] = None
         if self.chosen.noise:
             found["noise"] = (row.neurons * self.dt_ms / 1000) ** -0.5
         if own_law:
-            found |= self._looked_up(key, ends, own.hz)
+            found |= self._looked_up(key, whole, own.hz)
             found |= {"lags": own.lags, "baseline": 0, "hz_per_nat": 1, "floor": 0}
         return found
 

@@ -6,16 +6,18 @@ Every population passes a rate on. It follows the row's line behind its membrane
 keyed as the noise of cells is. The scheme is that of ``circuits.ticks``, but for filters that take
 rates for straight lines from tick to tick.
 
-What it assumes: cells of a population are alike and hear the same, each for itself (no synchrony
-but what the common input makes), and their noise is Gaussian, so that a nearly silent population
-may pass a rate below zero for a moment. Literature: Brunel & Hakim 1999 (Neural Comput 11, 1621)
-for the noise of a finite number of cells; Ostojic & Brunel 2011 (PLoS Comput Biol 7, e1001056) for
-lags that go with the state; Schwalger, Deger & Gerstner 2017 (PLoS Comput Biol 13, e1005507) for
-what is exact.
+What it assumes: cells of a population hear the same, each for itself (no synchrony but what the
+common input makes; where they differ, their mean answer counts), and their noise is Gaussian, so
+that a nearly silent population may pass a rate below zero for a moment. Lags go with a mean of the
+last 50 ms, so that a sudden large change arrives up to 10 ms late. Literature: Brunel & Hakim 1999
+(Neural Comput 11, 1621) for the noise of a finite number of cells; Ostojic & Brunel 2011 (PLoS
+Comput Biol 7, e1001056) for lags that go with the state; Schwalger, Deger & Gerstner 2017 (PLoS
+Comput Biol 13, e1005507) for what is exact.
 """
 
 from __future__ import annotations
 
+import math
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -26,7 +28,7 @@ import numpy.typing as npt
 
 from circuits import noise as noises
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.checks import check_time, is_whole
+from circuits.checks import check_number, check_time, is_whole
 from circuits.engines.population import kernel
 from circuits.engines.population.plan import CELLS, Laws, plan, tick_ms, workspace
 from circuits.fixed_point import wired
@@ -97,8 +99,13 @@ def run(
     """
     drive = checked_drive(circuit, drive)
     chosen = Laws(laws, noise)
-    if not is_whole(workers) or workers < 1:
-        raise ValueError(f"workers must be a whole number >= 1, got {workers!r}")
+    for name, whole, least in (("workers", workers, 1), ("first_trial", first_trial, 0)):
+        if not is_whole(whole) or whole < least:
+            raise ValueError(f"{name} must be a whole number >= {least}, got {whole!r}")
+    if drop_below is not None:
+        check_number("drop_below", drop_below)
+        if math.isnan(drop_below):
+            raise ValueError("drop_below must be a number, got nan")
     if noise and seed is None:
         raise ValueError("the noise of the population engine needs a seed")
     for name, value in (("step_ms", step_ms), ("sample_ms", sample_ms), ("settle_ms", settle_ms)):
@@ -116,7 +123,7 @@ def run(
     shape = (len(drive), clock.samples, wiring.blocks if rates else 0)
     kept = np.empty(shape, dtype=np.float32)
     level = -np.inf if drop_below is None else float(drop_below)
-    late = _trials(p, (drive, streams if noise else streams[:0], out, kept), level, workers)
+    late = _trials(p, (drive, streams if noise else streams[:0], out, kept), level, int(workers))
     if late:
         raise ValueError(f"rates of {circuit.name} run away, {late * sample_ms:g} ms after onset")
     about: dict[str, Any] = {"dt_ms": dt, "settle_ms": settle_ms, "laws": laws, "noise": noise}

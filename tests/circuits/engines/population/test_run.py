@@ -10,10 +10,13 @@ from scipy.signal import welch
 
 from circuits import anatomy, transfer
 from circuits.cells import Phase, Rate
+from circuits.cells.cell import Line
 from circuits.engines import algebra, run
+from circuits.engines.population.answers import Mixture, Straight
 from circuits.laws.response import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.spec import Circuit, Population, Projection
+from circuits.ticks import cell_factors
 from tests.circuits.spiking import ADEX
 
 SEED = 3
@@ -130,13 +133,37 @@ def test_a_lesion_leaves_the_noise_of_what_survives():
     assert intact["SNr"].tobytes() != lesioned["SNr"].tobytes()
 
 
+def test_cells_that_differ_answer_as_their_mean_does():
+    """Siegert's rate averaged over all cells of a channel, and the power of all of them."""
+    spread, x = 0.15, np.linspace(-0.5, 1.5, 9)
+    row = FULL.with_spread(spread).population("GPe")
+    alike = Mixture(row.cell, Straight("linear", 45.0, 80.0))
+    differ = replace(alike, spread=spread)
+    factors = np.concatenate([cell_factors(FULL.with_spread(spread), "GPe", c) for c in (0, 1)], 1)
+    every = np.mean([row.cell.varied(f)[0].rate_hz(x, x) for f in factors.T], axis=0)
+    np.testing.assert_allclose(differ.rate_hz(x), every, rtol=0.02)
+    off = [np.abs(mean.rate_hz(x) - every).max() for mean in (alike, differ)]
+    assert off[1] < 0.35 * off[0]
+
+
+def test_pacemakers_that_differ_have_their_mean_power():
+    hz, cv = 30.0, 0.3
+    activity = populations(source(Phase(cv), hz, spread=0.2), np.zeros((300, 6, 2)))
+    assert activity.rates_hz["ctx"].mean() == pytest.approx(hz, rel=0.002)
+    at, power = spectrum(activity, "ctx")
+    each = hz * np.maximum(1 + 0.2 * np.random.default_rng(1).normal(size=2000), 0.1)
+    for low, high in ((3, 12), (20, 40), (60, 90)):
+        band = (at >= low) & (at <= high)
+        exact = 2 * phase_spectrum(Phase(cv), each, at[band]).mean() / 100
+        assert power[band].mean() == pytest.approx(exact, rel=0.12), (low, high)
+
+
 def test_what_it_does_not_know_is_refused_in_one_sentence():
     silence = np.zeros((1, 1, 2))
     adex = FULL.with_population("GPe", cell=ADEX)
     for circuit, options, says in (
         (FULL, {"seed": None}, "the population engine needs a seed"),
         (FULL, {"laws": "table"}, "laws must be one of lines, cells, got 'table'"),
-        (FULL.with_spread(0.1), {}, "those of D1 differ by 10%: use ensemble|differ by 10%"),
         (FULL.with_connections(0.2), {}, "connects 20%: use ensemble"),
         (adex, {}, "AdEx.rate_hz"),
         (adex, {"laws": "lines"}, "AdEx"),
@@ -207,3 +234,122 @@ def test_a_transfer_that_bends_too_much_is_refused(monkeypatch):
             engine="rate",
             step_ms=10,
         )
+
+
+# ---- single faults that no other test sees
+
+
+@pytest.mark.parametrize("dt_ms", [0.1, 0.25])
+def test_own_noise_has_its_power_at_any_tick(dt_ms):
+    activity = populations(source(Phase(0.3), 24.0), np.zeros((300, 4, 2)), dt_ms=dt_ms)
+    at, power = spectrum(activity, "ctx")
+    for low, high in ((3, 12), (18, 30), (60, 100)):
+        band = (at >= low) & (at <= high)
+        exact = 2 * phase_spectrum(Phase(0.3), [24.0], at[band])[0].mean() / 100
+        assert power[band].mean() == pytest.approx(exact, rel=0.12), (low, high)
+
+
+def test_the_colour_of_noise_follows_the_state():
+    """Driven from 20 to 60 Hz a pacemaker has the spectrum of 60 Hz."""
+    drive = np.full((400, 5, 2), 4.0)
+    activity = populations(source(Phase(0.3), 20.0), drive)
+    at, power = spectrum(activity, "ctx")
+    assert activity.rates_hz["ctx"][:, 300:].mean() == pytest.approx(60, rel=0.005)
+    for low, high in ((3, 12), (18, 30), (50, 70)):
+        band = (at >= low) & (at <= high)
+        exact = 2 * phase_spectrum(Phase(0.3), [60.0], at[band])[0].mean() / 100
+        assert power[band].mean() == pytest.approx(exact, rel=0.12), (low, high)
+
+
+def test_a_cell_that_saturates_has_its_colour_up_to_there():
+    """A ramp goes from 0 to 34 Hz within a nat: the states of the table lie there."""
+    circuit = source(Phase(0.3), 0.0).with_population("ctx", transfer="ramp", gain_hz_per_nat=34.0)
+    circuit = replace(circuit, reference_nats=np.log(2) + 0.7)
+    activity = populations(circuit, np.zeros((300, 4, 2)))
+    hz = activity.rates_hz["ctx"].mean()
+    assert hz == pytest.approx(0.7 * 34, rel=0.01)
+    at, power = spectrum(activity, "ctx")
+    for low, high in ((3, 12), (18, 30), (60, 100)):
+        band = (at >= low) & (at <= high)
+        exact = 2 * phase_spectrum(Phase(0.3), [hz], at[band])[0].mean() / 100
+        assert power[band].mean() == pytest.approx(exact, rel=0.15), (low, high)
+
+
+def test_lines_with_noise_have_the_noise_of_the_cells():
+    """An integrate-and-fire cell alone on its line: its power is that of its spikes."""
+    cell = FULL.population("SNr").cell
+    row = FULL.population("SNr")
+    circuit = source(cell, row.baseline_hz).with_population("ctx", gain_hz_per_nat=95.0)
+    held = np.full((300, 4, 2), 0.3)
+    activity = populations(circuit, held, laws="lines")
+    at, power = spectrum(activity, "ctx")
+    line = Line(*(np.ones(1) for _ in range(3)))
+    for low, high in ((3, 12), (18, 40), (60, 100)):
+        band = (at >= low) & (at <= high)
+        own = cell.response(np.array([0.3]), line, at[band]).spectrum[0]
+        scale = (row.baseline_hz + 0.3 * 95) / cell.rate_hz(np.array([0.3]), np.ones(1))[0]
+        assert power[band].mean() == pytest.approx(2 * scale * own.mean() / 100, rel=0.12)
+
+
+def test_half_the_tick_quarters_the_error_of_cells_too():
+    drive = np.random.default_rng(3).normal(0, 0.3, (4, 4, 2)).cumsum(axis=1)
+    drive -= drive.mean(axis=2, keepdims=True)
+    out = [
+        populations(FULL, drive, step_ms=40, noise=False, dt_ms=dt).output_nats
+        for dt in (0.5, 0.25, 0.125)
+    ]
+    errors = [np.abs(out[0] - out[1]).max(), np.abs(out[1] - out[2]).max()]
+    print(errors)
+    assert errors[0] < 3e-3
+    assert errors[1] < 0.6 * errors[0]
+
+
+@pytest.mark.parametrize(("sample_ms", "settle_ms"), [(2.5, 50.0), (1.0, 0.0), (2.5, 1.0)])
+def test_lanes_that_are_used_again_change_nothing(sample_ms, settle_ms):
+    drive = np.random.default_rng(1).normal(0, 1, (200, 6, 2)).cumsum(axis=1)
+    drive -= drive.mean(axis=2, keepdims=True)
+    given = {"step_ms": 50, "settle_ms": settle_ms, "sample_ms": sample_ms}
+    whole = populations(FULL, drive, **given)
+    cut = populations(FULL, drive, drop_below=0.3, **given)
+    kept = np.isfinite(cut.output_nats[:, :, 0])
+    assert 0 < kept.sum() < 0.9 * kept.size
+    np.testing.assert_array_equal(cut.output_nats[kept], whole.output_nats[kept])
+    for name, rates in cut.rates_hz.items():
+        np.testing.assert_array_equal(rates[kept], whole.rates_hz[name][kept])
+
+
+def test_rates_that_run_away_anywhere_are_said():
+    """In a channel that is not the first, and where the read-out does not hear of it."""
+    side = Population("side", Rate(signed=True), 0.0, 10.0)
+    paths = (Projection("ctx", "side", 1.0), Projection("side", "side", 3.0, delay_ms=1))
+    for circuit in (
+        source(Rate(), 1.0).with_rows(side, *paths),
+        source(Rate(), 1.0)
+        .with_rows(Projection("ctx", "ctx", 3.0, delay_ms=2))
+        .scaled("ctx", "ctx", 0.0, channel=0),
+    ):
+        with pytest.raises(ValueError, match="rates of source run away"):
+            run(circuit, np.ones((1, 5, 2)), engine="rate", step_ms=500)
+
+
+def test_what_is_no_number_reads_no_wild_memory():
+    """A loop that explodes behind the read-out is refused, and the process lives."""
+    relay = replace(FULL.population("GPe"), name="relay", bias_nats=0.0, transmitter="glutamate")
+    paths = (Projection("relay", "relay", 30.0, delay_ms=2), Projection("ctx", "relay", 0.5))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(ValueError, match="rates of spiking_msprt run away"):
+            populations(FULL.with_rows(relay, *paths), np.zeros((1, 2, 2)))
+
+
+def test_few_cells_and_clocks_are_said_every_time():
+    for _ in range(2):
+        with pytest.warns(UserWarning, match="fewer than 30 cells"):
+            populations(FULL.with_neurons(10), np.zeros((1, 1, 2)))
+        with pytest.warns(UserWarning, match="fires as a clock"):
+            populations(source(Phase(0.0), 40.0), np.zeros((1, 1, 2)))
+
+
+def test_a_cell_near_saturation_is_no_error():
+    circuit = FULL.with_cell("GPe", refractory_ms=3.0)
+    assert np.isfinite(populations(circuit, np.zeros((2, 1, 2))).output_nats).all()
