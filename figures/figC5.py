@@ -22,6 +22,8 @@ from figures.common import BRIEF, GAIN, Settings, letter, run
 CHANNELS = 4
 AT, HIGHEST = 0.95, 0.96
 LOG_ODDS = (1.75, 2.25, 2.75)
+SPIKING_EVERY = 3
+"""Every so-many-th lesion decides in spikes too."""
 
 
 def lesions(table: Circuit) -> dict[str, Circuit]:
@@ -49,7 +51,7 @@ def steady(settings: Settings, *, output: Path) -> None:
 
 
 def behaviour(settings: Settings, *, output: Path) -> None:
-    """Let lesioned circuits decide, thresholds kept and tuned anew."""
+    """Let lesioned circuits decide by populations, some in spikes, thresholds kept and tuned."""
     table = circuit("spiking_msprt", CHANNELS)
     evidence = gaussian_evidence(
         settings.varied_trials,
@@ -59,15 +61,20 @@ def behaviour(settings: Settings, *, output: Path) -> None:
         hypotheses=CHANNELS,
         step_ms=50.0,
     )
-    model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST}
-    found = compare_edits(model, lesions(table), evidence, seed=settings.seed, **given)
-    write_table(found, output, seed=settings.seed, settings=settings)
+    every, parts = lesions(table), []
+    for engine, names in (("population", list(every)), ("ensemble", list(every)[::SPIKING_EVERY])):
+        model = BasalGanglia(table, engine, GAIN, settings.seed, BRIEF)
+        edited = {name: every[name] for name in names}
+        found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
+        parts.append(found.assign(engine=engine))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
 def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Figure:
     """Draw measured against closed-form shifts, and behaviour before and after."""
-    table, lesioned = read_table(shifts), read_table(decided)
+    table, both = read_table(shifts), read_table(decided)
+    lesioned, spiking = (both[both["engine"] == name] for name in ("population", "ensemble"))
     figure, axes = plt.subplots(
         1, 4, figsize=(7.2, 3.4), width_ratios=[1.6, 0.9, 0.9, 0.9], sharey=False
     )
@@ -79,19 +86,29 @@ def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Fi
         (axes[1], "expected_accuracy", "accuracy"),
         (axes[2], "mean_ms", "time (s)"),
     ):
-        rows = fixed[fixed["measure"] == measure].set_index("variant")["value"]
-        values = rows / 1000 if measure == "mean_ms" else rows
+        values, in_spikes = (_fixed(rows, measure) for rows in (lesioned, spiking))
         ax.axvline(values["intact"], color="0.8", lw=0.8, zorder=0)
         colours = [_colour(name) for name in names]
         ax.scatter(values[names], [places[name] for name in names], c=colours, s=14)
+        ax.plot(in_spikes, [places[name] for name in in_spikes.index], "kx", ms=4, label="spikes")
         ax.set(xlabel=label)
+    axes[2].legend(fontsize="small", loc="lower right", handletextpad=0.1)
     _tuned(axes[3], lesioned, places)
+    tuned = spiking[(spiking["kind"] == "value") & (spiking["measure"] == "within_50_ms")]
+    axes[3].plot(tuned["value"], [places[name] for name in tuned["variant"]], "kx", ms=4)
     for ax in axes[1:]:
         ax.set(ylim=(-len(names) + 0.4, 0.6))
         ax.set_yticks(list(places.values()), names if ax is axes[1] else [])
     letter(axes[1], "b  threshold kept (a prediction)")
     letter(axes[3], "c  tuned anew")
     return figure
+
+
+def _fixed(table: pd.DataFrame, measure: str) -> pd.Series:
+    """Return a measure of each circuit with its threshold kept; times in s."""
+    rows = table[(table["kind"] == "fixed") & (table["measure"] == measure)]
+    values = rows.set_index("variant")["value"]
+    return values / 1000 if measure == "mean_ms" else values
 
 
 def _colour(name: str) -> str:
