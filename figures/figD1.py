@@ -81,7 +81,7 @@ def _outcomes(
     name: str,
     levels: np.ndarray,
 ) -> LevelOutcomes:
-    """Return what comes of each level on evidence of its own, learned from or scored on."""
+    """Return the outcomes of each level on evidence of its own, learned from or scored on."""
     drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
     rng = stream(settings.seed, "figD1", name, period)
     trials = round(TRIALS[model.engine] * settings.circuit_trials)

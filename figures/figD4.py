@@ -51,7 +51,7 @@ def compute(settings: Settings, *, output: Path) -> None:
 
 
 def _both(data: Path) -> pd.DataFrame:
-    """Return what populations found, a row a prediction, beside what spikes did."""
+    """Return the changes by populations, a row a prediction, beside those in spikes."""
     by_engine = dict(list(read_table(data).groupby("engine")))
     spikes = by_engine["ensemble"][[*KEY, "value", "low", "high", "trials"]]
     return by_engine["population"].merge(spikes, on=KEY, how="left", suffixes=("", "_spikes"))

@@ -120,7 +120,7 @@ def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.Da
 
 
 def edits(channels: int, trials: int, workers: int) -> pd.DataFrame:
-    """Return what each edit changes in accuracy and time, by spikes and by populations."""
+    """Return the change of accuracy and time by each edit, in spikes and by populations."""
     rows, table = [], circuit(TABLE, channels)
     shown = evidence(channels, EDITED_D_PRIME, trials)
     k = sorted(POSTERIORS).index(EDITED_AT)

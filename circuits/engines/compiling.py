@@ -64,7 +64,7 @@ def records(dtype: np.dtype, count: int, /, **columns: Any) -> Any:
 
 
 def edges(dtype: np.dtype, matrix: np.ndarray) -> tuple[Any, Any]:
-    """Return where each row's nonzero entries start, and the entries as records."""
+    """Return the first nonzero entry of each row, by number, and the entries as records."""
     rows, columns = np.nonzero(matrix)
     starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
     found = records(dtype, len(rows), index=columns, weight=matrix[rows, columns])

@@ -113,7 +113,7 @@ def onset(circuit: Circuit) -> Onset:
 
 
 def ringing(circuit: Circuit) -> tuple[float, float]:
-    """Return how much the loops amplify fluctuations at most, and at which frequency, Hz.
+    """Return the largest amplification of fluctuations by the loops, and its frequency, Hz.
 
     The largest of ``1 / |det(1 - L)|`` from 1 to 100 Hz at the fixed point of rest, L what goes
     once round (Nyquist's criterion): 1 without loops, infinite where the fixed point is unstable.

@@ -124,7 +124,7 @@ class Mixture:
 
 @lru_cache(maxsize=256)
 def answers(mixture: Mixture, dt_ms: float) -> Answers:
-    """Return what the cells of a population answer; raises ValueError if they lack an answer."""
+    """Return the answers of a population's cells; raises ValueError if they lack one."""
     rate = mixture.rate_hz
     low, high = _ends(rate, MOST_HZ)
     _, top = _ends(rate, min(TOP_HZ, OF_LIMIT * float(rate(np.array([FAR_NATS]))[0])))

@@ -62,7 +62,7 @@ def ones32(typing, word):
 
 @numba.njit(inline="always")
 def _at(row, lane):
-    """Return where a lane of a row lies in a flat array: unsigned, so that no index is wrapped."""
+    """Return the place of a lane of a row in a flat array: unsigned, so that it is not wrapped."""
     return np.uint64(row * LANES + lane)
 
 

@@ -201,7 +201,7 @@ def _place(tables: dict[Any, Array], key: Any, values: Array) -> int:
 
 
 def _low_pass(tau_ms: Array, dt_ms: float) -> dict[str, Array]:
-    """Return what a low-pass of values that go straight from tick to tick is made of.
+    """Return the factors of a low-pass of values that go straight from tick to tick.
 
     Exact for such values, so of second order in the tick: its mean lag is its time constant.
     """
