@@ -5,7 +5,8 @@ At tick k, with every rate of earlier ticks known:
 1. units: ``u = D u + (1 - D) deliver r[k - delay]``; the filtered activity is ``u + constant``;
 2. blocks: ``input = bias + weight g(u + constant) + drive``, then ``x = A x + (1 - A) input``; a
    cell that hears nats filters in its membrane instead;
-3. cells: units of rate pass ``r[k] = rates(x)`` on; spiking ones ``r[k] = spikes / (neurons dt)``;
+3. cells: populations without spikes pass ``r[k] = rates(x)`` on, spiking ones
+   ``r[k] = spikes / (neurons dt)``;
 4. read-out: ``o = R o + (1 - R) r[k]``.
 
 Cells are single precision, everything else double. What moves a cell is built of products and sums
@@ -154,11 +155,6 @@ class Scheme:
     def block_decay(self) -> Array:
         """A of each block's own filter; 0 where cells filter in their membrane."""
         return _decay(self.dt_ms, self.wiring.column("tau_ms"))
-
-    @cached_property
-    def rate_decay(self) -> Array:
-        """A of each block where rates stand for cells: of its filter, or of its membrane."""
-        return _decay(self.dt_ms, self.wiring.tau_ms)
 
     @cached_property
     def readout_decay(self) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise, transfer
-from circuits.arrays import Array, Index
+from circuits.arrays import Array, Complex, Index
 from circuits.spec import Circuit, Population, Projection
 
 
@@ -135,6 +135,13 @@ class Wiring:
         rate = self.baseline_hz + self.gain_hz_per_nat * self._by_name(x, self._block_transfers)
         curvature = self._by_name(x, self._block_transfers, "curvature")
         return self.gain_hz_per_nat * curvature * (rate > self.floor_hz)
+
+    def synapse(self, frequency_hz: Array) -> Complex:
+        """Return the answer (F, units) of each unit's delay and filter to a modulation."""
+        turn = 2j * np.pi * np.asarray(frequency_hz)[:, None] / 1000
+        paths = [self.projection(u) for u in range(self.units)]
+        delay, tau = (np.array([getattr(p, k) for p in paths]) for k in ("delay_ms", "tau_ms"))
+        return np.asarray(np.exp(-turn * delay) / (1 + turn * tau), dtype=np.complex128)
 
     def activity(self, rates: Array, name: str) -> Array:
         """Return the activity (..., channels), nats, that rates (..., channels) stand for."""

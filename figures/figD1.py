@@ -31,7 +31,8 @@ STARTS = (1, -2)
 TRIALS = {"rate": 3.0, "population": 3.0, "ensemble": 1.0}
 """Trials of a circuit, as a share of what the figures of circuits have."""
 LEVELS, SCORED = 16, 6
-"""Levels that are played; levels at which spikes score what populations learned."""
+"""Levels that are played; quantiles of the learned ones at which spikes score, beside the starts
+and the best."""
 RUNS = 20
 KEPT = 120
 COLUMNS = ["run", "learned_level", "regret", "period_mm"]

@@ -75,7 +75,8 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
             ax.text(x, k + 1.5, text, fontsize=SIZE, color=colour, va="center")
     note = (
         "* abstract only. In brackets the smallest change that counts; intervals are of 95 %. "
-        f"Found: population engine; spikes on {table['trials_spikes'].max():.0f} trials."
+        "Found, and the verdict: population engine; in spikes: "
+        f"{table['trials_spikes'].max():.0f} trials."
     )
     ax.text(0, rows - 0.4, note, fontsize=SIZE, va="center")
     return figure

@@ -1,4 +1,4 @@
-"""The population engine held to spikes on scoring seeds: make score.
+"""The population engine beside spikes, on scoring seeds: python -m benchmarks.scores.population.
 
 Both decide on the same evidence with noise of their own; beside the difference stands that of two
 noise seeds of spikes, which no engine can fall below. No constant of the population engine was
@@ -194,7 +194,7 @@ def _table_of(found: pd.DataFrame) -> str:
 
 
 def summary(made: dict[str, pd.DataFrame]) -> str:
-    """Return the figures that are asked for, worst first."""
+    """Return one line per measure: its worst and its median distance from spikes."""
     index = ["channels", "d_prime", "posterior"]
     by = made["decisions"].set_index([*index, "engine"]).unstack("engine")
     lines = []
@@ -320,7 +320,8 @@ def main() -> None:
     for kind, name, trials, make in pieces(given):
         path = OUT / f"population {kind} {name}.csv"
         if given.only in path.name and not (given.keep and path.exists()):
-            behind = {"trials": trials, "circuit": identity(circuit(TABLE, 2))}
+            circuits = {str(n): identity(circuit(TABLE, n)) for n in D_PRIMES}
+            behind = {"trials": trials, "circuits": circuits}
             write_table(make(), path, seed=SCORING_SEED, **behind)
         if path.exists():
             made.setdefault(kind, []).append(read_table(path))

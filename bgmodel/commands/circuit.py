@@ -156,9 +156,10 @@ class CircuitRun(Writes):
     rates: Path | None = None
     """Where mean rates go, .parquet or .csv."""
     spikes: Path | None = None
-    """Where the spikes of the first trials go, one row each, .parquet or .csv."""
+    """Where the spikes of the first trials go, one row each, .parquet or .csv; those trials are run
+    a second time, to their ends."""
     spike_trials: int = 10
-    """So many trials' spikes."""
+    """Number of trials, from the first, whose spikes are written."""
     nwb: Path | None = None
     """Where the first trial's spikes and rates go, .nwb."""
     seed: int = 0

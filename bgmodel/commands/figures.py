@@ -13,7 +13,12 @@ from bgmodel.commands.checks import check_whole
 from bgmodel.files import remove_partial_files
 
 MINUTES = {True: 6.0, False: 14.0}
-"""CPU time of all figures, coarse and whole, on two cores of an AMD EPYC with AVX-512; measured."""
+"""CPU time of all figures, minutes, coarse or not; measured on an AMD EPYC with AVX-512."""
+
+
+def _names() -> list[str]:
+    """Return the names of all figures."""
+    return sorted(path.stem for path in Path("figures").glob("fig*.py"))
 
 
 @dataclass(frozen=True)
@@ -74,9 +79,13 @@ class Figures:
 
     def _say(self, folder: Path, recordings: bool) -> None:
         """Say what is drawn, and about how long all of it takes."""
-        names = sorted(path.stem for path in Path("figures").glob("fig*.py"))
-        names = [name for name in names if recordings or name != "figR1"]
-        asked = [name for name in names if not self.targets or name in self.targets]
+        names = [name for name in _names() if recordings or name != "figR1"]
+        asked = [
+            name
+            for name in names
+            if not self.targets
+            or {name, *(str(folder / f"{name}{end}") for end in (".png", ".pdf"))} & {*self.targets}
+        ]
         there = [name for name in asked if (folder / f"{name}.png").is_file()]
         took = (
             f", about {MINUTES[self.fast]:g} minutes of CPU" if not (there or self.targets) else ""
@@ -89,7 +98,7 @@ class Figures:
 
     def _check_targets(self, folder: Path) -> None:
         """Raise ValueError for a target that is neither a figure nor a file of the folder."""
-        names = sorted(path.stem for path in Path("figures").glob("fig*.py"))
+        names = _names()
         for target in self.targets:
             if target not in names and Path(target).parent != folder:
                 raise ValueError(

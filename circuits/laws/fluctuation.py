@@ -56,16 +56,15 @@ def linear(wiring: Wiring, x: Array, frequency_hz: npt.ArrayLike) -> Linear:
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     gain, bend, own = _cells(wiring, x, frequency)
     turn = 2j * np.pi * frequency[:, None] / 1000
-    paths = [wiring.projection(u) for u in range(wiring.units)]
-    delay, tau = (np.array([getattr(p, k) for p in paths]) for k in ("delay_ms", "tau_ms"))
-    synapse = np.exp(-turn * delay) / (1 + turn * tau)
+    synapse = wiring.synapse(frequency)
     block = 1 / (1 + turn * wiring.column("tau_ms"))
     heard = (block[:, :, None] * wiring.weight) @ (synapse[:, :, None] * wiring.deliver)
     one = np.eye(wiring.blocks)
     loops = one - heard * gain[:, :, None, :]
     _check_stable(wiring, loops)
-    into = np.linalg.solve(loops, heard)
-    return Linear(into, one + gain[..., None] * into, bend, own)
+    into: Complex = np.linalg.solve(loops, heard).astype(np.complex128)
+    out: Complex = one + gain[..., None] * into
+    return Linear(into, out, bend, own)
 
 
 def extra_rates(wiring: Wiring, x: Array) -> Array:

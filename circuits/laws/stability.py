@@ -21,7 +21,7 @@ from circuits.wiring import Wiring
 NODES = 12
 """Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""
 RINGING_HZ = np.geomspace(0.02, 1000, 400)
-"""Where amplification is looked for."""
+"""Frequencies, Hz, at which turns of the determinant are counted; amplification: 1 to 100."""
 LOWEST_NATS, HIGHEST_NATS, FACTOR = 0.25, 40.0, 1.15
 """Where the limit is looked for, and in what steps."""
 
@@ -126,9 +126,8 @@ def ringing(circuit: Circuit) -> tuple[float, float]:
     wiring = wired(circuit)
     x = solve(wiring, np.zeros((1, circuit.channels)))
     turn = 2j * np.pi * RINGING_HZ[:, None] / 1000
-    paths = [wiring.projection(u) for u in range(wiring.units)]
-    delay, tau = (np.array([getattr(p, k) for p in paths]) for k in ("delay_ms", "tau_ms"))
-    synapse = np.exp(-turn * delay) / (1 + turn * tau)
+    bent = wiring.units_slope(wiring.rates(x) @ wiring.deliver.T + wiring.constant)[0]
+    synapse = bent * wiring.synapse(RINGING_HZ)
     block = wiring.rates_slope(x)[0] / (1 + turn * wiring.tau_ms)
     loops = (block[:, :, None] * wiring.weight) @ (synapse[:, :, None] * wiring.deliver)
     left = np.linalg.det(np.eye(wiring.blocks) - loops)

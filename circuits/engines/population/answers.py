@@ -17,11 +17,11 @@ from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING
 from circuits.ticks import SPREAD_LEAST
 
 STATES, STEPS, POINTS = 28, 512, 8192
-"""States at which filters are fitted; steps at which their coefficients and laws are kept."""
+"""Inputs at which filters are fitted, at which their coefficients are kept, and the law."""
 LEAST_HZ, MOST_HZ, TOP_HZ = 1e-3, 400.0, 1000.0
-"""Rates between which a cell's answers go with its state, and up to which its law does."""
+"""Lowest and highest rate between which filters follow the input, and highest of the law, Hz."""
 SLOWEST_HZ = 0.1
-"""Below, all cells answer as a Poisson process that hardly follows."""
+"""Rate, Hz, below which filters go with the input no more: all cells are near Poisson there."""
 FAR_NATS = 256.0
 """No input is further from 0."""
 ROUGH, SEEN_HZ = 0.25, (1.0, 120.0)
@@ -66,7 +66,7 @@ class Answers:
     lags : bool
         Whether rates follow their input with a lag of their own.
     rough : str
-        Where a filter is far off what theory says, a sentence.
+        A sentence if a filter is far off theory or the cells have no noise; else empty.
     """
 
     lowest: float

@@ -143,7 +143,10 @@ def _along(count: int, missing: Of, slopes: Of, start: Array) -> Array:
 
 
 def sampled(sections: Array, dt_ms: float) -> npt.NDArray[np.float64]:
-    """Return sections (S, 4) as filters of ticks: b0, b1, b2, a1, a2 (5, S), by Tustin's rule."""
+    """Return sections (S, 4) as filters of ticks, by Tustin's rule: g, c0, c1, a1, a2, (5, S).
+
+    A filter is ``g + (1 - 1/z) (c0 + c1/z) / (1 + a1/z + a2/z^2)``; g is its answer to a constant.
+    """
     b1, b0, a1, a0 = sections.T
     k = 20 / dt_ms  # 2 / tick, in 100 /s
     top = np.array([k * k + b1 * k + b0, 2 * (b0 - k * k), k * k - b1 * k + b0])

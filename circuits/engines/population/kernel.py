@@ -29,7 +29,7 @@ WINDOW = 4
 REFRESH = 16
 """Ticks after which the coefficients of a block's filters follow its state."""
 LOOKED_UP, LINEAR, RECTIFIED, RAMP, EXP, S_MINUS_LOG_S = range(6)
-LAWS = {
+TRANSFERS = {
     "linear": LINEAR,
     "rectified": RECTIFIED,
     "ramp": RAMP,
@@ -320,7 +320,7 @@ def _record(p, work, lane, sample, place, out, rates):
     """Write a sample of a lane down; return its lowest OUT, or NaN if rates run away."""
     clock, trial, least = p.clock[0], work.trial[lane], np.inf
     for b in range(len(p.blocks)):
-        if not abs(work.ring[b, place * LANES + lane]) < clock.most_hz:
+        if not abs(work.ring[b, place * LANES + lane]) < clock.runaway_hz:
             return np.nan
     for c in range(len(p.readout)):
         value = work.low_pass[c, lane]
@@ -334,7 +334,10 @@ def _record(p, work, lane, sample, place, out, rates):
 
 @numba.njit(inline="always")
 def _sample(p, work, place, level, out, rates):
-    """Record a sample of every lane past its time at rest; return how many are over, or -1."""
+    """Record a sample of every lane whose evidence has begun.
+
+    Returns how many trials ended, or minus one more than the sample at which rates ran away.
+    """
     over = 0
     for lane in range(LANES):
         if work.trial[lane] == EMPTY:

@@ -33,8 +33,8 @@ LAWS = {LINES: "the table's lines, behind each membrane", CELLS: "the cells' own
 """What rates follow."""
 SLOW_MS = 50.0
 """Time in which coefficients follow the state: well above the noise, well below a decision."""
-MOST_HZ = 1e6
-"""Rates beyond stand for nothing: the loop is unstable."""
+RUNAWAY_HZ = 1e6
+"""Rate above which a run stops: the loop is unstable."""
 FEW = 30
 FEW_CELLS = (
     f"the population engine takes noise for Gaussian, and that of fewer than {FEW} cells is not: "
@@ -178,8 +178,8 @@ class _Tables:
 
     def transfer(self, name: str) -> dict[str, float]:
         """Return the fields of a record that a transfer sets."""
-        if name in kernel.LAWS:
-            return {"law": kernel.LAWS[name], "column": 0, "lowest": 0, "per": 0}
+        if name in kernel.TRANSFERS:
+            return {"law": kernel.TRANSFERS[name], "column": 0, "lowest": 0, "per": 0}
         lowest, highest, values = looked_up(name)
         return self._looked_up(name, (lowest, highest), values)
 
@@ -277,7 +277,7 @@ def _clock(scheme: Scheme, clock: Clock) -> Any:
         readout_baseline=readout.baseline_hz,
         readout_hz_per_nat=readout.gain_hz_per_nat,
         drive_gain=circuit.drive_gain,
-        most_hz=MOST_HZ,
+        runaway_hz=RUNAWAY_HZ,
     )
 
 

@@ -9,7 +9,7 @@ from circuits.engines.compiling import record
 CLOCK = record(
     i8="window settle step sample refresh start",
     f4="follow_slowly readout_gain readout_before readout_baseline "
-    "readout_hz_per_nat drive_gain most_hz",
+    "readout_hz_per_nat drive_gain runaway_hz",
 )
 UNIT = record(i8="law column delay source sources", f4="gain before constant rest lowest per")
 BLOCK = record(

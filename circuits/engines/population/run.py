@@ -37,7 +37,7 @@ from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
 
 RINGING = 8.0
-"""Loops that amplify fluctuations by more than this are said."""
+"""Amplification of fluctuations by the loops above which a run warns."""
 _ringing = lru_cache(maxsize=64)(ringing)
 
 
@@ -58,6 +58,8 @@ def run(
     workers: int = 1,
 ) -> Activity:
     """Run a circuit's populations on many trials.
+
+    Warns near an oscillation, below 30 cells, and where a filter is far off theory.
 
     Parameters
     ----------
@@ -164,11 +166,11 @@ def _trials(p: Any, arrays: tuple[Any, ...], level: float, workers: int) -> int:
 
 
 def _warn_of_ringing(circuit: Circuit) -> None:
-    """Warn near an oscillation: there cells fire together, and noise is no small thing."""
+    """Warn near an oscillation: cells fire together there, so their noise is not independent."""
     amplified, hz = _ringing(circuit)
     if amplified > RINGING:
         warnings.warn(
-            f"{circuit.name} as edited is near an oscillation at {hz:.0f} Hz: its cells fire "
+            f"{circuit.name} is near an oscillation, or beyond, at {hz:.0f} Hz: its cells fire "
             "together there, and the population engine takes their noise for independent",
             stacklevel=3,
         )

@@ -170,6 +170,8 @@ def test_loops_amplify_as_far_as_they_are_from_their_limit():
     assert stability.ringing(anatomy.bogacz_gurney().without("GPe"))[0] == pytest.approx(
         1, abs=1e-6
     )
+    # A pathway that bends counts with its slope: S - ln S of STN's three rates of 1 nat, 2/3.
+    assert stability.ringing(anatomy.bogacz_gurney())[0] == pytest.approx(2.04, abs=0.01)
     circuit = loop(6, 14, (5, 5))
     limit = stability.onset(circuit)
     near, beyond = (
