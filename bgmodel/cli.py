@@ -24,6 +24,7 @@ from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.names import Name
+from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.ours import explained
 
@@ -49,6 +50,7 @@ COMMANDS: dict[str, Any] = {
     ),
     "compare": Compare,
     "experiment": ExperimentRun,
+    "sweep": SweepRun,
     "figures": Figures,
 }
 

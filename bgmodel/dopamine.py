@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 from bgmodel.arrays import Array
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
-from bgmodel.comparison.compare import Sweep
+from bgmodel.comparison.compare import Tradeoff
 from bgmodel.comparison.steady import leader_out
 from bgmodel.decision import any_crossing
 from bgmodel.evidence import Evidence
@@ -183,7 +183,7 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
 
 def decide_at_levels(
     model: BasalGanglia, evidence: Evidence, levels: npt.ArrayLike, threshold_nats: float
-) -> Sweep:
+) -> Tradeoff:
     """Let a circuit decide at several levels of dopamine, its threshold fixed.
 
     Parameters
@@ -199,7 +199,7 @@ def decide_at_levels(
 
     Returns
     -------
-    Sweep
+    Tradeoff
         Its ``settings`` are the levels, highest first.
     """
     falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]
@@ -218,4 +218,4 @@ def decide_at_levels(
         for level in falling
     ]
     names = ("choice", "time_ms", "forced", "premature", "posterior")
-    return Sweep(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))
+    return Tradeoff(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))

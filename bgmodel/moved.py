@@ -16,13 +16,13 @@ MOVED = {
     "bgmodel.evidence_tables": "bgmodel.tables.evidence",
     "bgmodel.experiment": "bgmodel.experiments.experiment",
     "bgmodel.exports": "bgmodel.tables.exports",
+    "bgmodel.experiments.toml_files": "bgmodel.toml_files",
     "bgmodel.first_passage": "bgmodel.theory.first_passage",
     "bgmodel.outcomes": "bgmodel.experiments.outcomes",
     "bgmodel.policies": "bgmodel.learning.policies",
     "bgmodel.rivals": "bgmodel.integrators.rivals",
     "bgmodel.sprt": "bgmodel.integrators.sprt",
     "bgmodel.study": "bgmodel.learning.gap",
-    "bgmodel.toml_files": "bgmodel.experiments.toml_files",
 }
 """Old dotted name: the new one."""
 
@@ -32,11 +32,14 @@ def _members(old: str, new: str, names: str) -> dict[str, str]:
     return {f"{old}.{name}": f"{new}.{name}" for name in names.split()}
 
 
+MOVED |= {
+    "bgmodel.comparison.Sweep": "bgmodel.comparison.compare.Tradeoff",
+    "bgmodel.comparison.sweep": "bgmodel.comparison.compare.tradeoff",
+}
 MOVED |= _members(
     "bgmodel.comparison",
     "bgmodel.comparison.compare",
-    "Sweep sweep curve time_at latency resampled interval shown check_trials equivalent "
-    "reads_nothing",
+    "curve time_at latency resampled interval shown check_trials equivalent reads_nothing",
 )
 MOVED |= _members(
     "bgmodel.learning",

@@ -17,10 +17,10 @@ from bgmodel.comparison.circuits import (
     MSPRT,
     MSPRT_AT_GAIN,
     decide_at_thresholds,
-    msprt_sweeps,
+    msprt_tradeoffs,
     thresholds_about,
 )
-from bgmodel.comparison.compare import Sweep, compare, curve, sweep
+from bgmodel.comparison.compare import Tradeoff, compare, curve, tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
@@ -54,11 +54,11 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         table = circuit("spiking_msprt", evidence.hypotheses)
         gain = gain_of(table)
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
-        swept = msprt_sweeps(evidence, gain)
+        swept = msprt_tradeoffs(evidence, gain)
         swept |= decide_at_thresholds(model, evidence, thresholds_about(swept[MSPRT_AT_GAIN]))
         for label, rival in (("race", Race()), ("max vs average", MaxVsAverage())):
             if name in ("N = 4", "N = 8"):
-                swept[label] = sweep(rival.run(evidence), evidence)
+                swept[label] = tradeoff(rival.run(evidence), evidence)
         for label in (CIRCUIT, DECODER):
             found = compare(
                 swept[MSPRT_AT_GAIN],
@@ -76,12 +76,12 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     write_table(pd.concat(trials), beside, seed=settings.seed, settings=settings)
 
 
-def _curve(swept: Sweep) -> pd.DataFrame:
+def _curve(swept: Tradeoff) -> pd.DataFrame:
     accuracy, time = curve(swept, np.ones((1, swept.trials)))
     return pd.DataFrame({"accuracy": accuracy[0], "measure": "mean_ms", "value": time[0]})
 
 
-def _trials(test: Sweep, other: Sweep) -> pd.DataFrame:
+def _trials(test: Tradeoff, other: Tradeoff) -> pd.DataFrame:
     rows = [int(np.flatnonzero(one.settings == one.setting(AT))[0]) for one in (test, other)]
     return pd.DataFrame(
         {

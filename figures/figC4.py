@@ -16,7 +16,7 @@ from bgmodel.comparison.circuits import (
     MSPRT_AT_GAIN,
     compare_edits,
     decide_at_thresholds,
-    msprt_sweeps,
+    msprt_tradeoffs,
     thresholds_about,
 )
 from bgmodel.comparison.compare import compare
@@ -52,7 +52,7 @@ def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: fl
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
     evidence = gaussian(settings, "neurons", 2 * settings.varied_trials, 2, 0.5)
-    test = msprt_sweeps(evidence, GAIN)[MSPRT_AT_GAIN]
+    test = msprt_tradeoffs(evidence, GAIN)[MSPRT_AT_GAIN]
     parts = []
     for count in (n for n in NEURONS if n <= settings.most_neurons):
         table = circuit("spiking_msprt").with_neurons(count)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bgmodel import toml_files
 from bgmodel.cli import parsed
 from bgmodel.edits import Edits, written
-from bgmodel.experiments import toml_files
 from circuits import anatomy
 
 TABLE = anatomy.spiking_msprt()

@@ -20,7 +20,7 @@ LEVELS = [
         "bgmodel.data",
         "bgmodel.evidence",
         "bgmodel.experiments",
-        "bgmodel.experiments.toml_files",
+        "bgmodel.toml_files",
         "bgmodel.files",
         "bgmodel.integrators",
         "bgmodel.learning",
@@ -30,6 +30,7 @@ LEVELS = [
         "bgmodel.moved",
         "bgmodel.plots",
         "bgmodel.seeds",
+        "bgmodel.sweeps",
         "bgmodel.tables",
         "bgmodel.tables.exports",
         "bgmodel.theory",
@@ -57,12 +58,14 @@ LEVELS = [
     },
     {"bgmodel.learning.gap"},
     {"bgmodel.comparison.circuits"},
-    {"bgmodel.dopamine", "bgmodel.experiments.experiment"},
+    {"bgmodel.dopamine", "bgmodel.experiments.experiment", "bgmodel.sweeps.plan"},
     {
         "bgmodel.comparison.levels",
         "bgmodel.experiments.outcomes",
         "bgmodel.learning.level",
+        "bgmodel.sweeps.shards",
     },
+    {"bgmodel.sweeps.outcome"},
     {
         "bgmodel.commands",
         "bgmodel.commands.checks",
@@ -75,6 +78,7 @@ LEVELS = [
         "bgmodel.commands.figures",
         "bgmodel.commands.taps",
         "bgmodel.commands.experiments",
+        "bgmodel.commands.sweeps",
     },
     {"bgmodel.commands.comparing", "bgmodel.commands.dopamine"},
     {"bgmodel.cli"},
@@ -163,9 +167,9 @@ def test_every_package_is_shipped():
     for package, patterns in settings["package-data"].items():
         folder = ROOT.joinpath(*package.split("."))
         shipped |= {path for pattern in patterns for path in folder.glob(pattern)}
-    held = {path for package in ("bgmodel", "circuits") for path in (ROOT / package).rglob("*.*")}
+    held = {path for package in ("bgmodel", "circuits") for path in (ROOT / package).rglob("*")}
     code = {".py", ".pyc", ".nbi", ".nbc"}
-    assert shipped == {path for path in held if path.suffix not in code}
+    assert shipped == {path for path in held if path.is_file() and path.suffix not in code}
     found = {
         n for p in ("bgmodel", "circuits") for n, path in modules(p) if "__init__" in path.name
     }

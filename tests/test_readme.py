@@ -23,6 +23,10 @@ PARSED = {
 }
 
 
+OWN = {"csv": ["mine.csv"], "toml": ["mine.toml", "lesions.toml"]}
+"""The files that the README's commands read: its own blocks, in their order."""
+
+
 def blocks(language):
     """Return the README's blocks of one language, each with its line as its name."""
     parser = CodeBlockParser(language, lambda example: None)
@@ -50,10 +54,11 @@ def commands(example):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Go to an empty folder that holds the README's own table and experiment."""
-    for language, name in (("csv", "mine.csv"), ("toml", "mine.toml")):
-        (example,) = (block.values[0] for block in blocks(language))
-        (tmp_path / name).write_text(str(example.parsed))
+    """Go to an empty folder that holds the README's own table, experiment and sweep."""
+    for language, names in OWN.items():
+        examples = [block.values[0] for block in blocks(language)]
+        for name, example in zip(names, examples, strict=True):
+            (tmp_path / name).write_text(str(example.parsed))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -19,7 +19,7 @@ import pandas as pd
 
 from benchmarks import OUT
 from bgmodel import stream
-from bgmodel.comparison.compare import sweep
+from bgmodel.comparison.compare import tradeoff
 from bgmodel.comparison.levels import GAIN
 from bgmodel.comparison.levels import LATENCY_MS as LATENCIES_MS
 from bgmodel.dopamine import COARSE, playable_levels
@@ -82,7 +82,7 @@ def near(outcomes: LevelOutcomes) -> Any:
 
 def best_of_test(evidence: Evidence) -> float:
     """Return the highest mean reward of the MSPRT, the circuit's non-decision time added."""
-    test = sweep(Msprt(GAIN).run(evidence), evidence)
+    test = tradeoff(Msprt(GAIN).run(evidence), evidence)
     steps = (np.maximum(test.time_ms, 0) + LATENCY_MS) / STEP_MS
     steps = np.minimum(steps, T_MAX + 1)
     return float(reward_of(test.choice != evidence.truth, steps, XI).mean(axis=1).max())

@@ -24,7 +24,7 @@ from scipy.stats import ks_2samp
 from benchmarks import OUT
 from bgmodel import stream
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
-from bgmodel.comparison.compare import Sweep
+from bgmodel.comparison.compare import Tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of, identity
@@ -76,7 +76,7 @@ def evidence(channels: int, d_prime: float, trials: int) -> Evidence:
     )
 
 
-def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Sweep:
+def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Tradeoff:
     """Let a circuit decide on an engine, at every posterior."""
     engine, seed = ENGINES[name]
     options = {"workers": workers, "settle_ms": SETTLE_MS}
@@ -85,7 +85,7 @@ def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Sweep:
     return decide_at_thresholds(model, shown, thresholds, decoder_tau_ms=None)[CIRCUIT]
 
 
-def _measures(found: Sweep, truth: npt.NDArray[Any], k: int) -> dict[str, float]:
+def _measures(found: Tradeoff, truth: npt.NDArray[Any], k: int) -> dict[str, float]:
     times, right = found.time_ms[k], found.choice[k] == truth
     quantiles = dict(zip(("q10", "q50", "q90"), np.quantile(times, (0.1, 0.5, 0.9)), strict=True))
     return {
@@ -97,7 +97,7 @@ def _measures(found: Sweep, truth: npt.NDArray[Any], k: int) -> dict[str, float]
     }
 
 
-def _beside(found: Sweep, other: Sweep, k: int) -> dict[str, float]:
+def _beside(found: Tradeoff, other: Tradeoff, k: int) -> dict[str, float]:
     return {
         "ks": float(ks_2samp(found.time_ms[k], other.time_ms[k]).statistic),
         "r": float(np.corrcoef(found.time_ms[k], other.time_ms[k])[0, 1]),

@@ -23,7 +23,7 @@ from bgmodel.comparison.circuits import (
     CIRCUIT,
     MSPRT_AT_GAIN,
     decide_at_thresholds,
-    msprt_sweeps,
+    msprt_tradeoffs,
     thresholds_about,
 )
 from bgmodel.comparison.compare import compare
@@ -80,7 +80,7 @@ def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
 
 def scored(table: Circuit, evidence: Evidence, gain: float, seed: int) -> tuple[np.ndarray, float]:
     """Return r at each of the accuracies, and the offset in ms."""
-    test = msprt_sweeps(evidence, gain)[MSPRT_AT_GAIN]
+    test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
     model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
     own = decide_at_thresholds(model, evidence, thresholds_about(test), decoder_tau_ms=None)[
         CIRCUIT

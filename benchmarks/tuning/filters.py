@@ -20,8 +20,8 @@ from scipy.signal import lfilter
 
 from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_sweeps, thresholds_about
-from bgmodel.comparison.compare import compare, sweep
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs, thresholds_about
+from bgmodel.comparison.compare import compare, tradeoff
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
@@ -44,7 +44,7 @@ class Run:
 
     def __init__(self, table: Circuit, evidence: Evidence, gain: float, seed: int) -> None:
         self.evidence = evidence
-        self.test = msprt_sweeps(evidence, gain)[MSPRT_AT_GAIN]
+        self.test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
         self.thresholds = thresholds_about(self.test)
         kept: dict[str, list[Array]] = {"D1": [], "STN": [], "SNr": []}
         model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
@@ -76,7 +76,7 @@ class Run:
         """Return r at each accuracy, the offset in ms, and the slope."""
         found = compare(
             self.test,
-            sweep(self.out(table), self.evidence, self.thresholds),
+            tradeoff(self.out(table), self.evidence, self.thresholds),
             rng=stream(0, "unused"),
             accuracies=ACCURACIES,
             resamples=2,

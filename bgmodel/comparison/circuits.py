@@ -14,10 +14,10 @@ from bgmodel.comparison.compare import (
     ACCURACIES,
     MARGIN,
     RESAMPLES,
-    Sweep,
+    Tradeoff,
     check_trials,
     compare,
-    sweep,
+    tradeoff,
 )
 from bgmodel.comparison.decoder import decoded
 from bgmodel.comparison.steady import out_shift
@@ -44,9 +44,9 @@ BELOW_NATS = 0.04
 """How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
 
 
-def references(model: BasalGanglia, evidence: Evidence) -> dict[str, Sweep]:
+def references(model: BasalGanglia, evidence: Evidence) -> dict[str, Tradeoff]:
     """Return the tests that a circuit is held to: without nats no MSPRT has its gain."""
-    found = msprt_sweeps(evidence, model.gain)
+    found = msprt_tradeoffs(evidence, model.gain)
     return found if model.circuit.unit == NATS else {MSPRT: found[MSPRT]}
 
 
@@ -55,15 +55,15 @@ def sample_ms(step_ms: float) -> float:
     return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
 
 
-def msprt_sweeps(evidence: Evidence, gain: float) -> dict[str, Sweep]:
+def msprt_tradeoffs(evidence: Evidence, gain: float) -> dict[str, Tradeoff]:
     """Return the two references: the MSPRT at the circuit's gain, and the full one."""
     return {
-        MSPRT_AT_GAIN: sweep(Msprt(gain).run(evidence), evidence),
-        MSPRT: sweep(Msprt().run(evidence), evidence),
+        MSPRT_AT_GAIN: tradeoff(Msprt(gain).run(evidence), evidence),
+        MSPRT: tradeoff(Msprt().run(evidence), evidence),
     }
 
 
-def thresholds_about(test: Sweep, highest: float = HIGHEST) -> npt.NDArray[np.float64]:
+def thresholds_about(test: Tradeoff, highest: float = HIGHEST) -> npt.NDArray[np.float64]:
     """Return thresholds for a circuit, nats, around the test's at accuracies from .80 to highest.
 
     A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
@@ -74,7 +74,7 @@ def thresholds_about(test: Sweep, highest: float = HIGHEST) -> npt.NDArray[np.fl
 
 
 def thresholds_of(
-    circuit: Circuit, test: Sweep, highest: float = HIGHEST
+    circuit: Circuit, test: Tradeoff, highest: float = HIGHEST
 ) -> npt.NDArray[np.float64]:
     """Return those of ``thresholds_about`` that a circuit reads, and is not past without evidence.
 
@@ -105,7 +105,7 @@ def decide_at_thresholds(
     thresholds: npt.ArrayLike,
     *,
     decoder_tau_ms: float | None = DECODER_TAU_MS,
-) -> dict[str, Sweep]:
+) -> dict[str, Tradeoff]:
     """Return the decisions of a circuit and, if it has noise, of a decoder of its input.
 
     Parameters
@@ -128,7 +128,7 @@ def decide_at_thresholds(
     decodes = in_nats and model.engine in NOISY and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
     model = model.until(lowest - (BELOW_NATS if decodes else ROUNDING_NATS), rates=decodes)
-    found: dict[str, Sweep] = {}
+    found: dict[str, Tradeoff] = {}
     first = 0
     for part, activity, trace in model.batches(evidence):
         traces = {CIRCUIT: trace}
@@ -136,7 +136,7 @@ def decide_at_thresholds(
             again = partial(whole.one_trial, part, first)
             traces[DECODER] = decoded(activity, trace, lowest, again, decoder_tau_ms)
         for name, trace in traces.items():
-            new = sweep(trace, part, thresholds)
+            new = tradeoff(trace, part, thresholds)
             found[name] = found[name] + new if name in found else new
         first += part.trials
     return found
@@ -181,7 +181,7 @@ def compare_with_msprt(
     _warn_of_noise(model, found[CIRCUIT], accuracies)
     pairs = [(name, reference) for reference in tests for name in found]
     for name in RIVALS if rivals is None else rivals:
-        found[name] = sweep(RIVALS[name]().run(evidence), evidence)
+        found[name] = tradeoff(RIVALS[name]().run(evidence), evidence)
         pairs.append((name, MSPRT))
     parts = []
     for name, reference in pairs:
@@ -264,7 +264,7 @@ def compare_edits(
     return pd.concat(parts, ignore_index=True)
 
 
-def _warn_of_noise(model: BasalGanglia, found: Sweep, accuracies: Sequence[float]) -> None:
+def _warn_of_noise(model: BasalGanglia, found: Tradeoff, accuracies: Sequence[float]) -> None:
     """Warn if noise alone crosses the highest of the thresholds that are compared."""
     model.warn_of_noise(max(found.setting(accuracy) for accuracy in accuracies))
 
@@ -284,7 +284,7 @@ def _silent(circuit: Circuit) -> float:
 
 
 def _at_threshold_of(
-    intact: Sweep, found: Sweep, evidence: Evidence, accuracies: Sequence[float]
+    intact: Tradeoff, found: Tradeoff, evidence: Evidence, accuracies: Sequence[float]
 ) -> pd.DataFrame:
     rows = []
     for accuracy in accuracies:

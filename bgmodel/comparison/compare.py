@@ -1,7 +1,7 @@
 """Algorithm against circuit, decision by decision, on the same evidence.
 
-A ``Sweep`` holds the decisions of one integrator at many settings, as a rule thresholds. Two sweeps
-on the same evidence are compared at equal accuracy: their settings are matched, then trial stands
+A ``Tradeoff`` holds the decisions of one integrator at many settings, as a rule thresholds. Two on
+the same evidence are compared at equal accuracy: their settings are matched, then trial stands
 against trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of trials,
 so that one expression gives the value and its resamples.
 """
@@ -38,7 +38,7 @@ MARGIN = 0.01
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Tradeoff:
     """Decisions of one integrator at K settings of what makes it hasty or careful.
 
     Parameters
@@ -73,10 +73,10 @@ class Sweep:
         """Whether most trials decide before their first reading, (K,)."""
         return np.asarray(self.premature.mean(axis=1) > WITHOUT_EVIDENCE_SHARE)
 
-    def __add__(self, more: Sweep) -> Sweep:
+    def __add__(self, more: Tradeoff) -> Tradeoff:
         """Append trials; both must have the same settings."""
         if not np.array_equal(self.settings, more.settings):
-            raise ValueError("sweeps can be joined only over the same settings")
+            raise ValueError("tradeoffs can be joined only over the same settings")
         names = ("choice", "time_ms", "forced", "premature", "posterior")
         joined = {n: np.concatenate([getattr(self, n), getattr(more, n)], axis=1) for n in names}
         return replace(self, **joined)
@@ -109,7 +109,7 @@ def levels(trace: Trace, count: int = 200) -> Array:
     return np.unique(np.quantile(trace.out_nats.min(axis=2), np.linspace(0, 1, count)))[::-1]
 
 
-def sweep(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = None) -> Sweep:
+def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = None) -> Tradeoff:
     """Let an integrator decide at many thresholds.
 
     Parameters
@@ -126,12 +126,12 @@ def sweep(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = N
     reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
     reading = np.minimum(reading, evidence.readings)
     posterior = evidence.posterior[np.arange(evidence.trials), reading, decided.choice]
-    return Sweep(
+    return Tradeoff(
         chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior
     )
 
 
-def curve(swept: Sweep, weights: Array) -> tuple[Array, Array]:
+def curve(swept: Tradeoff, weights: Array) -> tuple[Array, Array]:
     """Return expected accuracy, made monotone, and mean time, (B, K) for weights (B, trials)."""
     share = weights / weights.sum(axis=1, keepdims=True)
     accuracy = np.stack([isotonic_regression(row).x for row in share @ swept.posterior.T])
@@ -171,12 +171,12 @@ def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Arra
 
 
 def compare(
-    test: Sweep,
-    other: Sweep,
+    test: Tradeoff,
+    other: Tradeoff,
     *,
     rng: np.random.Generator,
     truth: npt.NDArray[np.integer] | None = None,
-    minus: Sweep | None = None,
+    minus: Tradeoff | None = None,
     latency_ms: float | None = None,
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
@@ -185,13 +185,13 @@ def compare(
 
     Parameters
     ----------
-    test, other : Sweep
+    test, other : Tradeoff
         The reference, and what is held to it.
     rng : numpy.random.Generator
         For the bootstrap.
     truth : int array (trials,), optional
         For the accuracy that is counted, and the test's error trials.
-    minus : Sweep, optional
+    minus : Tradeoff, optional
         A third: every measure is then the other's minus this one's, with the interval of that.
     latency_ms : float, optional
         What is not decision time and taken off before accuracies are compared in equal time: 0 for
@@ -216,7 +216,7 @@ def compare(
     Raises
     ------
     ValueError
-        If the sweeps do not hold the same trials, or are too few for an interval.
+        If the tradeoffs do not hold the same trials, or are too few for an interval.
     """
     for one in (other, minus or other):
         if one.trials != test.trials:
@@ -276,8 +276,8 @@ Measures = dict[tuple[float, str], Array]
 
 
 def _measures(
-    test: Sweep,
-    other: Sweep,
+    test: Tradeoff,
+    other: Tradeoff,
     truth: npt.NDArray[np.integer] | None,
     accuracies: Sequence[float],
     weights: Array,
@@ -307,8 +307,8 @@ def _measures(
 
 
 def _trial_by_trial(
-    test: Sweep,
-    other: Sweep,
+    test: Tradeoff,
+    other: Tradeoff,
     i: int,
     j: int,
     truth: npt.NDArray[np.integer] | None,

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.arrays import Array
-from bgmodel.comparison.circuits import msprt_sweeps
-from bgmodel.comparison.compare import Sweep, curve, interval, resampled
+from bgmodel.comparison.circuits import msprt_tradeoffs
+from bgmodel.comparison.compare import Tradeoff, curve, interval, resampled
 from bgmodel.dopamine import (
     COARSE,
     THRESHOLD_NATS,
@@ -40,8 +40,8 @@ ENGINES = ("rate", "population", "ensemble")
 
 
 def level_table(
-    swept: Sweep,
-    tests: Mapping[str, Sweep],
+    swept: Tradeoff,
+    tests: Mapping[str, Tradeoff],
     *,
     circuit: Circuit,
     gain: float,
@@ -54,10 +54,10 @@ def level_table(
 
     Parameters
     ----------
-    swept : Sweep
+    swept : Tradeoff
         As from ``dopamine.decide_at_levels``.
-    tests : mapping of Sweep
-        By name, as from ``comparison.circuits.msprt_sweeps``, on the same evidence.
+    tests : mapping of Tradeoff
+        By name, as from ``comparison.circuits.msprt_tradeoffs``, on the same evidence.
     circuit, gain, threshold_nats :
         The circuit that was swept.
     latency_ms : float
@@ -130,7 +130,7 @@ def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.D
         evidence = gaussian_evidence(
             trials, steps, 0.5 / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
         )
-        tests = msprt_sweeps(evidence, GAIN)
+        tests = msprt_tradeoffs(evidence, GAIN)
         for engine in ENGINES:
             options = COARSE if engine == "rate" else {}
             model = BasalGanglia(table, engine, GAIN, seed, options)

@@ -15,12 +15,12 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pandas as pd
 
+from bgmodel import toml_files
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
 from bgmodel.decision import any_crossing
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
-from bgmodel.experiments import toml_files
 from bgmodel.experiments.measures import MEASURES, Behaviour
 from bgmodel.integrators.basal_ganglia import (
     BATCH,

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array, Integers, Truths
-from bgmodel.comparison.compare import Sweep
+from bgmodel.comparison.compare import Tradeoff
 from bgmodel.decision import UNDECIDED, Decision
 
 DIFFUSION_S = 0.1
@@ -45,7 +45,7 @@ class Behaviour:
 
     Parameters
     ----------
-    decided : Sweep
+    decided : Tradeoff
         At that threshold alone (K = 1); forced means missed.
     anticipatory : bool array (trials,)
         Whether a foreperiod without evidence, a run of its own, ended in a response.
@@ -55,7 +55,7 @@ class Behaviour:
         Their number.
     """
 
-    decided: Sweep
+    decided: Tradeoff
     anticipatory: Truths
     truth: Integers
     hypotheses: int

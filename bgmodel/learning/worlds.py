@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array, Integers, Reals, Truths
-from bgmodel.comparison.compare import Sweep
+from bgmodel.comparison.compare import Tradeoff
 from bgmodel.decision import Trace, crossing_of_each
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
@@ -89,7 +89,7 @@ class LevelOutcomes:
             raise ValueError(f"levels must rise, got {self.levels}")
 
     @classmethod
-    def of(cls, found: Sweep, evidence: Evidence) -> LevelOutcomes:
+    def of(cls, found: Tradeoff, evidence: Evidence) -> LevelOutcomes:
         """Build from decisions and the truth."""
         if evidence.truth is None:
             raise ValueError("reward needs the truth of each trial")

@@ -15,7 +15,7 @@ from bgmodel.comparison.circuits import (
     compare_edits,
     compare_with_msprt,
     decide_at_thresholds,
-    msprt_sweeps,
+    msprt_tradeoffs,
     thresholds_about,
 )
 from bgmodel.comparison.compare import compare
@@ -67,7 +67,7 @@ def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind
     """Negative controls: the circuit gets something else than the test."""
     values = EVIDENCE.log_likelihood
     wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
-    test = msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN]
+    test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN]
     found = decide_at_thresholds(MODEL, wrong, thresholds_about(test), decoder_tau_ms=None)[CIRCUIT]
     # The posterior is that of the right evidence.
     known = np.exp(-Msprt().run(EVIDENCE).out_nats)[:, -1]
@@ -99,7 +99,7 @@ def test_without_gpe_or_the_right_sum_the_spiking_circuit_agrees_less():
 @pytest.mark.parametrize("tau_ms", [None, 20.0])
 def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
     """Below the lowest threshold a trial is over, unless the decoder has not got there."""
-    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
+    given = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
     model = replace(MODEL, circuit=edited)
     # Batches of 20: a trial that is run again has the noise of its place among all.
     monkeypatch.setattr(basal_ganglia, "BATCH", 20)
@@ -113,7 +113,7 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
 
 
 def test_trials_do_not_depend_on_their_batch(monkeypatch):
-    given = thresholds_about(msprt_sweeps(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
+    given = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
     whole = decide_at_thresholds(MODEL, EVIDENCE[:30], given)
     monkeypatch.setattr("bgmodel.integrators.basal_ganglia.BATCH", 7)
     parts = decide_at_thresholds(MODEL, EVIDENCE[:30], given)

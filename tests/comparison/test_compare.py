@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison.compare import compare, curve, equivalent, levels, sweep
+from bgmodel.comparison.compare import compare, curve, equivalent, levels, tradeoff
 from bgmodel.decision import Trace
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.rivals import MaxVsAverage, Race
 
 EVIDENCE = gaussian_evidence(800, 60, 0.5, rng=stream(1, "comparison"), hypotheses=4, step_ms=50.0)
 TRACE = Msprt().run(EVIDENCE)
-TEST = sweep(TRACE, EVIDENCE)
+TEST = tradeoff(TRACE, EVIDENCE)
 
 
 def measured(other, **options):
@@ -41,7 +41,7 @@ def test_a_test_agrees_with_itself():
 
 def test_a_delay_is_an_offset_and_nothing_else():
     """Less than a reading, so that no more is known when it decides."""
-    late = sweep(replace(TRACE, time_ms=TRACE.time_ms + 40.0), EVIDENCE, TEST.settings)
+    late = tradeoff(replace(TRACE, time_ms=TRACE.time_ms + 40.0), EVIDENCE, TEST.settings)
     table = measured(late)
     assert value(table, "offset_ms") == pytest.approx(40, abs=1e-6)
     assert value(table, "slope") == pytest.approx(0, abs=1e-8)
@@ -54,13 +54,13 @@ def test_a_delay_is_an_offset_and_nothing_else():
 
 def test_times_that_are_stretched_show_as_a_slope():
     slow = replace(TRACE, time_ms=TRACE.time_ms * 1.1)
-    table = measured(replace(sweep(slow, EVIDENCE, TEST.settings), posterior=TEST.posterior))
+    table = measured(replace(tradeoff(slow, EVIDENCE, TEST.settings), posterior=TEST.posterior))
     assert value(table, "slope") == pytest.approx(0.1, abs=1e-8)
     assert value(table, "offset_ms") == pytest.approx(0, abs=1e-5)
 
 
 def test_a_monotone_function_of_the_test_is_the_test():
-    squared = sweep(Trace(TRACE.out_nats**3, TRACE.time_ms, 0.0, 50.0), EVIDENCE)
+    squared = tradeoff(Trace(TRACE.out_nats**3, TRACE.time_ms, 0.0, 50.0), EVIDENCE)
     table = measured(squared)
     assert value(table, "agreement", 0.95) > 0.995
     assert equivalent(table).all()
@@ -69,7 +69,7 @@ def test_a_monotone_function_of_the_test_is_the_test():
 def test_rivals_differ_as_they_must():
     """Negative controls: less efficient at N = 4, the intervals clear of zero."""
     for rival in (Race(), MaxVsAverage()):
-        table = measured(sweep(rival.run(EVIDENCE), EVIDENCE), latency_ms=0.0)
+        table = measured(tradeoff(rival.run(EVIDENCE), EVIDENCE), latency_ms=0.0)
         assert value(table, "accuracy_gap", 0.95, "high") < -0.01
         assert value(table, "extra_ms", 0.95, "low") > 0
         assert not equivalent(table).any()
@@ -80,7 +80,7 @@ def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
     """Negative controls: an accuracy that is not reached gives no figure, and no interval."""
     values = EVIDENCE.log_likelihood
     wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
-    swept = sweep(Msprt().run(wrong), EVIDENCE)
+    swept = tradeoff(Msprt().run(wrong), EVIDENCE)
     assert swept.posterior.mean(axis=1).max() < 0.5
     table = measured(swept)
     assert table[["value", "low", "high"]].isna().all(axis=None)
@@ -90,7 +90,7 @@ def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
 def test_extra_time_and_its_interval_do_not_hang_on_the_grid():
     """A delay of 40 ms on a coarse grid of thresholds: the value and its interval hold 40."""
     late = replace(TRACE, time_ms=TRACE.time_ms + 40.0)
-    table = measured(sweep(late, EVIDENCE, np.geomspace(1.2, 0.005, 120)))
+    table = measured(tradeoff(late, EVIDENCE, np.geomspace(1.2, 0.005, 120)))
     for accuracy in (0.90, 0.95, 0.97):
         assert value(table, "extra_ms", accuracy) == pytest.approx(40, abs=4)
         ends = [value(table, "extra_ms", accuracy, column) for column in ("low", "high")]
@@ -100,7 +100,7 @@ def test_extra_time_and_its_interval_do_not_hang_on_the_grid():
 def test_expected_accuracy_is_the_counted_one_with_a_smaller_error():
     """A martingale: the mean posterior of what is chosen is the accuracy, whatever chooses."""
     for integrator in (Msprt(), Race()):
-        swept = sweep(integrator.run(EVIDENCE), EVIDENCE)
+        swept = tradeoff(integrator.run(EVIDENCE), EVIDENCE)
         counted = (swept.choice == EVIDENCE.truth).mean(axis=1)
         expected = swept.posterior.mean(axis=1)
         error = np.sqrt(expected * (1 - expected) / EVIDENCE.trials)
@@ -112,14 +112,14 @@ def test_expected_accuracy_is_the_counted_one_with_a_smaller_error():
 def test_the_interval_of_a_proportion_is_the_binomial_one():
     rng = stream(3, "noise")
     noisy = Trace(TRACE.out_nats + rng.normal(0, 0.5, TRACE.out_nats.shape), TRACE.time_ms, 0, 50.0)
-    table = measured(sweep(noisy, EVIDENCE), resamples=2000)
+    table = measured(tradeoff(noisy, EVIDENCE), resamples=2000)
     p = value(table, "agreement", 0.9)
     width = value(table, "agreement", 0.9, "high") - value(table, "agreement", 0.9, "low")
     assert width == pytest.approx(2 * 1.96 * np.sqrt(p * (1 - p) / 800), rel=0.15)
 
 
 def test_a_difference_has_an_interval_of_its_own():
-    race = sweep(Race().run(EVIDENCE), EVIDENCE)
+    race = tradeoff(Race().run(EVIDENCE), EVIDENCE)
     assert (measured(race, minus=race)["value"] == 0).all()
     table = measured(race, minus=TEST)
     assert value(table, "agreement", 0.95) == value(measured(race), "agreement", 0.95) - 1
@@ -142,17 +142,17 @@ def test_thresholds_fall_and_accuracy_rises():
 
 
 def test_parts_join_to_the_whole():
-    parts = [sweep(Msprt().run(EVIDENCE[s]), EVIDENCE[s], TEST.settings)
+    parts = [tradeoff(Msprt().run(EVIDENCE[s]), EVIDENCE[s], TEST.settings)
              for s in (slice(0, 300), slice(300, 800))]  # fmt: skip
     joined = parts[0] + parts[1]
     for name in ("choice", "time_ms", "forced", "premature", "posterior"):
         assert np.array_equal(getattr(joined, name), getattr(TEST, name)), name
     with pytest.raises(ValueError, match="over the same settings"):
-        parts[0] + sweep(TRACE, EVIDENCE, [0.1, 0.2])
+        parts[0] + tradeoff(TRACE, EVIDENCE, [0.1, 0.2])
 
 
 def test_bad_input_is_refused():
-    few = sweep(Msprt().run(EVIDENCE[:50]), EVIDENCE[:50])
+    few = tradeoff(Msprt().run(EVIDENCE[:50]), EVIDENCE[:50])
     with pytest.raises(ValueError, match="the same trials must be compared, got 800 and 50"):
         measured(few)
     with pytest.raises(ValueError, match="an interval needs 100 trials or more, got 50"):

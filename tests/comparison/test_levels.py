@@ -3,14 +3,14 @@
 import numpy as np
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison.compare import Sweep, sweep
+from bgmodel.comparison.compare import Tradeoff, tradeoff
 from bgmodel.comparison.levels import level_table
 from tests.levels import GAIN, MODEL, SEED
 
 
 def test_more_dopamine_is_faster_and_less_accurate(swept, level_evidence):
     """150 trials: monotone, near the fixed point, and near the MSPRT in equal time."""
-    test = sweep(Msprt(GAIN).run(level_evidence), level_evidence)
+    test = tradeoff(Msprt(GAIN).run(level_evidence), level_evidence)
     options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
     table = level_table(swept, {"MSPRT": test}, latency_ms=56.0, **options)
     wide = table.pivot(index="level", columns="measure", values="value")
@@ -24,13 +24,15 @@ def test_more_dopamine_is_faster_and_less_accurate(swept, level_evidence):
 
 def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
     """The MSPRT itself has none; with times half as long again, or 100 ms late, it loses."""
-    test = sweep(Msprt(GAIN).run(level_evidence), level_evidence)
+    test = tradeoff(Msprt(GAIN).run(level_evidence), level_evidence)
     keep = np.searchsorted(test.posterior.mean(axis=1), [0.7, 0.75, 0.8, 0.85, 0.9])
     names = ("choice", "forced", "premature", "posterior")
     fields = {n: getattr(test, n)[keep] for n in names}
     gaps = {}
     for factor, late in ((1.0, 0.0), (1.5, 0.0), (1.0, 100.0)):
-        slow = Sweep(np.linspace(1.6, 0.9, 5), time_ms=factor * test.time_ms[keep] + late, **fields)
+        slow = Tradeoff(
+            np.linspace(1.6, 0.9, 5), time_ms=factor * test.time_ms[keep] + late, **fields
+        )
         options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
         table = level_table(slow, {"MSPRT": test}, latency_ms=0.0, **options)
         rows = table[table["measure"] == "accuracy_gap"]

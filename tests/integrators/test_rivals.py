@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.cli import main
-from bgmodel.comparison.compare import curve, sweep
+from bgmodel.comparison.compare import curve, tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.rivals import RIVALS, Lca, MaxVsAverage, MaxVsNext, Race
 from bgmodel.integrators.sprt import at_readings
@@ -132,7 +132,7 @@ def test_decision_times_are_those_that_bogacz_and_gurney_print():
     one = np.ones((1, 1500))
     found = {}
     for name, kind in {"MSPRT": Msprt, "LCA": Lca, "race": Race}.items():
-        accuracy, time = curve(sweep(kind().run(evidence), evidence), one)
+        accuracy, time = curve(tradeoff(kind().run(evidence), evidence), one)
         found[name] = np.interp(0.99, accuracy[0], time[0])
     print({name: round(float(time)) for name, time in found.items()})
     assert found["MSPRT"] == pytest.approx(515, abs=25)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.comparison.compare import Sweep
+from bgmodel.comparison.compare import Tradeoff
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import (
@@ -26,7 +26,7 @@ from tests.levels import SEED
 
 def test_records_of_what_is_played_name_neither_gap_nor_threshold():
     """A gap and a level of dopamine are two uses of one learner and of one sweep."""
-    names = {field.name for record in (Learned, Sweep) for field in fields(record)}
+    names = {field.name for record in (Learned, Tradeoff) for field in fields(record)}
     assert {"played", "mean_played", "learned", "settings"} <= names
     assert not [name for name in names if "gap" in name or "delta" in name or "thresh" in name]
 

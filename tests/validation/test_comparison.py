@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.compare import compare, sweep
+from bgmodel.comparison.compare import compare, tradeoff
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage
@@ -86,8 +86,8 @@ def test_a_circuit_without_what_computes_agrees_less():
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
     change = found[found["kind"] == "change"].set_index(["variant", "measure"])
     rival = compare(
-        sweep(Msprt(0.5).run(evidence), evidence),
-        sweep(MaxVsAverage().run(evidence), evidence),
+        tradeoff(Msprt(0.5).run(evidence), evidence),
+        tradeoff(MaxVsAverage().run(evidence), evidence),
         rng=stream(SCORING_SEED, "bootstrap"),
         accuracies=(0.95,),
     ).set_index("measure")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import tomllib
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 T = TypeVar("T")
 UNKNOWN = "unexpected_keyword_argument"
@@ -46,19 +47,19 @@ def read(path: str | Path, kind: type[T]) -> T:
 
 def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
     """Return a dataclass from what a file held; ``name`` is what errors call the file."""
-    # Where a file is read: importing it takes a tenth of a second.
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     def refused(value: object) -> None:
         raise ValueError(f"{name}: no key takes a date or a time, got {value}")
 
     try:
         # As JSON a list may be a tuple and still nothing else is taken for what it is not.
-        return TypeAdapter(kind).validate_json(json.dumps(given, default=refused))
+        found: T = _adapter(cast(Any, kind)).validate_json(json.dumps(given, default=refused))
+        return found
     except ValidationError as error:
-        found = error.errors(include_url=False)
+        wrongs = error.errors(include_url=False)
     # A misspelt key is also a missing one: the first says more.
-    wrong = min(found, key=lambda e: (e["type"] != UNKNOWN, e["type"] != "missing"))
+    wrong = min(wrongs, key=lambda e: (e["type"] != UNKNOWN, e["type"] != "missing"))
     key = ".".join(str(part) for part in wrong["loc"]) or "the whole"
     if wrong["type"] == UNKNOWN:
         allowed = ", ".join(_keys(kind, wrong["loc"][:-1]))
@@ -69,6 +70,14 @@ def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
     if wrong["type"] == "value_error":
         raise ValueError(f"{name}: {'' if key == 'the whole' else key + ': '}{says}")
     raise ValueError(f"{name}: {key} {says}, got {wrong['input']!r}")
+
+
+@cache
+def _adapter(kind: Any) -> Any:
+    # Where a file is read: importing it takes a tenth of a second.
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(kind)
 
 
 def _keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:

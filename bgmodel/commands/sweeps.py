@@ -1,0 +1,178 @@
+"""The command that runs a sweep: many circuits, tasks or engines, in shards."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from functools import partial
+from importlib.resources import files as resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tyro.conf import Positional
+
+from bgmodel import files
+from bgmodel.commands.checks import check_whole, recorded, say
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    import pandas as pd
+
+    from bgmodel.sweeps.plan import Plan, Setting, Shard
+
+OUTCOME = "outcome.csv"
+PART = re.compile(r"(\d+)/(\d+)")
+
+
+@dataclass(frozen=True)
+class SweepRun:
+    """Let a circuit decide at every point of a grid or a list, and gather what came of it.
+
+    A TOML file says what is run and what changes: any number or edit of the circuit, dopamine, the
+    task, the engine, the posterior at which it decides. What is finished is never computed again;
+    the same command goes on where it was stopped, or killed.
+
+    Examples: bgmodel sweep mine.toml; bgmodel sweep mine.toml --workers 8;
+    bgmodel sweep mine.toml --on slurm --parts 40 --dry-run
+    """
+
+    file: Positional[Path]
+    """A TOML file."""
+    folder: Positional[Path | None] = None
+    """Where its shards, outcome.csv and outcome.png go; sweeps/NAME, after the file, if left out.
+    """
+    workers: int = 2
+    """Processes; they change no byte."""
+    part: str | None = None
+    """K/N: compute only the K-th of N parts, and gather nothing: for a scheduler of your own."""
+    on: Literal["processes", "snakemake", "slurm"] = "processes"
+    """Processes of this machine, jobs of Snakemake here, or of a cluster through its SLURM
+    executor."""
+    parts: int = 10
+    """Jobs of Snakemake or SLURM."""
+    profile: Path | None = None
+    """Folder of a profile for SLURM, instead of the one that is shipped."""
+    dry_run: bool = False
+    """Say what would be done, and do nothing."""
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.sweeps.plan import read_plan
+        from bgmodel.sweeps.shards import check_room
+
+        check_whole(workers=self.workers, parts=self.parts)
+        part = self._part()
+        plan = read_plan(self.file)
+        settings = plan.settings(self.file.parent)
+        folder = self.folder or Path("sweeps") / self.file.stem
+        files.check_writable(folder)
+        if self.profile is not None and not (self.profile / "config.yaml").is_file():
+            raise ValueError(
+                f"profile must be a folder with config.yaml, got {str(self.profile)!r}"
+            )
+        if self.on != "processes":
+            self._with_snakemake(folder)
+            return
+        check_room(settings, folder)
+        shards = [shard for setting in settings for shard in setting.shards()]
+        if part is not None:
+            shards = shards[part[0] - 1 :: part[1]]
+        self._run(plan, settings, shards, folder)
+
+    def _part(self) -> tuple[int, int] | None:
+        if self.part is None:
+            return None
+        found = PART.fullmatch(self.part)
+        k, n = (int(found[1]), int(found[2])) if found else (0, 0)
+        if not 1 <= k <= n:
+            raise ValueError(f"part must be K/N with K in 1..N, as 3/40, got {self.part!r}")
+        if self.on != "processes":
+            raise ValueError("part is what a job computes: give --parts, or no --on")
+        return k, n
+
+    def _run(self, plan: Plan, settings: list[Setting], shards: list[Shard], folder: Path) -> None:
+        from tqdm import tqdm
+
+        from bgmodel.sweeps import shards as stored
+
+        states = {shard: stored.state(shard, folder) for shard in shards}
+        missing = [shard for shard, state in states.items() if state != "done"]
+        damaged = list(states.values()).count("damaged")
+        print(
+            f"points: {len(settings)}; shards: {len(states)}, {len(states) - len(missing)} there "
+            f"already{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
+            flush=True,
+        )
+        if self.dry_run:
+            return
+        try:
+            with (
+                stored.at_work(folder, alone=self.part is None),
+                stored.processes(self.workers, folder) as pool,
+            ):
+                done = stored.compute_all(missing, folder, pool)
+                for _ in tqdm(done, total=len(missing), unit="shard", disable=None):
+                    pass
+                if self.part is None:
+                    self._gather(plan, settings, folder, pool)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("The same command goes on where it was.") from None
+
+    def _gather(self, plan: Plan, settings: list[Setting], folder: Path, pool: Executor) -> None:
+        from bgmodel.integrators.basal_ganglia import identity
+        from bgmodel.sweeps.outcome import gathered, measured
+
+        table = gathered(plan, list(pool.map(partial(measured, folder=folder), settings)))
+        output = folder / OUTCOME
+        circuits = [identity(setting.table)["sha256"] for setting in settings]
+        files.write_table(table, output, seed=plan.seed, sweep=recorded(plan), circuits=circuits)
+        self._say(plan, table)
+        if len(plan.axes) <= 2:
+            _draw(plan, table, folder)
+        print(f"-> {output}")
+
+    @staticmethod
+    def _say(plan: Plan, table: pd.DataFrame) -> None:
+        """Say what was warned of, each sentence once, and show a short sweep's measures."""
+        heard = table.drop_duplicates(subset=list(plan.axes))["said"]
+        for text, count in heard[heard != ""].value_counts().items():
+            say(f"at {count} of {len(heard)} points: {text}")
+        if len(plan.each) <= 40:
+            chosen = table[table["measure"].isin(plan.show)]
+            wide = chosen.pivot_table(
+                index=list(plan.axes), columns="measure", values="value", sort=False, dropna=False
+            )
+            print(wide[list(plan.show)].round(3).to_string())
+
+    def _with_snakemake(self, folder: Path) -> None:
+        try:
+            import snakemake  # noqa: F401
+        except ImportError as error:
+            raise ImportError('jobs need Snakemake: pip install ".[cluster]"') from error
+        own = resources("bgmodel.sweeps")
+        command = [sys.executable, "-m", "snakemake", "-s", str(own / "Snakefile")]
+        if self.on == "slurm":
+            command += ["--profile", str(self.profile or own / "slurm")]
+        else:
+            command += ["--cores", str(self.workers)]
+        command += ["--rerun-incomplete", *(["--dry-run"] if self.dry_run else [])]
+        command += ["--config", f"file={self.file}", f"folder={folder}", f"parts={self.parts}"]
+        status = subprocess.run(command).returncode
+        if status:
+            raise SystemExit(f"bgmodel: the sweep is not finished, Snakemake ended with {status}")
+
+
+def _draw(plan: Plan, table: pd.DataFrame, folder: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    from bgmodel.sweeps.outcome import draw
+
+    figure = draw(plan, table)
+    for ending, metadata in ((".pdf", {"CreationDate": None}), (".png", {"Software": None})):
+        with files.replacing(folder / f"outcome{ending}") as partial_file:
+            figure.savefig(partial_file, metadata=metadata, dpi=150)
+    plt.close(figure)
+    print(f"drawn: {folder / 'outcome.png'}")

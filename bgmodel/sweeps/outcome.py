@@ -1,0 +1,165 @@
+"""What came of a sweep: one table with a row per point and measure, and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.arrays import Array
+from bgmodel.comparison.compare import RESAMPLES, interval, reads_nothing, resampled
+from bgmodel.experiments.experiment import FEWEST_DECIDED
+from bgmodel.experiments.measures import MEASURES
+from bgmodel.seeds import stream
+from bgmodel.sweeps.plan import Plan, Setting
+from bgmodel.sweeps.shards import SAID, read
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+AT_ONCE = 20_000_000
+"""Weights of trials in memory at a time."""
+
+
+def measured(setting: Setting, folder: Path) -> pd.DataFrame:
+    """Return the measures of one point: measure, value, low, high, trials, said.
+
+    Low and high are the 95 % interval, a bootstrap over trials, the same for points of one size.
+    """
+    behaviour, heard = read(setting, folder)
+    if behaviour is None:
+        table = pd.DataFrame({"measure": list(MEASURES)}).assign(
+            value=np.nan, low=np.nan, high=np.nan
+        )
+        return table.assign(trials=0, **{SAID: heard})
+    trials = len(behaviour.truth)
+    found = [behaviour.measures(weights) for weights in _weights(setting.seed, trials)]
+    joined = {name: np.concatenate([part[name] for part in found]) for name in MEASURES}
+    rows = [(name, *interval(joined[name])) for name in MEASURES]
+    table = pd.DataFrame(rows, columns=["measure", "value", "low", "high"])
+    values = {name: float(joined[name][0]) for name in MEASURES}
+    heard = "; ".join(text for text in (heard, _caution(values, setting.foreperiod_ms)) if text)
+    return table.assign(trials=trials, **{SAID: heard})
+
+
+def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
+    """Return what must be known before any other measure is believed."""
+    if reads_nothing(values["premature"], values["anticipatory"], foreperiod_ms):
+        return "the circuit decides without evidence"
+    if values["decided"] < FEWEST_DECIDED:
+        return f"fewer than {FEWEST_DECIDED} trials are decided in time"
+    return ""
+
+
+def _weights(seed: int, trials: int) -> Iterator[Array]:
+    """Yield the weights of every trial once, then of the bootstrap, so many at a time."""
+    if trials * RESAMPLES <= AT_ONCE:
+        yield _kept(seed, trials)
+        return
+    rng, left = stream(seed, "bootstrap"), RESAMPLES
+    yield np.ones((1, trials))
+    while left:
+        some = min(left, max(1, AT_ONCE // trials))
+        yield resampled(trials, some, rng)[1:]
+        left -= some
+
+
+@cache
+def _kept(seed: int, trials: int) -> Array:
+    return resampled(trials, RESAMPLES, stream(seed, "bootstrap"))
+
+
+def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
+    """Return one table: a column per key that changes, then those of ``measured``."""
+    whole = []
+    for point, table in zip(plan.each, tables, strict=True):
+        for place, (key, value) in enumerate(point.items()):
+            table.insert(place, key, value)
+        whole.append(table)
+    return pd.concat(whole, ignore_index=True)
+
+
+def draw(plan: Plan, table: pd.DataFrame) -> Figure:
+    """Draw the measures that a sweep shows, over one key or two.
+
+    Raises
+    ------
+    ValueError
+        If more than two keys change.
+    """
+    import matplotlib.pyplot as plt
+
+    axes = plan.axes
+    if len(axes) > 2:
+        raise ValueError(f"a figure has one key or two, got {', '.join(axes)}")
+    figure, panels = plt.subplots(
+        1, len(plan.show), figsize=(4.2 * len(plan.show), 3.6), squeeze=False
+    )
+    for panel, measure in zip(panels[0], plan.show, strict=True):
+        rows = table[table["measure"] == measure]
+        (_line if len(axes) == 1 else _map)(panel, axes, rows, measure)
+    few, most = table["trials"].min(), table["trials"].max()
+    many = f"{most}" if few == most else f"{few} to {most}"
+    bars = "; bars: 95 % interval, bootstrap" if len(axes) == 1 else ""
+    figure.suptitle(f"{plan.name or plan.circuit} ({many} trials a point{bars})", fontsize=9)
+    figure.tight_layout()
+    return figure
+
+
+def _places(values: list[Any]) -> list[float]:
+    """Return where values stand on an axis: numbers at themselves, names one beside another."""
+    if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
+        return [float(v) for v in values]
+    return [float(k) for k in range(len(values))]
+
+
+def _label(key: str) -> str:
+    """Return what a key's values are."""
+    if "." in key or " " in key:
+        return key
+    return (
+        f"{key}, factor" if "->" in key else f"{key}, part lesioned" if key[:1].isupper() else key
+    )
+
+
+def _line(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: str) -> None:
+    ((key, values),) = axes.items()
+    place = _places(values)
+    ends = np.abs(rows[["low", "high"]].to_numpy() - rows[["value"]].to_numpy()).T
+    order = np.argsort(place)
+    panel.errorbar(
+        np.asarray(place)[order],
+        rows["value"].to_numpy()[order],
+        np.nan_to_num(ends[:, order]),
+        fmt="o-",
+        ms=4,
+        capsize=2,
+    )
+    if place != values:
+        panel.set_xticks(place, [str(v) for v in values])
+    panel.set_xlabel(_label(key))
+    panel.set_ylabel(measure)
+
+
+def _map(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: str) -> None:
+    (down, rights), (across, values) = axes.items()
+    seen = np.full((len(rights), len(values)), np.nan)
+    for first, second, value in rows[[down, across, "value"]].itertuples(index=False):
+        seen[rights.index(first), values.index(second)] = value
+    shown = panel.imshow(seen, origin="lower", aspect="auto", cmap="viridis")
+    panel.figure.colorbar(shown, ax=panel, label=measure)
+    panel.set_xticks(range(len(values)), [str(v) for v in values])
+    panel.set_yticks(range(len(rights)), [str(v) for v in rights])
+    panel.set_xlabel(_label(across))
+    panel.set_ylabel(_label(down))
+    if seen.size <= 60:
+        middle = np.nanmean(seen) if np.isfinite(seen).any() else 0.0
+        for (row, column), value in np.ndenumerate(seen):
+            text = f"{value:.{3 if abs(value) < 10 else 0}f}" if np.isfinite(value) else "-"
+            colour = "w" if value < middle else "k"
+            panel.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)

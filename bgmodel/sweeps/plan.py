@@ -1,0 +1,294 @@
+"""The file of a sweep: what is run, which numbers change, and the points that follow."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache, cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from bgmodel import files, toml_files
+from bgmodel.edits import Edits, written
+from bgmodel.experiments.measures import MEASURES
+from bgmodel.integrators.basal_ganglia import BasalGanglia, check_engine, gain_of, identity
+from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.seeds import stream
+from bgmodel.stimuli import Stimuli
+from bgmodel.tables.trials import Trials
+from bgmodel.version import __version__
+from circuits.anatomy import circuit
+from circuits.engines import NOISY, THREADED
+from circuits.spec import Circuit
+from circuits.table_files import is_path
+
+BLOCK = 10_000
+"""Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
+TASK = "task."
+ROWS = ("add", "change", "without", "scale")
+"""Edits of which there can be several."""
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One point of a sweep: everything that its decisions depend on."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
+
+    task: Stimuli = field(default_factory=lambda: Stimuli(trials=1000))
+    """What is decided; `trials` at each point."""
+    edits: Edits = field(default_factory=Edits)
+    """Differences from the table."""
+    circuit: str = "spiking_msprt"
+    """Name of the table, or the path of a .toml file, as seen from the sweep's."""
+    engine: str = "population"
+    """Name of the engine."""
+    gain: float | None = None
+    """Nats in the circuit per nat of evidence, kappa; the table's default unless given."""
+    posterior: float = 0.82
+    """Posterior, in the circuit's nats, at which it decides."""
+    foreperiod_ms: float = 500.0
+    """Foreperiod without evidence in which responses are anticipatory, ms."""
+    seed: int = 0
+    """Of evidence and noise: points with one seed are given the same."""
+
+    def __post_init__(self) -> None:
+        check_engine(self.engine)
+        if not 0 < self.foreperiod_ms < np.inf:
+            raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
+        if self.seed < 0:
+            raise ValueError(f"seed must be at least 0, got {self.seed}")
+        self.task.check(Stimuli(trials=self.task.trials))
+        self.edits.check_engine(self.engine)
+
+    @property
+    def hypotheses(self) -> int:
+        """Number of alternatives."""
+        if self.task.evidence is not None:
+            return _read(self.task).evidence.hypotheses
+        return 2 if self.task.task == "same-different" else self.task.channels
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        if self.task.evidence is not None:
+            return _read(self.task).evidence.trials
+        return self.task.trials
+
+    @property
+    def threshold_nats(self) -> float:
+        """OUT at which it decides."""
+        return float(criterion_from_posterior(self.posterior, self.hypotheses))
+
+    @cached_property
+    def table(self) -> Circuit:
+        """The circuit as edited."""
+        table = self.edits.apply(circuit(self.circuit, self.hypotheses))
+        table.check_nats("a sweep's criterion at a posterior")
+        return table
+
+    def check(self) -> None:
+        """Raise ValueError for what can be seen before a run."""
+        gain_of(self.table, self.gain)
+        criterion_from_posterior(self.posterior, self.hypotheses)
+        if self.task.evidence is not None:
+            _read(self.task)
+
+    def model(self, seed: int) -> BasalGanglia:
+        """Return the circuit with its engine, its gain and the noise of a seed."""
+        options: dict[str, Any] = {"rates": False} if self.engine in THREADED else {}
+        own = seed if self.engine in NOISY else None
+        return BasalGanglia(self.table, self.engine, gain_of(self.table, self.gain), own, options)
+
+    def given(self, first: int, trials: int) -> Trials:
+        """Return the trials of a block."""
+        if self.task.evidence is not None:
+            whole = _read(self.task)
+            numbers = np.arange(whole.evidence.trials)
+            return whole.where((numbers >= first) & (numbers < first + trials))
+        own = replace(self.task, trials=trials)
+        return own.draw(self.block_seed(first), "sweep")
+
+    def block_seed(self, first: int) -> int:
+        """Return the seed of the evidence and of the noise of the block from a trial on."""
+        return int(stream(self.seed, "sweep", first).integers(2**62))
+
+    def shards(self) -> list[Shard]:
+        """Return what must be computed: blocks of trials."""
+        return [
+            Shard(self, first, min(BLOCK, self.trials - first))
+            for first in range(0, self.trials, BLOCK)
+        ]
+
+
+OWN = tuple(f.name for f in fields(Setting) if f.name not in ("task", "edits"))
+OF_EDITS = tuple(f.name for f in fields(Edits) if f.name not in ROWS)
+
+
+@cache
+def _nuclei(name: str) -> set[str]:
+    return {row.name for row in circuit(name).populations}
+
+
+@cache
+def _read(task: Stimuli) -> Trials:
+    found = task.draw(0, "")
+    if found.evidence.truth is None:
+        raise ValueError("a sweep counts errors: its evidence needs the truth")
+    return found
+
+
+@dataclass(frozen=True)
+class Shard:
+    """A block of the trials of one point: what is computed, and stored, as a whole."""
+
+    setting: Setting
+    first: int
+    trials: int
+
+    @cached_property
+    def key(self) -> dict[str, Any]:
+        """All that its numbers depend on."""
+        of = self.setting
+        task = {**of.task.used(), "trials": self.trials}
+        if of.task.evidence is not None:
+            task["evidence"] = files.checksum(of.task.evidence)
+        return {
+            "circuit": identity(of.table),
+            "engine": of.engine,
+            "gain": gain_of(of.table, of.gain),
+            "posterior": of.posterior,
+            "foreperiod_ms": of.foreperiod_ms,
+            "seed": of.seed,
+            "task": task,
+            "first": self.first,
+            "bgmodel": __version__,
+        }
+
+    @property
+    def name(self) -> str:
+        """The hash of its key."""
+        text = json.dumps(self.key, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+@dataclass(frozen=True)
+class Plan(Setting):
+    """A sweep: what is the same everywhere, and what changes from point to point.
+
+    A key of ``grid`` or ``points`` is a field of ``Setting``, a field of its task as
+    ``task.d_prime``, or the left side of an edit as everywhere else: ``STN`` is lesioned by a
+    fraction, ``STN->GPe`` scaled, ``STN.bias_nats`` changed, ``dopamine`` set.
+    """
+
+    name: str = ""
+    """What is asked, in a few words."""
+    grid: dict[str, tuple[Value, ...]] | None = None
+    """Values by key: every combination is a point, the last key changes fastest."""
+    points: tuple[dict[str, Value], ...] = ()
+    """The points one by one, instead of a grid; all have the same keys."""
+    show: tuple[str, ...] = ("accuracy", "mean_ms")
+    """Measures to draw."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.grid) == bool(self.points):
+            raise ValueError("a sweep needs either [grid] or [[points]]: say what changes")
+        if any(len(values) < 1 for values in (self.grid or {}).values()):
+            raise ValueError("each key of grid needs one value or more")
+        if any(set(point) != set(self.points[0]) or not point for point in self.points):
+            raise ValueError("all points must name the same keys, one or more")
+        for measure in self.show:
+            if measure not in MEASURES:
+                raise ValueError(f"show must name {', '.join(MEASURES)}; got {measure!r}")
+
+    @cached_property
+    def each(self) -> tuple[dict[str, Value], ...]:
+        """The values of every point, by key."""
+        if not self.grid:
+            return self.points
+        return tuple(dict(zip(self.grid, v, strict=True)) for v in product(*self.grid.values()))
+
+    @property
+    def axes(self) -> dict[str, list[Value]]:
+        """The values of every key that changes, in the order in which they first come."""
+        return {key: list(dict.fromkeys(p[key] for p in self.each)) for key in self.each[0]}
+
+    def settings(self, folder: Path = Path()) -> list[Setting]:
+        """Return every point.
+
+        Parameters
+        ----------
+        folder : Path
+            Where the files lie that it names: that of its own file.
+
+        Raises
+        ------
+        ValueError
+            One sentence with the point, for a key or a value that says nothing.
+        """
+        same = {f.name: getattr(self, f.name) for f in fields(Setting)}
+        return [_setting(Setting(**same), point, folder) for point in self.each]
+
+
+def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting:
+    owner = f"the point {said(point)}"
+    values = asdict(same)
+    for key, value in point.items():
+        if key.startswith(TASK):
+            values["task"][key.removeprefix(TASK)] = value
+        elif key in OWN:
+            values[key] = value
+        elif key in OF_EDITS:
+            values["edits"][key] = value
+        else:
+            _add_edit(values["edits"], same, key, value, owner)
+    # As seen from the file that names them.
+    if is_path(values["circuit"]):
+        values["circuit"] = str(folder / values["circuit"])
+    if values["task"]["evidence"] is not None:
+        values["task"]["evidence"] = str(folder / values["task"]["evidence"])
+    found = toml_files.decoded(values, Setting, owner)
+    try:
+        found.check()
+    except ValueError as error:
+        raise ValueError(f"{owner}: {error}") from None
+    return found
+
+
+def _add_edit(edits: dict[str, Any], same: Setting, key: str, value: Value, owner: str) -> None:
+    """Add the edit that a key and a value say to those that every point has."""
+    one = written(f"{key}={value}")
+    if one.without and key not in _nuclei(same.circuit):
+        of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
+        raise ValueError(
+            f"{owner}: there is no {key!r} to change; there are {', '.join((*OWN, *of_task))}, "
+            f"{', '.join(OF_EDITS)}, and edits such as STN, STN->GPe or STN.bias_nats"
+        )
+    for name in ROWS:
+        edits[name] = (*edits[name], *getattr(one, name))
+
+
+def said(point: Mapping[str, Value]) -> str:
+    """Return a point as text."""
+    return ", ".join(f"{key} = {value}" for key, value in point.items())
+
+
+def read_plan(file: str | Path) -> Plan:
+    """Read the file of a sweep.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the key, what was given and what is allowed.
+    """
+    path = Path(file)
+    if path.suffix != ".toml":
+        raise ValueError(f"a sweep is a .toml file, got {str(file)!r}")
+    return toml_files.read(path, Plan)

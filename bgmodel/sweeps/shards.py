@@ -1,0 +1,172 @@
+"""Shards of a sweep: computed anywhere, stored whole, named by what they compute."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import files
+from bgmodel.comparison.compare import Tradeoff
+from bgmodel.experiments.experiment import behaviour_of
+from bgmodel.experiments.measures import Behaviour
+from bgmodel.sweeps.plan import BLOCK, Setting, Shard
+
+TRIAL_BYTES, SHARD_BYTES = 40, 20_000
+"""Size of a stored trial, and of a shard without any, at most."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+SAID = "said"
+"""The column with what a run warned of, or why it ended, once; empty in nearly all."""
+
+
+def path_of(shard: Shard, folder: Path) -> Path:
+    """Return where a shard lies in the folder of a sweep."""
+    return folder / "shards" / f"{shard.name}.parquet"
+
+
+def state(shard: Shard, folder: Path) -> str:
+    """Return "done", "missing", or "damaged": cut short, or made from other parameters."""
+    path = path_of(shard, folder)
+    if not path.is_file():
+        return "missing"
+    try:
+        made_from = files.read_provenance(path)["parameters"]["shard"]
+        read = files.read_table(path)
+    except (OSError, ValueError, KeyError, TypeError):
+        return "damaged"
+    whole = made_from == _plain(shard) and len(read) in (0, shard.trials)
+    return "done" if whole else "damaged"
+
+
+def compute(shard: Shard, folder: Path) -> None:
+    """Let the circuit decide the trials of a shard, and store what it did.
+
+    A circuit that can't be run, such as one whose rates run away, is an outcome: its shard holds
+    no trial and says why.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            table = _decided(shard)
+            heard = ""
+        except (ValueError, FloatingPointError) as error:
+            table, heard = pd.DataFrame(), str(error)
+    heard = heard or "; ".join(dict.fromkeys(str(w.message) for w in caught if _ours(w)))
+    files.write_table(
+        table, path_of(shard, folder), seed=shard.setting.seed, shard=shard.key, said=heard
+    )
+
+
+def _ours(warning: warnings.WarningMessage) -> bool:
+    return issubclass(warning.category, UserWarning)
+
+
+def _decided(shard: Shard) -> pd.DataFrame:
+    of = shard.setting
+    model = of.model(of.block_seed(shard.first))
+    evidence = of.given(shard.first, shard.trials).evidence
+    model.warn_beyond_range(evidence)
+    found = behaviour_of(model, evidence, of.threshold_nats, of.foreperiod_ms)
+    names = ("choice", "time_ms", "forced", "premature", "posterior")
+    columns = {name: getattr(found.decided, name)[0] for name in names}
+    return pd.DataFrame({**columns, "anticipatory": found.anticipatory, "truth": found.truth})
+
+
+def read(setting: Setting, folder: Path) -> tuple[Behaviour | None, str]:
+    """Return the decisions at a point, from its shards, and what was said of them.
+
+    None where the circuit could not be run.
+    """
+    parts, heard = [], []
+    for shard in setting.shards():
+        path = path_of(shard, folder)
+        parts.append(files.read_table(path))
+        heard.append(files.read_provenance(path)["parameters"][SAID])
+    told = "; ".join(dict.fromkeys(text for text in heard if text))
+    if any(part.empty for part in parts):
+        return None, told
+    whole = pd.concat(parts, ignore_index=True)
+    names = ("choice", "time_ms", "forced", "premature", "posterior")
+    decided = Tradeoff(
+        np.array([setting.threshold_nats]), *(whole[name].to_numpy()[None] for name in names)
+    )
+    columns = (whole["anticipatory"].to_numpy(), whole["truth"].to_numpy())
+    return Behaviour(decided, *columns, setting.hypotheses), told
+
+
+def _plain(shard: Shard) -> Any:
+    return files.provenance(shard=shard.key)["parameters"]["shard"]
+
+
+def check_room(settings: Sequence[Setting], folder: Path) -> None:
+    """Raise ValueError if a disk has no room for what is not stored yet."""
+    trials = sum(setting.trials for setting in settings)
+    need = TRIAL_BYTES * trials + SHARD_BYTES * (len(settings) + trials // BLOCK)
+    there = sum(path.stat().st_size for path in (folder / "shards").glob("*.parquet"))
+    place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    free = shutil.disk_usage(place).free
+    if need - there > free:
+        raise ValueError(
+            f"{trials} trials at all points take up to {need / 1e9:.3g} GB in "
+            f"{str(folder)!r}, where {free / 1e9:.3g} GB are free"
+        )
+
+
+@contextmanager
+def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
+    """Hold a folder: alone, or as one of several parts of a sweep.
+
+    Raises
+    ------
+    ValueError
+        Another sweep is at work there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "sweep.lock").open("a+") as lock:
+        try:
+            flock(lock, (LOCK_EX if alone else LOCK_SH) | LOCK_NB)
+        except BlockingIOError:
+            raise ValueError(
+                f"another sweep is at work in {str(folder)!r}: wait for its end, or give another "
+                "folder"
+            ) from None
+        if alone:
+            files.remove_partial_files(folder)
+        yield
+
+
+@contextmanager
+def processes(workers: int, folder: Path) -> Iterator[ProcessPoolExecutor]:
+    """Give processes that compute, one thread each; what waits is dropped at the end.
+
+    Raises
+    ------
+    ValueError
+        If the folder can't be written; finished shards stay.
+    """
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        try:
+            yield pool
+        except OSError as error:
+            raise ValueError(
+                f"{str(folder)!r} can't be written: {error.strerror}; finished shards stay"
+            ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def compute_all(shards: Iterable[Shard], folder: Path, pool: Executor) -> Iterator[None]:
+    """Compute shards, and yield once for each that is stored."""
+    for done in as_completed([pool.submit(compute, shard, folder) for shard in shards]):
+        yield done.result()

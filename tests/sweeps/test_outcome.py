@@ -1,0 +1,92 @@
+"""The table and the figure of a sweep."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.comparison.compare import RESAMPLES, interval, resampled
+from bgmodel.experiments.measures import MEASURES
+from bgmodel.seeds import stream
+from bgmodel.stimuli import Stimuli
+from bgmodel.sweeps import outcome, shards
+from bgmodel.sweeps.plan import Plan
+
+TASK = Stimuli(trials=80, t_max=30)
+
+
+def swept(tmp_path, **changed):
+    plan = Plan(**({"task": TASK, "engine": "algebra", "gain": 0.7} | changed))
+    tables = []
+    for setting in plan.settings():
+        for shard in setting.shards():
+            shards.compute(shard, tmp_path)
+        tables.append(outcome.measured(setting, tmp_path))
+    return plan, outcome.gathered(plan, tables)
+
+
+def test_a_row_is_a_point_and_a_measure_with_its_interval(tmp_path):
+    plan, table = swept(tmp_path, grid={"posterior": (0.7, 0.9)})
+    assert list(table) == ["posterior", "measure", "value", "low", "high", "trials", "said"]
+    assert list(table["measure"]) == [*MEASURES, *MEASURES]
+    found, _ = shards.read(plan.settings()[1], tmp_path)
+    weights = resampled(80, RESAMPLES, stream(0, "bootstrap"))
+    want = interval(found.measures(weights)["accuracy"])
+    row = table[(table["posterior"] == 0.9) & (table["measure"] == "accuracy")]
+    assert tuple(row[["value", "low", "high"]].to_numpy()[0]) == want
+
+
+def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch):
+    whole = np.concatenate(list(outcome._weights(3, 40)))
+    monkeypatch.setattr(outcome, "AT_ONCE", 40 * 300)
+    parts = np.concatenate(list(outcome._weights(3, 40)))
+    assert np.array_equal(parts, whole)
+
+
+def test_a_circuit_that_decides_without_evidence_is_said_to(tmp_path):
+    _, table = swept(tmp_path, grid={"STN": (0.0, 1.0)}, engine="rate")
+    said = table.drop_duplicates("STN")["said"]
+    assert list(said) == ["", "the circuit decides without evidence"]
+
+
+def test_too_few_decisions_are_said(tmp_path):
+    _, table = swept(tmp_path, grid={"posterior": (0.999,)}, task=Stimuli(trials=80, t_max=2))
+    assert set(table["said"]) == {"fewer than 20 trials are decided in time"}
+
+
+def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypatch):
+    def refused(*_):
+        raise ValueError("rates run away")
+
+    monkeypatch.setattr(shards, "_decided", refused)
+    plan, table = swept(tmp_path, grid={"STN": (0.5, 1.0)})
+    assert table["value"].isna().all()
+    assert set(table["said"]) == {"rates run away"}
+    outcome.draw(plan, table)
+
+
+def test_lines_stand_at_their_values_and_names_beside_each_other(tmp_path):
+    plan, table = swept(tmp_path, grid={"posterior": (0.9, 0.7)})
+    figure = outcome.draw(plan, table)
+    line = figure.axes[0].lines[0]
+    rows = table[table["measure"] == "accuracy"].sort_values("posterior")
+    assert np.allclose(line.get_xdata(), [0.7, 0.9])
+    assert np.allclose(line.get_ydata(), rows["value"])
+    plan, table = swept(tmp_path, grid={"engine": ("algebra", "rate")})
+    panel = outcome.draw(plan, table).axes[0]
+    assert [text.get_text() for text in panel.get_xticklabels()] == ["algebra", "rate"]
+
+
+def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path):
+    plan, table = swept(tmp_path, grid={"STN": (0.0, 0.2), "posterior": (0.7, 0.8, 0.9)})
+    panel = outcome.draw(plan, table).axes[0]
+    seen = panel.images[0].get_array()
+    assert seen.shape == (2, 3)
+    at = (table["STN"] == 0.2) & (table["posterior"] == 0.7) & (table["measure"] == "accuracy")
+    assert seen[1, 0] == pytest.approx(table[at]["value"].item())
+    assert (panel.get_ylabel(), panel.get_xlabel()) == ("STN, part lesioned", "posterior")
+
+
+def test_three_keys_have_a_table_and_no_figure():
+    plan = Plan(grid={"STN": (0.1,), "GPe": (0.1,), "dopamine": (1.0,)})
+    with pytest.raises(ValueError, match="one key or two, got STN, GPe, dopamine"):
+        outcome.draw(plan, pd.DataFrame())

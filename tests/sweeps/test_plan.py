@@ -1,0 +1,143 @@
+"""The file of a sweep: keys, points, and the names of shards."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.edits import Edits
+from bgmodel.sweeps.plan import BLOCK, Plan, read_plan
+from circuits.anatomy import circuit
+from tests.helpers import long_table, some_evidence
+
+
+def plan(tmp_path, text):
+    path = tmp_path / "sweep.toml"
+    path.write_text(text)
+    return read_plan(path)
+
+
+def settings(tmp_path, text):
+    return plan(tmp_path, text).settings(tmp_path)
+
+
+def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
+    found = Plan(grid={"STN": (0.0, 0.1), "dopamine": (0.9, 1.0, 1.1)})
+    assert [tuple(point.values()) for point in found.each] == [
+        (0.0, 0.9), (0.0, 1.0), (0.0, 1.1), (0.1, 0.9), (0.1, 1.0), (0.1, 1.1)
+    ]  # fmt: skip
+    assert found.axes == {"STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "edited"),
+    [
+        ("STN", 0.2, lambda table: table.without("STN", 0.2)),
+        ("STN->GPe", 0.5, lambda table: table.scaled("STN", "GPe", 0.5)),
+        ("ctx->D1[0]", 1.1, lambda table: table.scaled("ctx", "D1", 1.1, 0)),
+        ("STN.bias_nats", -0.2, lambda table: table.with_population("STN", bias_nats=-0.2)),
+        ("dopamine", 0.9, lambda table: table.dopamine(0.9)),
+        ("neurons", 100, lambda table: table.with_neurons(100)),
+        (
+            "D1->GPe delay_ms=4 weight",
+            -0.1,
+            lambda table: table.with_rows("D1->GPe delay_ms=4 weight=-0.1"),
+        ),
+    ],
+)
+def test_a_key_is_the_left_side_of_an_edit(key, value, edited):
+    (found,) = Plan(grid={key: (value,)}).settings()
+    assert found.table == edited(circuit("spiking_msprt"))
+
+
+def test_edits_of_every_point_come_with_those_of_its_own():
+    base = Edits(change=("STN.bias_nats=-0.2",), without=("GPe=0.1",))
+    (found,) = Plan(edits=base, grid={"STN": (0.1,)}).settings()
+    want = replace(base, without=("GPe=0.1", "STN=0.1"))
+    assert found.table == want.apply(circuit("spiking_msprt"))
+
+
+def test_numbers_of_the_task_and_the_run_change_by_their_names():
+    keys = {"task.d_prime": (0.8,), "task.channels": (4,), "posterior": (0.9,), "seed": (7,)}
+    (found,) = Plan(grid=keys | {"engine": ("rate",)}).settings()
+    assert (found.task.d_prime, found.hypotheses, found.engine, found.seed) == (0.8, 4, "rate", 7)
+    assert found.threshold_nats == pytest.approx(-np.log(0.9))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", r"either \[grid\] or \[\[points\]\]"),
+        ("grid = {STN = [0.1]}\npoints = [{GPe = 0.1}]", "either"),
+        ("grid = {STN = []}", "each key of grid needs one value or more"),
+        ("points = [{STN = 0.1}, {GPe = 0.1}]", "all points must name the same keys"),
+        ("colour = 1\ngrid = {STN = [0.1]}", "there is no key 'colour'; there are task, edits"),
+        ("show = ['speed']\ngrid = {STN = [0.1]}", "show must name accuracy, .*; got 'speed'"),
+    ],
+)
+def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
+    with pytest.raises(ValueError, match=says):
+        plan(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("grid", "says"),
+    [
+        ("STNN = [0.1]", "the point STNN = 0.1: there is no 'STNN' to change; there are circuit"),
+        ("'task.dprime' = [1]", "there is no key 'task.dprime'; there are evidence, task"),
+        ("'task.d_prime' = ['a']", "task.d_prime should be a valid number, got 'a'"),
+        ("'STN.bias' = [1]", "the point STN.bias = 1: 'STN.bias=1': STN has no 'bias'"),
+        ("STN = [0.1, 1.5]", r"the point STN = 1.5: fraction must lie in 0..1, got 1.5"),
+        ("posterior = [0.4]", "posterior must lie between chance, 0.5"),
+        ("engine = ['foo']", "engine must be one of algebra, .*, got 'foo'"),
+        ("circuit = ['gpr']", "gpr works in salience, not nats"),
+        ("'task.evidence' = ['no.csv']", "there is no table"),
+    ],
+)
+def test_a_point_that_makes_no_sense_is_named(tmp_path, grid, says):
+    with pytest.raises(ValueError, match=says):
+        settings(tmp_path, f"[grid]\n{grid}")
+
+
+def test_a_shard_is_named_by_what_it_computes():
+    def names(**changed):
+        made = Plan(**({"grid": {"STN": (0.1, 0.2)}} | changed)).settings()
+        return [shard.name for one in made for shard in one.shards()]
+
+    one, two = names()
+    assert one != two
+    # What stays the same keeps its shards, in whatever sweep and place it is.
+    assert names(grid={"STN": (0.3, 0.2, 0.1)})[1:] == [two, one]
+    assert names(name="another", show=("drift",)) == [one, two]
+    assert names(edits=Edits(without=("STN=0.1",)), grid={"dopamine": (1.0,)}) == [one]
+    for other in ({"seed": 1}, {"posterior": 0.9}, {"engine": "rate"}, {"gain": 0.4}):
+        assert not {one, two} & set(names(**other))
+
+
+def test_more_trials_keep_the_blocks_that_are_there():
+    def blocks(trials):
+        (found,) = Plan(grid={"task.trials": (trials,)}).settings()
+        return found.shards()
+
+    few, many = blocks(2 * BLOCK), blocks(2 * BLOCK + 5)
+    assert [shard.trials for shard in many] == [BLOCK, BLOCK, 5]
+    assert [shard.name for shard in many[:2]] == [shard.name for shard in few]
+
+
+def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both():
+    one, other = Plan(grid={"STN": (0.1, 0.2)}).settings()
+    first, again, later = one.given(0, 20), other.given(0, 20), one.given(BLOCK, 20)
+    assert np.array_equal(first.evidence.log_likelihood, again.evidence.log_likelihood)
+    assert not np.array_equal(first.evidence.log_likelihood, later.evidence.log_likelihood)
+    assert one.block_seed(0) == other.block_seed(0) != one.block_seed(BLOCK)
+
+
+def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_path):
+    shown = some_evidence(trials=30, hypotheses=2)
+    long_table(shown).to_csv(tmp_path / "own.csv", index=False)
+    (found,) = settings(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\nSTN = [0.1]")
+    assert (found.trials, found.hypotheses) == (30, 2)
+    parts = [found.given(first, 12).evidence for first in (0, 12, 24)]
+    assert [part.trials for part in parts] == [12, 12, 6]
+    whole = np.concatenate([part.log_likelihood for part in parts])
+    assert np.allclose(whole, shown.log_likelihood, atol=1e-6)

@@ -1,0 +1,121 @@
+"""Shards: what they hold, and when they are computed."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import files
+from bgmodel.decision import first_crossing
+from bgmodel.integrators.sprt import Msprt
+from bgmodel.stimuli import Stimuli
+from bgmodel.sweeps import shards as stored
+from bgmodel.sweeps.plan import Plan
+
+TASK = Stimuli(trials=60, t_max=30)
+
+
+def one_setting(**changed):
+    same = {"task": TASK, "engine": "algebra", "gain": 0.7, "grid": {"STN": (0.0,)}}
+    (found,) = Plan(**(same | changed)).settings()
+    return found
+
+
+def test_the_algebra_decides_a_shard_as_the_test_does(tmp_path):
+    # The fixed point is the MSPRT's OUT at the circuit's gain (Bogacz & Gurney 2007).
+    setting = one_setting()
+    (shard,) = setting.shards()
+    stored.compute(shard, tmp_path)
+    found, said = stored.read(setting, tmp_path)
+    evidence = setting.given(0, 60).evidence
+    test = first_crossing(Msprt(0.7).run(evidence), setting.threshold_nats)
+    assert said == ""
+    assert np.array_equal(found.decided.choice[0], test.choice)
+    assert np.array_equal(found.truth, evidence.truth)
+
+
+def test_the_same_shard_is_the_same_bytes_and_is_done(tmp_path):
+    (shard,) = one_setting(engine="population").shards()
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        assert stored.state(shard, folder) == "missing"
+        stored.compute(shard, folder)
+        assert stored.state(shard, folder) == "done"
+    one, other = (stored.path_of(shard, tmp_path / name) for name in "ab")
+    assert one.read_bytes() == other.read_bytes()
+
+
+def test_a_shard_cut_short_or_made_from_other_parameters_is_damaged(tmp_path):
+    (shard,) = one_setting().shards()
+    (other,) = one_setting(seed=1).shards()
+    stored.compute(shard, tmp_path)
+    path = stored.path_of(shard, tmp_path)
+    whole = path.read_bytes()
+    for cut in (0, 10, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:cut])
+        assert stored.state(shard, tmp_path) == "damaged"
+    stored.compute(other, tmp_path)
+    path.write_bytes(stored.path_of(other, tmp_path).read_bytes())
+    assert stored.state(shard, tmp_path) == "damaged"
+    files.write_table(pd.DataFrame({"choice": [1]}), path, shard=shard.key, said="")
+    assert stored.state(shard, tmp_path) == "damaged"
+    path.write_bytes(whole)
+    assert stored.state(shard, tmp_path) == "done"
+
+
+def test_a_circuit_that_cannot_run_is_an_outcome_with_its_reason(tmp_path, monkeypatch):
+    setting = one_setting()
+    (shard,) = setting.shards()
+
+    def refused(*_):
+        raise ValueError("rates run away")
+
+    monkeypatch.setattr(stored, "_decided", refused)
+    stored.compute(shard, tmp_path)
+    assert stored.state(shard, tmp_path) == "done"
+    assert stored.read(setting, tmp_path) == (None, "rates run away")
+
+
+def test_a_fault_of_ours_is_no_outcome(tmp_path, monkeypatch):
+    (shard,) = one_setting().shards()
+    monkeypatch.setattr(stored, "_decided", lambda _: {}["no such key"])
+    with pytest.raises(KeyError):
+        stored.compute(shard, tmp_path)
+    assert stored.state(shard, tmp_path) == "missing"
+
+
+def test_a_sweep_larger_than_the_disk_is_refused_before_it_is_listed(tmp_path):
+    setting = one_setting(task=Stimuli(trials=10**13))
+    with pytest.raises(
+        ValueError, match=r"10000000000000 trials at all points take up to 4.2e\+05 GB"
+    ):
+        stored.check_room([setting], tmp_path / "not" / "there")
+
+
+@pytest.mark.parametrize(("held", "asked"), [(True, True), (True, False), (False, True)])
+def test_one_sweep_at_a_time_is_at_work_in_a_folder(tmp_path, held, asked):
+    with (
+        stored.at_work(tmp_path, alone=held),
+        pytest.raises(ValueError, match="another sweep is at work in"),
+        stored.at_work(tmp_path, alone=asked),
+    ):
+        pass
+
+
+def test_several_parts_of_a_sweep_are_at_work_at_once(tmp_path):
+    with stored.at_work(tmp_path, alone=False), stored.at_work(tmp_path, alone=False):
+        pass
+
+
+def test_what_a_killed_run_left_half_written_goes_when_a_folder_is_held_alone(tmp_path):
+    left = tmp_path / "shards" / ".123.partial.x.parquet"
+    left.parent.mkdir()
+    left.write_text("half")
+    with stored.at_work(tmp_path, alone=False):
+        assert left.exists()
+    with stored.at_work(tmp_path, alone=True):
+        assert not left.exists()
+
+
+def test_a_full_disk_is_one_sentence(tmp_path):
+    says = "can't be written: No space left on device; finished shards stay"
+    with pytest.raises(ValueError, match=says), stored.processes(1, tmp_path):
+        raise OSError(28, "No space left on device")
