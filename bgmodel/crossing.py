@@ -153,6 +153,46 @@ def tally_all(
 
 
 @compiled
+def tally_odds(
+    log_likelihood: Reals, start: float, truth: Integers, bars: Array, readings: Integers,
+    numbers: Integers,
+) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64]]:  # fmt: skip
+    """Return what ``tally_all`` does of the SPRT: |Z| meets bars, rising, before a last of inf."""
+    count = bars.shape[0] - 1
+    correct = np.zeros(count + 1, np.int64)
+    steps = np.zeros(count + 1)
+    forced = 0 * correct
+    row = np.empty(2)
+    for n in range(log_likelihood.shape[0]):
+        z, p, bar, last = start, 0, bars[0], readings[n]
+        for t in range(last + 1):
+            if t > 0:
+                reading = log_likelihood[n, t - 1]
+                z += np.float64(reading[1]) - np.float64(reading[0])
+            # Before any reading a bar must be passed, later it may be met.
+            above = abs(z) + (ROUNDING if t > 0 else -ROUNDING)
+            if above < bar and t < last:
+                continue
+            end = p
+            while above >= bars[end]:
+                end += 1
+            if t == last:  # the deadline: what is still open is forced
+                forced[end] += 1
+                end = count
+            row[0], row[1] = z, -z
+            choice = int(z > 0) if abs(z) > ROUNDING else lowest(row, numbers[n])
+            right = choice == truth[n]
+            correct[p] += right
+            correct[end] -= right
+            steps[p] += t
+            steps[end] -= t
+            p, bar = end, bars[end]
+            if p == count:
+                break
+    return np.cumsum(correct)[:count], np.cumsum(steps)[:count], np.cumsum(forced)[:count]
+
+
+@compiled
 def log_odds(log_likelihood: Reals, start: float, out: Array) -> None:
     """Fill ``out`` (trials, 1 + steps, 2) with Z and -Z: Z_0 = start, then summed log ratios."""
     for n in range(log_likelihood.shape[0]):

@@ -38,7 +38,12 @@ LEVELS = [
     },
     {"bgmodel.decision", "bgmodel.theory.first_passage"},
     {"bgmodel.learning.reward"},
-    {"bgmodel.integrators.sprt", "bgmodel.tables.trials", "bgmodel.theory.sprt"},
+    {
+        "bgmodel.integrators.fused",
+        "bgmodel.integrators.sprt",
+        "bgmodel.tables.trials",
+        "bgmodel.theory.sprt",
+    },
     {"bgmodel"},
     {
         "bgmodel.comparison.compare",

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.decision import Decision, Trace, first_crossing
+from bgmodel.decision import Decision, Tally, Trace, first_crossing
 from bgmodel.evidence import Evidence, checked_prior, minus_log_softmax
 
 
@@ -31,10 +31,7 @@ class Sprt:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return Z as a trace (trials, 1 + steps, 2); tick 0 is the prior."""
-        if evidence.hypotheses != 2:
-            raise ValueError(
-                f"Sprt needs exactly 2 hypotheses, got {evidence.hypotheses}: use Msprt"
-            )
+        checked_two(evidence)
         # Importing Numba takes most of a second: only where it is used.
         from bgmodel.crossing import log_odds
 
@@ -94,6 +91,43 @@ class Msprt:
     def output(self, log_posterior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return OUT = -ln P (..., N) from unnormalised log posteriors (..., N)."""
         return minus_log_softmax(self.gain * log_posterior)
+
+
+def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
+    """Count as ``tally(Sprt().run(evidence), evidence.truth, thresholds)``, without the trace.
+
+    Raises
+    ------
+    ValueError
+        If there are not two hypotheses, the truth is not known, or thresholds are not (K,) finite
+        numbers.
+    """
+    from bgmodel.crossing import tally_odds
+
+    levels = np.asarray(thresholds, dtype=np.float64)
+    if levels.ndim != 1 or not levels.size or not np.isfinite(levels).all():
+        raise ValueError(f"thresholds must be (K,) finite nats, got {levels.tolist()}")
+    if evidence.truth is None:
+        raise ValueError("tally counts correct choices: it needs the truth of each trial")
+    start = Sprt().start(checked_two(evidence).prior)[0]
+    order = np.argsort(-levels, kind="stable")
+    correct, steps, forced = tally_odds(
+        evidence.log_likelihood,
+        start,
+        evidence.truth,
+        np.append(-levels[order], np.inf),
+        np.asarray(evidence.readings, dtype=np.int64),
+        np.asarray(evidence.trial_numbers, dtype=np.int64),
+    )
+    back = np.argsort(order)
+    return Tally(evidence.trials, correct[back], steps[back], forced[back])
+
+
+def checked_two(evidence: Evidence) -> Evidence:
+    """Return the evidence; ValueError unless it has two hypotheses."""
+    if evidence.hypotheses != 2:
+        raise ValueError(f"Sprt needs exactly 2 hypotheses, got {evidence.hypotheses}: use Msprt")
+    return evidence
 
 
 def threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:

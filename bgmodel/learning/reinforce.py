@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array
-from bgmodel.decision import Tally, tally
+from bgmodel.decision import Tally
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import Sprt, threshold_from_gap
+from bgmodel.integrators.sprt import tally_sprt, threshold_from_gap
 from bgmodel.learning.policies import GaussianPolicy, Policy
 
 
@@ -21,7 +21,7 @@ def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.Array
     Parameters
     ----------
     evidence : Evidence, or an iterable of blocks of it
-        Two hypotheses.  Large sets are cut into blocks that stay in a processor's cache.
+        Two hypotheses.
     deltas : array (K,), nats
         Gaps to try; one pass serves all.
 
@@ -33,16 +33,11 @@ def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.Array
     thresholds = threshold_from_gap(np.atleast_1d(deltas))
     total: Tally | None = None
     for block in [evidence] if isinstance(evidence, Evidence) else evidence:
-        for start in range(0, block.trials, BLOCK):
-            part = block[start : start + BLOCK]
-            counts = tally(Sprt().run(part), part.truth, thresholds)
-            total = counts if total is None else total + counts
+        counts = tally_sprt(block, thresholds)
+        total = counts if total is None else total + counts
     if total is None:
         raise ValueError("exhaustive search needs at least one trial, got none")
     return total
-
-
-BLOCK = 4096
 
 
 @dataclass(frozen=True)

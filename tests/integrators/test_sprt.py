@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream
+from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream, tally
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.sprt import (
     Stream,
     criterion_from_gap,
     criterion_from_posterior,
+    tally_sprt,
     threshold_from_gap,
 )
 from tests.helpers import some_evidence
@@ -126,3 +129,30 @@ def test_sums_equal_up_to_rounding_are_equal():
 def test_tests_and_criteria_without_sense_are_refused(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    whole=st.booleans(),
+    prior=st.floats(0.1, 0.9),
+    gaps=st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 4.0]), min_size=1, max_size=5),
+)
+@settings(max_examples=60, deadline=None)
+def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
+    rng = np.random.default_rng(seed)
+    values = rng.normal(0, 1, (30, 8, 2))
+    values = np.round(values) / 2 if whole else values  # whole ones meet bars, and tie
+    lengths = rng.integers(1, 9, 30)
+    values[np.arange(8) >= lengths[:, None]] = 0
+    evidence = Evidence(
+        values,
+        rng.integers(0, 2, 30),
+        prior=np.array([1 - prior, prior]),
+        lengths=lengths,
+        numbers=rng.permutation(100)[:30],
+    )
+    thresholds = threshold_from_gap(gaps)
+    want = tally(Sprt().run(evidence), evidence.truth, thresholds)
+    found = tally_sprt(evidence, thresholds)
+    for name in ("trials", "correct", "steps", "forced"):
+        assert np.array_equal(getattr(found, name), getattr(want, name))
