@@ -1,9 +1,9 @@
-"""The exhaustive search beside plain numpy and ssm-simulators on the same work: make benchmark.
+"""The abstract tests beside plain numpy, ssm-simulators and PyDDM: make benchmark.
 
-The work: Gaussian evidence of separation d = 0.5 a reading, at most 30 readings, every gap in
-0, 0.1, ... 8 nats.  Here and in numpy all gaps see the same trials, whose evidence is drawn
-before; ssm-simulators draws its own inside, and runs one gap at a time.  CPU seconds of one
-process, best of three, scaled to 1.4 million trials.
+The work: Gaussian evidence of separation d = 0.5 a reading, 50 readings at most, 40 gaps up to 8
+nats. Here and in numpy all gaps see the same trials; ssm-simulators draws its own and runs a gap at
+a time, and PyDDM simulates nothing: it solves a diffusion at each gap. CPU seconds of one process,
+best of three, as trials per CPU-second with all gaps served.
 """
 
 from __future__ import annotations
@@ -15,12 +15,15 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from bgmodel import stream, threshold_from_gap
+from bgmodel import Msprt, criterion_from_gap, stream, tally
 from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators.fused import gaussian_tally
 from bgmodel.learning.reinforce import exhaustive_search
 
-D, T_MAX, TRIALS = 0.5, 30, 1_400_000
-DELTAS = np.linspace(0, 8, 81)
+D, T_MAX, TRIALS, FEW = 0.5, 50, 1_000_000, 20_000
+DELTAS = np.linspace(0.2, 8, 40)
+POSTERIORS = np.linspace(0.3, 0.98, 40)
+SEPARATION = D / np.sqrt(2)
 
 
 def plain_numpy(evidence: Evidence) -> np.ndarray:
@@ -35,18 +38,30 @@ def plain_numpy(evidence: Evidence) -> np.ndarray:
     return np.array(times)
 
 
-def ssm_simulators(trials: int) -> np.ndarray:
-    """Return the mean time at each gap from the package's ddm with a time step of one reading."""
+def ssm_simulators(trials: int) -> None:
+    """Simulate the package's ddm with a time step of one reading, at each gap."""
     from ssms.basic_simulators.simulator import simulator
 
-    times = []
     for delta in DELTAS:
         theta = max(delta / 2, 1e-6) / D  # in sd of a reading
-        out = simulator(
-            [D / 2, theta, 0.5, 0.0], model="ddm", n_samples=trials, delta_t=1.0, max_t=T_MAX
+        simulator([D / 2, theta, 0.5, 0.0], model="ddm", n_samples=trials, delta_t=1.0, max_t=T_MAX)
+
+
+def pyddm() -> None:
+    """Solve the diffusion at each gap: a reading is a tenth of its unit of time."""
+    import pyddm
+
+    reading = 0.1
+    for delta in DELTAS:
+        model = pyddm.Model(
+            drift=pyddm.DriftConstant(drift=D / 2 / reading),
+            noise=pyddm.NoiseConstant(noise=reading**-0.5),
+            bound=pyddm.BoundConstant(B=delta / 2 / D),
+            dt=0.005,
+            dx=0.01,
+            T_dur=T_MAX * reading,
         )
-        times.append(out["rts"].mean())
-    return np.array(times)
+        model.solve()
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
@@ -61,29 +76,42 @@ def cpu_seconds(work: Callable[[], object]) -> float:
 
 def main() -> None:
     """Print the table."""
-    few = 20_000
-    rng = stream(1, "benchmark")
-    evidence = gaussian_evidence(TRIALS, T_MAX, D / np.sqrt(2), rng=rng)
-    small = evidence[:few]
-    exhaustive_search(small, DELTAS)  # compiles
-    thresholds = threshold_from_gap(DELTAS)
-    rows = {
-        "bgmodel, all gaps in one pass": cpu_seconds(lambda: exhaustive_search(evidence, DELTAS)),
-        "numpy, a gap at a time": cpu_seconds(lambda: plain_numpy(small)) * TRIALS / few,
+    evidence = gaussian_evidence(200_000, T_MAX, SEPARATION, rng=stream(1, "benchmark"))
+    small = evidence[:FEW]
+    four = gaussian_evidence(FEW, T_MAX, SEPARATION, rng=stream(1, "four"), hypotheses=4)
+    criteria, levels = criterion_from_gap(DELTAS), -np.log(POSTERIORS)
+
+    def fused(trials: int, thresholds: np.ndarray, hypotheses: int) -> None:
+        gaussian_tally(trials, T_MAX, SEPARATION, thresholds, seed=1, hypotheses=hypotheses)
+
+    exhaustive_search(small, DELTAS)  # compile
+    fused(1000, criteria, 2)
+    fused(1000, levels, 4)
+    tally(Msprt().run(four[:10]), four.truth[:10], levels)
+    work: dict[str, tuple[int, Callable[[], object]]] = {
+        "SPRT, evidence given": (evidence.trials, lambda: exhaustive_search(evidence, DELTAS)),
+        "SPRT, evidence drawn inside": (TRIALS, lambda: fused(TRIALS, criteria, 2)),
+        "MSPRT of 4, drawn inside": (TRIALS, lambda: fused(TRIALS, levels, 4)),
+        "MSPRT of 4, evidence given": (FEW, lambda: tally(Msprt().run(four), four.truth, levels)),
+        "SPRT in numpy, evidence given": (FEW, lambda: plain_numpy(small)),
     }
     try:
-        rows["ssm-simulators, a gap at a time"] = (
-            cpu_seconds(lambda: ssm_simulators(few // 10)) * TRIALS / (few // 10)
-        )
+        ssm_simulators(10)
+        work["SPRT in ssm-simulators"] = (FEW // 10, lambda: ssm_simulators(FEW // 10))
     except ImportError:
         print("ssm-simulators is not installed: left out")
-    table = pd.DataFrame({"cpu_s": pd.Series(rows)})
-    table["ratio"] = table["cpu_s"] / table["cpu_s"].iloc[0]
-    table["trials_per_cpu_s"] = TRIALS / table["cpu_s"]
-    print(f"{TRIALS} trials, {len(thresholds)} gaps, {platform.processor() or platform.machine()}")
-    print(table.round(2).to_string())
+    rows = [(name, trials / cpu_seconds(made) / 1e6) for name, (trials, made) in work.items()]
+    table = pd.DataFrame(rows, columns=["", "million trials per CPU-s"])
+    print(
+        f"{len(DELTAS)} thresholds, {T_MAX} readings, {platform.processor() or platform.machine()}"
+    )
+    print(table.round(3).to_string(index=False))
     gap = np.abs(exhaustive_search(small, DELTAS).mean_steps - plain_numpy(small)).max()
     print(f"largest difference of mean times from numpy's: {gap:.1e} readings")
+    try:
+        print(f"PyDDM solves the {len(DELTAS)} diffusions in {cpu_seconds(pyddm):.2f} CPU-s")
+    except ImportError:
+        print("PyDDM is not installed: left out")
 
 
 if __name__ == "__main__":
