@@ -20,6 +20,7 @@ from bgmodel.commands.checks import Writes, check_outputs
 from bgmodel.commands.circuit import CircuitRun, CircuitShow
 from bgmodel.commands.comparing import CircuitLesion, Compare
 from bgmodel.commands.decisions import Decide, GapLearn
+from bgmodel.commands.demo import DemoRun
 from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
@@ -38,6 +39,7 @@ CIRCUIT = {
 # A name and its command, or a name and a group: what it is about, and a table like this one with
 # two commands or more.
 COMMANDS: dict[str, Any] = {
+    "demo": DemoRun,
     "simulate": Simulate,
     "train": Train,
     "decode": Decode,

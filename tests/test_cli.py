@@ -129,7 +129,7 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(
         (["decide", "out.csv", "--trials", "1.5"], "must be a whole number, got '1.5'"),
         (["decide", "out.csv", "--trials"], "Missing value for argument '--trials'"),
         (["decide", "out.csv", "--no-such-thing"], "Unrecognized options"),
-        (["no-such-thing"], "Available subcommands: simulate"),
+        (["no-such-thing"], "Available subcommands: demo, simulate"),
         (["decide"], "Missing from bgmodel decide"),
         (["learn", "out.csv", "--runs", "1e9"], "of memory"),
         (["simulate", "taps.npz", "--taps", "1e12"], "of memory"),

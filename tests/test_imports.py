@@ -63,7 +63,7 @@ LEVELS = [
     },
     {"bgmodel.learning.gap"},
     {"bgmodel.comparison.circuits"},
-    {"bgmodel.dopamine", "bgmodel.experiments.experiment", "bgmodel.sweeps.plan"},
+    {"bgmodel.demo", "bgmodel.dopamine", "bgmodel.experiments.experiment", "bgmodel.sweeps.plan"},
     {
         "bgmodel.comparison.levels",
         "bgmodel.experiments.outcomes",
@@ -82,6 +82,7 @@ LEVELS = [
         "bgmodel.commands.decisions",
         "bgmodel.commands.figures",
         "bgmodel.commands.taps",
+        "bgmodel.commands.demo",
         "bgmodel.commands.experiments",
         "bgmodel.commands.sweeps",
     },

@@ -1,0 +1,43 @@
+"""The command that shows one decision, computed on the spot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from bgmodel.commands.checks import Writes, check_ending, check_whole
+from bgmodel.files import replacing
+
+
+@dataclass(frozen=True)
+class DemoRun(Writes):
+    """One decision of the spiking circuit beside the optimal test, computed, drawn and explained.
+
+    Example: bgmodel demo
+    """
+
+    drawing: Positional[Path] = Path("demo.png")
+    """Where the picture goes, .png, .pdf or .svg."""
+    seed: int = 1
+    """Of the evidence and of the noise of cells."""
+    alternatives: int = 3
+    """Number of alternatives."""
+
+    def __call__(self) -> None:
+        """Run the command."""
+        check_ending("drawing", self.drawing, ".png", ".pdf", ".svg")
+        check_whole(alternatives=self.alternatives - 1)
+        print(
+            "one decision of some thousands of spiking cells: about a quarter of a minute",
+            flush=True,
+        )
+        from bgmodel.demo import demo, draw
+
+        found = demo(self.seed, self.alternatives)
+        figure = draw(found)
+        with replacing(self.drawing) as partial:
+            figure.savefig(partial, dpi=150, format=self.drawing.suffix[1:])
+        print(found.said())
+        print(f"-> {self.drawing}")

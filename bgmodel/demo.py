@@ -1,0 +1,180 @@
+"""One decision of the spiking circuit beside the optimal test: the first thing to look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.decision import Decision, Trace, first_crossing
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.sprt import Msprt, criterion_from_posterior
+from bgmodel.plots import channel_lines, raster
+from bgmodel.seeds import stream
+from circuits.anatomy import circuit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NUCLEI = {
+    "ctx": "cortex",
+    "D1": "striatum, D1",
+    "D2": "striatum, D2",
+    "STN": "STN",
+    "GPe": "GPe",
+    "SNr": "SNr, the output",
+}
+POSTERIOR, D_PRIME, READINGS, STEP_MS = 0.85, 0.8, 20, 50.0
+CELLS = 30
+"""Cells per channel in the raster."""
+
+
+@dataclass(frozen=True)
+class Demo:
+    """One trial: what was given, what the circuit did, and both decisions.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of one trial; the first alternative is true.
+    spikes : dict of DataFrame
+        By nucleus: channel, neuron and time_ms.
+    traces : dict of Trace
+        OUT of "circuit" and "MSPRT", nats.
+    decisions : dict of Decision
+        Of both; they may be undecided at the end of the readings.
+    readable_nats : float
+        Highest OUT that the circuit reads.
+    """
+
+    evidence: Evidence
+    spikes: dict[str, pd.DataFrame]
+    traces: dict[str, Trace]
+    decisions: dict[str, Decision]
+    readable_nats: float
+
+    def said(self) -> str:
+        """Return what one sees, in a few sentences."""
+        test, own = (_outcome(self.decisions[name]) for name in ("MSPRT", "circuit"))
+        return (
+            f"{self.evidence.hypotheses} alternatives, the first is true, a reading every "
+            f"{STEP_MS:g} ms. The optimal test (MSPRT) {test}; the spiking circuit, given the same "
+            f"readings, {own}. OUT, the rate of SNr on a scale of nats, follows the test's -ln P "
+            f"of the alternative that leads; the first to fall to -ln {POSTERIOR:g} is chosen. "
+            "Another --seed is another trial."
+        )
+
+
+def _outcome(decision: Decision) -> str:
+    choice = int(decision.choice[0])
+    if choice < 0:
+        return "is not sure enough at the end"
+    right = "right" if choice == 0 else "wrong"
+    return f"chose alternative {choice + 1} ({right}) after {decision.time_ms[0]:.0f} ms"
+
+
+def demo(seed: int = 1, alternatives: int = 3) -> Demo:
+    """Let the default circuit and the MSPRT decide on one trial of Gaussian evidence.
+
+    Parameters
+    ----------
+    seed : int
+        Of the evidence and of the noise of cells.
+    alternatives : int
+        Their number.
+    """
+    table = circuit("spiking_msprt", alternatives)
+    evidence = gaussian_evidence(
+        1,
+        READINGS,
+        D_PRIME / np.sqrt(2),
+        rng=stream(seed, "demo"),
+        hypotheses=alternatives,
+        step_ms=STEP_MS,
+    )
+    # The plain engine has the compiled one's spikes, and compiles nothing.
+    model = BasalGanglia(table, "plain", gain_of(table), seed, {"spikes": tuple(NUCLEI)})
+    activity = model.activity(evidence)
+    traces = {
+        "circuit": model.trace(activity, evidence),
+        "MSPRT": Msprt(model.gain).run(evidence),
+    }
+    criterion = criterion_from_posterior(POSTERIOR, alternatives)
+    decisions = {
+        name: first_crossing(trace, float(criterion), forced=False)
+        for name, trace in traces.items()
+    }
+    assert activity.spikes is not None
+    return Demo(evidence, activity.spikes, traces, decisions, table.readable_nats[1])
+
+
+def draw(found: Demo) -> Figure:
+    """Draw evidence, OUT beside -ln P, and the spikes of every nucleus."""
+    import matplotlib.pyplot as plt
+
+    figure, panels = plt.subplots(
+        2 + len(NUCLEI),
+        1,
+        figsize=(6.4, 8.2),
+        sharex=True,
+        layout="constrained",
+        height_ratios=[1.7, 2.2] + [1] * len(NUCLEI),
+    )
+    _evidence(panels[0], found.evidence)
+    _out(panels[1], found)
+    for panel, (name, label) in zip(panels[2:], NUCLEI.items(), strict=True):
+        spikes = found.spikes[name]
+        shown = spikes[spikes["time_ms"] > 0]
+        raster(panel, shown, channels=found.evidence.hypotheses, neurons=CELLS, ms=1.2)
+        panel.set_ylabel(label, rotation=0, ha="right", va="center")
+    title = "vertical lines: decisions of test (dashed) and circuit"
+    panels[2].set_title(f"{CELLS} cells per alternative; {title}", fontsize=9)
+    panels[-1].set_xlabel("time from the onset of evidence (ms)")
+    panels[-1].set_xlim(0, (READINGS + 1) * STEP_MS)
+    for panel in panels:
+        panel.spines[["top", "right"]].set_visible(False)
+        for name, style in (("MSPRT", "--"), ("circuit", "-")):
+            panel.axvline(found.decisions[name].time_ms[0], color="k", lw=0.8, ls=style)
+    return figure
+
+
+def _evidence(panel: Axes, evidence: Evidence) -> None:
+    total = evidence.totals[0] - evidence.totals[0].mean(axis=1, keepdims=True)
+    channel_lines(panel, _long(np.arange(len(total)) * evidence.step_ms, total), steps=True)
+    names = [f"{i + 1}" + (" (true)" if i == 0 else "") for i in range(evidence.hypotheses)]
+    panel.legend(panel.lines, names, ncols=len(names), loc="upper left", frameon=False, fontsize=8)
+    panel.margins(y=0.25)
+    panel.set_ylabel("evidence\n(nats)")
+    panel.set_title("evidence for each alternative, summed, less its mean", fontsize=9)
+
+
+def _out(panel: Axes, found: Demo) -> None:
+    for name, style in (("circuit", {"lw": 1.3}), ("MSPRT", {"ls": "--", "lw": 1.0})):
+        trace = found.traces[name]
+        rows = _long(trace.time_ms, np.asarray(trace.out_nats[0]))
+        channel_lines(panel, rows, steps=name == "MSPRT", **style)
+        label = "OUT of the circuit" if name == "circuit" else "−ln P of the MSPRT"
+        panel.plot([], [], color="0.3", label=label, **style)
+    panel.axhline(
+        -np.log(POSTERIOR), color="k", lw=0.8, ls=":", label=f"criterion −ln {POSTERIOR:g}"
+    )
+    panel.axhspan(found.readable_nats, 2.0, color="0.94", lw=0, zorder=0)
+    right = (READINGS + 1) * STEP_MS - 8
+    panel.text(right, 1.95, "beyond what is read", ha="right", va="top", fontsize=8, color="0.4")
+    panel.set(ylabel="OUT (nats)", ylim=(0, 2.0))
+    panel.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False, fontsize=8)
+
+
+def _long(time_ms: np.ndarray, values: np.ndarray) -> pd.DataFrame:
+    ticks, count = values.shape
+    return pd.DataFrame(
+        {
+            "channel": np.tile(np.arange(count), ticks),
+            "time_ms": np.repeat(np.asarray(time_ms), count),
+            "value": values.ravel(),
+        }
+    )

@@ -1,0 +1,48 @@
+"""The demo: its decisions are those of the engines, and its picture shows them."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from bgmodel import demo as demos
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.anatomy import circuit
+from tests.helpers import run
+
+
+@pytest.fixture(scope="module")
+def found():
+    return demos.demo(seed=1)
+
+
+def test_its_decision_is_that_of_the_compiled_engine(found):
+    table = circuit("spiking_msprt", 3)
+    model = BasalGanglia(table, "ensemble", gain_of(table), 1)
+    out = model.run(found.evidence).out_nats
+    assert np.allclose(out, found.traces["circuit"].out_nats)
+
+
+def test_it_says_and_draws_both_decisions(found):
+    said, figure = found.said(), demos.draw(found)
+    for name, decision in found.decisions.items():
+        time_ms = decision.time_ms[0]
+        assert f"chose alternative 1 (right) after {time_ms:.0f} ms" in said
+        style = "--" if name == "MSPRT" else "-"
+        for panel in figure.axes:
+            assert any(
+                line.get_linestyle() == style and list(line.get_xdata()) == [time_ms, time_ms]
+                for line in panel.lines
+            )
+    plt.close(figure)
+
+
+def test_the_command_writes_a_picture_and_says_what_one_sees(found, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(demos, "demo", lambda *_: found)
+    assert run("demo", tmp_path / "demo.svg") == 0
+    said = capsys.readouterr().out
+    assert found.said() in said
+    assert said.endswith(f"-> {tmp_path / 'demo.svg'}\n")
+    assert (tmp_path / "demo.svg").stat().st_size > 1000
+    assert run("demo", tmp_path / "demo.svg") == 2
+    assert run("demo", tmp_path / "demo.txt") == 2
+    assert "drawing must end in .png or .pdf or .svg" in capsys.readouterr().err
