@@ -21,6 +21,7 @@ from figures.common import Settings, letter, run
 
 YAW_DEG = 45.0
 SCALE_UM = 20.0
+INSIDE = {"color": "w", "fontsize": 6, "ha": "center"}
 TITLE = {"fontsize": 8, "fontweight": "bold"}
 
 
@@ -50,14 +51,19 @@ def draw(settings: Settings, data: Path, taps: Path, *, output: Path) -> Figure:
     letter(ax, "a  camera (simulated)")
     axes = right.subplots(2, 4)
     size = 1000 * np.linalg.norm(pins.displacement_mm, axis=2).reshape(-1, 19, 19)
-    axes.flat[0].imshow(size[0])
+    axes.flat[0].imshow(size[0], vmin=0)
+    axes.flat[0].text(
+        0.5, 0.02, f"0 to {size[0].max():.0f} µm", **INSIDE, transform=axes.flat[0].transAxes
+    )
     for ax, image in zip(axes.flat[1:], size[1:] - size[0], strict=True):
         shown = ax.imshow(image, cmap="RdBu_r", vmin=-SCALE_UM, vmax=SCALE_UM)
     for ax, period in zip(axes.flat, settings.periods_mm, strict=True):
         ax.set_axis_off()
         ax.set_title(f"{period:g} mm" if period else "smooth", fontweight="normal", loc="center")
-    right.colorbar(shown, ax=axes, shrink=0.7, label="µm")
-    right.suptitle("b  |displacement| of pins: smooth, and gratings minus smooth", x=0.42, **TITLE)
+    right.colorbar(shown, ax=axes, shrink=0.7, label="grating minus smooth (µm)")
+    right.suptitle(
+        "b  |displacement| of the pins: smooth; each grating minus smooth", x=0.42, **TITLE
+    )
     panels = bottom.subplots(1, 2)
     _response(panels[0], read_table(data))
     _decoder(panels[1], read_table(taps))
@@ -78,12 +84,12 @@ def _example(settings: Settings):
 def _response(ax: Axes, table: pd.DataFrame) -> None:
     grooved = table[table["period_mm"] > 0]
     ax.semilogy(
-        grooved["period_mm"] / 2, grooved["modulation_um"], "o-", label="grating at the pins"
+        grooved["period_mm"] / 2, grooved["modulation_um"], "o-", label="one grating, at the pins"
     )
     ax.axhline(Nuisance().marker_noise_um, color="k", ls=":", lw=1, label="marker noise (assumed)")
     ax.set(xlabel="groove width (mm)", ylabel="modulation of |displacement| (µm)")
     ax.legend(loc="lower right")
-    letter(ax, "c  SA-I analogue: stimulus and response")
+    letter(ax, "c  SA-I analogue: response of the pins")
 
 
 def _decoder(ax: Axes, table: pd.DataFrame) -> None:
@@ -95,8 +101,9 @@ def _decoder(ax: Axes, table: pd.DataFrame) -> None:
         ax, scored.index / 2, scored["sum"], scored["size"], color="C1", label="decoder, one tap"
     )
     human_thresholds(ax)
+    ax.plot([], [], color="0.8", lw=0.8, label="chance")
     ax.set(xlabel="groove width (mm)", ylim=(0.4, 1.02))
-    ax.legend(loc="lower right")
+    ax.legend(loc="center right")
     letter(ax, "d  orientation from one tap; humans")
 
 

@@ -53,7 +53,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     axes[0].set(xticks=[0, 1], yticks=[0, 1], xticklabels=["R1", "R2"], xlabel="response")
     axes[0].set_yticklabels(["S1 (AA)", "S2 (AB)"])
     axes[0].spines[:].set_visible(False)
-    letter(axes[0], "state to response")
+    letter(axes[0], f"share of responses, {len(first):,} trials".replace(",", " "))
     for truth, colour in ((0, "C0"), (1, "C1")):
         some = table[(table["truth"] == truth) & (table["trial"] < 2 * SHOWN)]
         z = some.pivot(index="trial", columns="step", values="z").to_numpy()
@@ -61,8 +61,12 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         trajectories(axes[1], z, steps, GAP, color=colour, lw=0.7, alpha=0.8)
         axes[1].plot([], [], color=colour, label=f"S{truth + 1} ({'AA' if truth == 0 else 'AB'})")
     axes[1].axhline(0, color="0.8", lw=0.8, zorder=0)
-    axes[1].legend(loc="upper right")
-    letter(axes[1], f"evidence, {PERIOD_MM:g} mm, gap δ = {GAP:g} nats")
+    axes[1].plot([], [], "o", ms=2.5, color="0.4", label="decision")
+    axes[1].plot([], [], color="k", lw=0.8, label="bounds")
+    low, high = axes[1].get_ylim()
+    axes[1].set_ylim(low, high + 0.2 * (high - low))
+    axes[1].legend(loc="upper right", ncols=4, columnspacing=1, handlelength=1.2)
+    letter(axes[1], f"evidence of {2 * SHOWN} trials, {PERIOD_MM:g} mm, gap δ = {GAP:g} nats")
     return figure
 
 

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import t
 
 from bgmodel.files import read_table
 from bgmodel.plots import accuracy_axis
-from figures.common import Settings, run
+from figures.common import Settings, letter, run
 
 GAPS = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0)
 
@@ -19,20 +21,32 @@ GAPS = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0)
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw one curve a gap, bolder for a wider one."""
     table = read_table(data)
-    figure, ax = plt.subplots(figsize=(3.6, 2.8))
+    figure, ax = plt.subplots(figsize=(4.4, 2.8))
     for i, gap in enumerate(GAPS):
         here = table[np.isclose(table["delta"], gap)]
         folds = here.pivot(index="period_mm", columns="fold", values="accuracy")
         # Trials are many, taps are few: the interval is that of six folds of taps.
         half = t.ppf(0.975, folds.shape[1] - 1) * folds.sem(axis=1)
         style = {"color": plt.get_cmap("viridis")(0.85 * i / (len(GAPS) - 1)), "capsize": 2}
-        ax.errorbar(
-            folds.index, folds.mean(axis=1), half, lw=0.7 + 0.45 * i, label=f"{gap:g}", **style
-        )
+        # Side by side, so that no bar hides another.
+        x = folds.index + 0.03 * (i - (len(GAPS) - 1) / 2)
+        ax.errorbar(x, folds.mean(axis=1), half, lw=0.7 + 0.3 * i, label=f"{gap:g}", **style)
     accuracy_axis(ax)
-    ax.set(xlabel="grating period (mm)", ylim=(0.4, 1.02))
-    ax.legend(title="gap δ (nats)", loc="lower right")
+    ax.plot([], [], color="0.8", lw=0.8, label="chance")
+    _tied(ax, table)
+    ax.set(xlabel="grating period (mm), 0: smooth", ylim=(0.4, 1.02))
+    ax.legend(title="gap δ (nats)", loc="center left", bbox_to_anchor=(1, 0.5))
+    letter(ax, "accuracy of the sequential test")
     return figure
+
+
+def _tied(ax: Axes, table: pd.DataFrame) -> None:
+    """Name the gratings whose readings say nothing in any fold: each response is a forced tie."""
+    largest = table.groupby("period_mm")["shrink"].max()
+    tied = largest.index[largest == 0]
+    if len(tied):
+        ax.text(tied.min(), 0.47, "forced ties", fontsize=7, va="top")
+        ax.plot([tied.min(), tied.max()], [0.48, 0.48], color="k", lw=0.8)
 
 
 if __name__ == "__main__":

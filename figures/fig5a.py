@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from bgmodel.files import read_table, write_table
 from bgmodel.learning.gap import learn_folds
@@ -43,32 +47,58 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw a panel a grating: both starts, median and 10-90 % of all runs, exact optimum."""
+    """Draw a column per grating: the gap of all runs trial by trial, and the regret they end with.
+
+    Both starts have a median and 10-90 % of all runs, beside the exact optimum of each fold.
+    """
     table = read_table(data)
-    figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.5), sharey=True)
-    for ax, period in zip(axes, COLOUR, strict=True):
+    figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.8), height_ratios=[2.4, 1], sharey="row")
+    for (above, below), period in zip(axes.T, COLOUR, strict=True):
         here = table[table["period_mm"] == period]
-        for start, style in zip(STARTS, ("-", "--"), strict=True):
-            some = here[here["start_delta"] == start]
-            runs = some.pivot(index=["fold", "repeat"], columns="episode", values="smoothed_delta")
-            acquisition(ax, runs, color=COLOUR[period], ls=style)
-        best = here.groupby("fold")["optimal_delta"].first()
-        ax.axhspan(best.min(), best.max(), color="0.85", lw=0, zorder=0)
-        ax.axhline(best.mean(), color="k", lw=0.8, ls=":")
-        inset = ax.inset_axes([0.55, 0.55 if period == 1.5 else 0.22, 0.4, 0.2])
-        final = here.groupby(["start_delta", "fold", "repeat"])["regret"].first() * 100
-        bins = np.linspace(-1, max(6, np.ceil(final.max())), 22)
-        for start, fill in zip(STARTS, (True, False), strict=True):
-            kind = "stepfilled" if fill else "step"
-            inset.hist(final[start], bins, histtype=kind, color=COLOUR[period], lw=0.8)
-        inset.axvline(2, color="k", lw=0.6, ls=":")
-        inset.set(yticks=[], xlabel="final regret (%)")
-        inset.xaxis.label.set_size(6)
-        inset.tick_params(labelsize=6)
-        letter(ax, f"{period:g} mm")
-        ax.set(xlabel="trial", ylim=(0, 8))
-    axes[0].set_ylabel("gap δ (nats)")
+        _gaps(above, here, COLOUR[period])
+        _regret(below, here, COLOUR[period])
+        letter(above, f"{period:g} mm")
+    for ax in axes[:, 1:].flat:
+        ax.set_ylabel("")
+    axes[0, 0].set_ylabel("gap δ (nats)")
+    axes[1, 0].set_ylabel("runs")
+    figure.legend(handles=_key(), loc="outside lower center", ncols=4)
     return figure
+
+
+def _gaps(ax: Axes, here: pd.DataFrame, colour: str) -> None:
+    for start, style in zip(STARTS, ("-", "--"), strict=True):
+        some = here[here["start_delta"] == start]
+        runs = some.pivot(index=["fold", "repeat"], columns="episode", values="smoothed_delta")
+        acquisition(ax, runs, color=colour, ls=style)
+    best = here.groupby("fold")["optimal_delta"].first()
+    ax.axhspan(best.min(), best.max(), color="0.85", lw=0, zorder=0)
+    ax.axhline(best.mean(), color="k", lw=0.8, ls=":")
+    ax.set(xlabel="trial", ylim=(0, 8))
+
+
+def _regret(ax: Axes, here: pd.DataFrame, colour: str) -> None:
+    """Draw how many runs end with which cost beyond the optimum of their fold."""
+    final = here.groupby(["start_delta", "fold", "repeat"])["regret"].first() * 100
+    bins = np.linspace(-1, max(6, np.ceil(final.max())), 22)
+    for start, kind in zip(STARTS, ("stepfilled", "step"), strict=True):
+        ax.hist(final[start], bins, histtype=kind, color=colour, lw=0.8)
+    ax.set(xlabel="cost beyond the optimum (%)")
+
+
+def _key() -> list[Any]:
+    """Return the marks of all panels, in no grating's colour."""
+    narrow, wide = (f"from {start:g} nats: " for start in STARTS)
+    grey = {"color": "0.4"}
+    return [
+        Line2D([], [], **grey, label=f"{narrow}median"),
+        Line2D([], [], **grey, ls="--", label=f"{wide}median"),
+        Patch(**grey, alpha=0.3, lw=0, label="10-90 % of runs"),
+        Patch(**grey, label=f"{narrow}runs"),
+        Patch(fill=False, edgecolor="0.4", label=f"{wide}runs"),
+        Line2D([], [], color="k", lw=0.8, ls=":", label="exact optimum, mean of folds"),
+        Patch(color="0.85", lw=0, label="exact optimum, range of folds"),
+    ]
 
 
 if __name__ == "__main__":

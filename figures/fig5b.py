@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from bgmodel import Sprt, stream, threshold_from_gap
 from bgmodel.decision import crossing_of_each
@@ -70,9 +73,19 @@ def draw(
         letter(axes[0, column], f"{period:g} mm")
     axes[0, 0].set_ylabel("reward of a trial\n(readings)")
     axes[1, 0].set_ylabel("mean reward,\nenlarged (readings)")
-    handles, labels = axes[1, -1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(handles=_key(), loc="outside lower center", ncols=5, columnspacing=1.4)
     return figure
+
+
+def _key() -> list[Any]:
+    """Return the marks of all panels, in no grating's colour."""
+    return [
+        Line2D([], [], ls="", marker=".", ms=3, color="0.75", label="reward of one trial"),
+        Line2D([], [], lw=2.2, alpha=0.5, color="0.3", label="mean of sampled trials"),
+        Line2D([], [], lw=0.8, ls=":", color="k", label="exact mean"),
+        Line2D([], [], lw=1, color="0.2", label="learned gap, mean of runs"),
+        Patch(color="0.5", alpha=0.15, lw=0, label="10-90 % of runs"),
+    ]
 
 
 def _exact_cost(rows: pd.DataFrame, xi: float) -> float:
@@ -82,14 +95,14 @@ def _exact_cost(rows: pd.DataFrame, xi: float) -> float:
 def _curves(ax, curve: pd.DataFrame, xi: float, colour: str) -> None:
     sampled = reward_of(1 - curve["accuracy"], curve["mean_steps"], xi)
     mean = pd.Series(sampled, curve.index).groupby(curve["delta"]).mean()
-    ax.plot(mean.index, mean, color=colour, lw=2.2, alpha=0.5, label="sampled average")
+    ax.plot(mean.index, mean, color=colour, lw=2.2, alpha=0.5)
     exact = curve.groupby("delta").apply(_exact_cost, xi=xi, include_groups=False)
-    ax.plot(exact.index, -exact, color="k", lw=0.8, ls=":", label="exact")
+    ax.plot(exact.index, -exact, color="k", lw=0.8, ls=":")
 
 
 def _learned(ax, values: pd.DataFrame) -> None:
     final = values.groupby(["start_delta", "fold", "repeat"])["learned_delta"].first()
-    ax.axvline(final.mean(), color="0.2", lw=1, label="learned (mean, 10-90 %)")
+    ax.axvline(final.mean(), color="0.2", lw=1)
     ax.axvspan(*np.percentile(final, [10, 90]), color="0.5", alpha=0.15, lw=0)
 
 

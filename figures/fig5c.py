@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from bgmodel.files import read_table, write_table
 from bgmodel.learning.gap import fold_sources, increments
@@ -44,22 +45,26 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw the optimum against xi: mean and range of the six folds."""
     table = read_table(data)
-    figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.3))
+    figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.5))
     names = {
-        "optimal_delta": "optimal gap δ (nats)",
-        "accuracy": "accuracy at the optimum",
-        "mean_steps": "mean readings at the optimum",
+        "optimal_delta": ("optimal gap", "gap δ (nats)"),
+        "accuracy": ("accuracy at the optimum", "proportion correct"),
+        "mean_steps": ("decision time at the optimum", "mean readings"),
     }
-    for ax, (name, label) in zip(axes, names.items(), strict=True):
+    for ax, (name, (title, label)) in zip(axes, names.items(), strict=True):
         for period, colour in COLOUR.items():
             here = table[table["period_mm"] == period].groupby("xi")[name]
-            ax.plot(here.mean(), color=colour, label=f"{period:g} mm")
+            ax.plot(here.mean(), color=colour, label=f"{period:g} mm, mean of folds")
             low, high = here.min(), here.max()
             ax.fill_between(low.index, low, high, color=colour, alpha=0.15, lw=0)
-        ax.axvline(settings.xi, color="0.7", lw=0.8)
+        ax.axvline(
+            settings.xi, color="0.7", lw=0.8, label=f"ξ = {settings.xi:g}, as in figures 5a, b"
+        )
         ax.set(xscale="log", xlabel="cost of an error ξ (readings)", ylabel=label)
-    axes[0].legend()
-    letter(axes[0], f"line: ξ = {settings.xi:g}, as in figure 5")
+        letter(ax, title)
+    handles = axes[0].get_legend_handles_labels()[0]
+    handles.append(Patch(color="0.5", alpha=0.15, lw=0, label="range of folds"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, columnspacing=1.4)
     return figure
 
 

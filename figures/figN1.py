@@ -7,7 +7,10 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from scipy.stats import t
 
 from bgmodel import Msprt, stream, tally
 from bgmodel.files import read_table, write_table
@@ -47,23 +50,47 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw accuracy against mean readings, a line an N."""
+    """Draw accuracy against mean readings, one line per N, the last point with its interval."""
     table = read_table(data)
-    figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.4), sharey=True)
+    figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.8), sharey=True)
     for ax, period in zip(axes, SHOWN_MM, strict=True):
+        ends = []
         for count in range(2, 9):
             here = table[(table["period_mm"] == period) & (table["orientations"] == count)]
-            mean = here.groupby("posterior")[["mean_steps", "accuracy"]].mean()
+            folds = here.groupby("posterior")
+            mean = folds[["mean_steps", "accuracy"]].mean()
             # Where the prior alone is enough, no reading is taken: not shown.
             mean = mean[mean["mean_steps"] > 0]
             colour = plt.get_cmap("viridis")((count - 2) / 7)
             style = {"color": colour, "label": f"N = {count}", "lw": 1.2, "marker": ".", "ms": 3}
             speed_accuracy(ax, mean["mean_steps"], mean["accuracy"], None, **style)
+            ax.axhline(1 / count, color=colour, lw=0.7, ls=":")
+            # Trials are many, taps are few: the interval is that of six folds of taps.
+            half = t.ppf(0.975, FOLDS - 1) * folds["accuracy"].sem().iloc[-1]
+            ends.append((mean["mean_steps"].iloc[-1], mean["accuracy"].iloc[-1], half, colour))
+        _bars(ax, ends)
+        ax.set_ylim(0, 1.04)
         letter(ax, f"{period:g} mm")
     for ax in axes[1:]:
         ax.set_ylabel("")
-    axes[-1].legend(ncols=2, loc="lower right")
+    handles = axes[0].get_legend_handles_labels()[0]
+    handles.append(Line2D([], [], color="0.5", lw=0.7, ls=":", label="chance, 1/N"))
+    figure.legend(handles=handles, ncols=8, loc="outside lower center", columnspacing=1.2)
     return figure
+
+
+def _bars(ax: Axes, ends: list[tuple[float, float, float, str]]) -> None:
+    """Draw the intervals of the last points (steps, accuracy, half, colour).
+
+    Where several lines end together their bars stand side by side to the right.
+    """
+    width = max(steps for steps, *_ in ends)
+    together = [end for end in ends if end[0] > 0.97 * width]
+    for steps, accuracy, half, colour in ends:
+        end = (steps, accuracy, half, colour)
+        aside = len(together) > 1 and end in together
+        x = width * (1.03 + 0.025 * together.index(end)) if aside else steps
+        ax.errorbar(x, accuracy, half, color=colour, lw=0.9, capsize=1.5)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,15 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
             speed_accuracy(ax, rows["mean_steps"], rows["accuracy"], **style)
     sd = table["error_sd_deg"].iloc[0]
     ax.set(xlabel="mean decision time (taps of each interval)", ylim=(0.45, 1.02))
-    ax.legend(title="edge yaw difference, between real taps (±0.5°)", loc="lower right", ncols=3)
+    ax.plot([], [], color="0.8", lw=0.8, label="chance")
+    for half, ls in enumerate(("--", "-")):
+        ax.plot([], [], color="0.4", ls=ls, label=f"scored on half {half + 1} of the taps")
+    ax.legend(
+        title="difference of the edge's yaw (±0.5°)",
+        loc="lower right",
+        bbox_to_anchor=(1, 0.12),
+        ncols=2,
+    )
     letter(ax, f"real TacTip taps on an edge, decoder error sd {sd:.1f}°")
     return figure
 
