@@ -25,6 +25,7 @@ from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
 from bgmodel.commands.names import Name
+from bgmodel.commands.page import PageWrite
 from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.ours import explained
@@ -53,6 +54,7 @@ COMMANDS: dict[str, Any] = {
     "compare": Compare,
     "experiment": ExperimentRun,
     "sweep": SweepRun,
+    "page": PageWrite,
     "figures": Figures,
 }
 

@@ -1,0 +1,1 @@
+"""A page with sliders: one circuit in one HTML file, solved by the reader's browser."""

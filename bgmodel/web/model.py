@@ -1,0 +1,78 @@
+"""What the page's script solves: a circuit as plain numbers, by the number of alternatives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bgmodel.integrators.basal_ganglia import gain_of, identity
+from circuits.anatomy import circuit
+from circuits.fixed_point import parts, wired
+from circuits.rows import RECEPTORS
+from circuits.spec import Circuit
+from circuits.wiring import Wiring
+
+ALTERNATIVES = (2, 3, 4)
+LESIONED = ("STN", "GPe", "D1", "D2")
+"""Nuclei with a slider."""
+
+
+def tables(name: str) -> dict[str, Any]:
+    """Return the circuit of a name for each number of alternatives, as plain numbers.
+
+    Raises
+    ------
+    ValueError
+        If it does not work in nats, or lacks a nucleus that has a slider.
+    """
+    return {str(n): plain(circuit(name, n)) for n in ALTERNATIVES}
+
+
+def plain(table: Circuit) -> dict[str, Any]:
+    """Return what a fixed point of one circuit depends on, as JSON holds it."""
+    table.check_nats("the page's -ln P")
+    for name in LESIONED:
+        table.population(name)
+    wiring = wired(table)
+    return {
+        "name": table.name,
+        "sha256": identity(table)["sha256"],
+        "channels": table.channels,
+        "kappa": gain_of(table),
+        "reach": table.reach_nats,
+        "driveGain": table.drive_gain,
+        "readable": list(table.readable_nats),
+        "populations": [row.name for row in table.populations],
+        "owner": wiring.owner.tolist(),
+        "baseline": wiring.baseline_hz.tolist(),
+        "gain": wiring.gain_hz_per_nat.tolist(),
+        "floor": wiring.floor_hz.tolist(),
+        "transfer": [wiring.row(b).transfer for b in range(wiring.blocks)],
+        "unitTransfer": [wiring.projection(u).transfer for u in range(wiring.units)],
+        "deliver": wiring.deliver.tolist(),
+        "constant": wiring.constant.tolist(),
+        "weight": wiring.weight.tolist(),
+        "bias": wiring.bias.tolist(),
+        "input": wiring.blocks_of(table.input).tolist(),
+        "readout": wiring.blocks_of(table.readout).tolist(),
+        "parts": [{"blocks": b.tolist(), "loop": bool(loop)} for b, loop in parts(wiring)],
+        "dopamine": _dopamine(wiring),
+    }
+
+
+def _dopamine(wiring: Wiring) -> list[dict[str, Any]]:
+    """Return the cortical pathways that dopamine scales, as ``Circuit.dopamine`` does."""
+    table, found = wiring.circuit, []
+    for i, path in enumerate(table.projections):
+        row = table.population(path.target)
+        if path.source != table.input or not RECEPTORS[row.receptor]:
+            continue
+        found.append(
+            {
+                "sign": RECEPTORS[row.receptor],
+                "weight": path.weight,
+                "pivot": row.pivot_nats,
+                "blocks": wiring.blocks_of(row.name).tolist(),
+                "units": [u for u in range(wiring.units) if wiring.path[u] == i],
+            }
+        )
+    return found

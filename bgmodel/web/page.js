@@ -1,0 +1,168 @@
+// What the page shows: sliders in, drawings out. The numbers come from model.js.
+"use strict";
+
+const NUCLEI = { ctx: [20, 110], D1: [150, 30], D2: [150, 190], STN: [280, 110], GPe: [410, 190], SNr: [540, 110] };
+const LABELS = { ctx: "cortex", D1: "striatum, D1", D2: "striatum, D2", STN: "STN", GPe: "GPe", SNr: "SNr, output" };
+const PATHS = [["ctx", "D1"], ["ctx", "D2"], ["ctx", "STN"], ["D1", "SNr", 1], ["D2", "GPe", 1], ["STN", "GPe"],
+  ["STN", "SNr"], ["GPe", "STN", 1]];
+const COLOURS = ["var(--one)", "var(--two)", "var(--three)", "var(--four)"];
+const TASK = { seed: 2024, trials: 120, readings: 40 };
+const STEP_MS = 50, WIDTH = 84, HEIGHT = 70, MOST_HZ = 120;
+
+const byId = (id) => document.getElementById(id);
+const number = (id) => Number(byId(id).value);
+
+function settings() {
+  const lesions = {};
+  for (const name of ["STN", "GPe", "D1", "D2"]) lesions[name] = number(name);
+  return { lesions, dopamine: number("dopamine"), posterior: number("posterior"), channels: byId("channels").value,
+    dPrime: number("dPrime"), conflict: number("conflict"), lead: number("lead") };
+}
+
+function totals(channels, lead, conflict) {
+  return Array.from({ length: channels }, (_, i) => (i === 0 ? lead : i === 1 ? conflict * lead : 0));
+}
+
+function ratesAt(table, total) {
+  const x = fixedPoint(table, driveOf(table, total));
+  return x === null ? null : ratesOf(table, x);
+}
+
+function perNucleus(table, rates, name) {
+  return rates.filter((_, b) => table.populations[table.owner[b]] === name);
+}
+
+function line(x1, y1, x2, y2, more) {
+  return `<line x1="${x1}" y1="${y1}" x2="${x2}" y2="${y2}" ${more || 'class="axis"'}/>`;
+}
+
+function drawNuclei(table, intact, total) {
+  const own = ratesAt(table, total), whole = ratesAt(intact, total);
+  let svg = '<defs><marker id="arrow" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">' +
+    '<path d="M0 0 8 4 0 8z" fill="#888"/></marker><marker id="dot" viewBox="0 0 8 8" refX="5" refY="4" markerWidth="7" ' +
+    'markerHeight="7"><circle cx="4" cy="4" r="3" fill="#888"/></marker></defs>';
+  for (const [from, to, inhibits] of PATHS) {
+    const [a, b] = [NUCLEI[from], NUCLEI[to]], back = b[0] < a[0];
+    // Two paths between STN and GPe, and two into SNr, stand apart.
+    const shift = from === "GPe" ? 14 : from === "STN" && to === "GPe" ? -14 : 0;
+    const end = from === "D1" && to === "SNr" ? -18 : shift;
+    const x1 = back ? a[0] + shift : a[0] + WIDTH, x2 = back ? b[0] + WIDTH + shift : b[0];
+    svg += line(x1, a[1] + HEIGHT / 2 + shift, x2, b[1] + HEIGHT / 2 + end,
+      `stroke="#888" stroke-width="1.5" marker-end="url(#${inhibits ? "dot" : "arrow"})"`);
+  }
+  for (const [name, [x, y]] of Object.entries(NUCLEI)) {
+    svg += `<rect x="${x}" y="${y}" width="${WIDTH}" height="${HEIGHT}" fill="#fff" stroke="#444" rx="4"/>`;
+    svg += `<text x="${x + WIDTH / 2}" y="${y - 5}" text-anchor="middle">${LABELS[name]}</text>`;
+    if (own === null) continue;
+    const rates = perNucleus(table, own, name), before = whole === null ? [] : perNucleus(intact, whole, name);
+    const room = (WIDTH - 12) / rates.length;
+    rates.forEach((rate, i) => {
+      const h = Math.min(rate / MOST_HZ, 1) * (HEIGHT - 18), left = x + 6 + i * room;
+      svg += `<rect x="${left}" y="${y + HEIGHT - h}" width="${room - 3}" height="${h}" fill="${COLOURS[i]}"/>`;
+      svg += `<text x="${left + room / 2 - 1.5}" y="${y + 11}" text-anchor="middle" font-size="9">${rate.toFixed(0)}</text>`;
+      if (before.length) {
+        const top = y + HEIGHT - Math.min(before[i] / MOST_HZ, 1) * (HEIGHT - 18);
+        svg += line(left - 1, top, left + room - 2, top, 'stroke="#000" stroke-width="1"');
+      }
+    });
+  }
+  byId("nuclei").innerHTML = svg;
+  return own;
+}
+
+// A small plot: lines {points, style} on axes with ticks.
+function plot(id, xs, ys, labels, body) {
+  const [left, right, top, bottom] = [42, 298, 10, 200];
+  const px = (x) => left + ((x - xs[0]) / (xs[1] - xs[0])) * (right - left);
+  const py = (y) => bottom - ((Math.min(Math.max(y, ys[0]), ys[1]) - ys[0]) / (ys[1] - ys[0])) * (bottom - top);
+  let svg = line(left, bottom, right, bottom) + line(left, top, left, bottom);
+  for (let k = 0; k <= 4; k++) {
+    const x = xs[0] + (k / 4) * (xs[1] - xs[0]), y = ys[0] + (k / 4) * (ys[1] - ys[0]);
+    svg += `<text x="${px(x)}" y="${bottom + 14}" text-anchor="middle">${+x.toPrecision(3)}</text>`;
+    svg += `<text x="${left - 5}" y="${py(y) + 4}" text-anchor="end">${+y.toPrecision(3)}</text>`;
+  }
+  svg += `<text x="${(left + right) / 2}" y="${bottom + 32}" text-anchor="middle">${labels[0]}</text>`;
+  svg += `<text transform="translate(11 ${(top + bottom) / 2}) rotate(-90)" text-anchor="middle">${labels[1]}</text>`;
+  byId(id).innerHTML = svg + body(px, py);
+}
+
+function path(points, px, py, style) {
+  const drawn = points.filter(([x, y]) => Number.isFinite(x) && Number.isFinite(y));
+  if (!drawn.length) return "";
+  return `<path fill="none" d="M${drawn.map(([x, y]) => `${px(x).toFixed(1)} ${py(y).toFixed(1)}`).join("L")}" ${style}/>`;
+}
+
+function drawOut(table, intact, chosen) {
+  const leads = Array.from({ length: 41 }, (_, k) => (k / 40) * 8), channels = Number(chosen.channels);
+  const along = (out) => leads.map((lead) => [lead, out(totals(channels, lead, chosen.conflict))[0]]);
+  const level = -Math.log(chosen.posterior);
+  plot("out", [0, 8], [0, 1], ["evidence for the leader, nats", "OUT, nats"], (px, py) =>
+    path(along(circuitOut(intact)), px, py, 'stroke="#aaa" stroke-width="3"') +
+    path(along(testOut(table)), px, py, 'stroke="#000" stroke-width="1.5" stroke-dasharray="5 4"') +
+    path(along(circuitOut(table)), px, py, 'stroke="var(--one)" stroke-width="2"') +
+    path([[0, level], [8, level]], px, py, 'stroke="#000" stroke-dasharray="1 3"'));
+}
+
+function drawTradeoff(found) {
+  const point = (one, style) => (px, py) => `<circle cx="${px(one.readings * STEP_MS)}" cy="${py(one.accuracy)}" r="5" ${style}/>`;
+  const most = TASK.readings * STEP_MS;
+  plot("tradeoff", [0, most], [1 / found.channels, 1], ["mean decision time, ms", "accuracy"], (px, py) => {
+    const se = Math.sqrt((found.own.accuracy * (1 - found.own.accuracy)) / TASK.trials), x = px(found.own.readings * STEP_MS);
+    return path(found.curve.map((one) => [one.readings * STEP_MS, one.accuracy]), px, py,
+      'stroke="#000" stroke-dasharray="5 4"') +
+      line(x, py(found.own.accuracy - se), x, py(found.own.accuracy + se), 'stroke="var(--one)"') +
+      point(found.test, 'fill="#fff" stroke="#000"')(px, py) + point(found.intact, 'fill="#aaa"')(px, py) +
+      point(found.own, 'fill="var(--one)"')(px, py);
+  });
+}
+
+function simulated(table, intact, chosen) {
+  const task = Object.assign({ dPrime: chosen.dPrime, conflict: chosen.conflict }, TASK);
+  const trials = walks(Number(chosen.channels), task), level = -Math.log(chosen.posterior), test = testOut(table);
+  const posteriors = Array.from({ length: 9 }, (_, k) => 1 / chosen.channels + (0.985 - 1 / chosen.channels) * ((k + 1) / 9));
+  return {
+    channels: Number(chosen.channels),
+    own: decided(trials, circuitOut(table), level),
+    intact: decided(trials, circuitOut(intact), level),
+    test: decided(trials, test, level),
+    curve: posteriors.map((posterior) => decided(trials, test, -Math.log(posterior))),
+  };
+}
+
+function warned(table, chosen) {
+  const x = fixedPoint(table, totals(Number(chosen.channels), 0, 0)), level = -Math.log(chosen.posterior);
+  if (x === null) return "The circuit has no fixed point at rest: its rates run away or oscillate.";
+  if (Math.min(...outOf(table, x)) <= level)
+    return "At rest OUT lies below the threshold: the circuit decides without evidence, and its accuracy says nothing.";
+  if (level < table.readable[0]) return "The circuit cannot read an OUT as low as this threshold: it waits for the deadline.";
+  return "";
+}
+
+const inWords = (one) => `accuracy ${one.accuracy.toFixed(2)} after ${(one.readings * STEP_MS).toFixed(0)} ms`;
+
+let waiting = null;
+
+function show() {
+  const chosen = settings(), intact = TABLES[chosen.channels], table = edited(intact, chosen.lesions, chosen.dopamine);
+  for (const output of document.querySelectorAll("output")) {
+    const id = output.getAttribute("for"), value = number(id);
+    output.textContent = ["STN", "GPe", "D1", "D2"].includes(id) ? `${Math.round(100 * value)} %` : value.toFixed(2);
+  }
+  byId("warning").textContent = warned(table, chosen);
+  drawNuclei(table, intact, totals(Number(chosen.channels), chosen.lead, chosen.conflict));
+  drawOut(table, intact, chosen);
+  clearTimeout(waiting);
+  waiting = setTimeout(() => {
+    const found = simulated(table, intact, chosen);
+    drawTradeoff(found);
+    byId("said").textContent = `The circuit as changed: ${inWords(found.own)}. Intact: ${inWords(found.intact)}. ` +
+      `The optimal test at the same threshold: ${inWords(found.test)}.`;
+  }, 120);
+}
+
+byId("circuit").textContent = `${TABLES["2"].name} (${TABLES["2"].sha256.slice(0, 8)})`;
+byId("trials").textContent = TASK.trials;
+byId("controls").addEventListener("input", show);
+byId("controls").addEventListener("reset", () => setTimeout(show, 0));
+byId("controls").addEventListener("submit", (event) => event.preventDefault());
+show();
