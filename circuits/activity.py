@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from html import escape
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,9 @@ import pandas as pd
 from circuits.arrays import Array
 from circuits.spec import NATS, Circuit
 from circuits.wiring import Wiring
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,36 @@ class Activity:
             engine=engine,
             **other,
         )
+
+    def __repr__(self) -> str:
+        """Return one line: shapes, and the mean of OUT."""
+        trials, ticks, channels = self.output_nats.shape
+        spikes = sum(map(len, self.spikes.values())) if self.spikes else 0
+        low, high = (float(np.min(self.time_ms)), float(np.max(self.time_ms)))
+        return (
+            f"Activity({self.circuit.name} on {self.engine}: {trials} trials x {ticks} ticks x "
+            f"{channels} channels, {low:g} to {high:g} ms, mean OUT "
+            f"{np.nanmean(self.output_nats):.3g} {self.circuit.unit}, rates of "
+            f"{len(self.rates_hz)} nuclei, {spikes} spikes)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the line of ``repr`` and the mean rates, for a notebook."""
+        means = {
+            name: pd.Series(np.nanmean(rates, axis=(0, 1))) for name, rates in self.rates_hz.items()
+        }
+        table = pd.DataFrame(means).rename_axis("channel").T.rename_axis("mean rate, Hz")
+        page = table.to_html(border=0, float_format="{:.4g}".format, na_rep="")
+        return f"<p>{escape(repr(self))}</p>\n{page if means else ''}"
+
+    def plot(self, trial: int = 0, ax: Axes | Sequence[Axes] | None = None) -> Any:
+        """Draw the rates of one trial, a panel per nucleus; return the Axes, (nuclei,).
+
+        The arguments are those of ``circuits.show.rates``.
+        """
+        from circuits.show import rates
+
+        return rates(self, trial, ax)
 
     def decoded_nats(self, name: str) -> Array:
         """Return the activity of a population, nats (trials, ticks, channels)."""

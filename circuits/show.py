@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from circuits.cells import Cell
@@ -12,6 +15,8 @@ from circuits.spec import GABA, NATS, Circuit, Population
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from circuits.activity import Activity
 
 # Where the nuclei of the textbooks lie in a drawing; others are put in a row below.
 PLACES = {
@@ -72,6 +77,25 @@ def pathways(circuit: Circuit) -> pd.DataFrame:
 
 def text(circuit: Circuit) -> str:
     """Return the whole circuit on one page."""
+    tables = [_text(table) for table in (nuclei(circuit), pathways(circuit))]
+    return "\n\n".join([_head(circuit), *tables, constants(circuit)])
+
+
+def html(circuit: Circuit) -> str:
+    """Return the page of ``text`` as HTML: a table of populations and one of pathways."""
+    tables = [
+        table.to_html(index=False, border=0, float_format="{:.4g}".format)
+        for table in (nuclei(circuit), pathways(circuit))
+    ]
+    head, foot = (
+        f"<p>{escape(part).replace(chr(10), '<br>')}</p>"
+        for part in (_head(circuit), constants(circuit))
+    )
+    return "\n".join([head, *tables, foot])
+
+
+def _head(circuit: Circuit) -> str:
+    """Return what holds for the whole circuit, in four lines."""
     low, high = circuit.range_nats
     at_rest = (
         f"S = {circuit.reference_nats:.3g} nats at rest, works"
@@ -81,7 +105,7 @@ def text(circuit: Circuit) -> str:
     )
     gain = circuit.default_gain
     default = "no default gain" if gain is None else f"default gain {gain:g} per nat of evidence"
-    head = (
+    return (
         f"{circuit.name}: {circuit.about}\n"
         f"{circuit.channels} channels, evidence into {circuit.input}, OUT from {circuit.readout}, "
         f"{'exact' if circuit.exact else 'not exact'}\n"
@@ -90,8 +114,6 @@ def text(circuit: Circuit) -> str:
         f"drives at most {circuit.reach_nats:g} {circuit.unit} apart, drive gain "
         f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
     )
-    tables = [_text(table) for table in (nuclei(circuit), pathways(circuit))]
-    return "\n\n".join([head, *tables, constants(circuit)])
 
 
 def constants(circuit: Circuit) -> str:
@@ -162,6 +184,80 @@ def draw(circuit: Circuit, ax: Axes) -> Axes:
     ax.set_ylim(points[:, 1].min() - 0.4, points[:, 1].max() + 0.4)
     ax.set_axis_off()
     return ax
+
+
+def rates(activity: Activity, trial: int, ax: Axes | Sequence[Axes] | None = None) -> Any:
+    """Draw the rates of one trial, a panel per nucleus and a line per channel.
+
+    Parameters
+    ----------
+    activity : Activity
+        With rates.
+    trial : int
+        Number of the trial.
+    ax : Axes, one per nucleus, optional
+        Drawn on; a new figure unless given.
+
+    Returns
+    -------
+    array of Axes
+        One per nucleus.
+
+    Raises
+    ------
+    ValueError
+        If no rates were kept, there is no such trial, or the Axes do not fit.
+    """
+    known = activity.rates_hz
+    if not known:
+        raise ValueError(f"the {activity.engine} engine kept no rates: ask for them (rates=True)")
+    trials = len(activity.output_nats)
+    if trial not in range(trials):
+        raise ValueError(f"trial must lie in 0..{trials - 1}, got {trial}")
+    axes = panels(len(known), ax)
+    for panel, (name, values) in zip(axes, known.items(), strict=True):
+        for channel in range(values.shape[2]):
+            panel.plot(activity.time_ms, values[trial, :, channel], label=f"channel {channel}")
+        panel.set_ylabel(f"{name}\n(Hz)")
+        panel.tick_params(labelbottom=panel is axes[-1])
+    axes[0].legend(loc="upper left", fontsize="small")
+    axes[-1].set_xlabel("time from the onset of evidence (ms)")
+    return axes
+
+
+def panels(
+    count: int, ax: Axes | Sequence[Axes] | None = None, height: float = 1.2
+) -> npt.NDArray[np.object_]:
+    """Return Axes to draw on, one below the other.
+
+    Parameters
+    ----------
+    count : int
+        Number of panels.
+    ax : Axes or sequence of Axes, optional
+        Axes that are there already; a new figure unless given.
+    height : float
+        Height of a panel of a new figure, inches.
+
+    Raises
+    ------
+    ValueError
+        If another number of Axes is given.
+    ImportError
+        If Matplotlib is not installed.
+    """
+    if ax is not None:
+        given = np.ravel(np.asarray(ax, dtype=object))
+        if len(given) != count:
+            raise ValueError(f"ax must be {count} Axes, one per panel, got {len(given)}")
+        return given
+    try:
+        import matplotlib.pyplot as plt
+    except ImportError as error:
+        raise ImportError("a plot needs Matplotlib: pip install matplotlib") from error
+    size = (6.0, max(3.0, height * count))
+    _, axes = plt.subplots(count, squeeze=False, figsize=size, layout="constrained")
+    return np.asarray(axes[:, 0])
 
 
 def _intact(p: Population) -> str:

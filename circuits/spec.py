@@ -124,6 +124,23 @@ class Circuit:
                 )
         self._reaches()
 
+    def __repr__(self) -> str:
+        """Return one line: the tables are long, ``circuits.show.text`` prints them."""
+        from circuits.table_files import digest  # reads this module
+
+        own = (row for row in self.populations if row.spiking and not row.pooled)
+        return (
+            f"Circuit({self.name}: {self.channels} channels in {self.unit}, "
+            f"{len(self.populations)} populations, {len(self.projections)} pathways, "
+            f"{sum(row.neurons for row in own)} cells per channel, sha256 {digest(self)[:8]})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return both tables, for a notebook."""
+        from circuits.show import html
+
+        return html(self)
+
     def _check_rows(self) -> None:
         for kind, rows in ((Population, self.populations), (Projection, self.projections)):
             for row in rows:

@@ -1,9 +1,15 @@
 """A circuit on one page and as a drawing."""
 
+import sys
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from circuits import anatomy, show
+from circuits.engines import run
 from circuits.spec import GABA, Population, Projection
 
 
@@ -49,3 +55,41 @@ def test_a_page_of_saliences_calls_nothing_nats():
     assert "gain_hz_per_salience" in page
     assert "bias_salience" in page
     assert page.count("nats") == 1
+
+
+def test_the_notebook_shows_both_tables_and_escapes_their_words():
+    circuit = replace(anatomy.spiking_msprt(), about="a < b & c")
+    page = circuit._repr_html_()
+    assert page.count("<table") == 2
+    assert "D1 -&gt; SNr" in page
+    assert "a &lt; b &amp; c" in page
+    assert "D1 -> SNr" not in page
+
+
+@pytest.fixture
+def activity():
+    drive = np.zeros((2, 3, 2))
+    return run(anatomy.spiking_msprt(), drive, engine="rate", step_ms=20.0)
+
+
+def test_rates_are_drawn_a_panel_per_nucleus_and_a_line_per_channel(activity):
+    axes = show.rates(activity, 1)
+    assert len(axes) == len(activity.circuit.populations)
+    drawn = dict(zip(activity.rates_hz, axes, strict=True))
+    assert len(drawn["STN"].lines) == 2
+    assert (drawn["STN"].lines[1].get_ydata() == activity.rates_hz["STN"][1, :, 1]).all()
+    again = show.rates(activity, 0, axes)
+    assert (again == axes).all()
+    plt.close(axes[0].figure)
+
+
+def test_what_cannot_be_drawn_is_said(activity, monkeypatch):
+    with pytest.raises(ValueError, match=r"trial must lie in 0\.\.1, got 2"):
+        show.rates(activity, 2)
+    with pytest.raises(ValueError, match="kept no rates"):
+        show.rates(replace(activity, rates_hz={}), 0)
+    with pytest.raises(ValueError, match="ax must be 7 Axes, one per panel, got 1"):
+        show.rates(activity, 0, Figure().subplots())
+    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
+    with pytest.raises(ImportError, match="a plot needs Matplotlib: pip install matplotlib"):
+        show.rates(activity, 0)

@@ -10,6 +10,7 @@ from circuits import anatomy
 from circuits.cells import Lif, Rate
 from circuits.engines import algebra
 from circuits.spec import Population, Projection
+from circuits.table_files import digest
 
 EDITS = {
     "lesion": lambda c: c.without("STN", 0.3),
@@ -32,6 +33,16 @@ def test_an_edit_returns_a_new_circuit_and_leaves_the_old(circuit, edit):
     assert edited != circuit
     assert repr(circuit) == before
     assert edit(circuit) == edited
+
+
+def test_a_circuit_is_one_line_that_tells_two_apart():
+    one = anatomy.spiking_msprt()
+    said = repr(one)
+    assert said.startswith("Circuit(spiking_msprt: 2 channels in nats, 7 populations, 10 pathways")
+    assert f"1800 cells per channel, sha256 {digest(one)[:8]})" in said
+    assert len(said) < 150
+    assert repr(one.without("STN", 0.1)) != said
+    assert "0 cells per channel" in repr(anatomy.bogacz_gurney())
 
 
 def test_edits_that_change_nothing_return_the_circuit(circuit):
