@@ -4,6 +4,10 @@ A tap becomes evidence, evidence becomes an output trace, the trace crosses a th
 reward moves the threshold.  Importing this package loads neither torch, brian2 nor matplotlib.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from bgmodel.decision import Decision, Trace, first_crossing, tally
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import (
@@ -13,19 +17,31 @@ from bgmodel.integrators.sprt import (
     criterion_from_posterior,
     threshold_from_gap,
 )
-from bgmodel.moved import tell_old_names
+from bgmodel.moved import missing, tell_old_names
 from bgmodel.seeds import stream
 from bgmodel.version import __version__
 
+if TYPE_CHECKING:
+    from bgmodel.comparison.with_msprt import compare
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
+
 tell_old_names()
 
+LAZY = {
+    "BasalGanglia": "bgmodel.integrators.basal_ganglia",
+    "compare": "bgmodel.comparison.with_msprt",
+}
+"""Names that load a circuit and pandas: their modules are imported where they are used."""
+
 __all__ = [
+    "BasalGanglia",
     "Decision",
     "Evidence",
     "Msprt",
     "Sprt",
     "Trace",
     "__version__",
+    "compare",
     "criterion_from_gap",
     "criterion_from_posterior",
     "first_crossing",
@@ -33,3 +49,18 @@ __all__ = [
     "tally",
     "threshold_from_gap",
 ]
+
+if not TYPE_CHECKING:  # mypy would take any name for one that is there
+
+    def __getattr__(name: str) -> Any:
+        """Return a name that is loaded where it is used; old names answer with the new one."""
+        if name not in LAZY:
+            raise missing(name)
+        from importlib import import_module
+
+        found = getattr(import_module(LAZY[name]), name)
+        globals()[name] = found
+        return found
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

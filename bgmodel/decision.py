@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array, Integers, Reals, Truths
+from bgmodel.facts import Facts, span
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 UNDECIDED = -1
 
 
-@dataclass(frozen=True)
-class Trace:
+@dataclass(frozen=True, repr=False)
+class Trace(Facts):
     """What an integrator makes of evidence.
 
     Parameters
@@ -39,6 +44,37 @@ class Trace:
     ends: Integers | None = None
     numbers: Integers | None = None
 
+    def facts(self) -> dict[str, str]:
+        """Return shape, clock and range of OUT."""
+        trials, ticks, hypotheses = self.out_nats.shape
+        return {
+            "trials": f"{trials}",
+            "ticks": f"{ticks}",
+            "hypotheses": f"{hypotheses}",
+            "time_ms": span(self.time_ms),
+            "onset_ms": f"{self.onset_ms:g}",
+            "step_ms": f"{self.step_ms:g}",
+            "out_nats": span(self.out_nats),
+        }
+
+    def plot(self, trial: int = 0, ax: Axes | None = None) -> Axes:
+        """Draw OUT of one trial, a line per hypothesis.
+
+        Parameters
+        ----------
+        trial : int
+            Number of the trial.
+        ax : Axes, optional
+            Drawn on and returned; that of a new figure unless given.
+        """
+        from bgmodel.plots import new_axes, output
+
+        if trial not in range(len(self.out_nats)):
+            raise ValueError(f"trial must lie in 0..{len(self.out_nats) - 1}, got {trial}")
+        ticks = self.of_trials()[0][trial]
+        relative_ms = self.time_ms[:ticks] - self.onset_ms
+        return output(new_axes(ax), relative_ms, self.out_nats[trial, :ticks])
+
     def of_trials(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Return the number of ticks of each trial, and the number that decides its ties."""
         trials, ticks = self.out_nats.shape[:2]
@@ -47,8 +83,8 @@ class Trace:
         return np.asarray(ends, dtype=np.int64), np.asarray(numbers, dtype=np.int64)
 
 
-@dataclass(frozen=True)
-class Decision:
+@dataclass(frozen=True, repr=False)
+class Decision(Facts):
     """Decisions, one a trial (and one row a threshold where several were given).
 
     Parameters
@@ -73,6 +109,50 @@ class Decision:
     premature: Truths
     step_ms: float
     deadline_ms: Array
+
+    def facts(self) -> dict[str, str]:
+        """Return how many decided, when, and what the deadline did."""
+        *thresholds, trials = self.choice.shape
+        found = {"thresholds": f"{thresholds[0]}"} if thresholds else {}
+        decided = self.choice != UNDECIDED
+        times = np.where(decided, self.time_ms, 0.0).sum(axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean_ms = times / decided.sum(axis=-1)
+        return {
+            **found,
+            "trials": f"{trials}",
+            "mean_time_ms": span(mean_ms),
+            "forced": span(self.forced.sum(axis=-1), ".0f"),
+            "undecided": span((~decided).sum(axis=-1), ".0f"),
+            "premature": span(self.premature.sum(axis=-1), ".0f"),
+        }
+
+    def plot(self, ax: Axes | None = None, truth: Integers | None = None) -> Axes:
+        """Draw the times of each choice; of several thresholds, accuracy against mean time.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Drawn on and returned; that of a new figure unless given.
+        truth : int array (trials,), optional
+            The true hypotheses: several thresholds need them.
+
+        Raises
+        ------
+        ValueError
+            If there are several thresholds and no truth.
+        """
+        from bgmodel.plots import choice_times, new_axes, speed_accuracy
+
+        if self.choice.ndim == 1:
+            return choice_times(new_axes(ax), self.choice, self.time_ms)
+        if truth is None:
+            raise ValueError("decisions at several thresholds need the truth: plot(truth=...)")
+        accuracy = (self.choice == np.asarray(truth)).mean(axis=1)
+        # Where all trials are undecided there is no mean time.
+        known = (self.choice != UNDECIDED).any(axis=1)
+        mean_steps = np.nanmean(self.steps[known], axis=1)
+        return speed_accuracy(new_axes(ax), mean_steps, accuracy[known], None, marker=".")
 
     @property
     def steps(self) -> Array:
@@ -172,14 +252,24 @@ def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
     return np.asarray(decision.choice != UNDECIDED)
 
 
-@dataclass(frozen=True)
-class Tally:
+@dataclass(frozen=True, repr=False)
+class Tally(Facts):
     """Sums over trials for each of K thresholds: trials (int), and arrays (K,) of the rest."""
 
     trials: int
     correct: npt.NDArray[np.int64]
     steps: Array
     forced: npt.NDArray[np.int64]
+
+    def facts(self) -> dict[str, str]:
+        """Return trials, thresholds, accuracy and mean time."""
+        return {
+            "trials": f"{self.trials}",
+            "thresholds": f"{len(self.correct)}",
+            "accuracy": span(self.accuracy),
+            "mean_steps": span(self.mean_steps),
+            "forced": span(self.forced, ".0f"),
+        }
 
     def __add__(self, other: Tally) -> Tally:
         """Pool two sets of trials."""

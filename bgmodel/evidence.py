@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.facts import Facts
+
 MOST_MS = 1e9
 """Longest time of a reading or of a foreperiod: with more, times would be rounded."""
 
 
-@dataclass(frozen=True)
-class Evidence:
+@dataclass(frozen=True, repr=False)
+class Evidence(Facts):
     """Log-likelihoods of every reading under every hypothesis, with the truth.
 
     Parameters
@@ -78,6 +80,25 @@ class Evidence:
             raise ValueError(f"onset_ms must be >= 0 and at most {MOST_MS:g}, got {self.onset_ms}")
         if not 0 < self.step_ms <= MOST_MS:
             raise ValueError(f"step_ms must be > 0 and at most {MOST_MS:g}, got {self.step_ms}")
+
+    def facts(self) -> dict[str, str]:
+        """Return shape, clock, truth and the mean evidence for it."""
+        found = {
+            "trials": f"{self.trials}",
+            "readings": f"{self.steps}" if self.lengths is None else f"up to {self.steps}",
+            "hypotheses": f"{self.hypotheses}",
+            "step_ms": f"{self.step_ms:g}",
+        }
+        if self.onset_ms:
+            found["onset_ms"] = f"{self.onset_ms:g}"
+        if np.ptp(self.prior):
+            found["prior"] = " ".join(f"{p:.3g}" for p in self.prior)
+        if self.truth is None:
+            return found | {"truth": "unknown"}
+        true = self.log_likelihood[np.arange(self.trials), :, self.truth]
+        others = (self.log_likelihood.sum(axis=2) - true) / (self.hypotheses - 1)
+        mean = float((true - others).sum() / self.readings.sum())
+        return found | {"truth": f"known, favoured by {mean:.3g} nats per reading"}
 
     @property
     def trials(self) -> int:

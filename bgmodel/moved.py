@@ -63,6 +63,14 @@ MOVED |= _members(
 )
 
 
+def missing(name: str) -> ImportError | AttributeError:
+    """Return the error of a name that ``bgmodel`` has not, with the new name of an old one."""
+    old = f"bgmodel.{name}"
+    if old in MOVED:
+        return ImportError(f"{old} is now {MOVED[old]}", name=old)
+    return AttributeError(f"module 'bgmodel' has no attribute {name!r}")
+
+
 def tell_old_names() -> None:
     """Let imports of old names raise a sentence with the new one."""
     # Where another distribution's `circuits` is found, the circuit's integrator says so.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,77 @@ if TYPE_CHECKING:
 
 # Grating orientation thresholds at 75 % correct: groove width, mm (Van Boven & Johnson 1994).
 HUMAN_GROOVE_MM = {"finger": 0.94, "lip": 0.51, "tongue": 0.58}
+
+
+def new_axes(ax: Axes | None = None) -> Axes:
+    """Return the Axes that are given, or those of a new figure.
+
+    Raises
+    ------
+    ImportError
+        If Matplotlib is not installed.
+    """
+    if ax is not None:
+        return ax
+    from circuits.show import panels
+
+    found: Axes = panels(1)[0]
+    return found
+
+
+def output(ax: Axes, time_ms: npt.ArrayLike, out_nats: npt.NDArray[np.floating]) -> Axes:
+    """Draw OUT (ticks, hypotheses) of a trial against the time from the onset of evidence."""
+    for hypothesis, values in enumerate(out_nats.T):
+        ax.plot(np.asarray(time_ms), values, label=f"hypothesis {hypothesis}")
+    ax.axvline(0, color="0.8", lw=0.8, zorder=0)
+    ax.set(xlabel="time from the onset of evidence (ms)", ylabel="OUT (nats)")
+    ax.legend()
+    return ax
+
+
+def choice_times(ax: Axes, choice: npt.ArrayLike, time_ms: npt.ArrayLike) -> Axes:
+    """Draw a histogram of decision times (trials,), stacked by choice; below 0 is undecided."""
+    chosen, times = np.asarray(choice), np.asarray(time_ms)
+    found = np.unique(chosen[chosen >= 0])
+    parts = [times[chosen == c] for c in found]
+    if parts:
+        ax.hist(parts, bins=30, stacked=True, label=[f"chose {c}" for c in found])
+        ax.legend()
+    left = int((chosen < 0).sum())
+    ax.set(xlabel="decision time from the onset of evidence (ms)", ylabel="trials")
+    ax.set_title(f"{left} of {len(chosen)} undecided" if left else "")
+    return ax
+
+
+def conditions(table: pd.DataFrame, ax: Axes | Sequence[Axes] | None = None) -> Any:
+    """Draw measures of conditions with their intervals, a panel per measure.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns condition, measure, value, low, high; measures without a value are left out.
+    ax : Axes, one per measure, optional
+        Drawn on; a new figure unless given.
+
+    Returns
+    -------
+    array of Axes
+        One per measure.
+    """
+    from circuits.show import panels
+
+    known = table[table["value"].notna()]
+    measures = list(known["measure"].unique())
+    axes = panels(len(measures), ax, 0.8)
+    names = list(table["condition"].unique())
+    for panel, measure in zip(axes, measures, strict=True):
+        rows = known[known["measure"] == measure]
+        error = np.abs(rows[["low", "high"]].to_numpy().T - rows["value"].to_numpy())
+        at = [names.index(name) for name in rows["condition"]]
+        panel.errorbar(rows["value"], at, xerr=error, fmt="o", ms=4, capsize=3)
+        panel.set_yticks(range(len(names)), names)
+        panel.set(xlabel=measure, ylim=(len(names) - 0.5, -0.5))
+    return axes
 
 
 def wilson(

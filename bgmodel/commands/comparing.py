@@ -136,11 +136,9 @@ def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
 
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
-    from bgmodel.comparison.circuits import sample_ms
     from bgmodel.comparison.compare import MARGIN, check_trials
-    from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+    from bgmodel.comparison.with_msprt import model_of
     from circuits.anatomy import circuit
-    from circuits.engines import DROPPING, THREADED
     from circuits.spec import NATS
 
     stimuli = asked_for.stimuli
@@ -164,16 +162,17 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
             f"{min(asked_for.accuracies)}"
         )
     table = asked_for.edits.apply(circuit(asked_for.circuit, evidence.hypotheses))
-    options: dict[str, Any] = {}
-    if asked_for.engine in THREADED:
-        options = {"workers": asked_for.workers}
-    if asked_for.engine in DROPPING:
-        options["sample_ms"] = sample_ms(evidence.step_ms)
-    gain = gain_of(table, asked_for.gain)
+    model = model_of(
+        table,
+        evidence,
+        engine=asked_for.engine,
+        gain=asked_for.gain,
+        seed=asked_for.seed,
+        workers=asked_for.workers,
+    )
     if table.unit != NATS:
         say(
             f"{table.name} works in {table.unit}, not nats: its thresholds are in {table.unit}, "
             "matched to accuracies that the evidence's own posterior gives, beside the full MSPRT"
         )
-    model = BasalGanglia(table, asked_for.engine, gain, asked_for.seed, options)
     return model, evidence

@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.optimize import isotonic_regression
-from scipy.stats import rankdata
 
 from bgmodel.arrays import Array
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import Evidence
+from bgmodel.facts import Facts, span
 
 ACCURACIES = (0.90, 0.95, 0.97)
 FEWEST_TRIALS = 100
@@ -37,8 +36,8 @@ MARGIN = 0.01
 """Accuracies are called equivalent if their difference lies within this, with 95 % confidence."""
 
 
-@dataclass(frozen=True)
-class Tradeoff:
+@dataclass(frozen=True, repr=False)
+class Tradeoff(Facts):
     """Decisions of one integrator at K settings of what makes it hasty or careful.
 
     Parameters
@@ -62,6 +61,15 @@ class Tradeoff:
     forced: npt.NDArray[np.bool_]
     premature: npt.NDArray[np.bool_]
     posterior: Array
+
+    def facts(self) -> dict[str, str]:
+        """Return trials, settings, and how fast and accurate they are."""
+        return {
+            "trials": f"{self.trials}",
+            "settings": f"{len(self.settings)} of {span(self.settings)}",
+            "mean_time_ms": span(self.time_ms.mean(axis=1)),
+            "expected_accuracy": span(self.posterior.mean(axis=1)),
+        }
 
     @property
     def trials(self) -> int:
@@ -133,6 +141,9 @@ def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None 
 
 def curve(swept: Tradeoff, weights: Array) -> tuple[Array, Array]:
     """Return expected accuracy, made monotone, and mean time, (B, K) for weights (B, trials)."""
+    # Importing scipy.optimize takes a third of a second: only where tradeoffs are compared.
+    from scipy.optimize import isotonic_regression
+
     share = weights / weights.sum(axis=1, keepdims=True)
     accuracy = np.stack([isotonic_regression(row).x for row in share @ swept.posterior.T])
     # A rise too small to matter makes the curve invertible.
@@ -315,6 +326,8 @@ def _trial_by_trial(
     weights: Array,
 ) -> dict[str, Array]:
     """Return what trial against trial tells, threshold i of the test and j of the other."""
+    from scipy.stats import rankdata
+
     x, y = test.time_ms[i], other.time_ms[j]
     same = (test.choice[i] == other.choice[j]).astype(np.float64)
     late = y - x - np.median(y - x)

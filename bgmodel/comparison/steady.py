@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.stats import ttest_1samp
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.spec import Circuit
@@ -122,6 +121,9 @@ def steady_shifts(
         own f-I laws, and with the noise of their finite number), value, low, high (the
         measured shift and its 95 % interval, trials paired by their noise).
     """
+    # Importing scipy.stats takes half a second: only where shifts are measured.
+    from scipy.stats import ttest_1samp
+
     odds = np.asarray(log_odds, dtype=np.float64)
     out = np.log1p((circuit.channels - 1) * np.exp(-odds))
     before = steady_out(circuit, odds, seed=seed, trials=trials)

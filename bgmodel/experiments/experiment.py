@@ -10,7 +10,7 @@ import warnings
 from dataclasses import dataclass, replace
 from importlib.resources import files as resources
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
@@ -22,6 +22,7 @@ from bgmodel.decision import any_crossing
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.measures import MEASURES, Behaviour
+from bgmodel.facts import Facts
 from bgmodel.integrators.basal_ganglia import (
     BATCH,
     BasalGanglia,
@@ -37,6 +38,11 @@ from circuits.anatomy import circuit
 from circuits.engines import THREADED
 from circuits.spec import Circuit
 from circuits.table_files import is_path
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
 
 SHIPPED = resources("bgmodel.experiments") / "shipped"
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"
@@ -212,8 +218,8 @@ def _names() -> list[str]:
     return sorted(Path(entry.name).stem for entry in SHIPPED.iterdir())
 
 
-@dataclass(frozen=True)
-class Outcome:
+@dataclass(frozen=True, repr=False)
+class Outcome(Facts):
     """What came of an experiment.
 
     Parameters
@@ -235,6 +241,37 @@ class Outcome:
     models: tuple[BasalGanglia, ...]
     measures: pd.DataFrame
     trials: pd.DataFrame
+
+    def facts(self) -> dict[str, str]:
+        """Return trials, circuit, and accuracy and mean time of each condition."""
+        model, values = self.models[0], self.measures.set_index(["condition", "measure"])["value"]
+        found = {
+            "trials": f"{self.given.evidence.trials} per condition",
+            "circuit": model.circuit.name,
+            "engine": model.engine,
+        }
+        for condition in CONDITIONS:
+            sign = "+" if condition == "change" else ""
+            accuracy, mean_ms = values[condition, "accuracy"], values[condition, "mean_ms"]
+            found[condition] = f"accuracy {accuracy:{sign}.3f} in {mean_ms:{sign}.0f} ms"
+        return found
+
+    def plot(self, ax: Axes | Sequence[Axes] | None = None) -> Any:
+        """Draw each measure of both conditions with its 95 % interval.
+
+        Parameters
+        ----------
+        ax : Axes, one per measure that is known, optional
+            Drawn on; a new figure unless given.
+
+        Returns
+        -------
+        array of Axes
+            One per measure.
+        """
+        from bgmodel.plots import conditions
+
+        return conditions(self.measures[self.measures["condition"] != "change"], ax)
 
 
 def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:

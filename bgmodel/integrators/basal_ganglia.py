@@ -13,6 +13,7 @@ import numpy.typing as npt
 from bgmodel.arrays import Array
 from bgmodel.decision import Trace, any_crossing
 from bgmodel.evidence import Evidence
+from bgmodel.facts import Facts
 from bgmodel.memory import check_memory
 from bgmodel.ours import explained
 
@@ -41,8 +42,8 @@ NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
 
-@dataclass(frozen=True)
-class BasalGanglia:
+@dataclass(frozen=True, repr=False)
+class BasalGanglia(Facts):
     """A basal ganglia circuit that integrates evidence; ``run`` gives OUT as ``Msprt`` does.
 
     Parameters
@@ -70,6 +71,17 @@ class BasalGanglia:
         check_engine(self.engine)
         if not 0 < self.gain < np.inf:
             raise ValueError(f"gain must be > 0 and finite, got {self.gain}")
+
+    def facts(self) -> dict[str, str]:
+        """Return the circuit, its engine, its gain and its noise."""
+        found = {
+            "circuit": self.circuit.name,
+            "channels": f"{self.circuit.channels}",
+            "engine": self.engine,
+            "gain": f"{self.gain:g}",
+            "seed": f"{self.seed}",
+        }
+        return found | {name: f"{value}" for name, value in self.options.items()}
 
     def run(self, evidence: Evidence) -> Trace:
         """Return OUT (trials, ticks, hypotheses) in kappa-nats, from the onset of evidence.

@@ -1,0 +1,103 @@
+"""One call: a circuit, as it is or edited, against the optimal test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+
+from bgmodel.comparison.circuits import compare_with_msprt, sample_ms
+from bgmodel.comparison.compare import ACCURACIES, RESAMPLES
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, check_engine, gain_of
+from bgmodel.integrators.rivals import RIVALS
+from circuits.anatomy import circuit as named
+from circuits.engines import DROPPING, THREADED
+from circuits.spec import Circuit
+
+
+def compare(
+    circuit: Circuit | str,
+    evidence: Evidence,
+    *,
+    seed: int,
+    engine: str = "ensemble",
+    gain: float | None = None,
+    workers: int = 2,
+    rivals: Sequence[str] = (),
+    accuracies: Sequence[float] = ACCURACIES,
+    resamples: int = RESAMPLES,
+) -> pd.DataFrame:
+    """Compare a circuit with the MSPRT on the same evidence, decision by decision.
+
+    Parameters
+    ----------
+    circuit : Circuit or str
+        The table, as it is or edited; or a name or a .toml file, with a channel per hypothesis.
+    evidence : Evidence
+        What both are given; 100 trials or more.
+    seed : int
+        Of the circuit's noise and of the bootstrap.
+    engine : str
+        A name in ``circuits.engines.ENGINES``: "ensemble" runs spikes, "population" the noise of a
+        finite number of cells, fifty times as fast.
+    gain : float, optional
+        Nats in the circuit per nat of evidence, kappa; the circuit's default unless given.
+    workers : int
+        Threads of the engines that can use several; they change no byte.
+    rivals : sequence of str
+        Which of ``RIVALS`` are compared too. "race" and "LCA" need evidence whose zero means that
+        nothing was seen, as that of ``gaussian_evidence``.
+    accuracies : sequence of float
+        Expected accuracies at which thresholds are matched.
+    resamples : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    DataFrame
+        As from ``bgmodel.comparison.circuits.compare_with_msprt``: one row per model, reference,
+        accuracy and measure, with value, low and high (95 % interval).
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, too few trials, a circuit of another number of channels, or one that
+        would decide without evidence.
+    """
+    for name in rivals:
+        if name not in RIVALS:
+            raise ValueError(f"rivals must be among {', '.join(RIVALS)}, got {name!r}")
+    table = named(circuit, evidence.hypotheses) if isinstance(circuit, str) else circuit
+    model = model_of(table, evidence, engine=engine, gain=gain, seed=seed, workers=workers)
+    return compare_with_msprt(
+        model, evidence, seed=seed, rivals=rivals, accuracies=accuracies, resamples=resamples
+    )
+
+
+def model_of(
+    circuit: Circuit,
+    evidence: Evidence,
+    *,
+    engine: str,
+    gain: float | None,
+    seed: int,
+    workers: int,
+) -> BasalGanglia:
+    """Return a circuit as an integrator whose samples of OUT suit a comparison.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    evidence : Evidence
+        What it will be given: its readings say how often OUT is sampled.
+    engine, gain, seed, workers :
+        As for ``compare``.
+    """
+    check_engine(engine)
+    options: dict[str, Any] = {"workers": workers} if engine in THREADED else {}
+    if engine in DROPPING:
+        options["sample_ms"] = sample_ms(evidence.step_ms)
+    return BasalGanglia(circuit, engine, gain_of(circuit, gain), seed, options)

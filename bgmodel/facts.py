@@ -1,0 +1,42 @@
+"""The line that ``repr`` gives of a record, and the table of a notebook: the same few facts."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+
+class Facts:
+    """Base of records that hold arrays: a printed array tells a reader nothing."""
+
+    def facts(self) -> dict[str, str]:
+        """Return what a reader wants to know first, by names: shapes, units, a few means."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """Return the facts in one line."""
+        said = ", ".join(f"{name} {value}" for name, value in self.facts().items())
+        return f"{type(self).__name__}({said})"
+
+    def _repr_html_(self) -> str:
+        """Return the facts as a table, for a notebook."""
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>"
+            for name, value in self.facts().items()
+        )
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+def span(values: npt.ArrayLike, form: str = ".3g") -> str:
+    """Return the lowest and the highest of some numbers as text; what is NaN is left out."""
+    array = np.asarray(values, dtype=np.float64)
+    known = array[np.isfinite(array)]
+    if not known.size:
+        return "unknown"
+    low, high = f"{known.min():{form}}", f"{known.max():{form}}"
+    return low if low == high else f"{low} to {high}"
