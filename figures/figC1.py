@@ -19,6 +19,7 @@ from bgmodel.files import read_table, write_table
 from circuits.anatomy import circuit
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.firing import lif_rate_hz
+from circuits.show import COLOURS
 from circuits.show import draw as draw_circuit
 from circuits.spec import Circuit
 from figures.common import Settings, letter, run
@@ -80,13 +81,17 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     table = read_table(data)
     figure = plt.figure(figsize=(7.2, 2.9))
     grid = figure.add_gridspec(2, 3, height_ratios=[3, 1], width_ratios=[1, 1, 1])
-    letter(_circuit(figure.add_subplot(grid[:, 0])), "a")
-    for column, name, panel in ((1, "STN", _stn), (2, "GPe", _gpe)):
+    letter(_circuit(figure.add_subplot(grid[:, 0])), "a  circuit of the table")
+    laws = (
+        (1, "STN", _stn, "b  STN cells alone"),
+        (2, "GPe", _gpe, "c  GPe cells alone"),
+    )
+    for column, name, panel, title in laws:
         above = figure.add_subplot(grid[0, column])
         below = figure.add_subplot(grid[1, column], sharex=above)
         above.tick_params(labelbottom=False)
         panel(above, below, table[table["nucleus"] == name])
-        letter(above, " bc"[column])
+        letter(above, title)
     return figure
 
 
@@ -98,6 +103,9 @@ def _circuit(ax: Any) -> Any:
         if arrow is not None:
             # Boxes are smaller here than what the drawing leaves room for.
             arrow.shrinkA, arrow.shrinkB = 10, 12
+    for colour, name in zip(COLOURS.values(), ("excites", "inhibits"), strict=True):
+        ax.plot([], [], color=colour, lw=2, label=name)
+    ax.legend(loc="lower right", handlelength=1.2)
     return ax
 
 

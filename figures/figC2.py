@@ -160,11 +160,16 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         _marks(row[:2], panels["decision"])
     _marks([evidence, out], panels["decision"])
     counts = panels["trials"].set_index("name")["value"].astype(int)
-    titles = ["", "", f"{CELLS} cells a channel", "Hz, smoothed"]
-    titles += [f"{counts['onset']} trials", f"{counts['response']} responses"]
-    for ax, mark, title in zip(lettered, "abcdef", titles, strict=True):
-        letter(ax, mark)
-        ax.set_title(title, loc="center", fontweight="normal")
+    titles = (
+        "a  evidence of one trial",
+        "b  OUT of the same trial",
+        f"c  spikes, {CELLS} cells per channel",
+        "d  rates (Hz)",
+        f"e  {counts['onset']} trials",
+        f"f  {counts['response']} responses",
+    )
+    for ax, title in zip(lettered, titles, strict=True):
+        letter(ax, title)
     return figure
 
 

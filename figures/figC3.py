@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from bgmodel import stream
 from bgmodel.comparison.circuits import (
@@ -99,10 +100,11 @@ def draw(settings: Settings, data: Path, trials: Path, *, output: Path) -> Figur
     for ax, (name, colour) in zip(axes[0], COLOURS.items(), strict=True):
         _scatter(ax, single[single["condition"] == name], colour)
         letter(ax, name)
+    letter(axes[0, 0], "a  decision times, N = 2")
     axes[0, 0].set_ylabel("circuit (s)")
     shown = {
-        "agreement": "same choice",
-        "error_agreement": "same choice where\nthe MSPRT errs",
+        "agreement": "b  same choice\n(share)",
+        "error_agreement": "same choice where\nthe MSPRT errs (share)",
         "pearson_r": "r of decision times",
         "extra_ms": "extra time (ms)",
     }
@@ -114,10 +116,15 @@ def draw(settings: Settings, data: Path, trials: Path, *, output: Path) -> Figur
     curves = table[table["what"] == "curve"]
     for ax, name in zip(axes[2], COLOURS, strict=True):
         lines = _speed_accuracy(ax, curves[curves["condition"] == name])
+        letter(ax, name)
+    letter(axes[2, 0], "c  speed, accuracy, N = 2")
     axes[2, 0].set_ylabel("expected accuracy")
-    title = "filled: circuit; open: cortical decoder; 95 % intervals"
-    figure.legend(handles, labels, loc="outside lower left", ncols=4, title=title)
-    figure.legend(*lines, loc="outside lower right", ncols=3)
+    other = Line2D([], [], color="k", ls="", marker="x", ms=3, mew=0.7)
+    title = "a: one mark per trial.  b: filled circuit, open cortical decoder"
+    figure.legend(
+        [*handles, other], [*labels, "other choice"], loc="outside lower left", ncols=3, title=title
+    )
+    figure.legend(*lines, loc="outside lower right", ncols=3, title="c: lines")
     return figure
 
 
@@ -135,15 +142,18 @@ def _scatter(ax, rows: pd.DataFrame, colour: str) -> None:
 
 def _measures(ax, rows: pd.DataFrame) -> None:
     for i, (name, colour) in enumerate(COLOURS.items()):
-        for label, style in ((CIRCUIT, {"fmt": "o"}), (DECODER, {"fmt": "o", "mfc": "w"})):
+        # Side by side: where both are 1, neither mark hides the other.
+        for label, aside, face in ((CIRCUIT, -0.045, colour), (DECODER, 0.045, "w")):
             here = rows[(rows["condition"] == name) & (rows["model"] == label)]
-            x = np.arange(len(here)) + 0.17 * (i - 1.5)
+            x = np.arange(len(here)) + 0.2 * (i - 1.5) + aside
             off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
             named = f"{name}" if label == CIRCUIT else None
             ax.errorbar(
-                x, here["value"], np.maximum(off, 0), ms=3, lw=0.8, color=colour,
-                label=named, **style,
+                x, here["value"], np.maximum(off, 0), fmt="o", ms=2.5, lw=0.8, color=colour,
+                mfc=face, label=named,
             )  # fmt: skip
+    if rows["measure"].iloc[0].endswith("agreement"):
+        ax.margins(y=0.08)
     ax.set_xticks(range(len(ACCURACIES)), [f"{a:.2f}".lstrip("0") for a in ACCURACIES])
 
 

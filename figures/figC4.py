@@ -114,8 +114,8 @@ def numbers(settings: Settings, *, output: Path) -> None:
 def draw(settings: Settings, *data: Path, output: Path) -> Figure:
     """Draw noise and correlation against cells, edits of wiring, and the numbers that matter."""
     cells, wired, varied = (read_table(path) for path in data)
-    figure = plt.figure(figsize=(7.2, 5.0))
-    grid = figure.add_gridspec(2, 3, width_ratios=[1.1, 1, 1])
+    figure = plt.figure(figsize=(7.6, 5.0))
+    grid = figure.add_gridspec(2, 3, width_ratios=[1.3, 1, 1])
     _noise(figure.add_subplot(grid[0, 0]), cells)
     _correlation(figure.add_subplot(grid[1, 0]), cells)
     _edits(figure.add_subplot(grid[:, 1]), wired)
@@ -130,11 +130,11 @@ def _noise(ax, table: pd.DataFrame) -> None:
     n, sd, law = (rows[name].to_numpy(float) for name in ("neurons", "value", "exact"))
     ax.loglog(n, sd, "o", ms=4, label="measured")
     each = float(law[-1] * np.sqrt(n[-1]))
-    ax.loglog(n, law, color="k", lw=0.8, label=f"linear noise, {each:.2f}/√n")
-    ax.set(xlabel="cells a channel n", ylabel="sd of OUT (nats)")
+    ax.loglog(n, law, color="k", lw=0.8, label=f"linear theory, {each:.2f}/√n")
+    ax.set(xlabel="cells per channel n", ylabel="sd of OUT (nats)")
     ax.set(ylim=(sd.min() / 4, sd.max() * 1.5))
     ax.legend(loc="lower left")
-    letter(ax, "a")
+    letter(ax, "a  noise of OUT, N = 2")
 
 
 def _correlation(ax, table: pd.DataFrame) -> None:
@@ -145,10 +145,10 @@ def _correlation(ax, table: pd.DataFrame) -> None:
         ax.errorbar(
             here["neurons"], here["value"], np.maximum(off, 0), ms=4, lw=0.8, label=name, **style
         )
-    ax.set(xscale="log", xlabel="cells a channel n", ylabel=f"r of times, at {AT}")
+    ax.set(xscale="log", xlabel="cells per channel n", ylabel=f"r of times, at accuracy {AT}")
     ax.set(ylim=(0.3, 1.02))
     ax.legend(loc="lower left", handlelength=1.2, fontsize="small")
-    letter(ax, "b")
+    letter(ax, "b  beside the MSPRT, N = 2")
 
 
 def _edits(ax, table: pd.DataFrame) -> None:
@@ -156,14 +156,17 @@ def _edits(ax, table: pd.DataFrame) -> None:
     places = np.arange(len(rows))[::-1]
     off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
     ax.errorbar(rows["value"], places, xerr=np.maximum(off, 0), fmt="o", ms=4, lw=0.8)
-    ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
+    ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0, label="intact")
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 0.1))
     for place in places[rows["value"].isna().to_numpy()]:
         ax.text(0.02, place, "not reached", va="center")
     ax.set_yticks(places, rows["variant"])
     ax.set(
-        xlabel=f"within 50 ms of\nthe MSPRT's, at {AT}", xlim=(0, 1), ylim=(-0.6, len(rows) - 0.4)
+        xlabel=f"share within 50 ms of\nthe MSPRT's, accuracy {AT}",
+        xlim=(0, 1),
+        ylim=(-0.6, len(rows) - 0.4),
     )
-    letter(ax, "c  N = 4")
+    letter(ax, "c  edits, N = 4")
 
 
 def _numbers(ax, table: pd.DataFrame) -> None:
@@ -178,7 +181,7 @@ def _numbers(ax, table: pd.DataFrame) -> None:
     moved = (fixed - fixed["intact"]).drop("intact")
     worst = moved.abs().sort_values(ascending=False).index[:SHOWN]
     places = np.arange(len(worst))[::-1]
-    ax.plot(moved[worst], places, "s", ms=4, color="C1", label="accuracy, threshold kept")
+    ax.plot(moved[worst], places, "s", ms=4, color="C1", label="change of accuracy, threshold kept")
     known = [k for k, name in enumerate(worst) if name in in_spikes.index]
     off = in_spikes[worst[known]] - in_spikes["intact"]
     ax.plot(off, places[known], "x", ms=5, color="k", label="the same, in spikes")
@@ -186,14 +189,14 @@ def _numbers(ax, table: pd.DataFrame) -> None:
     off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
     ax.errorbar(
         here["value"], places - 0.25, xerr=np.maximum(off, 0), fmt="o", ms=3, lw=0.8,
-        label="r of times, threshold tuned anew",
+        label="change of r of times, threshold tuned anew",
     )  # fmt: skip
     for place in places[here["value"].isna().to_numpy()]:
         ax.text(-0.01, place - 0.18, "not reached", ha="right", va="top", fontsize="small")
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     ax.set_yticks(places, worst)
-    ax.set(xlabel=f"change, at {AT}\n(N = 2, {len(worst)} of {table['of'].iloc[0]})")
-    letter(ax, "d")
+    ax.set(xlabel=f"change\n({len(worst)} of {table['of'].iloc[0]} changes)")
+    letter(ax, "d  numbers, N = 2")
 
 
 if __name__ == "__main__":

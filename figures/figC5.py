@@ -84,15 +84,20 @@ def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Fi
     places = {name: -i for i, name in enumerate(names)}
     for ax, measure, label in (
         (axes[1], "expected_accuracy", "accuracy"),
-        (axes[2], "mean_ms", "time (s)"),
+        (axes[2], "mean_ms", "mean time (s)"),
     ):
         values, in_spikes = (_fixed(rows, measure) for rows in (lesioned, spiking))
         ax.axvline(values["intact"], color="0.8", lw=0.8, zorder=0)
+        ax.plot([], [], "o", ms=4, color="0.4", label="populations")
         colours = [_colour(name) for name in names]
         ax.scatter(values[names], [places[name] for name in names], c=colours, s=14)
         ax.plot(in_spikes, [places[name] for name in in_spikes.index], "kx", ms=4, label="spikes")
         ax.set(xlabel=label)
-    axes[2].legend(fontsize="small", loc="lower right", handletextpad=0.1)
+    axes[2].plot([], [], color="0.8", lw=0.8, label="intact")
+    handles, labels = axes[2].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower right", ncols=3)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower left", ncols=3, columnspacing=1)
     _tuned(axes[3], lesioned, places)
     tuned = spiking[(spiking["kind"] == "value") & (spiking["measure"] == "within_50_ms")]
     axes[3].plot(tuned["value"], [places[name] for name in tuned["variant"]], "kx", ms=4)
@@ -128,10 +133,9 @@ def _shifts(ax, table: pd.DataFrame) -> None:
         ax.plot(rows["exact_nats"], rows["value"], "o", c=colour, mfc="w", ms=3, mew=0.5, zorder=1)
     ax.plot([], [], "o", c="0.4", mfc="w", ms=3, mew=0.5, label="fixed point of the table's lines")
     ends = [table["value"].min() - 0.02, table["value"].max() + 0.02]
-    ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0)
+    ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0, label="equality")
     ax.set(xlabel="fixed point of 300 cells (nats)", ylabel="change of OUT, spikes (nats)")
-    ax.legend(loc="upper left", fontsize="small")
-    letter(ax, "a")
+    letter(ax, "a  shift of OUT")
 
 
 def _tuned(ax, table: pd.DataFrame, places: dict[str, int]) -> None:
@@ -142,7 +146,7 @@ def _tuned(ax, table: pd.DataFrame, places: dict[str, int]) -> None:
     ax.errorbar(rows["value"], where, xerr=np.maximum(off, 0), fmt="none", lw=0.8, ecolor=colours)
     ax.scatter(rows["value"], where, c=colours, s=14)
     ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)
-    ax.set(xlabel="within 50 ms\nof the MSPRT's")
+    ax.set(xlabel="share within 50 ms\nof the MSPRT's")
 
 
 if __name__ == "__main__":

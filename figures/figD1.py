@@ -14,6 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from bgmodel import stream
 from bgmodel.dopamine import COARSE, playable_levels
@@ -125,16 +126,32 @@ def draw(
     settings: Settings, gap: Path, rates: Path, noisy: Path, spiking: Path, *, output: Path
 ) -> Figure:
     """Draw what is learned, trial by trial, and what it costs in the end."""
-    figure, axes = plt.subplots(1, 4, figsize=(7.2, 2.5), width_ratios=[1, 1, 1, 0.9])
+    figure, axes = plt.subplots(1, 4, figsize=(7.4, 2.9), width_ratios=[1, 1, 1, 0.9])
     algorithm = read_table(gap)
     # The circuits were given the readings of one fold.
     algorithm = algorithm[algorithm["fold"] == 0]
     _gap(axes[0], algorithm)
-    for ax, path, mark in ((axes[1], rates, "b  rates"), (axes[2], noisy, "c  with noise")):
+    for ax, path, mark in (
+        (axes[1], rates, "b  circuit, rates"),
+        (axes[2], noisy, "c  circuit, noise"),
+    ):
         _levels(ax, read_table(path))
         letter(ax, mark)
     _regret(axes[3], algorithm, *map(read_table, (rates, noisy, spiking)))
+    handles = axes[0].get_legend_handles_labels()[0]
+    figure.legend(handles=[*handles, *_key()], loc="outside lower center", ncols=4)
     return figure
+
+
+def _key() -> list[Line2D]:
+    """Return the marks that no grating's colour belongs to."""
+    black = {"color": "k", "lw": 0.8}
+    return [
+        Line2D([], [], lw=0.4, color="0.3", label="one run"),
+        Line2D([], [], **black, ls=":", label="a-c: optimum, d: 3 %"),
+        Line2D([], [], ls="", marker="o", ms=2, color="0.3", label="d: one run"),
+        Line2D([], [], ls="", marker="_", ms=6, color="0.3", label="d: never having learned"),
+    ]
 
 
 def _gap(ax, table: pd.DataFrame) -> None:
@@ -146,8 +163,7 @@ def _gap(ax, table: pd.DataFrame) -> None:
         ax.axhline(rows["optimal_delta"].mean(), ls=":", lw=0.8, color=COLOUR[period])
         ax.plot([], [], color=COLOUR[period], label=f"{period:g} mm")
     ax.set(xlabel="trials (1 000)", ylabel="gap of the SPRT (nats)")
-    ax.legend(loc="upper right")
-    letter(ax, "a  algorithm")
+    letter(ax, "a  algorithm (SPRT)")
 
 
 def _levels(ax, table: pd.DataFrame) -> None:
@@ -155,7 +171,7 @@ def _levels(ax, table: pd.DataFrame) -> None:
         for _, one in rows.groupby(["start_level", "run"]):
             ax.plot(one["episode"] / 1000, one["level"], lw=0.4, alpha=0.5, c=COLOUR[period])
         ax.axhline(rows["best_level"].iloc[0], ls=":", lw=0.8, color=COLOUR[period])
-    ax.set(xlabel="trials (1 000)", ylabel="tonic dopamine")
+    ax.set(xlabel="trials (1 000)", ylabel="tonic dopamine (1: normal)")
 
 
 def _regret(
@@ -176,7 +192,7 @@ def _regret(
     ax.axhline(3, ls=":", lw=0.8, color="k")
     ax.set(yscale="log", ylabel="cost beyond the optimum (%)")
     ax.set_xticks(range(len(deciders)), list(deciders), rotation=30, ha="right")
-    letter(ax, "d")
+    letter(ax, "d  cost in the end")
 
 
 if __name__ == "__main__":

@@ -34,26 +34,29 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     the first reading are crossed out: there noise decides.
     """
     table = read_table(data)
-    figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.5))
+    figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.8))
     for channels, colour in COLOURS.items():
         rows = table[table["channels"] == channels]
         _map(axes[0], rows, channels, colour)
         _tradeoff(axes[1], rows, colour)
         _gap(axes[2], rows, colour)
     axes[0].axhspan(0.75, 0.99, color="0.95", zorder=0)
-    axes[0].set(xlabel="dopamine", ylabel="posterior of what is chosen", xscale="log")
+    axes[0].set(xlabel="dopamine (1: normal)", ylabel="posterior of what is chosen", xscale="log")
     axes[0].set_xticks([0.8, 1, 1.25, 1.6, 2], ["0.8", "1", "1.25", "1.6", "2"])
     axes[0].minorticks_off()
-    axes[0].legend(loc="lower left")
+    axes[0].plot([], [], "kx", ms=6, mew=0.8, label="noise decides")
     axes[1].set(xlabel="mean time (s)", ylabel="expected accuracy", ylim=(0.5, 1.0))
     axes[2].axhspan(-0.01, 0.01, color="0.93", zorder=0)
     axes[2].axhline(0, lw=0.8, color="0.6")
     axes[2].set(
         xlabel="posterior of what is chosen",
-        ylabel="accuracy beyond the MSPRT's\nin equal time",
+        ylabel="accuracy minus the MSPRT's\nin equal time",
     )
-    for ax, mark in zip(axes, "abc", strict=True):
-        letter(ax, mark)
+    titles = ("a  dopamine to posterior", "b  speed and accuracy", "c  beside the MSPRT")
+    for ax, title in zip(axes, titles, strict=True):
+        letter(ax, title)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, columnspacing=1.4)
     return figure
 
 
@@ -67,7 +70,9 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
     low, high = working_range(table, threshold)
     levels = levels_between(low * 1.001, high * 0.999, 40)
     exact = [criterion(table, level, threshold, GAIN) for level in levels]
-    ax.plot(levels, exact, lw=0.8, color=colour, label=f"N = {channels}")
+    ax.plot(
+        levels, exact, lw=0.8, color=colour, label=f"N = {channels}: fixed point (a), MSPRT (b)"
+    )
     for engine, mark, name in ENGINES:
         points = _points(rows, engine, "criterion")
         off = [points["value"] - points["low"], points["high"] - points["value"]]

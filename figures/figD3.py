@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from bgmodel import stream
 from bgmodel.dopamine import COARSE, playable_levels
@@ -152,13 +153,18 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw what is played in worlds that switch, and the trial after an error."""
     table = read_table(data)
     figure, axes = plt.subplots(2, 3, figsize=(7.2, 3.8), width_ratios=[1, 1, 0.6])
-    titles = {"xi": "a  errors cost 50 or 400", "grating": "b  2.0 mm or 1.5 mm"}
-    names = {"algorithm": "gap (nats)", "circuit": "tonic dopamine"}
+    titles = {
+        "xi": "a  cost of an error: 50 or 400",
+        "grating": "b  grating of 2.0 or 1.5 mm",
+    }
+    names = {"algorithm": "gap (nats)", "circuit": "tonic dopamine\n(1: normal)"}
     for row, (model, label) in zip(axes, names.items(), strict=True):
         for ax, (world, title) in zip(row, titles.items(), strict=False):
             rows = table[(table["world"] == world) & (table["model"] == model)]
             for _, one in rows.groupby("run"):
-                ax.plot(one["episode"] / 1000, one["value"], lw=0.4, alpha=0.4, color="C0")
+                ax.plot(one["episode"] / 1000, one["value"], lw=0.4, alpha=0.3, color="C0")
+            middle = rows.groupby("episode")["value"].median()
+            ax.plot(middle.index / 1000, middle, lw=1.6, color="C0")
             first = rows[rows["run"] == 0]
             ax.plot(first["episode"] / 1000, first["best"], lw=1, color="k", ls=":")
             ax.set(ylabel=f"{model}:\n{label}" if world == "xi" else "")
@@ -173,10 +179,19 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         ax.scatter(place + spread, rows["slower"], s=6, lw=0, color=f"C{place}")
     ax.axhline(0, lw=0.8, color="0.6")
     ax.set(ylabel="slower after an\nerror (readings)")
-    ax.set_xticks(range(len(CARRIED)), ["forgotten", "carried"])
+    ax.set_xticks(range(len(CARRIED)), ["error\nforgotten", "error\ncarried"])
     axes[1, 2].axis("off")
-    letter(ax, "c  the last error")
+    axes[1, 2].legend(handles=_key(), loc="center left", title="a, b")
+    letter(ax, "c  after an error")
     return figure
+
+
+def _key() -> list[Line2D]:
+    return [
+        Line2D([], [], lw=0.4, color="C0", label="one run"),
+        Line2D([], [], lw=1.6, color="C0", label=f"median of {RUNS} runs"),
+        Line2D([], [], lw=1, color="k", ls=":", label="optimum of the block"),
+    ]
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ def _both(data: Path) -> pd.DataFrame:
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw the table: a row a prediction, the found change with its interval, the verdict."""
     table = _both(data)
-    rows = len(table) + 2
+    rows = len(table) + 3
     figure, ax = plt.subplots(figsize=(8.2, 0.155 * rows))
     ax.set(xlim=(0, 1.01), ylim=(rows, 0))
     ax.axis("off")
@@ -76,9 +76,11 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     note = (
         "* abstract only. In brackets the smallest change that counts; intervals are of 95 %. "
         "Found, and the verdict: population engine; in spikes: "
-        f"{table['trials_spikes'].max():.0f} trials."
+        f"{table['trials_spikes'].max():.0f} trials.\n"
+        "mean_ms in ms; criterion (posterior), accuracy, missed and anticipatory from 0 to 1; "
+        "drift (1/s) and bound by EZ-diffusion with s = 0.1."
     )
-    ax.text(0, rows - 0.4, note, fontsize=SIZE, va="center")
+    ax.text(0, rows - 0.9, note, fontsize=SIZE, va="center")
     return figure
 
 

@@ -26,6 +26,8 @@ NUCLEI = ("STN", "GPe")
 DRIVE = (1.0, -1.0)
 """Steady evidence, nats."""
 SECONDS = 4
+DASHES = {"dopamine 0.8": (0, (4, 3)), "dopamine 1.6": (0, (1, 2))}
+"""What lies on the line of dopamine 1 leaves it to be seen."""
 
 
 def edits(table: Circuit) -> dict[str, Circuit]:
@@ -80,18 +82,23 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     table = read_table(data)
     table = table[(table["frequency_hz"] >= 3) & (table["frequency_hz"] <= 100)]
     figure, axes = plt.subplots(1, 2, figsize=(7.2, 2.8), sharex=True)
-    for ax, nucleus, mark in zip(axes, NUCLEI, "ab", strict=True):
+    for ax, nucleus, title in zip(
+        axes, NUCLEI, ("a  power of STN", "b  power of GPe"), strict=True
+    ):
         rows = table[table["nucleus"] == nucleus]
         for k, (name, one) in enumerate(rows.groupby("edit", sort=False)):
             first = one.iloc[0]
             text = f"{name}: {first['root_hz']:.0f} Hz, {first['growth_per_s']:+.0f} /s"
-            ax.plot(one["frequency_hz"], one["power"], lw=1, color=f"C{k}", label=text)
+            style = {"color": f"C{k}", "ls": DASHES.get(str(name), "-"), "label": text}
+            ax.plot(one["frequency_hz"], one["power"], lw=1, **style)
         ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)")
         ax.set_xticks([3, 10, 30, 100], ["3", "10", "30", "100"])
-        letter(ax, f"{mark}  {nucleus}")
+        letter(ax, title)
     axes[0].set(ylabel="power (Hz$^2$/Hz)")
     axes[1].legend(
-        loc="upper left", bbox_to_anchor=(1.0, 1.0), title="edit: turning root of the rates"
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.0),
+        title="edit: frequency and growth\nof the linear rates' root",
     )
     return figure
 
