@@ -1,11 +1,11 @@
-# make figures | test | lint | validate | score | benchmark: each installs what it needs into .venv first.
+# make figures | test | lint | docs | validate | score | benchmark: each installs what it needs into .venv first.
 PYTHON ?= python3
 CORES ?= 2
 VENV = .venv
 BIN = $(VENV)/bin
 export MPLBACKEND = Agg
 
-.PHONY: figures test lint validate score benchmark shipped-taps clean
+.PHONY: figures test lint docs validate score benchmark shipped-taps clean
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
@@ -18,6 +18,11 @@ lint: $(VENV)/test.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Pages of modules that are gone would be warnings: the list is made anew.
+docs: $(VENV)/docs.installed
+	rm -rf docs/_modules
+	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
 
 validate: $(VENV)/test.installed
 	$(BIN)/python -m pytest -n $(CORES) -m validate
@@ -47,4 +52,4 @@ $(VENV)/%.installed: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf figures/out figures/fast
+	rm -rf figures/out figures/fast docs/_build docs/_modules

@@ -1,0 +1,45 @@
+"""Settings of the site; ``make docs`` builds it, offline, with warnings as errors."""
+
+import re
+
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
+from bgmodel.version import __version__
+
+BARS = re.compile(r"(?<!`)\|(\w+)\|(?!`)")
+
+project = "bgmodel"
+author = "The bgmodel authors"
+version = release = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
+templates_path = ["_templates"]
+exclude_patterns = ["_build", "_templates"]
+myst_heading_anchors = 3
+
+# One page per module, of what it defines in public; fields of a dataclass are its parameters.
+autosummary_generate = True
+autodoc_default_options = {"members": True}
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+
+html_theme = "pydata_sphinx_theme"
+html_title = "bgmodel"
+html_copy_source = False
+html_show_sourcelink = False
+html_theme_options = {"show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}
+
+
+def keep_bars(
+    app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]
+) -> None:
+    """Escape bars in docstrings: they are absolute values, never substitutions."""
+    lines[:] = [BARS.sub(r"\\|\1\\|", line) for line in lines]
+
+
+def setup(app: Sphinx) -> None:
+    """Add what the settings above cannot say."""
+    app.connect("autodoc-process-docstring", keep_bars)
+    app.add_lexer("csv", TextLexer)  # Pygments has none of its own

@@ -1,0 +1,163 @@
+"""The blocks of the README and of the site run as a reader would run them, and links lead there."""
+
+import re
+import shlex
+from itertools import groupby
+
+import pytest
+from sybil.document import Document
+from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
+
+from bgmodel.cli import main, parsed
+from tests.helpers import ROOT
+
+DOCS = ROOT / "docs"
+TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
+RUN = [ROOT / "README.md", DOCS / "index.md", DOCS / "concepts.md", *TUTORIALS]
+"""Pages whose blocks are run; `docs/extending.md` has a test of its own."""
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *TUTORIALS]
+MADE = DOCS / "gallery.md"
+"""A page that `make docs` writes."""
+
+# Commands that are parsed and not run, by how they begin, and why.
+PARSED = {
+    "bgmodel demo": "it takes half a minute; a test of the demo does the same",
+    "bgmodel simulate": "it solves contacts for minutes; a test of the command does less",
+    "bgmodel decode": "there is no decoder where nothing was trained",
+    "bgmodel figures": "figures take an hour",
+    "bgmodel train my_taps": "it needs recordings",
+    "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
+    "bgmodel circuit lesion": "it runs three edited circuits on 1 000 trials",
+    "bgmodel experiment stn_conflict outcome": "1 000 trials in spikes; mine.toml runs 200",
+    "bgmodel experiment lesion.toml outcome": "the same; the next line runs it by populations",
+}
+TABLES = {"evidence.md": "mine.csv"}
+"""The name of the table in CSV on a page. A block of TOML has its own name in its first line."""
+
+
+def name(path):
+    return str(path.relative_to(ROOT))
+
+
+def blocks(language, pages=RUN):
+    """Return the blocks of one language, each with its page and line as its name."""
+    parser = CodeBlockParser(language, lambda example: None)
+    parser = PythonCodeBlockParser() if language == "python" else parser
+    return [
+        pytest.param(example, id=f"{name(page)} line {example.line}")
+        for page in pages
+        for example in Document.parse(str(page), parser).examples()
+    ]
+
+
+def lines(example):
+    """Yield the commands of a console block; what they print is left out."""
+    for line in str(example.parsed).splitlines():
+        if line.startswith("$ "):
+            yield line[2:]
+
+
+def commands(example):
+    """Yield the arguments of every ``bgmodel`` command of a console block, and its line."""
+    for line in lines(example):
+        words = shlex.split(line, comments=True)
+        for then, part in groupby(words, lambda word: word == "&&"):
+            program, *arguments = part
+            if not then and program == "bgmodel":
+                yield arguments, line
+
+
+def own_files():
+    """Yield the name and text of every file that a page shows for its reader to save."""
+    for page in RUN:
+        for block in blocks("csv", [page]):
+            yield TABLES[page.name], str(block.values[0].parsed)
+        for block in blocks("toml", [page]):
+            text = str(block.values[0].parsed)
+            yield text.splitlines()[0].removeprefix("# "), text
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Go to an empty folder that holds the pages' own tables, experiments and sweeps."""
+    for file, text in own_files():
+        (tmp_path / file).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("example", blocks("python"))
+def test_a_python_block_runs_as_it_stands(example, folder, capsys):
+    example.namespace.clear()
+    example.evaluate()
+    assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize("example", blocks("console"))
+def test_a_command_runs_or_at_least_parses(example, folder):
+    for arguments, line in commands(example):
+        parsed(arguments)
+        if not line.startswith(tuple(PARSED)):
+            assert main(arguments) == 0
+
+
+def test_no_command_of_a_page_writes_over_the_file_of_another():
+    own = [file for file, _ in own_files()]
+    assert len(set(own)) == len(own)
+    for page in RUN:
+        told = [c for block in blocks("console", [page]) for c, _ in commands(block.values[0])]
+        outputs = [getattr(parsed(c), "output", None) for c in told]
+        written = [str(path) for path in outputs if path is not None]
+        assert len({*written, *own}) == len(written) + len(own)
+
+
+def test_every_exception_is_of_a_command_that_is_there():
+    told = [line for block in blocks("console") for line in lines(block.values[0])]
+    assert [s for s in PARSED if not any(line.startswith(s) for line in told)] == []
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 150
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_make_has_every_target_that_a_page_names(page):
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    assert set(re.findall(r"(?:`|\$ )make ([\w-]+)", page.read_text())) <= targets
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_file_that_a_page_names_is_there(page):
+    paths = re.findall(
+        r"`((?:bgmodel|circuits|figures|benchmarks|tests|docs)/[^`\s]*)`", page.read_text()
+    )
+    made = ("figures/out", "figures/fast", "benchmarks/out", "docs/_build")
+    # What a recipe of `docs/extending.md` lets its reader write is there once it is followed.
+    own = re.findall(r"^# (\S+\.\w+)$", page.read_text(), re.MULTILINE)
+    wanted = [p for p in paths if not p.startswith(made) and p not in own]
+    assert [p for p in wanted if not (ROOT / p).exists()] == []
+
+
+def anchors(page):
+    """Return the anchors of a page's headings, as GitHub and MyST make them."""
+    titles = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_link_leads_to_a_page_and_a_heading_that_are_there(page):
+    text = page.read_text()
+    links = re.findall(r"\]\(((?!http)[^)\s]+)\)", text) + re.findall(r'src="([^"]+)"', text)
+    for link in links:
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        assert target.resolve() == MADE or target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_every_page_of_the_site_is_in_its_contents():
+    index = (DOCS / "index.md").read_text()
+    entries = re.findall(r"^[\w/]+$", index, re.MULTILINE)
+    pages = {str(p.relative_to(DOCS).with_suffix("")) for p in PAGES if p.is_relative_to(DOCS)}
+    assert pages - {"index"} <= set(entries)
+    assert [e for e in entries if not (DOCS / f"{e}.md").exists() and e != MADE.stem] == []
