@@ -18,12 +18,11 @@ SCRIPTS = sorted(path.stem for path in (ROOT / "figures").glob("fig*.py"))
 
 
 def drawn_letters(script):
-    """Return the letters of a script's panels: each title that begins with one."""
+    """Return the letters of a script's panels: a title begins with one and two spaces."""
     tree = ast.parse((ROOT / "figures" / f"{script}.py").read_text(encoding="utf-8"))
     texts = [x.value for x in ast.walk(tree) if isinstance(x, ast.Constant)]
-    found = [re.match(r"([a-z])(?:  \S|$)", x) for x in texts if isinstance(x, str)]
-    # Colours and line styles are single letters too: a panel's has a title.
-    return {match[1] for match in found if match and "  " in match.string}
+    found = [re.match("([a-z])  ", x) for x in texts if isinstance(x, str)]
+    return {match[1] for match in found if match}
 
 
 def test_every_figure_has_a_caption_and_every_caption_a_figure():
