@@ -1,11 +1,17 @@
 """Settings of the site; ``make docs`` builds it, offline, with warnings as errors."""
 
 import re
+import sys
+from pathlib import Path
 
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
 from bgmodel.version import __version__
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+from _gallery import write  # noqa: E402
 
 BARS = re.compile(r"(?<!`)\|(\w+)\|(?!`)")
 
@@ -40,6 +46,7 @@ def keep_bars(
 
 
 def setup(app: Sphinx) -> None:
-    """Add what the settings above cannot say."""
+    """Write the gallery, and add what the settings above cannot say."""
+    write(HERE)
     app.connect("autodoc-process-docstring", keep_bars)
     app.add_lexer("csv", TextLexer)  # Pygments has none of its own
