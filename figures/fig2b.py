@@ -53,7 +53,8 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     axes[0].set(xticks=[0, 1], yticks=[0, 1], xticklabels=["R1", "R2"], xlabel="response")
     axes[0].set_yticklabels(["S1 (AA)", "S2 (AB)"])
     axes[0].spines[:].set_visible(False)
-    letter(axes[0], f"share of responses, {len(first):,} trials".replace(",", " "))
+    count = f"{len(first):,}".replace(",", " ")
+    letter(axes[0], f"share of responses, {count} trials")
     for truth, colour in ((0, "C0"), (1, "C1")):
         some = table[(table["truth"] == truth) & (table["trial"] < 2 * SHOWN)]
         z = some.pivot(index="trial", columns="step", values="z").to_numpy()
