@@ -29,8 +29,13 @@ from bgmodel.commands.page import PageWrite
 from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.ours import explained
+from bgmodel.version import __version__
 
-ABOUT = "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw."
+ABOUT = (
+    "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw. "
+    "`bgmodel --version` prints the version; `bgmodel --tyro-print-completion bash` (or zsh) "
+    "prints a script that completes names and options with the tab key."
+)
 CIRCUIT = {
     "show": CircuitShow,
     "run": CircuitRun,
@@ -61,6 +66,9 @@ COMMANDS: dict[str, Any] = {
 
 def main(arguments: list[str] | None = None) -> int:
     """Run ``bgmodel``; errors of use are one sentence on stderr, with exit status 2."""
+    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+        print(f"bgmodel {__version__}")
+        return 0
     try:
         command = parsed(arguments)
         if isinstance(command, Writes):

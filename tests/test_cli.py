@@ -1,6 +1,7 @@
 """The command line as a whole: tables of a user in every command, refusals, help."""
 
 import hashlib
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, fields, is_dataclass
@@ -11,6 +12,7 @@ import pandas as pd
 import pytest
 import tyro
 
+import bgmodel
 from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.cli import CIRCUIT, COMMANDS, choices, main
 from bgmodel.edits import Edits
@@ -213,6 +215,31 @@ def test_the_package_runs_as_the_command_does():
     )
     assert done.returncode == 2
     assert done.stderr.startswith("bgmodel: Missing from bgmodel decide")
+
+
+def test_the_version_is_printed(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"bgmodel {bgmodel.__version__}\n"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_a_shell_gets_a_script_that_completes_every_command(shell, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--tyro-print-completion", shell])
+    assert stop.value.code in (0, None)
+    script = capsys.readouterr().out
+    assert all(name in script for name in (*COMMANDS, *CIRCUIT))
+    assert "--posterior" in script
+    if shell == "bash" and shutil.which("bash"):
+        subprocess.run(["bash", "-n"], input=script, text=True, check=True)
+
+
+@pytest.mark.parametrize("arguments", [["experiment"], ["circuit", "show"], ["--version"]])
+def test_what_computes_nothing_loads_no_solver(arguments):
+    """A second at most: of that, the imports of scipy and Numba would be more than half."""
+    code = f"import sys, bgmodel.cli as c\nc.main({arguments})\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"scipy", "numba", "torch", "matplotlib"} & {*done.stdout.splitlines()[-1].split()}
 
 
 def test_help_has_examples_and_starts_quickly_without_torch():

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel import files
+from bgmodel import files, progress
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,9 +20,11 @@ if TYPE_CHECKING:
 
 COMPILES = "the first run of a kind of circuit compiles: half a minute or less"
 """What a command says before it runs the ensemble engine."""
+SOON_S = 2.0
+"""A run that takes no longer than this is not announced, s."""
 OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
 """Options that name a file to be written, in every command."""
-UNRECORDED = (*OUTPUTS, "force", "workers", "seed")
+UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
 """Options that change no byte of a result; the seed stands apart."""
 
 
@@ -34,6 +38,42 @@ class Writes:
     def more_outputs(self) -> list[Path]:
         """Return files that are written beside those that options name."""
         return []
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shows(Writes):
+    """A command that shows its result: a table for readers, or JSON for programs."""
+
+    json: bool = False
+    """Print one JSON object, the rows of the result under "records", and nothing else on stdout."""
+
+    def show(self, text: str, table: pd.DataFrame, **facts: Any) -> None:
+        """Print a result: its text, or all of it as JSON.
+
+        Parameters
+        ----------
+        text : str
+            The result for readers.
+        table : DataFrame
+            Its rows.
+        **facts
+            What else there is to say, as plain values.
+        """
+        print(json_text(table, **facts) if self.json else text)
+
+    def note(self, text: str) -> None:
+        """Print a line beside the result; beside JSON it goes to stderr."""
+        if self.json:
+            say(text)
+        else:
+            print(text)
+
+
+def json_text(table: pd.DataFrame, **facts: Any) -> str:
+    """Return one JSON object: facts, and rows as "records"; what is not known is null."""
+    records = json.loads(table.to_json(orient="records", double_precision=15))
+    plain = {k: str(value) if isinstance(value, Path) else value for k, value in facts.items()}
+    return json.dumps({**plain, "records": records})
 
 
 def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dict[str, Any]:
@@ -125,16 +165,59 @@ def say(text: str) -> None:
     print(f"bgmodel: {text}", file=sys.stderr)
 
 
-def say_before(model: BasalGanglia, evidence: Evidence, at_once: int) -> None:
-    """Say, before a run of so many trials at a time, what it takes.
+def say_before(
+    what: str, model: BasalGanglia, evidence: Evidence, *, runs: float = 1, more_s: float = 0.0
+) -> None:
+    """Say, before a circuit runs, what is done and about how long it takes.
 
     Raises ValueError if there is no memory for it.
+
+    Parameters
+    ----------
+    what : str
+        What is done, as "comparing".
+    model : BasalGanglia
+        The circuit.
+    evidence : Evidence
+        What it is given.
+    runs : float
+        How often it is given that.
+    more_s : float
+        Time of what is computed beside, s.
     """
-    model.check_memory(at_once, evidence.steps + 1, evidence.step_ms)
+    at_once, steps = model.batch(evidence), evidence.steps + 1
+    model.check_memory(at_once, steps, evidence.step_ms)
+    seconds = runs * model.seconds(evidence.trials, evidence.steps, evidence.step_ms)
     if model.engine == "ensemble":
         say(COMPILES)
-    if text := model.cost(evidence, at_once):
-        say(text)
+    each_s = steps * evidence.step_ms / 1000
+    circuits = f"{runs:.0f} circuits, " if runs > 1 else ""
+    early = ", less where trials decide early" if seconds > more_s else ""
+    memory = model.memory_gb(at_once, steps, evidence.step_ms)
+    held = f", {memory:.1f} GB of memory" if memory >= 1 else ""
+    say_how_long(
+        f"{what} {model.circuit.name} on {model.engine}, {circuits}{evidence.trials} trials of up "
+        f"to {each_s:.2g} s",
+        seconds + more_s,
+        early + held,
+    )
+
+
+def say_how_long(what: str, seconds: float, more: str = "") -> None:
+    """Say what is done and about how long it takes, unless it is soon done."""
+    from circuits.cost import about
+
+    if seconds > SOON_S:
+        say(f"{what}: {about(seconds)}{more}")
+
+
+@contextmanager
+def bar(total: int, unit: str = "trial") -> Iterator[None]:
+    """Show a bar, on a terminal, of the trials that circuits decide inside."""
+    from tqdm import tqdm
+
+    with tqdm(total=total, unit=unit, disable=None) as shown, progress.shown_by(shown.update):
+        yield
 
 
 def say_of_trials(table: pd.DataFrame, criterion: str) -> None:

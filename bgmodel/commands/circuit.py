@@ -176,7 +176,7 @@ class CircuitRun(Writes):
         threshold = self._threshold(table)
         check_threshold(table, threshold)
         started = time.perf_counter()
-        say_before(model, evidence, model.batch(evidence))
+        say_before("running", model, evidence)
         model.warn_of_noise(threshold)
         decision, means = self._decide(model, evidence, threshold)
         seed = self.seed if self._draws() else None

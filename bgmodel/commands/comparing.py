@@ -11,7 +11,8 @@ from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.commands.checks import (
-    Writes,
+    Shows,
+    bar,
     check_ending,
     check_whole,
     options_of,
@@ -29,11 +30,13 @@ if TYPE_CHECKING:
 
 LESIONS = ("STN=0.2", "GPe=0.2", "D2", "ctx->STN=0.9", "D1->SNr=0.9")
 """Edits of `circuit lesion` where none is given."""
+TABLE_S = 5e-4
+"""Time of one comparison's bootstrap per trial, s; measured."""
 MANY = Stimuli(trials=1000, t_max=110)
 
 
 @dataclass(frozen=True)
-class Comparison(Writes):
+class Comparison(Shows):
     """What commands that compare have in common."""
 
     output: Positional[Path]
@@ -52,6 +55,10 @@ class Comparison(Writes):
     workers: int = 2
     """Threads of the engines that can use several; they change no byte."""
     seed: int = 0
+
+    def _about(self, evidence: Evidence) -> dict[str, Any]:
+        """Return what JSON says beside the rows."""
+        return {"trials": evidence.trials, "output": self.output}
 
 
 @dataclass(frozen=True)
@@ -77,13 +84,16 @@ class Compare(Comparison):
         rivals = rivals_on(zero_is_nothing=gaussian)
         if left := [name for name in RIVALS if name not in rivals]:
             say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
-        say_before(model, evidence, model.batch(evidence))
-        table = compare_with_msprt(
-            model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies
-        )
+        # The circuit and its decoder are held to two references, each rival to one.
+        more_s = TABLE_S * (4 + len(rivals)) * evidence.trials
+        say_before("comparing", model, evidence, more_s=more_s)
+        with bar(evidence.trials):
+            table = compare_with_msprt(
+                model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies
+            )
         files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
-        print(page(table))
-        print(f"{evidence.trials} trials -> {self.output}")
+        self.show(page(table), table, **self._about(evidence))
+        self.note(f"{evidence.trials} trials -> {self.output}")
 
 
 @dataclass(frozen=True)
@@ -116,14 +126,20 @@ class CircuitLesion(Comparison):
             edited[edit] = one.apply(model.circuit)
         if self.lesions == LESIONS:
             say(f"no edit given, these run: {', '.join(LESIONS)}")
-        say_before(model, evidence, model.batch(evidence))
-        table = compare_edits(model, edited, evidence, seed=self.seed, accuracies=self.accuracies)
+        circuits = 1 + len(edited)
+        more_s = 3 * TABLE_S * circuits * evidence.trials
+        say_before("lesioning", model, evidence, runs=circuits, more_s=more_s)
+        given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
+        with bar(circuits * evidence.trials):
+            table = compare_edits(model, edited, evidence, **given)
         files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
-        print("at the intact circuit's threshold (a prediction):")
-        print(behaviour(table))
-        print("\nagainst the MSPRT, thresholds tuned anew:")
-        print(page(table[table["kind"] == "value"].drop(columns="kind")))
-        print(f"{evidence.trials} trials -> {self.output}")
+        text = (
+            f"at the intact circuit's threshold (a prediction):\n{behaviour(table)}\n\n"
+            "against the MSPRT, thresholds tuned anew:\n"
+            f"{page(table[table['kind'] == 'value'].drop(columns='kind'))}"
+        )
+        self.show(text, table, **self._about(evidence))
+        self.note(f"{evidence.trials} trials -> {self.output}")
 
 
 def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
@@ -153,7 +169,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
             raise ValueError(f"accuracies must lie between 0 and 1, got {accuracy}")
     trials = stimuli.draw(asked_for.seed, "compare")
     if stimuli.evidence is not None:
-        print(trials.said())
+        asked_for.note(trials.said())
     evidence = trials.evidence
     check_trials(evidence.trials)
     if min(asked_for.accuracies) <= 1 / evidence.hypotheses + MARGIN:

@@ -4,28 +4,38 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.commands.checks import (
+    Shows,
     Writes,
     check_ending,
     check_whole,
     options_of,
+    say_how_long,
     say_of_trials,
 )
 from bgmodel.decision import first_crossing
 from bgmodel.integrators.sprt import Msprt, Sprt, criterion_from_posterior, threshold_from_gap
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.reward import check_xi
 from bgmodel.memory import check_evidence_memory, check_learning_memory
 from bgmodel.seeds import stream
 from bgmodel.tables import trials as tables
 from bgmodel.tactile.likelihood import Density
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+EPISODE_S = 5e-6
+"""Time of an episode of learning in one run, s; measured."""
+PREPARE_S = 4.0
+"""Time of the exact optimum, s; measured."""
 GAP_NATS = 4.0
 """Gap of `decide` where no criterion is given."""
 TACTILE = ("task", "orientations", "period_mm", "fold", "trials", "t_max", "density")
@@ -33,7 +43,7 @@ TACTILE = ("task", "orientations", "period_mm", "fold", "trials", "t_max", "dens
 
 
 @dataclass(frozen=True)
-class Decide(Writes):
+class Decide(Shows):
     """Decide by the sequential test: on tactile evidence, or on a table of your own.
 
     A table has one row per reading with the columns trial, step, ll_<hypothesis> (natural log
@@ -92,17 +102,29 @@ class Decide(Writes):
         table = tables.trial_table(decision, trials, seed=seed, model=model)
         files.write_table(table, self.output, seed=seed, command=self._options())
         if self.evidence is not None:
-            print(trials.said())
+            self.note(trials.said())
         say_of_trials(table, criterion="--posterior" if self.posterior else "--delta")
+        self._show(table, known=evidence.truth is not None)
+
+    def _show(self, table: pd.DataFrame, known: bool) -> None:
+        """Show how many trials decided, how well and how fast."""
+        right = table["correct"].dropna().astype(float) if known else None
         accuracy = "no truth given"
-        if evidence.truth is not None:
+        if right is not None:
             of = "" if self.forced else " of those decided"
-            right = table["correct"].dropna().astype(float)
             accuracy = f"accuracy {right.mean():.3f}{of}" if len(right) else "no trial decided"
-        print(
+        about = {
+            "trials": len(table),
+            "accuracy": float(right.mean()) if right is not None and len(right) else None,
+            "forced": int(table["forced"].sum()),
+            "undecided": int(table["undecided"].sum()),
+            "output": self.output,
+        }
+        text = (
             f"{len(table)} trials, {accuracy}, mean readings {table['steps'].mean():.2f}, forced "
-            f"{table['forced'].sum()}, undecided {table['undecided'].sum()} -> {self.output}"
+            f"{about['forced']}, undecided {about['undecided']} -> {self.output}"
         )
+        self.show(text, table, **about)
 
     def _options(self) -> dict[str, Any]:
         """Return the options that had a say."""
@@ -201,12 +223,19 @@ class GapLearn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.learning.gap import learn_grating
+        from bgmodel.learning.gap import check_start, learn_grating
 
         check_ending("output", self.output, ".parquet", ".csv")
         check_whole(runs=self.runs, t_max=self.t_max)
+        check_xi(self.xi)
+        check_start(self.start_delta)
         check_learning_memory(self.runs, self.learner.episodes)
         policy = GaussianPolicy() if self.policy == "gaussian" else BernoulliPolicy()
+        say_how_long(
+            f"learning on a grating of {self.period_mm:g} mm, {self.runs} runs of "
+            f"{self.learner.episodes} episodes",
+            PREPARE_S + EPISODE_S * self.runs * self.learner.episodes,
+        )
         table, summary = learn_grating(
             self.period_mm,
             xi=self.xi,

@@ -7,8 +7,11 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import Writes, check_ending, check_whole
+from bgmodel.commands.checks import Writes, check_ending, check_whole, say_how_long
 from bgmodel.files import replacing
+
+DEMO_S = 15.0
+"""Time of the demo, most of it compiling, s; measured."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +32,7 @@ class DemoRun(Writes):
         """Run the command."""
         check_ending("drawing", self.drawing, ".png", ".pdf", ".svg")
         check_whole(alternatives=self.alternatives - 1)
-        print(
-            "one decision of some thousands of spiking cells: about a quarter of a minute",
-            flush=True,
-        )
+        say_how_long("one decision of some thousands of spiking cells", DEMO_S)
         from bgmodel.demo import demo, draw
 
         found = demo(self.seed, self.alternatives)

@@ -12,7 +12,15 @@ from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.arrays import Array
-from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
+from bgmodel.commands.checks import (
+    Writes,
+    bar,
+    check_ending,
+    check_whole,
+    options_of,
+    say,
+    say_before,
+)
 from bgmodel.commands.names import RATE, SPIKING_MSPRT, CircuitName, TimedEngineName
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
@@ -82,7 +90,9 @@ class CircuitLearn(Writes):
         start = self._start(levels, model.circuit.name)
         low, high = f"{levels[0]:.3f}", f"{levels[-1]:.3f}"
         say(f"{evidence.trials} trials at {self.levels} levels, {low} to {high}")
-        outcomes = level_outcomes(model, evidence, levels, threshold_nats)
+        say_before("learning in", model, evidence, runs=self.levels)
+        with bar(self.levels * evidence.trials):
+            outcomes = level_outcomes(model, evidence, levels, threshold_nats)
         _check_decided(outcomes)
         behind: dict[str, Any] = {
             "seed": self.seed,

@@ -4,16 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import Writes, check_apart, check_ending, check_whole, recorded
+from bgmodel.commands.checks import (
+    Shows,
+    bar,
+    check_apart,
+    check_ending,
+    check_whole,
+    recorded,
+    say_before,
+)
 from bgmodel.commands.names import EngineName
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bgmodel.experiments.experiment import Experiment, Outcome
 
 
 @dataclass(frozen=True)
-class ExperimentRun(Writes):
+class ExperimentRun(Shows):
     """Run an experiment, control and manipulation, and hold it to what was published.
 
     Without a file it lists the experiments that come with the package. The prediction stands in
@@ -40,45 +54,94 @@ class ExperimentRun(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.experiments import experiment as experiments
-        from bgmodel.experiments.outcomes import outcomes, page
-        from bgmodel.integrators.basal_ganglia import identity
-
         if not self.file:
-            for name, one in experiments.shipped().items():
-                print(f"{name:<24}{one.name} ({one.source})")
+            self._list()
             return
         self._check()
-        experiment = experiments.read_experiment(self.file)
+        experiment = self._experiment()
+        experiment.check_differs()
+        self._check_apart(experiment.task.evidence)
+        done = self._run(experiment)
+        said = self._outcomes(experiment, done)
+        if self.output is not None:
+            self._write(experiment, done, said)
+        if experiment.task.evidence is not None:
+            self.note(done.given.said())
+        self._show(experiment, done, said)
+
+    def _list(self) -> None:
+        """Show the experiments that are shipped."""
+        import pandas as pd
+
+        from bgmodel.experiments.experiment import shipped
+
+        found = shipped()
+        text = "\n".join(f"{name:<24}{one.name} ({one.source})" for name, one in found.items())
+        rows = [(file, one.name, one.source) for file, one in found.items()]
+        self.show(text, pd.DataFrame(rows, columns=["file", "name", "source"]))
+
+    def _experiment(self) -> Experiment:
+        """Return the experiment of the file, with what the options change."""
+        from bgmodel.experiments.experiment import read_experiment
+
+        experiment = read_experiment(self.file)
         if self.trials is not None:
             experiment = replace(experiment, task=replace(experiment.task, trials=self.trials))
         if self.seed is not None:
             experiment = replace(experiment, seed=self.seed)
         if self.engine is not None:
             experiment = replace(experiment, engine=self.engine)
-        experiment.check_differs()
-        self._check_apart(experiment.task.evidence)
-        done = experiments.run_experiment(experiment, workers=self.workers)
-        table = done.measures
-        if self.output is not None:
-            said = outcomes(experiment, table).assign(condition="change")
-            kept = ["condition", "measure", "direction", "at_least", "outcome"]
-            whole = table.merge(said[kept], how="left", on=["condition", "measure"])
-            control, manipulation = done.models
-            ran = replace(experiment, gain=control.gain)
-            behind = {
-                "seed": experiment.seed,
-                "experiment": recorded(ran),
-                "control": identity(control.circuit),
-                "manipulation": identity(manipulation.circuit),
-            }
-            files.write_table(whole, self.output, **behind)
-            files.write_table(done.trials, self._trials_path(), **behind)
-        if experiment.task.evidence is not None:
-            print(done.given.said())
-        print(page(experiment, table))
-        where = f" -> {self.output}" if self.output is not None else ""
-        print(f"{len(done.trials) // 2} trials{where}")
+        return experiment
+
+    def _run(self, experiment: Experiment) -> Outcome:
+        """Say how long it takes, and run it."""
+        from bgmodel.comparison.compare import check_trials
+        from bgmodel.experiments.experiment import run_experiment
+
+        given = experiment.trials()
+        evidence = given.evidence
+        check_trials(evidence.trials)
+        control = experiment.model(experiment.control, evidence.hypotheses, self.workers)
+        # Beside each trial, a foreperiod without evidence.
+        waiting_s = 2 * control.seconds(evidence.trials, 0, experiment.foreperiod_ms)
+        say_before("an experiment on", control, evidence, runs=2, more_s=waiting_s)
+        with bar(2 * evidence.trials):
+            return run_experiment(experiment, workers=self.workers, given=given)
+
+    @staticmethod
+    def _outcomes(experiment: Experiment, done: Outcome) -> pd.DataFrame:
+        """Return the measures, and beside each that was predicted what came of it."""
+        from bgmodel.experiments.outcomes import outcomes
+
+        said = outcomes(experiment, done.measures).assign(condition="change")
+        kept = ["condition", "measure", "direction", "at_least", "outcome"]
+        return done.measures.merge(said[kept], how="left", on=["condition", "measure"])
+
+    def _write(self, experiment: Experiment, done: Outcome, said: pd.DataFrame) -> None:
+        """Write measures and trials."""
+        from bgmodel.integrators.basal_ganglia import identity
+
+        assert self.output is not None
+        control, manipulation = done.models
+        behind = {
+            "seed": experiment.seed,
+            "experiment": recorded(replace(experiment, gain=control.gain)),
+            "control": identity(control.circuit),
+            "manipulation": identity(manipulation.circuit),
+        }
+        files.write_table(said, self.output, **behind)
+        files.write_table(done.trials, self._trials_path(), **behind)
+
+    def _show(self, experiment: Experiment, done: Outcome, said: pd.DataFrame) -> None:
+        """Show measures and outcomes."""
+        from bgmodel.experiments.outcomes import page
+
+        trials = len(done.trials) // 2
+        about = {"name": experiment.name, "source": experiment.source}
+        about |= {"published": experiment.published}
+        where = {"trials": trials, "output": self.output}
+        self.show(page(experiment, done.measures), said, **about, **where)
+        self.note(f"{trials} trials" + (f" -> {self.output}" if self.output is not None else ""))
 
     def _check_apart(self, evidence: Path | None) -> None:
         """Refuse to write over the evidence that the experiment's file names."""

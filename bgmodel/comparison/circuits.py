@@ -30,6 +30,7 @@ from bgmodel.integrators.basal_ganglia import (
 )
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.progress import advance
 from bgmodel.seeds import stream
 from circuits.engines import NOISY
 from circuits.spec import NATS, Circuit
@@ -139,6 +140,7 @@ def decide_at_thresholds(
             new = tradeoff(trace, part, thresholds)
             found[name] = found[name] + new if name in found else new
         first += part.trials
+        advance(part.trials)
     return found
 
 

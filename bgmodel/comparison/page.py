@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 
@@ -24,7 +26,14 @@ def behaviour(table: pd.DataFrame) -> str:
     said = ["not reached", "without evidence", "mostly at the deadline"]
     wide.insert(0, "decides", np.select([blind.isna(), blind > 0, late], said, "by evidence"))
     wide = wide.rename_axis(columns=None)
-    return wide.to_string(float_format=lambda value: f"{value:.3f}", na_rep="-")
+    forms = {name: _plain(".0f" if name.endswith("_ms") else ".3f") for name in wide.columns[1:]}
+    legend = "mean_ms in ms; the other numbers are shares of trials"
+    return f"{wide.to_string(formatters=forms)}\n{legend}"
+
+
+def _plain(form: str) -> Callable[[float], str]:
+    """Return a formatter of numbers; what is not known is a dash."""
+    return lambda value: f"{value:{form}}" if np.isfinite(value) else "-"
 
 
 def page(table: pd.DataFrame) -> str:
@@ -36,7 +45,7 @@ def page(table: pd.DataFrame) -> str:
         As from ``compare_with_msprt`` or, of the kind "value", from ``compare_edits``.
     """
     by = [name for name in ("reference", "model", "variant") if name in table]
-    parts = []
+    parts = ["value [95 % interval, by a bootstrap over trials]\n"]
     for names, part in table.groupby(by, sort=False):
         whole = part[part["accuracy"].isna()].set_index("measure").T
         late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")

@@ -274,7 +274,9 @@ class Outcome(Facts):
         return conditions(self.measures[self.measures["condition"] != "change"], ax)
 
 
-def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
+def run_experiment(
+    experiment: Experiment, *, workers: int = 1, given: Trials | None = None
+) -> Outcome:
     """Run control and manipulation on the same evidence with the same noise.
 
     Parameters
@@ -283,6 +285,8 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
         What to run.
     workers : int
         Threads of the engines that can use several; they change no byte.
+    given : Trials, optional
+        What ``experiment.trials()`` gave, where that was asked already.
 
     Raises
     ------
@@ -290,7 +294,7 @@ def run_experiment(experiment: Experiment, *, workers: int = 1) -> Outcome:
         If an edit does not fit the circuit, the control decides without evidence, or there are too
         few trials.
     """
-    given = experiment.trials()
+    given = given or experiment.trials()
     evidence = given.evidence
     check_trials(evidence.trials)
     conditions = (experiment.control, experiment.manipulation)

@@ -79,6 +79,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
         experiment.note,
         *_edits(experiment),
         "",
+        "value [95 % interval, by a bootstrap over trials]",
         f"{'':<16}" + "".join(f"{name:<26}" for name in CONDITIONS),
     ]
     for measure in table["measure"].unique():

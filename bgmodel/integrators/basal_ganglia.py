@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -19,7 +20,7 @@ from bgmodel.ours import explained
 
 try:
     from circuits.activity import checked_drive, warn_beyond_range
-    from circuits.cost import cells, ensemble_s, memory_bytes
+    from circuits.cost import memory_bytes, run_s
     from circuits.engines import DROPPING, ENGINES, NOISY, THREADED
     from circuits.engines import run as run_engine
     from circuits.spec import NATS, Circuit
@@ -36,8 +37,8 @@ WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
 """
 ROUNDING_NATS = 0.01
 """How far below its threshold a trial is dropped."""
-LONG_S = 120.0
-"""Runs that take longer say so."""
+SETTLE_MS = 300.0
+"""Time at rest before each trial in the engines that need it, ms, unless an option says so."""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
@@ -134,20 +135,26 @@ class BasalGanglia(Facts):
             f"{trials} trials of {self.circuit.name}, engine {self.engine},",
         )
 
-    def cost(self, evidence: Evidence, at_once: int) -> str:
-        """Return a sentence on time and memory of a run, ``at_once`` trials at a time.
+    def seconds(self, trials: float, steps: int, step_ms: float) -> float:
+        """Return about how long a run takes if no trial decides early, s.
 
-        Empty if the run is short, or of another engine than the compiled one.
+        Parameters
+        ----------
+        trials, steps : int
+            Trials, and readings of the longest.
+        step_ms : float
+            Time between readings, ms.
         """
-        ticks = (evidence.steps + 1) * evidence.step_ms / self.options.get("dt_ms", 0.1)
-        seconds = ensemble_s(self.circuit, ticks, evidence.trials, self.options.get("workers", 1))
-        if self.engine != "ensemble" or seconds < LONG_S:
-            return ""
-        memory = self._memory_bytes(at_once, evidence.steps + 1, evidence.step_ms) / 1e9
-        return (
-            f"{cells(self.circuit):.3g} cells, {ticks:.3g} ticks and {evidence.trials} trials take "
-            f"about {seconds / 60:.0f} minutes, if none decides early, and {memory:.1f} GB"
-        )
+        each_ms = (steps + 1) * step_ms + self.options.get("settle_ms", SETTLE_MS)
+        # More threads than processors are no faster.
+        workers = min(self.options.get("workers", 1), os.cpu_count() or 1)
+        ticks = {"dt_ms": self.options["dt_ms"]} if "dt_ms" in self.options else {}
+        simulated_s = trials * each_ms / 1000
+        return run_s(self.circuit, self.engine, simulated_s, workers=workers, **ticks)
+
+    def memory_gb(self, trials: int, steps: int, step_ms: float) -> float:
+        """Return about how much memory so many trials at a time take, GB."""
+        return self._memory_bytes(trials, steps, step_ms) / 1e9
 
     def _memory_bytes(self, trials: int, steps: int, step_ms: float) -> float:
         samples = steps

@@ -88,6 +88,13 @@ def search_folds(
     return pd.concat(rows, ignore_index=True)
 
 
+def check_start(start_delta: float) -> None:
+    """Raise ValueError if learning can't start from this gap."""
+    low, high = DELTA_RANGE
+    if not low <= start_delta <= high:
+        raise ValueError(f"start_delta must lie in {low:g}..{high:g} nats, got {start_delta}")
+
+
 def learn_sources(
     sources: list[Source],
     *,
@@ -104,9 +111,7 @@ def learn_sources(
 
     Every run has streams of its own, so its course depends on nothing beside it.
     """
-    low, high = DELTA_RANGE
-    if not low <= start_delta <= high:
-        raise ValueError(f"start_delta must lie in {low:g}..{high:g} nats, got {start_delta}")
+    check_start(start_delta)
     runs = [(i, k) for i in range(len(sources)) for k in range(repeats)]
     draws = []
     for i, k in runs:

@@ -142,14 +142,25 @@ def contact_library(
     if workers < 1:
         raise ValueError(f"workers: got {workers!r}, must be 1 or more")
     plan = plan or LibraryPlan()
-    folder = cache_dir or os.environ.get("BGMODEL_CACHE") or platformdirs.user_cache_dir("bgmodel")
-    path = Path(folder) / plan.name
+    path = _place(plan, cache_dir)
     fields = _load(path, plan)
     if fields is None:
         path.parent.mkdir(parents=True, exist_ok=True)  # a bad folder fails before the work
         fields = _solve_all(plan, workers)
         _save(path, plan, fields)
     return Library(plan, fields)
+
+
+def to_solve(plan: LibraryPlan, cache_dir: str | Path | None = None) -> int:
+    """Return how many contacts a library must solve: none where its file is there."""
+    there = _place(plan, cache_dir).is_file()
+    return 0 if there else sum(plan.solved_phases(period) for period in plan.periods_mm)
+
+
+def _place(plan: LibraryPlan, cache_dir: str | Path | None) -> Path:
+    """Return the path of a library's file."""
+    folder = cache_dir or os.environ.get("BGMODEL_CACHE") or platformdirs.user_cache_dir("bgmodel")
+    return Path(folder) / plan.name
 
 
 def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:

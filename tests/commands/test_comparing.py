@@ -3,6 +3,7 @@
 import json
 import re
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -27,6 +28,45 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     algebra = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
     assert run("compare", out, *algebra) == 0
     assert re.search(r"same choice +1\.000", capsys.readouterr().out)
+
+
+def test_a_comparison_says_before_it_starts_how_long_it_takes(tmp_path, capsys, monkeypatch):
+    def stop(*given, **named):
+        raise ValueError("started")
+
+    monkeypatch.setattr("bgmodel.comparison.circuits.compare_with_msprt", stop)
+    monkeypatch.setattr("bgmodel.comparison.circuits.compare_edits", stop)
+    for command, what in ((("compare",), "comparing"), (("circuit", "lesion"), "lesioning")):
+        assert run(*command, tmp_path / "a.csv", "--channels", 4) == 2
+        said = capsys.readouterr().err
+        assert re.search(rf"bgmodel: {what} spiking_msprt on ensemble, .*1000 trials of up", said)
+        assert re.search(r": about \d0? (second|minute)s, less where trials decide early", said)
+        assert said.index("about") < said.index("started")
+    soon = ("--engine", "algebra", "--trials", 100)
+    assert run("compare", tmp_path / "a.csv", *soon) == 2
+    assert "about" not in capsys.readouterr().err
+
+
+def test_json_is_all_that_stdout_holds(tmp_path, capsys):
+    out = tmp_path / "a.csv"
+    small = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--json")
+    for command, edits in ((("compare",), ()), (("circuit", "lesion"), ("STN=0.2",))):
+        assert run(*command, out, *edits, *small, "--force") == 0
+        told = capsys.readouterr()
+        found = json.loads(told.out)
+        assert (found["trials"], found["output"]) == (100, str(out))
+        kept = pd.read_csv(out)
+        assert list(found["records"][0]) == list(kept)
+        assert len(found["records"]) == len(kept)
+        values = [np.nan if r["value"] is None else r["value"] for r in found["records"]]
+        np.testing.assert_allclose(values, kept["value"], rtol=1e-9)
+        assert "100 trials -> " in told.err
+        assert "json" not in json.loads(provenance_path(out).read_text())["parameters"]["command"]
+    plain = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
+    assert run("circuit", "lesion", out, "STN=0.2", *plain) == 0
+    shown = capsys.readouterr().out
+    assert "value [95 % interval, by a bootstrap over trials]" in shown
+    assert "mean_ms in ms" in shown
 
 
 def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsys):

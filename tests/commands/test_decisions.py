@@ -1,5 +1,7 @@
 """The commands `decide` and `learn`."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -74,6 +76,24 @@ def test_decide_says_what_it_forced(tmp_path, capsys):
     said = capsys.readouterr()
     assert f"forced 0, undecided {forced}" in said.out
     assert "they stay undecided" in said.err
+
+
+def test_json_of_decide_holds_every_trial(tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    assert run("decide", out, "--trials", 40, "--t-max", 2, "--delta", 16, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    table = read_table(out)
+    assert found["trials"] == len(found["records"]) == 40
+    assert found["forced"] == table["forced"].sum()
+    assert found["accuracy"] == pytest.approx(table["correct"].mean())
+    assert [row["response"] for row in found["records"]] == table["response"].tolist()
+    mine = tmp_path / "mine.csv"
+    mine.write_text("trial,step,ll_a,ll_b\n0,0,1,0\n1,0,0,2\n")
+    given = ("--evidence", mine, "--posterior", 0.6, "--json", "--force")
+    assert run("decide", out, *given) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["accuracy"] is None
+    assert "read 2 trials" in told.err
 
 
 def test_decide_tells_as_many_orientations_as_it_is_given(tmp_path):

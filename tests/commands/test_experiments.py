@@ -1,5 +1,6 @@
 """The command `experiment`."""
 
+import json
 import re
 
 import numpy as np
@@ -56,6 +57,35 @@ def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_pat
     experiment_file.write_text(DELAY.replace('delay_ms=4"]\n[[', 'delay_ms=2"]\n[['))
     assert run("experiment", experiment_file) == 2
     assert "control and manipulation are alike" in capsys.readouterr().err
+
+
+def test_json_is_all_that_an_experiment_prints(experiment_file, tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    assert run("experiment", experiment_file, out, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["name"], found["trials"], found["output"]) == ("a lesion", 120, str(out))
+    changed = [r for r in found["records"] if r["outcome"] is not None]
+    assert [(r["condition"], r["measure"], r["outcome"]) for r in changed] == [
+        ("change", "mean_ms", AGREES)
+    ]
+    assert len(found["records"]) == len(pd.read_csv(out))
+    assert run("experiment", "--json") == 0
+    listed = json.loads(capsys.readouterr().out)["records"]
+    assert {row["file"] for row in listed} == set(SHIPPED)
+
+
+def test_an_experiment_says_before_it_starts_how_long_it_takes(capsys, monkeypatch):
+    def stop(*given, **named):
+        raise ValueError("started")
+
+    monkeypatch.setattr("bgmodel.experiments.experiment.run_experiment", stop)
+    assert run("experiment", "stn_conflict") == 2
+    said = capsys.readouterr().err
+    form = (
+        r"an experiment on spiking_msprt on ensemble, 2 circuits, 1000 trials of up to .* s: about"
+    )
+    assert re.search(form, said)
+    assert said.index("about") < said.index("started")
 
 
 HALVED = """
