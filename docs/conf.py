@@ -35,7 +35,12 @@ html_theme = "pydata_sphinx_theme"
 html_title = "bgmodel"
 html_copy_source = False
 html_show_sourcelink = False
-html_theme_options = {"show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}
+html_sidebars = {"*": []}  # a page that belongs to no section has nothing to list beside it
+html_theme_options = {
+    "header_links_before_dropdown": 6,
+    "show_prev_next": False,
+    "secondary_sidebar_items": ["page-toc"],
+}
 
 
 def keep_bars(
