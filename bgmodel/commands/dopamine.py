@@ -34,6 +34,10 @@ if TYPE_CHECKING:
     from bgmodel.learning.reinforce import Learned
     from bgmodel.learning.worlds import LevelOutcomes
 
+START_S = 1.0
+"""Time until the levels are found, s; measured, as the next."""
+EPISODE_S = 5e-6
+"""Time of an episode of learning in one run, s."""
 TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=500, t_max=30)
 
 
@@ -90,7 +94,8 @@ class CircuitLearn(Writes):
         start = self._start(levels, model.circuit.name)
         low, high = f"{levels[0]:.3f}", f"{levels[-1]:.3f}"
         say(f"{evidence.trials} trials at {self.levels} levels, {low} to {high}")
-        say_before("learning in", model, evidence, runs=self.levels)
+        learning_s = START_S + EPISODE_S * self.runs * self.learner.episodes
+        say_before("learning in", model, evidence, runs=self.levels, more_s=learning_s)
         with bar(self.levels * evidence.trials):
             outcomes = level_outcomes(model, evidence, levels, threshold_nats)
         _check_decided(outcomes)

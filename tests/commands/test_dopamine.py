@@ -4,6 +4,19 @@ from bgmodel.cli import main
 from bgmodel.files import read_table
 
 
+def test_the_command_says_before_it_starts_how_long_it_takes(tmp_path, monkeypatch, capsys):
+    def stop(*given):
+        raise ValueError("started")
+
+    monkeypatch.setattr("bgmodel.learning.level.level_outcomes", stop)
+    assert main(["circuit", "learn", str(tmp_path / "a.csv")]) == 2
+    said = capsys.readouterr().err
+    assert (
+        "learning in spiking_msprt on rate, 16 circuits, 500 trials of up to 1.6 s: about" in said
+    )
+    assert said.index("about") < said.index("started")
+
+
 def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
     path = tmp_path / "dopamine.csv"
     small = ["--trials", "40", "--t-max", "10", "--levels", "4", "--runs", "2"]

@@ -4,6 +4,18 @@ from bgmodel.files import read_table
 from tests.helpers import run
 
 
+def test_a_library_that_is_not_solved_is_announced(tmp_path, monkeypatch, capsys):
+    def stop(*given, **named):
+        raise ValueError("started")
+
+    monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
+    monkeypatch.setattr("bgmodel.tactile.library.contact_library", stop)
+    assert run("simulate", tmp_path / "t.npz", "--taps", 2) == 2
+    said = capsys.readouterr().err
+    assert "solving 36 contacts, once for all runs, and simulating 16 taps: about 20 sec" in said
+    assert said.index("about") < said.index("started")
+
+
 def test_taps_are_simulated_trained_on_and_decoded(tmp_path, capsys):
     """The whole way, on so few taps that only the way is tested."""
     taps, decoder, decoded = (tmp_path / n for n in ("t.npz", "d.safetensors", "x.csv"))
@@ -16,6 +28,8 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, capsys):
     assert "holds taps of a grating, not of an edge" in capsys.readouterr().err
     quick = ["--training.width", 0.1, "--training.epochs", 1, "--training.batch", 32]
     assert run("train", taps, decoder, *quick) == 0
+    told = capsys.readouterr().err
+    assert "bgmodel: training on 300 taps, 1 epochs at most: about 3 seconds" in told
     assert run("decode", decoder, taps, decoded) == 0
     table = read_table(decoded)
     assert {"period_mm", "yaw_deg", "psi_deg", "orientation_deg"} <= set(table)
