@@ -37,6 +37,8 @@ score: $(VENV)/figures.installed
 	$(BIN)/python -m benchmarks.scores.learning
 	$(BIN)/python -m benchmarks.scores.levels
 	$(BIN)/python -m benchmarks.scores.sensitivity --workers $(CORES)
+	$(BIN)/python -m benchmarks.scores.population --workers $(CORES) --keep
+	$(BIN)/python -m benchmarks.pages
 
 # The table of decoded taps that ships with the package, made again from nothing.
 shipped-taps: figures

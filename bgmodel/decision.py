@@ -148,7 +148,8 @@ class Decision(Facts):
             return choice_times(new_axes(ax), self.choice, self.time_ms)
         if truth is None:
             raise ValueError("decisions at several thresholds need the truth: plot(truth=...)")
-        accuracy = (self.choice == np.asarray(truth)).mean(axis=1)
+        decided = (self.choice >= 0).sum(axis=1)
+        accuracy = (self.choice == np.asarray(truth)).sum(axis=1) / np.maximum(decided, 1)
         # Where all trials are undecided there is no mean time.
         known = (self.choice != UNDECIDED).any(axis=1)
         mean_steps = np.nanmean(self.steps[known], axis=1)

@@ -1,4 +1,4 @@
-"""One decision of the spiking circuit beside the optimal test: the first thing to look at."""
+"""One decision of the spiking circuit beside the MSPRT: the first thing to look at."""
 
 from __future__ import annotations
 
@@ -49,6 +49,8 @@ class Demo:
         Of both; they may be undecided at the end of the readings.
     readable_nats : float
         Highest OUT that the circuit reads.
+    gain : float
+        Nats in the circuit per nat of evidence; the test has the same.
     """
 
     evidence: Evidence
@@ -56,15 +58,17 @@ class Demo:
     traces: dict[str, Trace]
     decisions: dict[str, Decision]
     readable_nats: float
+    gain: float
 
     def said(self) -> str:
         """Return what one sees, in a few sentences."""
         test, own = (_outcome(self.decisions[name]) for name in ("MSPRT", "circuit"))
         return (
             f"{self.evidence.hypotheses} alternatives, the first is true, a reading every "
-            f"{STEP_MS:g} ms. The optimal test (MSPRT) {test}; the spiking circuit, given the same "
-            f"readings, {own}. OUT, the rate of SNr on a scale of nats, follows the test's -ln P "
-            f"of the alternative that leads; the first to fall to -ln {POSTERIOR:g} is chosen. "
+            f"{STEP_MS:g} ms. The MSPRT at the circuit's gain (it takes each nat of evidence for "
+            f"{self.gain:g}) {test}; the spiking circuit, given the same readings, {own}. OUT, the "
+            "rate of SNr on a scale of nats, follows the test's -ln P of the alternative that "
+            f"leads, once it is in reach; the first to fall to -ln {POSTERIOR:g} is chosen. "
             "Another --seed is another trial."
         )
 
@@ -78,7 +82,7 @@ def _outcome(decision: Decision) -> str:
 
 
 def demo(seed: int = 1, alternatives: int = 3) -> Demo:
-    """Let the default circuit and the MSPRT decide on one trial of Gaussian evidence.
+    """Let the default circuit and the MSPRT at its gain decide on one trial of Gaussian evidence.
 
     Parameters
     ----------
@@ -109,7 +113,7 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
         for name, trace in traces.items()
     }
     assert activity.spikes is not None
-    return Demo(evidence, activity.spikes, traces, decisions, table.readable_nats[1])
+    return Demo(evidence, activity.spikes, traces, decisions, table.readable_nats[1], model.gain)
 
 
 def draw(found: Demo) -> Figure:
@@ -157,7 +161,7 @@ def _out(panel: Axes, found: Demo) -> None:
         trace = found.traces[name]
         rows = _long(trace.time_ms, np.asarray(trace.out_nats[0]))
         channel_lines(panel, rows, steps=name == "MSPRT", **style)
-        label = "OUT of the circuit" if name == "circuit" else "−ln P of the MSPRT"
+        label = "OUT of the circuit" if name == "circuit" else "−ln P, MSPRT at its gain"
         panel.plot([], [], color="0.3", label=label, **style)
     panel.axhline(
         -np.log(POSTERIOR), color="k", lw=0.8, ls=":", label=f"criterion −ln {POSTERIOR:g}"

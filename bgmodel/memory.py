@@ -6,8 +6,12 @@ SMALL_BYTES = 1e8
 """Less is always there: nobody is asked."""
 
 
+class NoMemoryError(ValueError):
+    """There is not as much memory as a run needs now."""
+
+
 def check_memory(needed_bytes: float, what: str) -> None:
-    """Raise ValueError, before anything is run, if there is not so much memory.
+    """Raise NoMemoryError, before anything is run, if there is not so much memory.
 
     Parameters
     ----------
@@ -22,7 +26,7 @@ def check_memory(needed_bytes: float, what: str) -> None:
 
     free = psutil.virtual_memory().available
     if needed_bytes > free:
-        raise ValueError(f"{what} need {_size(needed_bytes)} of memory, {_size(free)} are free")
+        raise NoMemoryError(f"{what} need {_size(needed_bytes)} of memory, {_size(free)} are free")
 
 
 def check_evidence_memory(trials: int, steps: int, hypotheses: int) -> None:

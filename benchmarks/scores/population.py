@@ -22,11 +22,12 @@ from scipy.signal import welch
 from scipy.stats import ks_2samp
 
 from benchmarks import OUT
+from benchmarks.pages import RESULTS
 from bgmodel import stream
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.files import read_table, write_table
+from bgmodel.files import read_provenance, read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of, identity
 from circuits.activity import Activity
 from circuits.anatomy import circuit
@@ -56,6 +57,7 @@ BANDS_HZ = ((4, 8), (8, 13), (13, 20), (20, 30), (30, 45), (45, 70), (70, 100))
 SIZES = (30, 100, 300, 1000, 3000)
 HELD_NATS = (0.0, 0.6, 1.2)
 SPIKES, AGAIN, POPULATION = "spikes", "spikes, another seed", "population"
+TIMES = ("mean_ms", "sd_ms")
 KINDS = ("decisions", "edits", "rates")
 ENGINES = {
     SPIKES: ("ensemble", SCORING_SEED),
@@ -225,6 +227,41 @@ def summary(made: dict[str, pd.DataFrame]) -> str:
     return "\n".join(lines)
 
 
+def for_pages(made: dict[str, pd.DataFrame]) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the tables that pages show, each with the kind of score that it comes from."""
+    rows = []
+    for (channels, d_prime), part in made["decisions"].groupby(["channels", "d_prime"]):
+        by = part.set_index(["posterior", "engine"]).unstack("engine")
+        both = [SPIKES, AGAIN]
+        off = {name: by[name][POPULATION] / by[name][both].mean(axis=1) - 1 for name in TIMES}
+        wrong = by["accuracy"][POPULATION] - by["accuracy"][both].mean(axis=1)
+        rows.append(
+            {"channels": channels, "d_prime": d_prime, "accuracy_off": wrong.abs().max()}
+            | {f"{name}_off": values.abs().max() for name, values in off.items()}
+            | {"ks_above": (by["ks"][POPULATION] - by["ks"][AGAIN]).max()}
+            | {"r_below": (by["r"][AGAIN] - by["r"][POPULATION]).max()}
+            | {"forced": part["forced"].max()}
+        )
+    edited = made["edits"].pivot(index=["channels", "edit"], columns="engine")
+    edited.columns = [f"{column}_{engine}" for column, engine in edited.columns]
+    order = [(n, edit) for n in sorted(set(made["edits"]["channels"])) for edit in EDITS]
+    index = ["channels", "nats", "neurons", "what", "measure"]
+    wide = made["rates"].set_index([*index, "engine"])["value"].unstack("engine").reset_index()
+    wide = wide.rename(columns={AGAIN: "again"})
+    bands = wide[wide["measure"].str.contains("-") & (wide[SPIKES] > 1e-4)]
+    off = {name: (bands[name] / bands[SPIKES] - 1).abs() for name in (POPULATION, "again")}
+    power = {"pairs": len(bands)}
+    for name, values in off.items():
+        power |= {f"{name}_median": values.median(), f"{name}_most": values.max()}
+    scatter = wide[wide["what"] == "OUT by size"].sort_values("neurons")
+    return {
+        "decisions": ("decisions", pd.DataFrame(rows)),
+        "edits": ("edits", edited.loc[order].reset_index()),
+        "power": ("rates", pd.DataFrame([power])),
+        "scatter": ("rates", scatter[["neurons", SPIKES, "again", POPULATION]]),
+    }
+
+
 def draw(made: dict[str, pd.DataFrame], folder: Path) -> None:
     """Draw figure P2."""
     import matplotlib.pyplot as plt
@@ -305,6 +342,11 @@ def pieces(given: argparse.Namespace) -> Iterator[tuple[str, str, int, Callable[
     yield "rates", "held evidence", given.held, partial(rates, given.held, given.workers)
 
 
+def _made_from(path: Path, behind: dict[str, Any]) -> bool:
+    """Whether a table is there and was made from these parameters."""
+    return path.exists() and read_provenance(path)["parameters"] == behind
+
+
 def main() -> None:
     """Score decisions, edits and rates, and draw them."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -317,19 +359,24 @@ def main() -> None:
     given = parser.parse_args()
     OUT.mkdir(exist_ok=True)
     made: dict[str, list[pd.DataFrame]] = {}
+    trials_of: dict[str, int] = {}
+    circuits = {str(n): identity(circuit(TABLE, n)) for n in D_PRIMES}
     for kind, name, trials, make in pieces(given):
+        trials_of[kind] = trials
         path = OUT / f"population {kind} {name}.csv"
-        if given.only in path.name and not (given.keep and path.exists()):
-            circuits = {str(n): identity(circuit(TABLE, n)) for n in D_PRIMES}
-            behind = {"trials": trials, "circuits": circuits}
+        behind = {"trials": trials, "circuits": circuits}
+        if given.only in path.name and not (given.keep and _made_from(path, behind)):
             write_table(make(), path, seed=SCORING_SEED, **behind)
-        if path.exists():
+        if _made_from(path, behind):
             made.setdefault(kind, []).append(read_table(path))
             print(path.name, flush=True)
     whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
     if len(whole) < len(KINDS):
         print(f"there are no {', '.join(kind for kind in KINDS if kind not in whole)} yet")
         return
+    for name, (kind, found) in for_pages(whole).items():
+        behind = {"trials": trials_of[kind], "circuits": circuits}
+        write_table(found, RESULTS / f"population_{name}.csv", seed=SCORING_SEED, **behind)
     print(_table_of(whole["decisions"]))
     print(whole["edits"].round(3).to_string(index=False))
     print(summary(whole))

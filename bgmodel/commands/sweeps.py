@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import check_whole, recorded, say
+from bgmodel.commands.checks import check_whole, recorded, say, say_how_long
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -73,11 +74,13 @@ class SweepRun:
             raise ValueError(
                 f"profile must be a folder with config.yaml, got {str(self.profile)!r}"
             )
-        if self.on != "processes":
-            self._with_snakemake(folder)
-            return
         check_room(settings, folder)
-        shards = [shard for setting in settings for shard in setting.shards()]
+        every = [shard for setting in settings for shard in setting.shards()]
+        # Points may share one.
+        shards = list({shard.name: shard for shard in every}.values())
+        if self.on != "processes":
+            self._with_snakemake(folder, shards)
+            return
         if part is not None:
             shards = shards[part[0] - 1 :: part[1]]
         self._run(plan, settings, shards, folder)
@@ -106,12 +109,14 @@ class SweepRun:
             f"already{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
             flush=True,
         )
+        seconds = sum(_seconds(shard) for shard in missing) / min(self.workers, len(missing) or 1)
+        say_how_long(f"{len(missing)} shards", seconds, ", and half a minute if a kernel compiles")
         if self.dry_run:
             return
         try:
             with (
                 stored.at_work(folder, alone=self.part is None),
-                stored.processes(self.workers, folder) as pool,
+                stored.processes(self.workers) as pool,
             ):
                 done = stored.compute_all(missing, folder, pool)
                 for _ in tqdm(done, total=len(missing), unit="shard", disable=None):
@@ -132,6 +137,8 @@ class SweepRun:
         self._say(plan, table)
         if len(plan.axes) <= 2:
             _draw(plan, table, folder)
+        else:
+            print(f"no figure: one has one key or two, here are {len(plan.axes)}")
         print(f"-> {output}")
 
     @staticmethod
@@ -147,7 +154,7 @@ class SweepRun:
             )
             print(wide[list(plan.show)].round(3).to_string())
 
-    def _with_snakemake(self, folder: Path) -> None:
+    def _with_snakemake(self, folder: Path, shards: list[Shard]) -> None:
         try:
             import snakemake  # noqa: F401
         except ImportError as error:
@@ -160,9 +167,17 @@ class SweepRun:
             command += ["--cores", str(self.workers)]
         command += ["--rerun-incomplete", *(["--dry-run"] if self.dry_run else [])]
         command += ["--config", f"file={self.file}", f"folder={folder}", f"parts={self.parts}"]
+        names = "".join(sorted(shard.name for shard in shards))
+        command.append(f"plan={hashlib.sha256(names.encode()).hexdigest()[:12]}")
         status = subprocess.run(command).returncode
         if status:
             raise SystemExit(f"bgmodel: the sweep is not finished, Snakemake ended with {status}")
+
+
+def _seconds(shard: Shard) -> float:
+    """Return about how long a shard takes."""
+    of = shard.setting
+    return of.model(0).seconds(shard.trials, of.steps, of.task.step_ms)
 
 
 def _draw(plan: Plan, table: pd.DataFrame, folder: Path) -> None:

@@ -243,7 +243,10 @@ def compare(
         found = {key: found[key] - base[key] for key in found}
     rows = []
     for (accuracy, name), values in found.items():
-        rows.append((accuracy, name, *interval(values)))
+        value, low, high = interval(values)
+        # A line through few points is none: without an interval it says nothing.
+        line = np.isnan(accuracy) and not np.isfinite(low)
+        rows.append((accuracy, name, np.nan if line else value, low, high))
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
 
 

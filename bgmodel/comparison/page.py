@@ -23,7 +23,7 @@ def behaviour(table: pd.DataFrame) -> str:
     wide = fixed.pivot(index=["variant", "accuracy"], columns="measure", values="value")
     wide = wide.loc[list(rows.itertuples(index=False, name=None))]
     blind, late = wide.pop("without_evidence"), wide["forced"] > MOST_FORCED
-    said = ["not reached", "without evidence", "mostly at the deadline"]
+    said = [NOT_REACHED, "without evidence", "mostly at the deadline"]
     wide.insert(0, "decides", np.select([blind.isna(), blind > 0, late], said, "by evidence"))
     wide = wide.rename_axis(columns=None)
     forms = {name: _plain(".0f" if name.endswith("_ms") else ".3f") for name in wide.columns[1:]}
@@ -48,15 +48,30 @@ def page(table: pd.DataFrame) -> str:
     parts = ["value [95 % interval, by a bootstrap over trials]\n"]
     for names, part in table.groupby(by, sort=False):
         whole = part[part["accuracy"].isna()].set_index("measure").T
-        late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")
         same = equivalent(part)
         columns = {f"at {accuracy:g}": _column(part, accuracy, same) for accuracy in same.index}
         what = ", ".join(map(str, names))
-        parts.append(
-            f"{what}: {late} ms later, and {slope} of the reference's time (at .85 to .98)"
-        )
+        parts.append(f"{what}: {_line(whole)}")
         parts.append(pd.DataFrame(columns).fillna("").to_string() + "\n")
-    return "\n".join(parts).rstrip()
+    text = "\n".join(parts).rstrip()
+    return f"{text}\n\n{UNREACHED}" if NOT_REACHED in text else text
+
+
+NOT_REACHED = "not reached"
+UNREACHED = (
+    f"{NOT_REACHED}: no threshold has this accuracy, or the deadline decides most trials there; "
+    "ask for lower accuracies (--accuracies), or give more readings"
+)
+
+
+def _line(whole: pd.DataFrame) -> str:
+    """Return how much later decisions come, as a line over accuracies."""
+    if whole["offset_ms"].isna()["value"]:
+        return "too few accuracies from .85 to .98 are reached to say how much later it decides"
+    late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")
+    return (
+        f"{late} ms later, and {slope} of the reference's time (a line over accuracies .85 to .98)"
+    )
 
 
 SHOWN = {
@@ -76,7 +91,7 @@ def _column(part: pd.DataFrame, accuracy: float, same: pd.Series) -> dict[str, s
     here = part[part["accuracy"] == accuracy].set_index("measure").T
     measures = {m: name for m, (name, _) in SHOWN.items() if m in here}
     if here.loc["value"].isna().all():
-        return dict.fromkeys(measures.values(), "not reached")
+        return dict.fromkeys(measures.values(), NOT_REACHED)
     known = {name: _cell(here[m], SHOWN[m][1]) for m, name in measures.items()}
     return known | {f"equal within {MARGIN:g}": "yes" if same[accuracy] else "not established"}
 

@@ -17,6 +17,7 @@ from bgmodel.compiling import inlined
 from bgmodel.decision import Tally
 
 LANES = 128
+LOWEST = np.float32(-1e30)
 AT_ONCE = 4
 """Readings between two counts."""
 MOST_STEPS = 32_767
@@ -63,6 +64,8 @@ def gaussian_tally(
             f"trials must be at least 1, steps 1..{MOST_STEPS}, hypotheses at least 2, got "
             f"{trials}, {steps} and {hypotheses}"
         )
+    if seed < 0 or seed % 1 or seed >= 2**64:
+        raise ValueError(f"seed must be a whole number from 0, below 2^64, got {seed}")
     if not 0 < separation < np.inf:
         raise ValueError(f"separation must be > 0 and finite, got {separation}")
     if levels.ndim != 1 or not ((levels > 0) & (levels < np.log(hypotheses))).all():
@@ -169,7 +172,7 @@ def _read_many(sums: Any, noise: Any, mean: Any, sd: Any, score: Any, right: Any
     """Add a reading to the sums y of N hypotheses; the score is ``-sum_j exp(y_j - max y)``."""
     for lane in range(LANES):
         sums[0, lane] += mean
-        score[lane] = sums[0, lane] + sd * noise[0, lane]
+        score[lane] = LOWEST
     for channel in range(sums.shape[0]):
         for lane in range(LANES):
             y = sums[channel, lane] + sd * noise[channel, lane]

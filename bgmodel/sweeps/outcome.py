@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MANY_MISSED = 0.05
+"""Share of trials without a decision in time above which a point says so."""
 AT_ONCE = 20_000_000
 """Weights of trials in memory at a time."""
 
@@ -53,6 +55,8 @@ def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
         return "the circuit decides without evidence"
     if values["decided"] < FEWEST_DECIDED:
         return f"fewer than {FEWEST_DECIDED} trials are decided in time"
+    if values["missed"] > MANY_MISSED:
+        return "many trials are not decided in time: accuracy and times are those of the others"
     return ""
 
 
@@ -69,7 +73,7 @@ def _weights(seed: int, trials: int) -> Iterator[Array]:
         left -= some
 
 
-@cache
+@lru_cache(maxsize=1)
 def _kept(seed: int, trials: int) -> Array:
     return resampled(trials, RESAMPLES, stream(seed, "bootstrap"))
 
@@ -106,7 +110,9 @@ def draw(plan: Plan, table: pd.DataFrame) -> Figure:
     few, most = table["trials"].min(), table["trials"].max()
     many = f"{most}" if few == most else f"{few} to {most}"
     bars = "; bars: 95 % interval, bootstrap" if len(axes) == 1 else ""
-    figure.suptitle(f"{plan.name or plan.circuit} ({many} trials a point{bars})", fontsize=9)
+    marked = "; *: see `said` in the table" if (table[SAID] != "").any() else ""
+    what = f"{many} trials per point{bars}{marked}"
+    figure.suptitle(f"{plan.name or plan.circuit} ({what})", fontsize=9)
     figure.tight_layout()
     return figure
 
@@ -127,6 +133,11 @@ def _label(key: str) -> str:
     )
 
 
+def _measure(name: str) -> str:
+    """Return a measure with its unit."""
+    return name.removesuffix("_ms") + " (ms)" if name.endswith("_ms") else name
+
+
 def _line(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: str) -> None:
     ((key, values),) = axes.items()
     place = _places(values)
@@ -142,17 +153,22 @@ def _line(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: 
     )
     if place != values:
         panel.set_xticks(place, [str(v) for v in values])
+    for x, y, said in zip(place, rows["value"], rows[SAID], strict=True):
+        if said and np.isfinite(y):
+            panel.annotate("*", (x, y), xytext=(4, 4), textcoords="offset points")
     panel.set_xlabel(_label(key))
-    panel.set_ylabel(measure)
+    panel.set_ylabel(_measure(measure))
 
 
 def _map(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: str) -> None:
     (down, rights), (across, values) = axes.items()
     seen = np.full((len(rights), len(values)), np.nan)
-    for first, second, value in rows[[down, across, "value"]].itertuples(index=False):
-        seen[rights.index(first), values.index(second)] = value
+    told = np.full(seen.shape, "", dtype=object)
+    for first, second, number, heard in rows[[down, across, "value", SAID]].itertuples(index=False):
+        place = rights.index(first), values.index(second)
+        seen[place], told[place] = number, "*" if heard else ""
     shown = panel.imshow(seen, origin="lower", aspect="auto", cmap="viridis")
-    panel.figure.colorbar(shown, ax=panel, label=measure)
+    panel.figure.colorbar(shown, ax=panel, label=_measure(measure))
     panel.set_xticks(range(len(values)), [str(v) for v in values])
     panel.set_yticks(range(len(rights)), [str(v) for v in rights])
     panel.set_xlabel(_label(across))
@@ -162,4 +178,5 @@ def _map(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: s
         for (row, column), value in np.ndenumerate(seen):
             text = f"{value:.{3 if abs(value) < 10 else 0}f}" if np.isfinite(value) else "-"
             colour = "w" if value < middle else "k"
+            text += str(told[row, column])
             panel.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache, cached_property
+from importlib.resources import files as resources
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -30,6 +31,8 @@ from circuits.table_files import is_path
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
 TASK = "task."
+HELD_OUT = Path(str(resources("bgmodel.data") / "held_out_taps.parquet"))
+"""The taps behind tactile tasks."""
 ROWS = ("add", "change", "without", "scale")
 """Edits of which there can be several."""
 Value = bool | int | float | str
@@ -80,6 +83,11 @@ class Setting:
         if self.task.evidence is not None:
             return _read(self.task).evidence.trials
         return self.task.trials
+
+    @property
+    def steps(self) -> int:
+        """Readings of the longest trial."""
+        return self.task.t_max if self.task.evidence is None else _read(self.task).evidence.steps
 
     @property
     def threshold_nats(self) -> float:
@@ -159,6 +167,8 @@ class Shard:
         task = {**of.task.used(), "trials": self.trials}
         if of.task.evidence is not None:
             task["evidence"] = files.checksum(of.task.evidence)
+        elif of.task.task != "gaussian":
+            task["taps"] = files.checksum(HELD_OUT)
         return {
             "circuit": identity(of.table),
             "engine": of.engine,
@@ -193,7 +203,7 @@ class Plan(Setting):
     """Values by key: every combination is a point, the last key changes fastest."""
     points: tuple[dict[str, Value], ...] = ()
     """The points one by one, instead of a grid; all have the same keys."""
-    show: tuple[str, ...] = ("accuracy", "mean_ms")
+    show: tuple[str, ...] = ("accuracy", "mean_ms", "missed")
     """Measures to draw."""
 
     def __post_init__(self) -> None:
@@ -240,7 +250,10 @@ class Plan(Setting):
 def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting:
     owner = f"the point {said(point)}"
     values = asdict(same)
-    for key, value in point.items():
+    for key, value in sorted(point.items(), key=lambda item: item[0] != "circuit"):
+        # As seen from the file that names them.
+        if key == "task.evidence" or (key == "circuit" and is_path(str(value))):
+            value = str(folder / str(value))
         if key.startswith(TASK):
             values["task"][key.removeprefix(TASK)] = value
         elif key in OWN:
@@ -248,12 +261,9 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
         elif key in OF_EDITS:
             values["edits"][key] = value
         else:
-            _add_edit(values["edits"], same, key, value, owner)
-    # As seen from the file that names them.
-    if is_path(values["circuit"]):
-        values["circuit"] = str(folder / values["circuit"])
+            _add_edit(values, key, value, owner)
     if values["task"]["evidence"] is not None:
-        values["task"]["evidence"] = str(folder / values["task"]["evidence"])
+        values["task"]["evidence"] = str(values["task"]["evidence"])
     found = toml_files.decoded(values, Setting, owner)
     try:
         found.check()
@@ -262,17 +272,19 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
     return found
 
 
-def _add_edit(edits: dict[str, Any], same: Setting, key: str, value: Value, owner: str) -> None:
+def _add_edit(values: dict[str, Any], key: str, value: Value, owner: str) -> None:
     """Add the edit that a key and a value say to those that every point has."""
     one = written(f"{key}={value}")
-    if one.without and key not in _nuclei(same.circuit):
+    if one.without and key not in _nuclei(values["circuit"]):
         of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
+        nuclei = ", ".join(sorted(_nuclei(values["circuit"])))
         raise ValueError(
             f"{owner}: there is no {key!r} to change; there are {', '.join((*OWN, *of_task))}, "
-            f"{', '.join(OF_EDITS)}, and edits such as STN, STN->GPe or STN.bias_nats"
+            f"{', '.join(OF_EDITS)}, the nuclei {nuclei}, and edits such as "
+            "STN->GPe or STN.bias_nats"
         )
     for name in ROWS:
-        edits[name] = (*edits[name], *getattr(one, name))
+        values["edits"][name] = (*values["edits"][name], *getattr(one, name))
 
 
 def said(point: Mapping[str, Value]) -> str:
@@ -291,4 +303,10 @@ def read_plan(file: str | Path) -> Plan:
     path = Path(file)
     if path.suffix != ".toml":
         raise ValueError(f"a sweep is a .toml file, got {str(file)!r}")
-    return toml_files.read(path, Plan)
+    found = toml_files.read(path, Plan)
+    # As seen from the file that names them.
+    if is_path(found.circuit):
+        found = replace(found, circuit=str(path.parent / found.circuit))
+    if found.task.evidence is None:
+        return found
+    return replace(found, task=replace(found.task, evidence=path.parent / found.task.evidence))

@@ -8,8 +8,9 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from dataclasses import replace
 from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from bgmodel import files
 from bgmodel.comparison.compare import Tradeoff
 from bgmodel.experiments.experiment import behaviour_of
 from bgmodel.experiments.measures import Behaviour
+from bgmodel.memory import NoMemoryError
 from bgmodel.sweeps.plan import BLOCK, Setting, Shard
 
 TRIAL_BYTES, SHARD_BYTES = 40, 20_000
@@ -59,12 +61,20 @@ def compute(shard: Shard, folder: Path) -> None:
         try:
             table = _decided(shard)
             heard = ""
+        except NoMemoryError:
+            raise  # that of this moment: no outcome
         except (ValueError, FloatingPointError) as error:
             table, heard = pd.DataFrame(), str(error)
+    if replace(shard).key != shard.key:
+        raise ValueError("the table of evidence was changed while the sweep ran: start it again")
     heard = heard or "; ".join(dict.fromkeys(str(w.message) for w in caught if _ours(w)))
-    files.write_table(
-        table, path_of(shard, folder), seed=shard.setting.seed, shard=shard.key, said=heard
-    )
+    path = path_of(shard, folder)
+    try:
+        files.write_table(table, path, seed=shard.setting.seed, shard=shard.key, said=heard)
+    except OSError as error:
+        raise ValueError(
+            f"{str(folder)!r} can't be written: {error.strerror}; finished shards stay"
+        ) from error
 
 
 def _ours(warning: warnings.WarningMessage) -> bool:
@@ -140,28 +150,25 @@ def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
                 f"another sweep is at work in {str(folder)!r}: wait for its end, or give another "
                 "folder"
             ) from None
+        except OSError:
+            pass  # a file system without locks: shards are whole, only work may be done twice
         if alone:
             files.remove_partial_files(folder)
         yield
 
 
 @contextmanager
-def processes(workers: int, folder: Path) -> Iterator[ProcessPoolExecutor]:
-    """Give processes that compute, one thread each; what waits is dropped at the end.
-
-    Raises
-    ------
-    ValueError
-        If the folder can't be written; finished shards stay.
-    """
+def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Give processes that compute, one thread each; after an error what they do is dropped."""
     os.environ.update(dict.fromkeys(THREADS, "1"))
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         try:
             yield pool
-        except OSError as error:
-            raise ValueError(
-                f"{str(folder)!r} can't be written: {error.strerror}; finished shards stay"
-            ) from error
+        except BaseException:
+            # What is under way is dropped: a shard is stored whole or not at all.
+            for child in active_children():
+                child.terminate()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
 

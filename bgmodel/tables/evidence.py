@@ -284,7 +284,7 @@ def _truth_of(
     unknown = sorted(set(truth) - set(names))
     if unknown or not _constant(truth, trial, first_row):
         raise ValueError(
-            f"truth must be one of {names} and the same in all rows of a trial, "
-            f"got {unknown[:5] or 'several in one trial'}"
+            f"truth must be one of {names} (the columns that begin with ll_) and the same in all "
+            f"rows of a trial, got {unknown[:5] or 'several in one trial'}"
         )
     return pd.Index(names).get_indexer(pd.Index(truth.iloc[first_row]))

@@ -193,6 +193,8 @@ function decided(trials, out, threshold) {
     for (let t = 0; t < trial.length; t++) {
       const values = out(trial[t]);
       const least = Math.min(...values);
+      // Without a fixed point nothing is known.
+      if (Number.isNaN(least)) return { accuracy: NaN, readings: NaN };
       if (least <= threshold + ROUNDING || t === trial.length - 1) {
         const equal = values.filter((value) => value <= least + ROUNDING).length;
         right += values[0] <= least + ROUNDING ? 1 / equal : 0;

@@ -6,7 +6,7 @@ const LABELS = { ctx: "cortex", D1: "striatum, D1", D2: "striatum, D2", STN: "ST
 const PATHS = [["ctx", "D1"], ["ctx", "D2"], ["ctx", "STN"], ["D1", "SNr", 1], ["D2", "GPe", 1], ["STN", "GPe"],
   ["STN", "SNr"], ["GPe", "STN", 1]];
 const COLOURS = ["var(--one)", "var(--two)", "var(--three)", "var(--four)"];
-const TASK = { seed: 2024, trials: 120, readings: 40 };
+const TASK = { seed: 2024, trials: 300, readings: 40 };
 const STEP_MS = 50, WIDTH = 84, HEIGHT = 70, MOST_HZ = 120;
 
 const byId = (id) => document.getElementById(id);
@@ -44,10 +44,13 @@ function drawNuclei(table, intact, total) {
   for (const [from, to, inhibits] of PATHS) {
     const [a, b] = [NUCLEI[from], NUCLEI[to]], back = b[0] < a[0];
     // Two paths between STN and GPe, and two into SNr, stand apart.
-    const shift = from === "GPe" ? 14 : from === "STN" && to === "GPe" ? -14 : 0;
-    const end = from === "D1" && to === "SNr" ? -18 : shift;
-    const x1 = back ? a[0] + shift : a[0] + WIDTH, x2 = back ? b[0] + WIDTH + shift : b[0];
-    svg += line(x1, a[1] + HEIGHT / 2 + shift, x2, b[1] + HEIGHT / 2 + end,
+    const loop = (from === "GPe" && to === "STN") || (from === "STN" && to === "GPe");
+    let [x1, y1, x2, y2] = [a[0] + WIDTH, a[1] + HEIGHT / 2, b[0], b[1] + HEIGHT / 2];
+    if (loop && back) [x1, y1, x2, y2] = [a[0], a[1] + 14, b[0] + WIDTH - 24, b[1] + HEIGHT];
+    if (loop && !back) [x1, y1, x2, y2] = [a[0] + WIDTH, a[1] + HEIGHT - 10, b[0] + 24, b[1] - 18];
+    if (from === "D1") y2 -= 18;
+    if (from === "D2") y2 += 14;
+    svg += line(x1, y1, x2, y2,
       `stroke="#888" stroke-width="1.5" marker-end="url(#${inhibits ? "dot" : "arrow"})"`);
   }
   for (const [name, [x, y]] of Object.entries(NUCLEI)) {
@@ -138,7 +141,7 @@ function warned(table, chosen) {
   return "";
 }
 
-const inWords = (one) => `accuracy ${one.accuracy.toFixed(2)} after ${(one.readings * STEP_MS).toFixed(0)} ms`;
+const inWords = (one) => Number.isNaN(one.accuracy) ? "no fixed point on the way" : `accuracy ${one.accuracy.toFixed(2)} after ${(one.readings * STEP_MS).toFixed(0)} ms`;
 
 let waiting = null;
 
@@ -149,6 +152,7 @@ function show() {
     output.textContent = ["STN", "GPe", "D1", "D2"].includes(id) ? `${Math.round(100 * value)} %` : value.toFixed(2);
   }
   byId("warning").textContent = warned(table, chosen);
+  byId("kappa").textContent = table.kappa;
   drawNuclei(table, intact, totals(Number(chosen.channels), chosen.lead, chosen.conflict));
   drawOut(table, intact, chosen);
   clearTimeout(waiting);
@@ -156,7 +160,7 @@ function show() {
     const found = simulated(table, intact, chosen);
     drawTradeoff(found);
     byId("said").textContent = `The circuit as changed: ${inWords(found.own)}. Intact: ${inWords(found.intact)}. ` +
-      `The optimal test at the same threshold: ${inWords(found.test)}.`;
+      `The MSPRT at its gain and threshold: ${inWords(found.test)}.`;
   }, 120);
 }
 

@@ -84,7 +84,7 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsy
     shown = capsys.readouterr().out
     assert re.search(r"intact +0.8 +by evidence", shown)
     assert re.search(r"ctx->STN=0.5 0.8 +without evidence", shown)
-    assert re.search(r"ctx->STN=0.5: unknown ms later", shown)
+    assert re.search(r"ctx->STN=0.5: too few accuracies", shown)
     assert "nan" not in shown
 
 

@@ -43,9 +43,19 @@ def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch)
 
 
 def test_a_circuit_that_decides_without_evidence_is_said_to(tmp_path):
-    _, table = swept(tmp_path, grid={"STN": (0.0, 1.0)}, engine="rate")
+    long = Stimuli(trials=80, t_max=120)
+    _, table = swept(tmp_path, grid={"STN": (0.0, 1.0)}, engine="rate", task=long)
     said = table.drop_duplicates("STN")["said"]
     assert list(said) == ["", "the circuit decides without evidence"]
+
+
+def test_missed_trials_are_said(tmp_path):
+    _, table = swept(tmp_path, grid={"posterior": (0.9,)}, task=Stimuli(trials=80, t_max=20))
+    missed = table[table["measure"] == "missed"]["value"].item()
+    assert 0.05 < missed < 0.75
+    assert set(table["said"]) == {
+        "many trials are not decided in time: accuracy and times are those of the others"
+    }
 
 
 def test_too_few_decisions_are_said(tmp_path):

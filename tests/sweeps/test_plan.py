@@ -8,6 +8,7 @@ import pytest
 from bgmodel.edits import Edits
 from bgmodel.sweeps.plan import BLOCK, Plan, read_plan
 from circuits.anatomy import circuit
+from circuits.table_files import write
 from tests.helpers import long_table, some_evidence
 
 
@@ -141,3 +142,19 @@ def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_pa
     assert [part.trials for part in parts] == [12, 12, 6]
     whole = np.concatenate([part.log_likelihood for part in parts])
     assert np.allclose(whole, shown.log_likelihood, atol=1e-6)
+
+
+def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_path, monkeypatch):
+    write(circuit("spiking_msprt", 2), tmp_path / "mine.toml")
+    monkeypatch.chdir("/")
+    for text in ("circuit = 'mine.toml'\n[grid]\nSTN = [0.1]", "grid = {circuit = ['mine.toml']}"):
+        (found,) = settings(tmp_path, text)
+        assert found.circuit == str(tmp_path / "mine.toml")
+    with pytest.raises(ValueError, match="there is no 'TRN' to change"):
+        settings(tmp_path, "[grid]\nTRN = [0.1]\ncircuit = ['mine.toml']")
+
+
+def test_a_tactile_task_depends_on_its_taps():
+    (found,) = Plan(grid={"task.task": ("same-different",)}).settings()
+    (shard,) = found.shards()
+    assert len(shard.key["task"]["taps"]) == 64

@@ -7,9 +7,11 @@ import pytest
 from bgmodel import files
 from bgmodel.decision import first_crossing
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.memory import NoMemoryError
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
+from tests.helpers import long_table, some_evidence
 
 TASK = Stimuli(trials=60, t_max=30)
 
@@ -115,7 +117,36 @@ def test_what_a_killed_run_left_half_written_goes_when_a_folder_is_held_alone(tm
         assert not left.exists()
 
 
-def test_a_full_disk_is_one_sentence(tmp_path):
-    says = "can't be written: No space left on device; finished shards stay"
-    with pytest.raises(ValueError, match=says), stored.processes(1, tmp_path):
+def test_a_full_disk_is_one_sentence_and_no_shard(tmp_path, monkeypatch):
+    (shard,) = one_setting().shards()
+
+    def full(*_, **__):
         raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(files, "write_table", full)
+    says = "can't be written: No space left on device; finished shards stay"
+    with pytest.raises(ValueError, match=says):
+        stored.compute(shard, tmp_path)
+    assert stored.state(shard, tmp_path) == "missing"
+
+
+def test_a_machine_short_of_memory_is_no_outcome(tmp_path, monkeypatch):
+    (shard,) = one_setting().shards()
+
+    def short(*_):
+        raise NoMemoryError("trials need 1 TB of memory, 1 GB are free")
+
+    monkeypatch.setattr(stored, "_decided", short)
+    with pytest.raises(NoMemoryError):
+        stored.compute(shard, tmp_path)
+    assert stored.state(shard, tmp_path) == "missing"
+
+
+def test_evidence_that_changes_under_way_is_no_outcome(tmp_path):
+    table = long_table(some_evidence(trials=30, hypotheses=2))
+    table.to_csv(tmp_path / "own.csv", index=False)
+    (shard,) = one_setting(task=Stimuli(evidence=tmp_path / "own.csv")).shards()
+    assert shard.key["task"]["evidence"]
+    table.iloc[::-1].to_csv(tmp_path / "own.csv", index=False)
+    with pytest.raises(ValueError, match="was changed while the sweep ran"):
+        stored.compute(shard, tmp_path)

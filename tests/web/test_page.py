@@ -62,7 +62,7 @@ def test_a_browser_says_what_the_script_computes(tmp_path):
     context = quickjs.Context()
     for script in re.findall(r"<script>(.*?)</script>", text, re.DOTALL)[:2]:
         context.eval(script)
-    task = {"seed": 2024, "trials": 120, "readings": 40, "dPrime": 0.5, "conflict": 0}
+    task = {"seed": 2024, "trials": 300, "readings": 40, "dPrime": 0.5, "conflict": 0}
     call = f"decided(walks(2, {json.dumps(task)}), circuitOut(TABLES['2']), -Math.log(0.82))"
     found = json.loads(context.eval(f"JSON.stringify({call})"))
     want = f"accuracy {found['accuracy']:.2f} after {found['readings'] * 50:.0f} ms"
