@@ -46,8 +46,8 @@ function drawNuclei(table, intact, total) {
     // Two paths between STN and GPe, and two into SNr, stand apart.
     const loop = (from === "GPe" && to === "STN") || (from === "STN" && to === "GPe");
     let [x1, y1, x2, y2] = [a[0] + WIDTH, a[1] + HEIGHT / 2, b[0], b[1] + HEIGHT / 2];
-    if (loop && back) [x1, y1, x2, y2] = [a[0], a[1] + 14, b[0] + WIDTH - 24, b[1] + HEIGHT];
-    if (loop && !back) [x1, y1, x2, y2] = [a[0] + WIDTH, a[1] + HEIGHT - 10, b[0] + 24, b[1] - 18];
+    if (loop && back) [x1, y1, x2, y2] = [a[0], a[1] + 20, b[0] + 30, b[1] + HEIGHT];
+    if (loop && !back) [x1, y1, x2, y2] = [a[0] + WIDTH, a[1] + HEIGHT - 12, b[0] + 56, b[1]];
     if (from === "D1") y2 -= 18;
     if (from === "D2") y2 += 14;
     svg += line(x1, y1, x2, y2,
@@ -55,7 +55,8 @@ function drawNuclei(table, intact, total) {
   }
   for (const [name, [x, y]] of Object.entries(NUCLEI)) {
     svg += `<rect x="${x}" y="${y}" width="${WIDTH}" height="${HEIGHT}" fill="#fff" stroke="#444" rx="4"/>`;
-    svg += `<text x="${x + WIDTH / 2}" y="${y - 5}" text-anchor="middle">${LABELS[name]}</text>`;
+    const above = y < 150 ? y - 5 : y + HEIGHT + 13;
+    svg += `<text x="${x + WIDTH / 2}" y="${above}" text-anchor="middle">${LABELS[name]}</text>`;
     if (own === null) continue;
     const rates = perNucleus(table, own, name), before = whole === null ? [] : perNucleus(intact, whole, name);
     const room = (WIDTH - 12) / rates.length;
@@ -75,7 +76,7 @@ function drawNuclei(table, intact, total) {
 
 // A small plot: lines {points, style} on axes with ticks.
 function plot(id, xs, ys, labels, body) {
-  const [left, right, top, bottom] = [42, 298, 10, 200];
+  const [left, right, top, bottom] = [48, 298, 10, 200];
   const px = (x) => left + ((x - xs[0]) / (xs[1] - xs[0])) * (right - left);
   const py = (y) => bottom - ((Math.min(Math.max(y, ys[0]), ys[1]) - ys[0]) / (ys[1] - ys[0])) * (bottom - top);
   let svg = line(left, bottom, right, bottom) + line(left, top, left, bottom);
