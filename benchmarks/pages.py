@@ -32,7 +32,7 @@ def templates(docs: Path = DOCS) -> list[Path]:
 
 
 def page_of(template: Path) -> Path:
-    """Return where the page of a template lies."""
+    """Return the path of the page of a template."""
     return template.with_name(template.name.removesuffix(".j2"))
 
 
@@ -73,7 +73,7 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 def said(behind: dict[str, Any]) -> str:
-    """Return what a table was made from, and whether its circuits are today's."""
+    """Return the origin of a table as text, and whether its circuits are today's."""
     parameters, version = behind["parameters"], behind["versions"]["bgmodel"]
     text = f"seed {behind['seed']}, version {version}"
     trials = parameters.get("trials")

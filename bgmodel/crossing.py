@@ -157,7 +157,7 @@ def tally_odds(
     log_likelihood: Reals, start: float, truth: Integers, bars: Array, readings: Integers,
     numbers: Integers,
 ) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64]]:  # fmt: skip
-    """Return what ``tally_all`` does of the SPRT: |Z| meets bars, rising, before a last of inf."""
+    """Return the sums of ``tally_all`` for the SPRT; bars on |Z| rise, the last is inf."""
     count = bars.shape[0] - 1
     correct = np.zeros(count + 1, np.int64)
     steps = np.zeros(count + 1)

@@ -111,7 +111,7 @@ class Decision(Facts):
     deadline_ms: Array
 
     def facts(self) -> dict[str, str]:
-        """Return how many decided, when, and what the deadline did."""
+        """Return the numbers of decided and forced trials, and the mean time."""
         *thresholds, trials = self.choice.shape
         found = {"thresholds": f"{thresholds[0]}"} if thresholds else {}
         decided = self.choice != UNDECIDED

@@ -61,7 +61,7 @@ class Demo:
     gain: float
 
     def said(self) -> str:
-        """Return what one sees, in a few sentences."""
+        """Return a description of the trial in a few sentences."""
         test, own = (_outcome(self.decisions[name]) for name in ("MSPRT", "circuit"))
         return (
             f"{self.evidence.hypotheses} alternatives, the first is true, a reading every "

@@ -15,7 +15,7 @@ class Facts:
     """Base of records that hold arrays: a printed array tells a reader nothing."""
 
     def facts(self) -> dict[str, str]:
-        """Return what a reader wants to know first, by names: shapes, units, a few means."""
+        """Return the first facts of a record by name: shapes, units, a few means."""
         raise NotImplementedError
 
     def __repr__(self) -> str:

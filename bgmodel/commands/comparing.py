@@ -57,7 +57,7 @@ class Comparison(Shows):
     seed: int = 0
 
     def _about(self, evidence: Evidence) -> dict[str, Any]:
-        """Return what JSON says beside the rows."""
+        """Return the JSON values beside the rows."""
         return {"trials": evidence.trials, "output": self.output}
 
 

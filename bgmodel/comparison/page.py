@@ -65,7 +65,7 @@ UNREACHED = (
 
 
 def _line(whole: pd.DataFrame) -> str:
-    """Return how much later decisions come, as a line over accuracies."""
+    """Return the extra time as text: offset and slope of a line over accuracies."""
     if whole["offset_ms"].isna()["value"]:
         return "too few accuracies from .85 to .98 are reached to say how much later it decides"
     late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")
