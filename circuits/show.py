@@ -95,7 +95,7 @@ def html(circuit: Circuit) -> str:
 
 
 def _head(circuit: Circuit) -> str:
-    """Return what holds for the whole circuit, in four lines."""
+    """Return the facts of the whole circuit, in four lines."""
     low, high = circuit.range_nats
     at_rest = (
         f"S = {circuit.reference_nats:.3g} nats at rest, works"

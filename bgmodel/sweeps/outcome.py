@@ -50,7 +50,7 @@ def measured(setting: Setting, folder: Path) -> pd.DataFrame:
 
 
 def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
-    """Return what must be known before any other measure is believed."""
+    """Return a caution about the other measures, or no text."""
     if reads_nothing(values["premature"], values["anticipatory"], foreperiod_ms):
         return "the circuit decides without evidence"
     if values["decided"] < FEWEST_DECIDED:
@@ -118,14 +118,14 @@ def draw(plan: Plan, table: pd.DataFrame) -> Figure:
 
 
 def _places(values: list[Any]) -> list[float]:
-    """Return where values stand on an axis: numbers at themselves, names one beside another."""
+    """Return the positions of values on an axis: numbers at themselves, names side by side."""
     if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
         return [float(v) for v in values]
     return [float(k) for k in range(len(values))]
 
 
 def _label(key: str) -> str:
-    """Return what a key's values are."""
+    """Return the axis label of a key."""
     if "." in key or " " in key:
         return key
     return (

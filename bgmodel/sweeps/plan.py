@@ -128,7 +128,7 @@ class Setting:
         return int(stream(self.seed, "sweep", first).integers(2**62))
 
     def shards(self) -> list[Shard]:
-        """Return what must be computed: blocks of trials."""
+        """Return the shards: blocks of trials to compute."""
         return [
             Shard(self, first, min(BLOCK, self.trials - first))
             for first in range(0, self.trials, BLOCK)

@@ -32,7 +32,7 @@ SAID = "said"
 
 
 def path_of(shard: Shard, folder: Path) -> Path:
-    """Return where a shard lies in the folder of a sweep."""
+    """Return the path of a shard in the folder of a sweep."""
     return folder / "shards" / f"{shard.name}.parquet"
 
 

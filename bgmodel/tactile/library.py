@@ -152,7 +152,7 @@ def contact_library(
 
 
 def to_solve(plan: LibraryPlan, cache_dir: str | Path | None = None) -> int:
-    """Return how many contacts a library must solve: none where its file is there."""
+    """Return the number of contacts that a library must solve; 0 if its file is there."""
     there = _place(plan, cache_dir).is_file()
     return 0 if there else sum(plan.solved_phases(period) for period in plan.periods_mm)
 

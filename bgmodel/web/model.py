@@ -28,7 +28,7 @@ def tables(name: str) -> dict[str, Any]:
 
 
 def plain(table: Circuit) -> dict[str, Any]:
-    """Return what a fixed point of one circuit depends on, as JSON holds it."""
+    """Return the numbers behind the fixed point of one circuit, as plain JSON values."""
     table.check_nats("the page's -ln P")
     for name in LESIONED:
         table.population(name)
