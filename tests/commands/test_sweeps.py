@@ -12,6 +12,8 @@ import pytest
 
 from bgmodel.files import read_provenance
 from bgmodel.sweeps import shards
+from circuits.anatomy import circuit
+from circuits.table_files import write
 from tests.helpers import ROOT, run
 
 SMALL = """
@@ -75,6 +77,22 @@ def test_parts_and_jobs_of_snakemake_give_the_same_bytes(small, tmp_path):
     assert run("sweep", small, tmp_path / "parts") == 0
     assert run("sweep", small, tmp_path / "jobs", "--on", "snakemake", "--parts", 2) == 0
     assert outcome(tmp_path / "whole") == outcome(tmp_path / "parts") == outcome(tmp_path / "jobs")
+
+
+def test_jobs_of_a_finished_sweep_run_again_where_the_circuit_was_edited(tmp_path, capfd):
+    table = circuit("spiking_msprt", 2)
+    write(table, tmp_path / "mine.toml")
+    path = tmp_path / "small.toml"
+    path.write_text("circuit = 'mine.toml'\nengine = 'algebra'\n[grid]\nposterior = [0.8]\n")
+    jobs = ("sweep", path, tmp_path / "jobs", "--on", "snakemake", "--parts", 1)
+    assert run(*jobs) == 0
+    capfd.readouterr()
+    assert run(*jobs, "--dry-run") == 0
+    assert "rule part:" not in "".join(capfd.readouterr())
+    (tmp_path / "mine.toml").unlink()
+    write(table.without("STN", 0.1), tmp_path / "mine.toml")
+    assert run(*jobs, "--dry-run") == 0
+    assert "rule part:" in "".join(capfd.readouterr())
 
 
 def test_a_dry_run_for_slurm_lists_its_jobs_and_does_nothing(small, tmp_path, capfd):
