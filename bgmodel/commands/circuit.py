@@ -83,8 +83,8 @@ class CircuitShow(Writes):
             with files.replacing(self.drawing) as beside:
                 figure.savefig(beside, format=self.drawing.suffix[1:], bbox_inches="tight")
         print(text(table))
-        if said := self.edits.said():
-            print(f"\nedited, in this order: {said}")
+        if edits := self.edits.text():
+            print(f"\nedited, in this order: {edits}")
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthere are no cells that spike")
         elif self.rest:
@@ -198,7 +198,7 @@ class CircuitRun(Writes):
 
             write_nwb(self._first(model, evidence, 1), self.nwb)
         if self.stimuli.evidence is not None:
-            print(trials.said())
+            print(trials.summary())
         known, seconds = evidence.truth is not None, time.perf_counter() - started
         self._say_decided(result, decision, known, seconds)
 

@@ -66,7 +66,8 @@ class Compare(Comparison):
     """Let a circuit and the MSPRT decide on the same evidence, and compare decision by decision.
 
     Thresholds are matched to equal accuracy. Two references, the MSPRT at the circuit's gain and
-    the full one; beside the circuit a decoder of its own cortical spikes, and the rivals.
+    the full one; beside the circuit a decoder of its own cortical spikes, and the rivals. An
+    edited circuit is also held to the intact one: each measure minus that of the intact circuit.
 
     Examples: bgmodel compare agreement.csv --channels 4;
     bgmodel compare tactile.csv --task same-different --period-mm 1.5;
@@ -77,6 +78,7 @@ class Compare(Comparison):
         """Run the command."""
         from bgmodel.comparison.circuits import compare_with_msprt
         from bgmodel.comparison.page import page
+        from circuits.anatomy import circuit
 
         model, evidence = _model(self)
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
@@ -84,13 +86,15 @@ class Compare(Comparison):
         rivals = rivals_on(zero_is_nothing=gaussian)
         if left := [name for name in RIVALS if name not in rivals]:
             say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
+        whole = circuit(self.circuit, evidence.hypotheses)
+        intact = None if model.circuit == whole else whole
+        runs = 1 if intact is None else 2
         # The circuit and its decoder are held to two references, each rival to one.
-        more_s = TABLE_S * (4 + len(rivals)) * evidence.trials
-        say_before("comparing", model, evidence, more_s=more_s)
-        with bar(evidence.trials):
-            table = compare_with_msprt(
-                model, evidence, seed=self.seed, rivals=rivals, accuracies=self.accuracies
-            )
+        more_s = TABLE_S * (4 * runs + len(rivals)) * evidence.trials
+        say_before("comparing", model, evidence, runs=runs, more_s=more_s)
+        given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
+        with bar(runs * evidence.trials):
+            table = compare_with_msprt(model, evidence, rivals=rivals, intact=intact, **given)
         files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         self.show(page(table), table, **self._about(evidence))
         self.note(f"{evidence.trials} trials -> {self.output}")
@@ -169,7 +173,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
             raise ValueError(f"accuracies must lie between 0 and 1, got {accuracy}")
     trials = stimuli.draw(asked_for.seed, "compare")
     if stimuli.evidence is not None:
-        asked_for.note(trials.said())
+        asked_for.note(trials.summary())
     evidence = trials.evidence
     check_trials(evidence.trials)
     if min(asked_for.accuracies) <= 1 / evidence.hypotheses + MARGIN:

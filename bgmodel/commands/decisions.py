@@ -102,7 +102,7 @@ class Decide(Shows):
         table = tables.trial_table(decision, trials, seed=seed, model=model)
         files.write_table(table, self.output, seed=seed, command=self._options())
         if self.evidence is not None:
-            self.note(trials.said())
+            self.note(trials.summary())
         say_of_trials(table, criterion="--posterior" if self.posterior else "--delta")
         self._show(table, known=evidence.truth is not None)
 

@@ -86,7 +86,7 @@ class CircuitLearn(Writes):
         self._check()
         trials = self.stimuli.draw(self.seed, "learn")
         if self.stimuli.evidence is not None:
-            print(trials.said())
+            print(trials.summary())
         evidence = trials.evidence
         model = self._model(evidence)
         threshold_nats = float(criterion_from_posterior(self.posterior, evidence.hypotheses))

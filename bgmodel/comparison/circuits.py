@@ -13,6 +13,7 @@ import pandas as pd
 from bgmodel.comparison.compare import (
     ACCURACIES,
     MARGIN,
+    MINUS_INTACT,
     RESAMPLES,
     Tradeoff,
     check_trials,
@@ -152,6 +153,7 @@ def compare_with_msprt(
     rivals: Sequence[str] | None = None,
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
+    intact: Circuit | None = None,
 ) -> pd.DataFrame:
     """Compare a circuit, its decoder and the rivals with the MSPRT, decision by decision.
 
@@ -167,12 +169,21 @@ def compare_with_msprt(
         Which of ``RIVALS``, as from ``rivals_on``; all if left out.
     accuracies, resamples :
         As in ``comparison.compare``.
+    intact : Circuit, optional
+        The circuit before it was edited. It decides on the same evidence with the same noise, and
+        rows of the model ``MINUS_INTACT`` hold the edited circuit's measures minus its own, with
+        the interval of the difference.
 
     Returns
     -------
     DataFrame
         The columns of ``comparison.compare``, and model and reference. Rivals are abstract, with
         no latency to take off, and are held to the full MSPRT alone.
+
+    Raises
+    ------
+    ValueError
+        If there are too few trials, or a circuit would decide without evidence.
     """
     check_trials(evidence.trials)
     model.warn_beyond_range(evidence)
@@ -185,6 +196,13 @@ def compare_with_msprt(
     for name in RIVALS if rivals is None else rivals:
         found[name] = tradeoff(RIVALS[name]().run(evidence), evidence)
         pairs.append((name, MSPRT))
+    before = None
+    if intact is not None:
+        levels = thresholds_of(intact, next(iter(tests.values())))
+        whole = replace(model, circuit=intact)
+        before = decide_at_thresholds(whole, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        found[MINUS_INTACT] = found[CIRCUIT]
+        pairs.append((MINUS_INTACT, next(iter(tests))))
     parts = []
     for name, reference in pairs:
         table = compare(
@@ -192,6 +210,7 @@ def compare_with_msprt(
             found[name],
             rng=stream(seed, "bootstrap"),
             truth=evidence.truth,
+            minus=before if name == MINUS_INTACT else None,
             latency_ms=0.0 if name in RIVALS else None,
             accuracies=accuracies,
             resamples=resamples,

@@ -32,6 +32,8 @@ WITHOUT_EVIDENCE_SHARE = 0.5
 foreperiod, decides without evidence: its other measures say nothing of decisions."""
 MOST_FORCED = 0.5
 """Share of trials that the deadline may decide where thresholds are compared."""
+MINUS_INTACT = "circuit minus intact"
+"""The model in rows that hold an edited circuit's measures minus the intact circuit's."""
 MARGIN = 0.01
 """Accuracies are called equivalent if their difference lies within this, with 95 % confidence."""
 

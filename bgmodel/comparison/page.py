@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.compare import MARGIN, MOST_FORCED, equivalent, shown
+from bgmodel.comparison.compare import MARGIN, MINUS_INTACT, MOST_FORCED, equivalent, shown
 
 
 def behaviour(table: pd.DataFrame) -> str:
@@ -23,8 +23,8 @@ def behaviour(table: pd.DataFrame) -> str:
     wide = fixed.pivot(index=["variant", "accuracy"], columns="measure", values="value")
     wide = wide.loc[list(rows.itertuples(index=False, name=None))]
     blind, late = wide.pop("without_evidence"), wide["forced"] > MOST_FORCED
-    said = [NOT_REACHED, "without evidence", "mostly at the deadline"]
-    wide.insert(0, "decides", np.select([blind.isna(), blind > 0, late], said, "by evidence"))
+    ways = [NOT_REACHED, "without evidence", "mostly at the deadline"]
+    wide.insert(0, "decides", np.select([blind.isna(), blind > 0, late], ways, "by evidence"))
     wide = wide.rename_axis(columns=None)
     forms = {name: _plain(".0f" if name.endswith("_ms") else ".3f") for name in wide.columns[1:]}
     legend = "mean_ms in ms; the other numbers are shares of trials"
@@ -37,7 +37,10 @@ def _plain(form: str) -> Callable[[float], str]:
 
 
 def page(table: pd.DataFrame) -> str:
-    """Return a comparison as text, a column an accuracy, 95 % intervals in brackets.
+    """Return a comparison as text, one column per accuracy, 95 % intervals in brackets.
+
+    Each row ends with the measure's name in the table, in round brackets. What is unknown is
+    explained below.
 
     Parameters
     ----------
@@ -45,16 +48,21 @@ def page(table: pd.DataFrame) -> str:
         As from ``compare_with_msprt`` or, of the kind "value", from ``compare_edits``.
     """
     by = [name for name in ("reference", "model", "variant") if name in table]
-    parts = ["value [95 % interval, by a bootstrap over trials]\n"]
+    parts = ["value [95 % interval, by a bootstrap over trials] (name in the table)\n"]
     for names, part in table.groupby(by, sort=False):
         whole = part[part["accuracy"].isna()].set_index("measure").T
         same = equivalent(part)
-        columns = {f"at {accuracy:g}": _column(part, accuracy, same) for accuracy in same.index}
+        change = MINUS_INTACT in names
+        columns = {
+            f"at {accuracy:g}": _column(part, accuracy, None if change else bool(same[accuracy]))
+            for accuracy in same.index
+        }
         what = ", ".join(map(str, names))
-        parts.append(f"{what}: {_line(whole)}")
+        parts.append(f"{what}: {_line(whole, change)}")
         parts.append(pd.DataFrame(columns).fillna("").to_string() + "\n")
     text = "\n".join(parts).rstrip()
-    return f"{text}\n\n{UNREACHED}" if NOT_REACHED in text else text
+    reasons = [*([UNREACHED] if NOT_REACHED in text else []), *_reasons(table)]
+    return "\n".join([text, "", *reasons] if reasons else [text])
 
 
 NOT_REACHED = "not reached"
@@ -64,13 +72,45 @@ UNREACHED = (
 )
 
 
-def _line(whole: pd.DataFrame) -> str:
+UNKNOWN = {
+    "error_agreement": "the reference errs in none of these trials: give more",
+    "pearson_r": "all times are equal",
+    "extra_ms": (
+        "an accuracy is reached within .01, but not passed, so that the time at just this one is "
+        "not known: ask for a lower accuracy (--accuracies), or give more readings"
+    ),
+    "accuracy_gap": (
+        "in equal time the accuracy lies beyond those that thresholds give: ask for other "
+        "accuracies (--accuracies), or give more readings"
+    ),
+}
+"""Why a measure may be unknown at an accuracy that is reached."""
+NO_INTERVAL = (
+    "[unknown]: more than 5 % of the bootstrap's resamples have no value; give more trials"
+)
+
+
+def _reasons(table: pd.DataFrame) -> list[str]:
+    """Return why measures are unknown at accuracies that are reached, a line per measure."""
+    at = table[table["accuracy"].notna() & table["measure"].isin(SHOWN)]
+    by = [name for name in ("reference", "model", "variant", "accuracy") if name in at]
+    at = at[at.groupby(by)["value"].transform(lambda values: values.notna().any())]
+    lost = set(at.loc[at["value"].isna(), "measure"])
+    found = [f"{SHOWN[name][0]} unknown: {why}" for name, why in UNKNOWN.items() if name in lost]
+    loose = (at["value"].notna() & at["low"].isna()).any()
+    return [*found, NO_INTERVAL] if loose else found
+
+
+def _line(whole: pd.DataFrame, change: bool) -> str:
     """Return the extra time as text: offset and slope of a line over accuracies."""
     if whole["offset_ms"].isna()["value"]:
         return "too few accuracies from .85 to .98 are reached to say how much later it decides"
     late, slope = _cell(whole["offset_ms"], ".0f"), _cell(whole["slope"], ".3f")
+    if change:
+        return f"offset_ms {late}, slope {slope}: how far each differs from the intact circuit's"
     return (
-        f"{late} ms later, and {slope} of the reference's time (a line over accuracies .85 to .98)"
+        f"{late} ms (offset_ms) later, and {slope} (slope) of the reference's time (a line over "
+        "accuracies .85 to .98)"
     )
 
 
@@ -86,14 +126,16 @@ SHOWN = {
 """Measures at an accuracy: what ``page`` calls them, and how it prints them."""
 
 
-def _column(part: pd.DataFrame, accuracy: float, same: pd.Series) -> dict[str, str]:
-    """Return what is shown at one accuracy."""
+def _column(part: pd.DataFrame, accuracy: float, same: bool | None) -> dict[str, str]:
+    """Return what is shown at one accuracy; same says whether accuracies are equivalent there."""
     here = part[part["accuracy"] == accuracy].set_index("measure").T
-    measures = {m: name for m, (name, _) in SHOWN.items() if m in here}
+    measures = {m: f"{name} ({m})" for m, (name, _) in SHOWN.items() if m in here}
     if here.loc["value"].isna().all():
         return dict.fromkeys(measures.values(), NOT_REACHED)
     known = {name: _cell(here[m], SHOWN[m][1]) for m, name in measures.items()}
-    return known | {f"equal within {MARGIN:g}": "yes" if same[accuracy] else "not established"}
+    if same is None:
+        return known
+    return known | {f"equal within {MARGIN:g}": "yes" if same else "not established"}
 
 
 def _cell(row: pd.Series, form: str) -> str:

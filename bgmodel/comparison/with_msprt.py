@@ -28,6 +28,7 @@ def compare(
     rivals: Sequence[str] = (),
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
+    intact: Circuit | None = None,
 ) -> pd.DataFrame:
     """Compare a circuit with the MSPRT on the same evidence, decision by decision.
 
@@ -53,6 +54,9 @@ def compare(
         Expected accuracies at which thresholds are matched.
     resamples : int
         Of the bootstrap.
+    intact : Circuit, optional
+        The circuit before it was edited: the differences from it, with intervals, become rows of
+        the model "circuit minus intact".
 
     Returns
     -------
@@ -72,7 +76,13 @@ def compare(
     table = named(circuit, evidence.hypotheses) if isinstance(circuit, str) else circuit
     model = model_of(table, evidence, engine=engine, gain=gain, seed=seed, workers=workers)
     return compare_with_msprt(
-        model, evidence, seed=seed, rivals=rivals, accuracies=accuracies, resamples=resamples
+        model,
+        evidence,
+        seed=seed,
+        rivals=rivals,
+        accuracies=accuracies,
+        resamples=resamples,
+        intact=intact,
     )
 
 

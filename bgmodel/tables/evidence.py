@@ -21,6 +21,8 @@ KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""
 OURS = (*KEYS, "step", "truth")
 """Columns of an evidence table that mean something, beside ``ll_<hypothesis>``."""
+DECIMAL_SIGN = "is the decimal sign a comma? It must be a point"
+COMMA = re.compile(r"\s*[+-]?\d+,\d+\s*")
 MOST_NATS = 1e6
 """Beyond, sums of log-likelihoods lose what tells hypotheses apart."""
 
@@ -123,6 +125,11 @@ def _read_csv(path: Path) -> pd.DataFrame:
             header = next(csv.reader(stream), [])
         if not any(header):
             raise ValueError("the first line is blank, it must name the columns")
+        if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
+            raise ValueError(
+                f"its columns are separated by {other!r}: write commas between columns, and a "
+                "point as the decimal sign"
+            )
         twice = sorted({name for name in header if name and header.count(name) > 1})
         if twice:
             raise ValueError(f"the header has {', '.join(twice)} twice")
@@ -139,8 +146,12 @@ def _read_csv(path: Path) -> pd.DataFrame:
                 index_col=False,
                 encoding="utf-8-sig",
             )
-    except pd.errors.ParserWarning:
-        raise ValueError(f"{str(path)!r}: a row has more cells than the header names") from None
+    except (pd.errors.ParserWarning, pd.errors.ParserError):
+        raise ValueError(
+            f"{str(path)!r}: a row has more cells than the header names ({DECIMAL_SIGN})"
+        ) from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{str(path)!r} can't be read as .csv: it is no text in UTF-8") from None
     except (OSError, ValueError, csv.Error) as error:
         reason = str(error).strip().splitlines()[0]
         raise ValueError(f"{str(path)!r} can't be read as .csv: {reason}") from None
@@ -250,9 +261,10 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> npt.NDArray[np.float64]
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
         trial, step, value = (table[name].iloc[row] for name in ("trial", "step", columns[column]))
+        hint = f"; {DECIMAL_SIGN}" if COMMA.fullmatch(str(value)) else ""
         raise ValueError(
             f"{columns[column]} must be a finite number within +-{MOST_NATS:.0e} nats, got "
-            f"{str(value)!r} at trial {trial}, step {step} ({wrong.sum()} such values)"
+            f"{str(value)!r} at trial {trial}, step {step} ({wrong.sum()} such values){hint}"
         )
     return values
 
@@ -282,9 +294,13 @@ def _truth_of(
 ) -> npt.NDArray[np.intp]:
     truth = table["truth"].map(str).astype(object)
     unknown = sorted(set(truth) - set(names))
-    if unknown or not _constant(truth, trial, first_row):
+    codes = pd.factorize(truth)[0]
+    wrong = ~truth.isin(names).to_numpy() if unknown else codes != codes[first_row][trial]
+    if wrong.any():
+        row = int(np.argmax(wrong))
         raise ValueError(
             f"truth must be one of {names} (the columns that begin with ll_) and the same in all "
-            f"rows of a trial, got {unknown[:5] or 'several in one trial'}"
+            f"rows of a trial, got {unknown[:5] or 'several in one trial'}, first "
+            f"{truth.iloc[row]!r} in row {row} ({wrong.sum()} such rows)"
         )
     return pd.Index(names).get_indexer(pd.Index(truth.iloc[first_row]))

@@ -52,7 +52,7 @@ class Trials:
         columns = self.columns[chosen].reset_index(drop=True) if len(self.columns) else self.columns
         return replace(self, evidence=self.evidence[chosen], columns=columns)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         """Return one sentence: trials, readings, hypotheses, and what was left out."""
         few, many = self.evidence.readings.min(), self.evidence.readings.max()
         readings = f"{few}" if few == many else f"{few} to {many}"

@@ -27,7 +27,7 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     assert out.read_bytes() == again.read_bytes()
     algebra = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
     assert run("compare", out, *algebra) == 0
-    assert re.search(r"same choice +1\.000", capsys.readouterr().out)
+    assert re.search(r"same choice \(agreement\) +1\.000", capsys.readouterr().out)
 
 
 def test_a_comparison_says_before_it_starts_how_long_it_takes(tmp_path, capsys, monkeypatch):
@@ -155,3 +155,23 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
     little = ("--trials", 20, "--t-max", 1, "--levels", 2, "--period-mm", 1)
     assert run("circuit", "learn", tmp_path / "c.csv", *little) == 2
     assert "the deadline decides most trials at every level" in capsys.readouterr().err
+
+
+def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
+    small = ("--engine", "algebra", "--trials", 200, "--accuracies", 0.9)
+    assert run("compare", tmp_path / "a.csv", *small, "--edits.without", "STN=0.1") == 0
+    shown = capsys.readouterr().out
+    assert "MSPRT at its gain, circuit minus intact: offset_ms" in shown
+    found = pd.read_csv(tmp_path / "a.csv").query("reference == 'MSPRT at its gain'")
+    values = found.pivot(index=["accuracy", "measure"], columns="model", values="value")
+    assert run("compare", tmp_path / "b.csv", *small) == 0
+    assert "minus intact" not in capsys.readouterr().out
+    intact = pd.read_csv(tmp_path / "b.csv").query("reference == 'MSPRT at its gain'")
+    intact = intact[intact["model"] == "circuit"].set_index(["accuracy", "measure"])["value"]
+    change = (values["circuit"] - intact).reindex(values.index)
+    np.testing.assert_allclose(values["circuit minus intact"], change, atol=1e-9)
+    assert (
+        found.query("model == 'circuit minus intact' and measure == 'extra_ms'")["low"]
+        .notna()
+        .all()
+    )

@@ -137,3 +137,14 @@ def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
         # What the table says of its own cells.
         assert abs(found.loc["ctx", "interval_cv"] - 0.5) < 0.1
         assert abs(found.loc["STN", "interval_cv"] - 0.3) < 0.1
+
+
+def test_a_page_names_measures_as_the_table_does_and_explains_what_is_unknown(table):
+    shown = page(table)
+    for measure in ("agreement", "pearson_r", "extra_ms", "accuracy_gap", "offset_ms", "slope"):
+        assert f"({measure})" in shown
+    late = table.assign(value=table["value"].where(table["measure"] != "extra_ms"))
+    assert "later, ms unknown: an accuracy is reached within .01, but not passed" in page(late)
+    assert "unknown" not in page(table.assign(value=table["value"].fillna(1), low=0, high=1))
+    loose = table.assign(low=table["low"].where(table["measure"] != "extra_ms"))
+    assert "[unknown]: more than 5 % of the bootstrap's resamples" in page(loose)

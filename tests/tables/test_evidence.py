@@ -26,7 +26,7 @@ def test_a_users_table_gives_back_the_evidence():
     assert blind.evidence.truth is None
     decided = trial_table(first_crossing(Msprt().run(blind.evidence), 0.1), blind, model="msprt")
     assert decided["correct"].isna().all()
-    assert back.said() == "read 7 trials of 4 readings, hypotheses a, b, c"
+    assert back.summary() == "read 7 trials of 4 readings, hypotheses a, b, c"
 
 
 IDS = {
@@ -172,9 +172,10 @@ BAD = {
         {"ll_a": object}
     ).assign(ll_a=lambda t: t["ll_a"].where(t.index != 1, "abc")),
     r"ll_b must be .* got 'nan' at trial 0, step 0 \(28 such": changed("ll_b", np.nan),
-    "truth must be one of": changed("truth", "z"),
-    "same in all rows of a trial, got several": lambda good: good.assign(
-        truth=np.where(good.index == 1, "b", "a")
+    r"truth must be one of .* first 'z' in row 0 \(28 such rows\)": changed("truth", "z"),
+    "first 'z' in row 9": lambda good: good.assign(truth=good["truth"].where(good.index != 9, "z")),
+    "same in all rows of a trial, got several in one trial, first 'b' in row 1": lambda good: (
+        good.assign(truth=np.where(good.index == 1, "b", "a"))
     ),
     "'LL_a' is no hypothesis": lambda good: good.rename(columns={"ll_a": "LL_a"}),
     "'ll_' is no hypothesis": changed("ll_", 0.0),
@@ -214,7 +215,12 @@ def test_bad_tables_get_one_clear_sentence(says):
         ("trial,step,ll_a,ll_b\n0,0,1,2,3\n", "a row has more cells than the header"),
         ("\ntrial,step,ll_a,ll_b\n007,0,1,2\n", "the first line is blank"),
         ("\ufeff\r\ntrial,step,ll_a,ll_b\r\n007,0,1,2\r\n", "the first line is blank"),
-        ("trial;step;ll_a;ll_b\n0;0;1;2\n", "needs the columns trial, step"),
+        ("trial;step;ll_a;ll_b\n0;0;1;2\n", "columns are separated by ';': write commas"),
+        ("trial;step;ll_a;ll_b\n0;0;1,5;2,5\n", "separated by ';'.*a point as the decimal sign"),
+        ("trial\tstep\tll_a\tll_b\n0\t0\t1\t2\n", "columns are separated by"),
+        ("trial,step,ll_a,ll_b\n0,0,1,5,2,5\n", "decimal sign a comma"),
+        ("trial,step,ll_a,ll_b\n0,0,1,2\n0,1,1,5,2,5\n", "decimal sign a comma"),
+        ('trial,step,ll_a,ll_b\n0,0,"-1,5",2\n', "got '-1,5'.*decimal sign a comma"),
         ("", "can't be read as .csv"),
         ("trial,step,ll_a,ll_b\n", "at least one trial"),
         ("trial,step,ll_a,ll_b\n0,0,1,\n", "ll_b must be a finite number"),
@@ -228,6 +234,13 @@ def test_bad_csv_gets_one_sentence_with_its_name(tmp_path, text, says):
     with pytest.raises(ValueError, match=says) as raised:
         read_trials(path)
     assert "mine.csv" in str(raised.value)
+
+
+def test_a_csv_that_is_no_utf8_gets_one_sentence(tmp_path):
+    path = tmp_path / "mine.csv"
+    path.write_bytes("trial,step,ll_a,ll_b\nübung,0,1,2\n".encode("latin-1"))
+    with pytest.raises(ValueError, match="it is no text in UTF-8"):
+        read_trials(path)
 
 
 def test_the_same_trial_number_of_two_participants_is_two_trials():
