@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
+from numba.core import event
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -20,3 +21,37 @@ def inlined(function: Function) -> Function:
     """Compile a function into each that calls it."""
     made: Function = numba.njit(cache=True, nogil=True, inline="always")(function)
     return made
+
+
+class _Listener(event.Listener):  # type: ignore[misc]
+    """Calls a function when the first function of the circuits' engines is compiled."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self.call: Callable[[], None] | None = call
+
+    def on_start(self, event: Any) -> None:
+        """Call once; what was kept on disk starts no such event."""
+        module = str(getattr(event.data.get("dispatcher"), "__module__", ""))
+        if self.call is not None and module.startswith("circuits."):
+            call, self.call = self.call, None
+            call()
+
+    def on_end(self, event: Any) -> None:
+        """Do nothing."""
+
+
+def on_compiling(call: Callable[[], None]) -> None:
+    """Call a function when an engine of the circuits is compiled, once, before that takes long.
+
+    Parameters
+    ----------
+    call : function
+        Without arguments. It replaces the one of an earlier call.
+    """
+    if _LISTENERS:
+        event.unregister("numba:compile", _LISTENERS.pop())
+    _LISTENERS.append(_Listener(call))
+    event.register("numba:compile", _LISTENERS[-1])
+
+
+_LISTENERS: list[_Listener] = []

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
 
-COMPILES = "the first run of a kind of circuit compiles: half a minute or less"
-"""What a command says before it runs the ensemble engine."""
+COMPILES = "compiling, once for this kind of circuit: half a minute or less"
+"""What a command says when an engine compiles, which is kept on disk."""
 SOON_S = 2.0
 """A run that takes no longer than this is not announced, s."""
 OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
@@ -185,11 +185,14 @@ def say_before(
     more_s : float
         Time of what is computed beside, s.
     """
+    from bgmodel.compiling import on_compiling
+    from circuits.engines import THREADED
+
     at_once, steps = model.batch(evidence), evidence.steps + 1
     model.check_memory(at_once, steps, evidence.step_ms)
     seconds = runs * model.seconds(evidence.trials, evidence.steps, evidence.step_ms)
-    if model.engine == "ensemble":
-        say(COMPILES)
+    if model.engine in THREADED:
+        on_compiling(lambda: say(COMPILES))
     each_s = steps * evidence.step_ms / 1000
     circuits = f"{runs:.0f} circuits, " if runs > 1 else ""
     early = ", less where trials decide early" if seconds > more_s else ""
