@@ -95,9 +95,10 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
 
     Asking for help ends the program, as tyro does it.
     """
-    said = io.StringIO()
+    _check_named(sys.argv[1:] if arguments is None else arguments)
+    printed = io.StringIO()
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(printed):
             command: Callable[[], None] = tyro.cli(
                 choices(COMMANDS),
                 prog="bgmodel",
@@ -108,8 +109,27 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
             return command
     except SystemExit as stop:
         if stop.code == 2:
-            raise ValueError(_sentence(said.getvalue())) from None
+            raise ValueError(_sentence(printed.getvalue())) from None
         raise
+
+
+def _check_named(arguments: Sequence[str]) -> None:
+    """Raise ValueError if help is asked of a command that there is not: tyro would show another."""
+    commands: Any = COMMANDS
+    before = "bgmodel"
+    if not {"-h", "--help"} & {*arguments}:
+        return
+    for word in arguments:
+        if word.startswith("-") or not isinstance(commands, Mapping):
+            return
+        if word not in commands:
+            other = f" (but there is `bgmodel {word}`)" if word in COMMANDS else ""
+            raise ValueError(
+                f"there is no command `{before} {word}`{other}; there are "
+                f"{', '.join(f'`{before} {name}`' for name in commands)}"
+            )
+        before, commands = f"{before} {word}", commands[word]
+        commands = commands[1] if isinstance(commands, tuple) else None
 
 
 def _registry() -> ConstructorRegistry:
@@ -161,11 +181,11 @@ def _sentence(box: str) -> str:
     title = 0 if box.lstrip().startswith("╭") else 1
     parts = re.split(r"[─-]{3,}", " ".join(lines))[title:]
     kept = [parts[0].split("Got errors:")[0], *(p for p in parts[1:] if "Available" in p)]
-    said = re.sub(r"(__tyro-dummy-inner__\.)+", "--", " ".join(kept))
-    said = re.sub(r"\s+", " ", said).strip().rstrip(".")
-    said = re.sub(r"^Error parsing --(\S+): it must", r"\1 must", said)
-    said = re.sub(r"^Error parsing \[.*?\]: it must", "the name must", said)
-    return f"{said} (bgmodel COMMAND --help lists the options)"
+    text = re.sub(r"(__tyro-dummy-inner__\.)+", "--", " ".join(kept))
+    text = re.sub(r"\s+", " ", text).strip().rstrip(".")
+    text = re.sub(r"^Error parsing --(\S+): it must", r"\1 must", text)
+    text = re.sub(r"^Error parsing \[.*?\]: it must", "the name must", text)
+    return f"{text} (bgmodel COMMAND --help lists the options)"
 
 
 @contextmanager

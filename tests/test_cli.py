@@ -251,3 +251,28 @@ def test_help_has_examples_and_starts_quickly_without_torch():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("Example") == len(COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (
+            ["circuit", "decide", "--help"],
+            "there is no command `bgmodel circuit decide` (but there is `bgmodel decide`); there "
+            "are `bgmodel circuit show`",
+        ),
+        (["decided", "-h"], "there is no command `bgmodel decided`; there are `bgmodel demo`"),
+    ],
+)
+def test_help_on_a_command_that_there_is_not_says_so(capsys, arguments, says):
+    assert main(arguments) == 2
+    told = capsys.readouterr()
+    assert says in told.err
+    assert not told.out
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["circuit", "--help"], ["decide", "x", "-h"]])
+def test_help_on_what_there_is_is_shown(capsys, arguments):
+    with pytest.raises(SystemExit):
+        main(arguments)
+    assert "usage: bgmodel" in capsys.readouterr().out

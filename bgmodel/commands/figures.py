@@ -91,8 +91,8 @@ class Figures:
             f", about {MINUTES[self.fast]:g} minutes of CPU" if not (there or self.targets) else ""
         )
         print(
-            f"{len(asked)} figures go to {folder}, {len(there)} of them are there already{took}; "
-            "each is named when it is drawn",
+            f"figures to draw in {folder}: {len(asked)}, there already: {len(there)}{took}; each "
+            "is named when it is drawn",
             flush=True,
         )
 
