@@ -60,7 +60,7 @@ class Demo:
     readable_nats: float
     gain: float
 
-    def said(self) -> str:
+    def summary(self) -> str:
         """Return a description of the trial in a few sentences."""
         test, own = (_outcome(self.decisions[name]) for name in ("MSPRT", "circuit"))
         return (
@@ -89,7 +89,17 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
     seed : int
         Of the evidence and of the noise of cells.
     alternatives : int
-        Their number.
+        Their number, 2 to 12.
+
+    Returns
+    -------
+    Demo
+        The trial: evidence and OUT in nats, spikes in ms from the onset of evidence.
+
+    Raises
+    ------
+    ValueError
+        If the circuit does not take so many alternatives, or the seed is no whole number >= 0.
     """
     table = circuit("spiking_msprt", alternatives)
     evidence = gaussian_evidence(

@@ -52,11 +52,11 @@ class Edits:
         The sentence `applied` has them in the order in which they were made.
         """
         changed = self._changed()
-        return changed | ({"applied": self.said()} if changed else {})
+        return changed | ({"applied": self.text()} if changed else {})
 
-    def said(self) -> str:
+    def text(self) -> str:
         """Return the edits that change something, in the order in which they are made."""
-        return "; ".join(_said(name, value) for name, value in self._changed().items())
+        return "; ".join(_text(name, value) for name, value in self._changed().items())
 
     def _changed(self) -> dict[str, Any]:
         changed = (f for f in fields(self) if getattr(self, f.name) != f.default)
@@ -137,7 +137,7 @@ def _scaled(circuit: Circuit, edit: str) -> Circuit:
     return circuit.scaled(source.strip(), target.strip(), factor, channel)
 
 
-def _said(name: str, value: object) -> str:
+def _text(name: str, value: object) -> str:
     if value is True:
         return name
     return f"{name} {', '.join(value) if isinstance(value, tuple) else value}"

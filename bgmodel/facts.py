@@ -20,8 +20,8 @@ class Facts:
 
     def __repr__(self) -> str:
         """Return the facts in one line."""
-        said = ", ".join(f"{name} {value}" for name, value in self.facts().items())
-        return f"{type(self).__name__}({said})"
+        text = ", ".join(f"{name} {value}" for name, value in self.facts().items())
+        return f"{type(self).__name__}({text})"
 
     def _repr_html_(self) -> str:
         """Return the facts as a table, for a notebook."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from bgmodel.evidence import gaussian_evidence
 from bgmodel.memory import check_evidence_memory
 from bgmodel.seeds import stream
 from bgmodel.tables.trials import Trials
+
+Asked = TypeVar("Asked", bound=Any)
 
 
 @dataclass(frozen=True)
@@ -122,3 +124,39 @@ class Stimuli:
         readings = source(held_out_taps(), asked, period_mm=self.period_mm, fold=self.fold)
         drawn = readings.draw(self.trials, self.t_max, rng=rng, step_ms=self.step_ms)
         return Trials(drawn, list(asked.names))
+
+
+def circuit_seen_from(folder: Path, name: str) -> str:
+    """Return a circuit's name as it is, or its path as seen from the folder of the file naming it.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the file that names the circuit.
+    name : str
+        Name of a table, or the path of a .toml file.
+    """
+    from circuits.table_files import is_path
+
+    return str(folder / name) if is_path(name) else name
+
+
+def seen_from(folder: Path, asked: Asked) -> Asked:
+    """Return what a file asks for, with the files that it names looked for in its folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the file.
+    asked : dataclass
+        With the fields ``circuit``, a name or a path, and ``task``, a ``Stimuli``.
+
+    Returns
+    -------
+    dataclass
+        Of the same type; absolute paths stay.
+    """
+    found = replace(asked, circuit=circuit_seen_from(folder, asked.circuit))
+    if found.task.evidence is None:
+        return found
+    return replace(found, task=replace(found.task, evidence=folder / found.task.evidence))

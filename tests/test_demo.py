@@ -23,7 +23,7 @@ def test_its_decision_is_that_of_the_compiled_engine(found):
 
 
 def test_it_says_and_draws_both_decisions(found):
-    said, figure = found.said(), demos.draw(found)
+    said, figure = found.summary(), demos.draw(found)
     for name, decision in found.decisions.items():
         time_ms = decision.time_ms[0]
         assert f"chose alternative 1 (right) after {time_ms:.0f} ms" in said
@@ -40,7 +40,7 @@ def test_the_command_writes_a_picture_and_says_what_one_sees(found, tmp_path, mo
     monkeypatch.setattr(demos, "demo", lambda *_: found)
     assert run("demo", tmp_path / "demo.svg") == 0
     said = capsys.readouterr().out
-    assert found.said() in said
+    assert found.summary() in said
     assert said.endswith(f"-> {tmp_path / 'demo.svg'}\n")
     assert (tmp_path / "demo.svg").stat().st_size > 1000
     assert run("demo", tmp_path / "demo.svg") == 2

@@ -36,7 +36,7 @@ def test_the_example_of_every_edit_runs_and_edits(name, example):
     edits = toml_files.decoded(given, Edits, "example")
     assert name in given
     assert edits.apply(TABLE) != TABLE
-    assert edits.said().startswith(next(iter(given)))
+    assert edits.text().startswith(next(iter(given)))
 
 
 def at_the_terminal(*options):
@@ -67,11 +67,11 @@ def test_edits_are_made_in_the_order_of_their_fields():
     by_hand = by_hand.with_population("TRN", neurons=30).with_projection("D1", "GPe", weight=-0.3)
     by_hand = by_hand.without("TRN", 0.5).scaled("D1", "GPe", 0.5).dopamine(1.1)
     assert edits.apply(TABLE) == by_hand
-    assert edits.said() == (
+    assert edits.text() == (
         f"neurons 20; add {PATHWAY}, {NUCLEUS}; change STN.neurons=50, TRN.neurons=30, "
         "D1->GPe.weight=-0.3; without TRN=0.5; scale D1->GPe=0.5; dopamine 1.1"
     )
-    assert edits.used()["applied"] == edits.said()
+    assert edits.used()["applied"] == edits.text()
     assert list(edits.used())[:-1] == [f.name for f in fields(Edits) if f.name in edits.used()]
 
 
@@ -87,7 +87,7 @@ def test_edits_undone_leave_the_circuit(fraction, name):
 def test_no_edits_leave_the_circuit_and_say_nothing():
     assert Edits().apply(TABLE) is TABLE
     assert Edits().used() == {}
-    assert Edits().said() == ""
+    assert Edits().text() == ""
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,14 @@
 """Stimuli drawn for a circuit or a test."""
 
+from dataclasses import dataclass
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from bgmodel import stream
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.stimuli import Stimuli
+from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 
 
 def test_a_rival_rises_and_nothing_else():
@@ -21,3 +24,20 @@ def test_a_rival_rises_and_nothing_else():
     np.testing.assert_array_equal(plain.log_likelihood, same.log_likelihood)
     with pytest.raises(ValueError, match="conflict is for Gaussian evidence"):
         Stimuli(task="orientation", conflict=0.5).check()
+
+
+@dataclass(frozen=True)
+class Asked:
+    circuit: str
+    task: Stimuli
+
+
+def test_files_are_looked_for_beside_the_file_that_names_them():
+    folder = Path("studies")
+    named = seen_from(folder, Asked("appendix_b", Stimuli()))
+    assert named == Asked("appendix_b", Stimuli())
+    found = seen_from(folder, Asked("mine.toml", Stimuli(evidence=Path("own.csv"))))
+    assert found.circuit == circuit_seen_from(folder, "mine.toml") == str(folder / "mine.toml")
+    assert found.task.evidence == folder / "own.csv"
+    absolute = Path("/data/own.csv")
+    assert seen_from(folder, Asked("x", Stimuli(evidence=absolute))).task.evidence == absolute

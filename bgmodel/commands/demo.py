@@ -39,5 +39,5 @@ class DemoRun(Writes):
         figure = draw(found)
         with replacing(self.drawing) as partial:
             figure.savefig(partial, dpi=150, format=self.drawing.suffix[1:])
-        print(found.said())
+        print(found.summary())
         print(f"-> {self.drawing}")

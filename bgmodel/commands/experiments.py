@@ -62,12 +62,12 @@ class ExperimentRun(Shows):
         experiment.check_differs()
         self._check_apart(experiment.task.evidence)
         done = self._run(experiment)
-        said = self._outcomes(experiment, done)
+        rows = self._outcomes(experiment, done)
         if self.output is not None:
-            self._write(experiment, done, said)
+            self._write(experiment, done, rows)
         if experiment.task.evidence is not None:
-            self.note(done.given.said())
-        self._show(experiment, done, said)
+            self.note(done.given.summary())
+        self._show(experiment, done, rows)
 
     def _list(self) -> None:
         """Show the experiments that are shipped."""
@@ -113,11 +113,11 @@ class ExperimentRun(Shows):
         """Return the measures, and beside each that was predicted what came of it."""
         from bgmodel.experiments.outcomes import outcomes
 
-        said = outcomes(experiment, done.measures).assign(condition="change")
+        found = outcomes(experiment, done.measures).assign(condition="change")
         kept = ["condition", "measure", "direction", "at_least", "outcome"]
-        return done.measures.merge(said[kept], how="left", on=["condition", "measure"])
+        return done.measures.merge(found[kept], how="left", on=["condition", "measure"])
 
-    def _write(self, experiment: Experiment, done: Outcome, said: pd.DataFrame) -> None:
+    def _write(self, experiment: Experiment, done: Outcome, rows: pd.DataFrame) -> None:
         """Write measures and trials."""
         from bgmodel.integrators.basal_ganglia import identity
 
@@ -129,10 +129,10 @@ class ExperimentRun(Shows):
             "control": identity(control.circuit),
             "manipulation": identity(manipulation.circuit),
         }
-        files.write_table(said, self.output, **behind)
+        files.write_table(rows, self.output, **behind)
         files.write_table(done.trials, self._trials_path(), **behind)
 
-    def _show(self, experiment: Experiment, done: Outcome, said: pd.DataFrame) -> None:
+    def _show(self, experiment: Experiment, done: Outcome, rows: pd.DataFrame) -> None:
         """Show measures and outcomes."""
         from bgmodel.experiments.outcomes import page
 
@@ -140,7 +140,7 @@ class ExperimentRun(Shows):
         about = {"name": experiment.name, "source": experiment.source}
         about |= {"published": experiment.published}
         where = {"trials": trials, "output": self.output}
-        self.show(page(experiment, done.measures), said, **about, **where)
+        self.show(page(experiment, done.measures), rows, **about, **where)
         self.note(f"{trials} trials" + (f" -> {self.output}" if self.output is not None else ""))
 
     def _check_apart(self, evidence: Path | None) -> None:

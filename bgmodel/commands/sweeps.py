@@ -144,9 +144,9 @@ class SweepRun:
     @staticmethod
     def _say(plan: Plan, table: pd.DataFrame) -> None:
         """Say what was warned of, each sentence once, and show a short sweep's measures."""
-        heard = table.drop_duplicates(subset=list(plan.axes))["said"]
-        for text, count in heard[heard != ""].value_counts().items():
-            say(f"at {count} of {len(heard)} points: {text}")
+        remarks = table.drop_duplicates(subset=list(plan.axes))["remark"]
+        for text, count in remarks[remarks != ""].value_counts().items():
+            say(f"at {count} of {len(remarks)} points: {text}")
         if len(plan.each) <= 40:
             chosen = table[table["measure"].isin(plan.show)]
             wide = chosen.pivot_table(

@@ -30,8 +30,8 @@ MEASURES = {
     "missed": "share that does not decide in time",
     "decided": "number of trials that decide in time",
     "criterion": "mean posterior of what is chosen, at the decision",
-    "drift": "drift by EZ-diffusion, 1/s (s = .1); two alternatives",
-    "bound": "distance of its bounds (s = .1)",
+    "drift": "drift by EZ-diffusion, 1/s (noise s = .1 per root second); two alternatives",
+    "bound": "distance of its bounds, without unit (s = .1)",
     "non_decision_ms": "its time outside the decision, ms",
 }
 """Every measure, with its unit."""

@@ -14,7 +14,7 @@ from bgmodel.experiments.experiment import (
     WITHOUT,
     Experiment,
 )
-from bgmodel.experiments.measures import OF_DECIDED
+from bgmodel.experiments.measures import DIFFUSION_S, OF_DECIDED
 
 VERDICTS = {
     AGREES: "agrees",
@@ -23,6 +23,14 @@ VERDICTS = {
     WITHOUT: "decides without evidence, which is no agreement",
 }
 """What a page says of the model."""
+UNITS = (
+    (("mean_ms",), "_ms: ms"),
+    (("decided",), "decided: trials"),
+    (("criterion",), "criterion: a probability"),
+    (("drift",), f"drift: 1/s, bound: no unit (EZ-diffusion, noise s = {DIFFUSION_S:g} per √s)"),
+    (("accuracy",), "the others: shares of trials"),
+)
+"""Measures, and the unit that a page prints."""
 
 
 def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
@@ -55,10 +63,10 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for p in experiment.predictions:
         value, low, high = map(float, change.loc[p.measure].to_numpy())
-        said = WITHOUT if blind else p.outcome(low, high)
+        verdict = WITHOUT if blind else p.outcome(low, high)
         if not blind and few and p.measure in OF_DECIDED:
-            said = OPEN
-        rows.append((p.measure, p.direction, p.at_least, value, low, high, said))
+            verdict = OPEN
+        rows.append((p.measure, p.direction, p.at_least, value, low, high, verdict))
     names = ["measure", "direction", "at_least", "value", "low", "high", "outcome"]
     return pd.DataFrame(rows, columns=names)
 
@@ -87,7 +95,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
         if rows["value"].notna().any():
             cells = rows[["value", "low", "high"]].to_numpy()
             lines.append(f"{measure:<16}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
-    lines += ["", "predicted before the run:"]
+    lines += ["", _units(table), "", "predicted before the run:"]
     for measure, direction, at_least, *found, outcome in outcomes(experiment, table).to_numpy():
         by = "to within" if direction == "none" else "by"
         lines.append(
@@ -97,10 +105,17 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
+def _units(table: pd.DataFrame) -> str:
+    """Return the units of the measures that are known, as text."""
+    known = set(table.loc[table["value"].notna(), "measure"])
+    return "units: " + "; ".join(unit for names, unit in UNITS if {*names} & known)
+
+
 def _edits(experiment: Experiment) -> list[str]:
     """Return what is edited in each condition that is, in the order in which it is done."""
-    said = {"control": experiment.control.said(), "manipulation": experiment.manipulation.said()}
-    return [f"{condition}: {edits}" for condition, edits in said.items() if edits]
+    conditions = {"control": experiment.control, "manipulation": experiment.manipulation}
+    edits = {name: condition.text() for name, condition in conditions.items()}
+    return [f"{name}: {text}" for name, text in edits.items() if text]
 
 
 def _cell(measure: str, value: float, low: float, high: float) -> str:

@@ -12,41 +12,57 @@ import pandas as pd
 
 from bgmodel.arrays import Array
 from bgmodel.comparison.compare import RESAMPLES, interval, reads_nothing, resampled
-from bgmodel.experiments.experiment import FEWEST_DECIDED
+from bgmodel.experiments.experiment import FEWEST_DECIDED, MANY_MISSED
 from bgmodel.experiments.measures import MEASURES
 from bgmodel.seeds import stream
 from bgmodel.sweeps.plan import Plan, Setting
-from bgmodel.sweeps.shards import SAID, read
+from bgmodel.sweeps.shards import REMARK, read
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MANY_MISSED = 0.05
-"""Share of trials without a decision in time above which a point says so."""
 AT_ONCE = 20_000_000
 """Weights of trials in memory at a time."""
 
 
 def measured(setting: Setting, folder: Path) -> pd.DataFrame:
-    """Return the measures of one point: measure, value, low, high, trials, said.
+    """Return the measures of one point of a sweep.
 
-    Low and high are the 95 % interval, a bootstrap over trials, the same for points of one size.
+    Parameters
+    ----------
+    setting : Setting
+        The point.
+    folder : Path
+        Folder of the sweep; every shard of the point is there.
+
+    Returns
+    -------
+    DataFrame
+        One row per measure of ``MEASURES``: measure, value (times in ms, shares of trials), low and
+        high (95 % interval, a bootstrap over trials, the same for points of one size), trials, and
+        remark (a warning of the run, or why it ended; empty in nearly all). Values are NaN where
+        the circuit could not be run.
+
+    Raises
+    ------
+    ValueError
+        If a shard is missing or can't be read.
     """
-    behaviour, heard = read(setting, folder)
+    behaviour, remark = read(setting, folder)
     if behaviour is None:
         table = pd.DataFrame({"measure": list(MEASURES)}).assign(
             value=np.nan, low=np.nan, high=np.nan
         )
-        return table.assign(trials=0, **{SAID: heard})
+        return table.assign(trials=0, **{REMARK: remark})
     trials = len(behaviour.truth)
     found = [behaviour.measures(weights) for weights in _weights(setting.seed, trials)]
     joined = {name: np.concatenate([part[name] for part in found]) for name in MEASURES}
     rows = [(name, *interval(joined[name])) for name in MEASURES]
     table = pd.DataFrame(rows, columns=["measure", "value", "low", "high"])
     values = {name: float(joined[name][0]) for name in MEASURES}
-    heard = "; ".join(text for text in (heard, _caution(values, setting.foreperiod_ms)) if text)
-    return table.assign(trials=trials, **{SAID: heard})
+    remark = "; ".join(text for text in (remark, _caution(values, setting.foreperiod_ms)) if text)
+    return table.assign(trials=trials, **{REMARK: remark})
 
 
 def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
@@ -79,7 +95,25 @@ def _kept(seed: int, trials: int) -> Array:
 
 
 def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
-    """Return one table: a column per key that changes, then those of ``measured``."""
+    """Return the measures of all points as one table.
+
+    Parameters
+    ----------
+    plan : Plan
+        The sweep.
+    tables : list of DataFrame
+        As from ``measured``, one per point, in the plan's order; each gets its columns of keys.
+
+    Returns
+    -------
+    DataFrame
+        A column per key that changes, then the columns of ``measured``.
+
+    Raises
+    ------
+    ValueError
+        If there is not one table per point.
+    """
     whole = []
     for point, table in zip(plan.each, tables, strict=True):
         for place, (key, value) in enumerate(point.items()):
@@ -110,7 +144,7 @@ def draw(plan: Plan, table: pd.DataFrame) -> Figure:
     few, most = table["trials"].min(), table["trials"].max()
     many = f"{most}" if few == most else f"{few} to {most}"
     bars = "; bars: 95 % interval, bootstrap" if len(axes) == 1 else ""
-    marked = "; *: see `said` in the table" if (table[SAID] != "").any() else ""
+    marked = "; *: see `remark` in the table" if (table[REMARK] != "").any() else ""
     what = f"{many} trials per point{bars}{marked}"
     figure.suptitle(f"{plan.name or plan.circuit} ({what})", fontsize=9)
     figure.tight_layout()
@@ -153,8 +187,8 @@ def _line(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: 
     )
     if place != values:
         panel.set_xticks(place, [str(v) for v in values])
-    for x, y, said in zip(place, rows["value"], rows[SAID], strict=True):
-        if said and np.isfinite(y):
+    for x, y, remark in zip(place, rows["value"], rows[REMARK], strict=True):
+        if remark and np.isfinite(y):
             panel.annotate("*", (x, y), xytext=(4, 4), textcoords="offset points")
     panel.set_xlabel(_label(key))
     panel.set_ylabel(_measure(measure))
@@ -163,10 +197,11 @@ def _line(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: 
 def _map(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: str) -> None:
     (down, rights), (across, values) = axes.items()
     seen = np.full((len(rights), len(values)), np.nan)
-    told = np.full(seen.shape, "", dtype=object)
-    for first, second, number, heard in rows[[down, across, "value", SAID]].itertuples(index=False):
+    marks = np.full(seen.shape, "", dtype=object)
+    columns = [down, across, "value", REMARK]
+    for first, second, number, remark in rows[columns].itertuples(index=False):
         place = rights.index(first), values.index(second)
-        seen[place], told[place] = number, "*" if heard else ""
+        seen[place], marks[place] = number, "*" if remark else ""
     shown = panel.imshow(seen, origin="lower", aspect="auto", cmap="viridis")
     panel.figure.colorbar(shown, ax=panel, label=_measure(measure))
     panel.set_xticks(range(len(values)), [str(v) for v in values])
@@ -178,5 +213,5 @@ def _map(panel: Axes, axes: dict[str, list[Any]], rows: pd.DataFrame, measure: s
         for (row, column), value in np.ndenumerate(seen):
             text = f"{value:.{3 if abs(value) < 10 else 0}f}" if np.isfinite(value) else "-"
             colour = "w" if value < middle else "k"
-            text += str(told[row, column])
+            text += str(marks[row, column])
             panel.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)

@@ -20,13 +20,12 @@ from bgmodel.experiments.measures import MEASURES
 from bgmodel.integrators.basal_ganglia import BasalGanglia, check_engine, gain_of, identity
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
-from bgmodel.stimuli import Stimuli
+from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
 from circuits.anatomy import circuit
 from circuits.engines import NOISY, THREADED
 from circuits.spec import Circuit
-from circuits.table_files import is_path
 
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
@@ -248,11 +247,12 @@ class Plan(Setting):
 
 
 def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting:
-    owner = f"the point {said(point)}"
+    owner = f"the point {point_text(point)}"
     values = asdict(same)
     for key, value in sorted(point.items(), key=lambda item: item[0] != "circuit"):
-        # As seen from the file that names them.
-        if key == "task.evidence" or (key == "circuit" and is_path(str(value))):
+        if key == "circuit":
+            value = circuit_seen_from(folder, str(value))
+        elif key == "task.evidence":
             value = str(folder / str(value))
         if key.startswith(TASK):
             values["task"][key.removeprefix(TASK)] = value
@@ -287,7 +287,7 @@ def _add_edit(values: dict[str, Any], key: str, value: Value, owner: str) -> Non
         values["edits"][name] = (*values["edits"][name], *getattr(one, name))
 
 
-def said(point: Mapping[str, Value]) -> str:
+def point_text(point: Mapping[str, Value]) -> str:
     """Return a point as text."""
     return ", ".join(f"{key} = {value}" for key, value in point.items())
 
@@ -303,10 +303,4 @@ def read_plan(file: str | Path) -> Plan:
     path = Path(file)
     if path.suffix != ".toml":
         raise ValueError(f"a sweep is a .toml file, got {str(file)!r}")
-    found = toml_files.read(path, Plan)
-    # As seen from the file that names them.
-    if is_path(found.circuit):
-        found = replace(found, circuit=str(path.parent / found.circuit))
-    if found.task.evidence is None:
-        return found
-    return replace(found, task=replace(found.task, evidence=path.parent / found.task.evidence))
+    return seen_from(path.parent, toml_files.read(path, Plan))

@@ -27,7 +27,7 @@ from bgmodel.sweeps.plan import BLOCK, Setting, Shard
 TRIAL_BYTES, SHARD_BYTES = 40, 20_000
 """Size of a stored trial, and of a shard without any, at most."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-SAID = "said"
+REMARK = "remark"
 """The column with what a run warned of, or why it ended, once; empty in nearly all."""
 
 
@@ -42,7 +42,8 @@ def state(shard: Shard, folder: Path) -> str:
     if not path.is_file():
         return "missing"
     try:
-        made_from = files.read_provenance(path)["parameters"]["shard"]
+        parameters = files.read_provenance(path)["parameters"]
+        made_from, _ = parameters["shard"], parameters[REMARK]
         read = files.read_table(path)
     except (OSError, ValueError, KeyError, TypeError):
         return "damaged"
@@ -60,17 +61,17 @@ def compute(shard: Shard, folder: Path) -> None:
         warnings.simplefilter("always")
         try:
             table = _decided(shard)
-            heard = ""
+            remark = ""
         except NoMemoryError:
             raise  # that of this moment: no outcome
         except (ValueError, FloatingPointError) as error:
-            table, heard = pd.DataFrame(), str(error)
+            table, remark = pd.DataFrame(), str(error)
     if replace(shard).key != shard.key:
         raise ValueError("the table of evidence was changed while the sweep ran: start it again")
-    heard = heard or "; ".join(dict.fromkeys(str(w.message) for w in caught if _ours(w)))
+    remark = remark or "; ".join(dict.fromkeys(str(w.message) for w in caught if _ours(w)))
     path = path_of(shard, folder)
     try:
-        files.write_table(table, path, seed=shard.setting.seed, shard=shard.key, said=heard)
+        files.write_table(table, path, seed=shard.setting.seed, shard=shard.key, remark=remark)
     except OSError as error:
         raise ValueError(
             f"{str(folder)!r} can't be written: {error.strerror}; finished shards stay"
@@ -93,25 +94,25 @@ def _decided(shard: Shard) -> pd.DataFrame:
 
 
 def read(setting: Setting, folder: Path) -> tuple[Behaviour | None, str]:
-    """Return the decisions at a point, from its shards, and what was said of them.
+    """Return the decisions at a point, from its shards, and the remarks on them.
 
     None where the circuit could not be run.
     """
-    parts, heard = [], []
+    parts, remarks = [], []
     for shard in setting.shards():
         path = path_of(shard, folder)
         parts.append(files.read_table(path))
-        heard.append(files.read_provenance(path)["parameters"][SAID])
-    told = "; ".join(dict.fromkeys(text for text in heard if text))
+        remarks.append(files.read_provenance(path)["parameters"][REMARK])
+    remark = "; ".join(dict.fromkeys(text for text in remarks if text))
     if any(part.empty for part in parts):
-        return None, told
+        return None, remark
     whole = pd.concat(parts, ignore_index=True)
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     decided = Tradeoff(
         np.array([setting.threshold_nats]), *(whole[name].to_numpy()[None] for name in names)
     )
     columns = (whole["anticipatory"].to_numpy(), whole["truth"].to_numpy())
-    return Behaviour(decided, *columns, setting.hypotheses), told
+    return Behaviour(decided, *columns, setting.hypotheses), remark
 
 
 def _plain(shard: Shard) -> Any:

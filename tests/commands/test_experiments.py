@@ -2,6 +2,7 @@
 
 import json
 import re
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -160,6 +161,20 @@ def test_conditions_that_say_nothing_are_refused(experiment_file, capsys):
     experiment_file.write_text(text.replace('without = ["STN=0.2"]', "neurons = 20"))
     assert run("experiment", experiment_file) == 2
     assert "neurons is of cells, it says nothing to the algebra engine" in capsys.readouterr().err
+
+
+def test_many_missed_trials_are_told_and_few_are_not(experiment_file):
+    """4 of 120 trials are missed at 40 readings; at 20, 26 by the control, 4 by the other."""
+    text = experiment_file.read_text()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run("experiment", experiment_file) == 0
+    experiment_file.write_text(text.replace("t_max = 40", "t_max = 20"))
+    with pytest.warns(UserWarning, match="decides in time") as told:
+        assert run("experiment", experiment_file) == 0
+    (only,) = (str(warning.message) for warning in told)
+    assert only.startswith("the control decides in time in 94 of 120 trials: accuracy, times")
+    assert "give more readings (t_max) or a lower posterior" in only
 
 
 def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsys):

@@ -36,6 +36,9 @@ def test_the_threshold_alone_moves_what_it_must():
     shown = page(experiment, table)
     assert "bound up, by 0.005: the model agrees" in shown
     assert all(name in shown for name in MEASURES)
+    assert "drift: 1/s, bound: no unit (EZ-diffusion, noise s = 0.1 per √s)" in shown
+    few = table.assign(value=table["value"].where(~table["measure"].isin(["drift", "bound"])))
+    assert "EZ-diffusion" not in page(experiment, few)
 
 
 def judged(shares, foreperiod_ms=500.0, decided=100, measure="mean_ms"):
@@ -84,6 +87,7 @@ def quick(experiment):
     )
 
 
+@pytest.mark.filterwarnings("ignore:.*decides in time")
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_edit_alone_makes_the_outcome(name):
     """Without it every measure is the control's to the last bit; with it some measure is not."""

@@ -26,7 +26,7 @@ def swept(tmp_path, **changed):
 
 def test_a_row_is_a_point_and_a_measure_with_its_interval(tmp_path):
     plan, table = swept(tmp_path, grid={"posterior": (0.7, 0.9)})
-    assert list(table) == ["posterior", "measure", "value", "low", "high", "trials", "said"]
+    assert list(table) == ["posterior", "measure", "value", "low", "high", "trials", "remark"]
     assert list(table["measure"]) == [*MEASURES, *MEASURES]
     found, _ = shards.read(plan.settings()[1], tmp_path)
     weights = resampled(80, RESAMPLES, stream(0, "bootstrap"))
@@ -45,22 +45,22 @@ def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch)
 def test_a_circuit_that_decides_without_evidence_is_said_to(tmp_path):
     long = Stimuli(trials=80, t_max=120)
     _, table = swept(tmp_path, grid={"STN": (0.0, 1.0)}, engine="rate", task=long)
-    said = table.drop_duplicates("STN")["said"]
-    assert list(said) == ["", "the circuit decides without evidence"]
+    remarks = table.drop_duplicates("STN")["remark"]
+    assert list(remarks) == ["", "the circuit decides without evidence"]
 
 
 def test_missed_trials_are_said(tmp_path):
     _, table = swept(tmp_path, grid={"posterior": (0.9,)}, task=Stimuli(trials=80, t_max=20))
     missed = table[table["measure"] == "missed"]["value"].item()
     assert 0.05 < missed < 0.75
-    assert set(table["said"]) == {
+    assert set(table["remark"]) == {
         "many trials are not decided in time: accuracy and times are those of the others"
     }
 
 
 def test_too_few_decisions_are_said(tmp_path):
     _, table = swept(tmp_path, grid={"posterior": (0.999,)}, task=Stimuli(trials=80, t_max=2))
-    assert set(table["said"]) == {"fewer than 20 trials are decided in time"}
+    assert set(table["remark"]) == {"fewer than 20 trials are decided in time"}
 
 
 def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypatch):
@@ -70,7 +70,7 @@ def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypat
     monkeypatch.setattr(shards, "_decided", refused)
     plan, table = swept(tmp_path, grid={"STN": (0.5, 1.0)})
     assert table["value"].isna().all()
-    assert set(table["said"]) == {"rates run away"}
+    assert set(table["remark"]) == {"rates run away"}
     outcome.draw(plan, table)
 
 
