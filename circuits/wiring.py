@@ -119,6 +119,10 @@ class Wiring:
         """Return the slope (..., units) of the units' transfer."""
         return self._by_name(units, self._unit_transfers, "slope")
 
+    def units_curvature(self, units: Array) -> Array:
+        """Return the second derivative (..., units) of the units' transfer."""
+        return self._by_name(units, self._unit_transfers, "curvature")
+
     def rates(self, x: Array) -> Array:
         """Return the rates (..., blocks), Hz, that inputs (..., blocks) in nats stand for."""
         activity = self._by_name(x, self._block_transfers)

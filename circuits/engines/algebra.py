@@ -9,7 +9,7 @@ from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.arrays import Array
 from circuits.checks import check_time
 from circuits.fixed_point import solve, wired
-from circuits.laws.fluctuation import extra_rates
+from circuits.laws.fluctuation import extra
 from circuits.laws.mean_field import own_rates, settled
 from circuits.spec import Circuit
 from circuits.wiring import Wiring
@@ -62,5 +62,5 @@ def _rates(wiring: Wiring, drive: Array, laws: str) -> Array:
     x = settled(wiring, drive, x)
     if laws == "cells":
         return own_rates(wiring, x)
-    extra = extra_rates(wiring, x)
-    return own_rates(wiring, settled(wiring, drive, x, extra)) + extra
+    noisy = extra(wiring, x)
+    return own_rates(wiring, settled(wiring, drive, x, *noisy)) + noisy.rates_hz

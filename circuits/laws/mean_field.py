@@ -25,7 +25,13 @@ def own_rates(wiring: Wiring, x: Array) -> Array:
     return hz
 
 
-def settled(wiring: Wiring, drive: Array, start: Array, extra_hz: Array | float = 0.0) -> Array:
+def settled(
+    wiring: Wiring,
+    drive: Array,
+    start: Array,
+    extra_hz: Array | float = 0.0,
+    extra_nats: Array | float = 0.0,
+) -> Array:
     """Return the state (trials, blocks) at the fixed point with ``own_rates``, nats.
 
     Parameters
@@ -38,6 +44,8 @@ def settled(wiring: Wiring, drive: Array, start: Array, extra_hz: Array | float 
         Where to look from: the fixed point of the lines.
     extra_hz : array (trials, blocks) or float
         What comes on top of each rate, Hz.
+    extra_nats : array (trials, blocks) or float
+        What comes on top of each input, nats.
 
     Raises
     ------
@@ -46,7 +54,7 @@ def settled(wiring: Wiring, drive: Array, start: Array, extra_hz: Array | float 
     """
     from scipy.optimize import root
 
-    outside, found = wiring.drive(drive), np.empty_like(start)
+    outside, found = wiring.drive(drive) + extra_nats, np.empty_like(start)
     extra = np.broadcast_to(extra_hz, start.shape)
     for t in range(len(start)):
 

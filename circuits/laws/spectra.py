@@ -1,7 +1,8 @@
 """Power of rates and the noise of OUT in closed form, for cells that are alike.
 
-Linear noise about the fixed point of a finite number of cells (``circuits.laws.fluctuation``): what
-``Activity.spectrum`` and the scatter of OUT from trial to trial measure.
+Linear noise about the fixed point of a finite number of cells, at rest or at a held drive, also
+where pathways bend (``circuits.laws.fluctuation``): what ``Activity.spectrum`` and the scatter of
+OUT from trial to trial measure.
 """
 
 from __future__ import annotations
@@ -9,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from circuits.arrays import Array, Complex
+from circuits.arrays import Array
 from circuits.fixed_point import solve, wired
-from circuits.laws.fluctuation import FREQUENCIES_HZ, extra_rates, linear
+from circuits.laws.fluctuation import FREQUENCIES_HZ, extra, linear, swept
 from circuits.laws.mean_field import settled
 from circuits.spec import Circuit
 from circuits.wiring import Wiring
@@ -37,11 +38,17 @@ def rate_spectrum(
     ------
     ValueError
         If the circuit has no fixed point or it is unstable, or if noise is not known: see
-        ``fluctuation.linear``.
+        ``fluctuation.extra``.
     """
-    wiring = wired(circuit)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
-    out, own = _noise(wiring, drive, frequency)
+    lowest = FREQUENCIES_HZ[0]
+    if not (frequency >= lowest).all():
+        raise ValueError(f"frequency_hz must be {lowest:g} or more, got {frequency.min()}")
+    wiring = wired(circuit)
+    x, extra_hz = _state(wiring, drive)
+    swept(wiring, x, extra_hz)  # raises where there is no spectrum
+    found = linear(wiring, x, frequency, extra_hz)
+    out, own = found.out[0], found.own[0]
     mean = out[:, wiring.blocks_of(name)].mean(axis=1)
     return np.asarray(2 * (np.abs(mean) ** 2 * own).sum(axis=1))
 
@@ -49,7 +56,7 @@ def rate_spectrum(
 def out_variance(
     circuit: Circuit, drive: npt.ArrayLike | None = None, *, mean_ms: float = 0.0
 ) -> dict[str, Array]:
-    """Return whose noise makes OUT scatter: its variance (channels,), nats^2, by population.
+    """Return the variance of OUT (channels,), nats^2, contributed by each population's noise.
 
     Parameters
     ----------
@@ -65,8 +72,9 @@ def out_variance(
     ValueError
         As ``rate_spectrum``.
     """
-    wiring, frequency = wired(circuit), FREQUENCIES_HZ
-    out, own = _noise(wiring, drive, frequency)
+    wiring = wired(circuit)
+    frequency, found = swept(wiring, *_state(wiring, drive))
+    out, own = found.out[0], found.own[0]
     read = wiring.blocks_of(circuit.readout)
     power = np.abs(out[:, read]) ** 2 * own[:, None] / wiring.gain_hz_per_nat[read][:, None] ** 2
     turn = 2 * np.pi * frequency * circuit.readout_tau_ms / 1000
@@ -80,16 +88,12 @@ def out_variance(
     }
 
 
-def _noise(wiring: Wiring, drive: npt.ArrayLike | None, frequency: Array) -> tuple[Complex, Array]:
-    """Return how own noise reaches rates, (F, blocks, blocks), and its power, (F, blocks)."""
+def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:
+    """Return the state (1, blocks), nats, of a finite number of cells, and its extra rates, Hz."""
     channels = wiring.circuit.channels
     held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
     if held.shape != (channels,) or not np.isfinite(held).all():
         raise ValueError(f"drive must be {channels} finite numbers, got {drive!r}")
-    lowest = FREQUENCIES_HZ[0]
-    if not (frequency >= lowest).all():
-        raise ValueError(f"frequency_hz must be {lowest:g} or more, got {frequency.min()}")
     start = settled(wiring, held[None], solve(wiring, held[None]))
-    x = settled(wiring, held[None], start, extra_rates(wiring, start))
-    found = linear(wiring, x, frequency)
-    return found.out[0], found.own[0]
+    added = extra(wiring, start)
+    return settled(wiring, held[None], start, *added), added.rates_hz

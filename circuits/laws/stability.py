@@ -71,10 +71,7 @@ def roots(circuit: Circuit, drive: npt.ArrayLike | None = None) -> Complex:
     are collocated too coarsely, mean nothing.
     """
     wiring = wired(circuit)
-    held = np.zeros(circuit.channels) if drive is None else np.asarray(drive, dtype=np.float64)
-    if held.shape != (circuit.channels,):
-        raise ValueError(f"drive must be ({circuit.channels},), got shape {held.shape}")
-    x = solve(wiring, held[None])[0]
+    x = _held(wiring, drive)[0]
     loops = [_roots(wiring, x, blocks) for blocks, loop in parts(wiring) if loop]
     found = np.concatenate([np.zeros(0, np.complex128), *loops])
     return np.asarray(found[np.argsort(-found.real, kind="stable")])
@@ -112,19 +109,26 @@ def onset(circuit: Circuit) -> Onset:
     return Onset(math.inf, math.nan)
 
 
-def ringing(circuit: Circuit) -> tuple[float, float]:
+def ringing(circuit: Circuit, drive: npt.ArrayLike | None = None) -> tuple[float, float]:
     """Return the largest amplification of fluctuations by the loops, and its frequency, Hz.
 
-    The largest of ``1 / |det(1 - L)|`` from 1 to 100 Hz at the fixed point of rest, L what goes
-    once round (Nyquist's criterion): 1 without loops, infinite where the fixed point is unstable.
+    The largest of ``1 / |det(1 - L)|`` from 1 to 100 Hz at the fixed point, L what goes once round
+    (Nyquist's criterion): 1 without loops, infinite where the fixed point is unstable.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    drive : array (channels,), nats, optional
+        Held evidence; rest if left out.
 
     Raises
     ------
     ValueError
-        If there is no fixed point.
+        If there is no fixed point, or the drive does not fit the circuit.
     """
     wiring = wired(circuit)
-    x = solve(wiring, np.zeros((1, circuit.channels)))
+    x = _held(wiring, drive)
     turn = 2j * np.pi * RINGING_HZ[:, None] / 1000
     bent = wiring.units_slope(wiring.rates(x) @ wiring.deliver.T + wiring.constant)[0]
     synapse = bent * wiring.synapse(RINGING_HZ)
@@ -142,6 +146,15 @@ def ringing(circuit: Circuit) -> tuple[float, float]:
 def stability_limit_nats(circuit: Circuit) -> float:
     """Return the S above which the circuit oscillates, nats; see ``onset``."""
     return onset(circuit).total_nats
+
+
+def _held(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
+    """Return the state (1, blocks), nats, at a held drive, or at rest."""
+    channels = wiring.circuit.channels
+    held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
+    if held.shape != (channels,):
+        raise ValueError(f"drive must be ({channels},), got shape {held.shape}")
+    return solve(wiring, held[None])
 
 
 def _roots(wiring: Wiring, x: Array, blocks: Index) -> Complex:

@@ -9,7 +9,7 @@ from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
-from circuits.laws.fluctuation import extra_rates
+from circuits.laws.fluctuation import extra
 from circuits.spec import Circuit, Population, Projection
 from tests.circuits.helpers import state
 
@@ -43,7 +43,7 @@ def test_noise_of_spikes_lifts_an_exponential_by_half_its_variance(tau_ms):
     """Renewal shot noise through filters of 4 and tau ms, in closed form."""
     cells = 200
     wiring, x = state(fed(cells=cells, tau_ms=tau_ms))
-    extra = extra_rates(wiring, x[None])[0]
+    added = extra(wiring, x[None]).rates_hz[0]
     a, of = 1000 / 4, lambda x, y: shot_covariance(Phase(1.0), 40.0, x, y)
     variance = of(a, a) * a**2
     if tau_ms:
@@ -52,8 +52,8 @@ def test_noise_of_spikes_lifts_an_exponential_by_half_its_variance(tau_ms):
     variance /= cells * 20.0**2
     target = wiring.blocks_of("target")
     expected = wiring.rates(x)[target] * variance / 2
-    np.testing.assert_allclose(extra[target], expected, rtol=0.01 if tau_ms else 0.04)
-    assert not extra[wiring.blocks_of("source")].any()
+    np.testing.assert_allclose(added[target], expected, rtol=0.01 if tau_ms else 0.04)
+    assert not added[wiring.blocks_of("source")].any()
 
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b", "linear_gpe"])
@@ -87,7 +87,6 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     [
         (TABLE.with_spread(0.1), "those of ctx differ by 10%"),
         (TABLE.with_connections(0.25), "ctx->D1 connects 25%"),
-        (TABLE.with_projection("STN", "GPe", transfer="rectified"), "STN->GPe is rectified"),
         (
             TABLE.with_projection("STN", "GPe", delay_ms=20).with_projection(
                 "GPe", "STN", delay_ms=20
