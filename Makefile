@@ -1,11 +1,12 @@
-# make figures | test | lint | docs | validate | score | benchmark: each installs what it needs into .venv first.
+# make figures | test | lint | docs | validate | score | benchmark | dist: each installs what it needs into .venv first.
 PYTHON ?= python3
 CORES ?= 2
+PYTHONS ?= python3.11 python3.12 python3.13
 VENV = .venv
 BIN = $(VENV)/bin
 export MPLBACKEND = Agg
 
-.PHONY: figures test lint docs validate score benchmark shipped-taps clean
+.PHONY: figures test lint docs validate score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
@@ -39,6 +40,10 @@ score: $(VENV)/figures.installed
 	$(BIN)/python -m benchmarks.scores.sensitivity --workers $(CORES)
 	$(BIN)/python -m benchmarks.scores.population --workers $(CORES) --keep
 	$(BIN)/python -m benchmarks.pages
+
+# Wheel and sdist, tried in fresh environments on each Python that is there.
+dist: $(VENV)/release.installed
+	$(BIN)/python tests/dist.py $(PYTHONS)
 
 # The table of decoded taps that ships with the package, made again from nothing.
 shipped-taps: figures
