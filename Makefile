@@ -33,12 +33,7 @@ benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.speed.circuits
 
 score: $(VENV)/figures.installed
-	$(BIN)/python -m benchmarks.scores.agreement --workers $(CORES)
-	$(BIN)/python -m benchmarks.scores.limits --workers $(CORES)
-	$(BIN)/python -m benchmarks.scores.learning
-	$(BIN)/python -m benchmarks.scores.levels
-	$(BIN)/python -m benchmarks.scores.sensitivity --workers $(CORES)
-	$(BIN)/python -m benchmarks.scores.population --workers $(CORES) --keep
+	$(BIN)/python -m benchmarks.scores --workers $(CORES) $(if $(FAST),--fast)
 	$(BIN)/python -m benchmarks.pages
 
 # Wheel and sdist, tried in fresh environments on each Python that is there.

@@ -8,13 +8,14 @@ circuits. What was measured with another circuit than today's says so by itself.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
-from bgmodel.files import read_provenance, read_table, replacing
+from bgmodel.comparison.compare import shown
+from bgmodel.files import is_result, read_provenance, read_table, replacing
 from bgmodel.integrators.basal_ganglia import identity
 from circuits.anatomy import circuit
 
@@ -23,7 +24,8 @@ RESULTS = DOCS / "results"
 """Tables that pages read: they are kept with the code."""
 ENDING = ".md.j2"
 PLACEHOLDER = re.compile(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}", re.DOTALL)
-DECIMAL = re.compile(r"\d*\.\d+")
+NUMBER = re.compile(r"\[[-+\d., ]*\d, [-+\d., ]*\]|\d*\.\d+")
+"""An interval or a decimal number."""
 
 
 def templates(docs: Path = DOCS) -> list[Path]:
@@ -37,8 +39,8 @@ def page_of(template: Path) -> Path:
 
 
 def written_numbers(text: str) -> list[str]:
-    """Return the decimal numbers that a template states itself, outside its placeholders."""
-    return DECIMAL.findall(PLACEHOLDER.sub("", text))
+    """Return decimal numbers and intervals that a text states itself, outside placeholders."""
+    return NUMBER.findall(PLACEHOLDER.sub("", text))
 
 
 def rendered(template: Path, results: Path = RESULTS) -> str:
@@ -47,24 +49,39 @@ def rendered(template: Path, results: Path = RESULTS) -> str:
     Raises
     ------
     ValueError
-        If a table is not there or can't be read.
-    jinja2.UndefinedError
-        If a column is not there.
+        If a table is not there, can't be read, or lacks what the template shows.
     """
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True
     )
 
+    def path(name: str) -> Path:
+        found = results / f"{name}.csv"
+        if not is_result(found):
+            raise ValueError(f"{template.name} needs the table {name}: `make score` writes it")
+        return found
+
     def rows(name: str) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = read_table(results / f"{name}.csv").to_dict("records")
+        found: list[dict[str, Any]] = read_table(path(name)).to_dict("records")
         return found
 
     def measured(name: str) -> str:
-        return said(read_provenance(results / f"{name}.csv"))
+        return said(read_provenance(path(name)))
 
-    text = template.read_text(encoding="utf-8")
-    made: str = environment.from_string(text).render(rows=rows, measured=measured, percent=percent)
+    given = {"rows": rows, "measured": measured, "percent": percent, "known": known}
+    try:
+        made = environment.from_string(template.read_text(encoding="utf-8")).render(**given)
+    except jinja2.UndefinedError as error:
+        raise ValueError(
+            f"{template.name} shows what its tables do not hold ({error.message}): "
+            "`make score` writes them anew"
+        ) from error
     return made
+
+
+def known(row: Mapping[str, Any], name: str, form: str) -> str:
+    """Return a value of a row with its 95 % interval, in columns NAME, NAME_low and NAME_high."""
+    return shown(row[name], row[f"{name}_low"], row[f"{name}_high"], form)
 
 
 def percent(share: float, digits: int = 0) -> str:
@@ -74,11 +91,15 @@ def percent(share: float, digits: int = 0) -> str:
 
 def said(behind: dict[str, Any]) -> str:
     """Return the origin of a table as text, and whether its circuits are today's."""
-    parameters, version = behind["parameters"], behind["versions"]["bgmodel"]
-    text = f"seed {behind['seed']}, version {version}"
+    parameters, seed = behind["parameters"], behind["seed"]
+    text = "seeds in their files" if seed is None else f"seed {seed}"
+    text += f", version {behind['versions']['bgmodel']}"
     trials = parameters.get("trials")
     if trials:
-        text = f"{trials} trials, {text}"
+        many = trials if isinstance(trials, list) else [trials]
+        text = f"{' to '.join(map(str, many))} trials, {text}"
+    if parameters.get("fast"):
+        text += ", coarse (`make score FAST=1`)"
     if not parameters.get("circuits"):
         return f"{text}; **with what circuit is not known**"
     others = sorted(_others(parameters["circuits"]))

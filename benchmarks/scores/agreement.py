@@ -1,32 +1,32 @@
 """The circuit against the MSPRT on scoring seeds: make score.
 
 Evidence of every kind, readings every 50 and every 500 ms, two cortices; beside each a
-decoder of the circuit's own cortical spikes. These seeds tuned nothing. Tables go to
-``benchmarks/out``; with ``--keep`` a condition that is there already is not computed again.
+decoder of the circuit's own cortical spikes. These seeds tuned nothing. The coarse form leaves out
+readings every 500 ms, which take ten times as long.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from benchmarks import OUT
+from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.circuits import (
+    CIRCUIT,
+    MSPRT,
     MSPRT_AT_GAIN,
     compare_with_msprt,
     sample_ms,
 )
-from bgmodel.comparison.page import page
+from bgmodel.comparison.levels import GAIN
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
@@ -34,39 +34,66 @@ from circuits.anatomy import circuit
 from circuits.spec import Circuit
 
 SCORING_SEED = 40_001
-TRIALS = 2000
+TRIALS, COARSE_TRIALS, SLOW_TRIALS = 2000, 200, 200
 MORE_TRIALS = {
-    "gaussian d' 1, N = 2": 10_000,
-    "gaussian d' 0.5, N = 2": 10_000,
-    "same/different 2 mm": 10_000,
+    "Gaussian, d' 1, N = 2": 10_000,
+    "Gaussian, d' 0.5, N = 2": 10_000,
+    "same/different, 2 mm": 10_000,
     "real taps, edge 5 degrees": 10_000,
-    "gaussian d' 1, N = 4": 5000,
-    "same/different 1.5 mm": 5000,
-    "4 orientations 2 mm": 5000,
+    "Gaussian, d' 1, N = 4": 5000,
+    "Gaussian, d' 0.5, N = 4": 6000,
+    "same/different, 1.5 mm": 5000,
+    "4 orientations, 2 mm": 5000,
 }
 """Where the correlation of times is near what is asked: 2 000 trials know it to +-.03."""
+RIVALLED = "Gaussian, d' 0.5"
+"""Evidence on which the rivals' loss of accuracy is shown."""
 Draw = Callable[..., Evidence]
 
 
+class Kind(NamedTuple):
+    """A kind of evidence: alternatives, most readings, drawing, CPU seconds per 100 trials."""
+
+    name: str
+    count: int
+    most: int
+    draw: Draw
+    seconds: float
+
+
+class Condition(NamedTuple):
+    """A kind of evidence for a circuit."""
+
+    name: str
+    table: Circuit
+    gain: float
+    trials: int
+    draw: Callable[[], Evidence]
+    seconds: float
+    usual: bool
+    """Whether the circuit is as it is, and readings come every 50 ms."""
+
+
 def gaussian(hypotheses: int, d_prime: float) -> Draw:
-    """Return how to draw Gaussian evidence of a pairwise d' a reading."""
+    """Return how to draw Gaussian evidence of a pairwise d' per reading."""
     return partial(gaussian_evidence, separation=d_prime / np.sqrt(2), hypotheses=hypotheses)
 
 
-def kinds() -> Iterator[tuple[str, int, int, Draw]]:
-    """Yield name, alternatives, most readings and the drawing of each kind of evidence."""
-    gaussians = ((2, 0.5, 120), (4, 0.5, 120), (2, 1, 40), (4, 1, 40), (8, 0.5, 160))
-    for count, d_prime, most in gaussians:
-        yield f"gaussian d' {d_prime:g}, N = {count}", count, most, gaussian(count, d_prime)
+def kinds() -> Iterator[Kind]:
+    """Yield the kinds of evidence."""
+    gaussians = ((2, 0.5, 120, 3), (4, 0.5, 120, 7), (2, 1, 40, 1.5), (4, 1, 40, 2.5))
+    for count, d_prime, most, seconds in (*gaussians, (8, 0.5, 160, 16)):
+        name = f"Gaussian, d' {d_prime:g}, N = {count}"
+        yield Kind(name, count, most, gaussian(count, d_prime), seconds)
     taps = held_out_taps()
-    for period, most in ((1.5, 240), (2.0, 40)):
+    for period, most, seconds in ((1.5, 240, 4), (2.0, 40, 1)):
         drawn = source(taps, SameDifferent(), period_mm=period, fold=0).draw
-        yield f"same/different {period:g} mm", 2, most, drawn
-    for count in (4, 8):
+        yield Kind(f"same/different, {period:g} mm", 2, most, drawn, seconds)
+    for count, seconds in ((4, 2), (8, 7)):
         drawn = source(taps, Orientations(count), period_mm=2.0, fold=0).draw
-        yield f"{count} orientations 2 mm", count, 60, drawn
+        yield Kind(f"{count} orientations, 2 mm", count, 60, drawn, seconds)
     if folder := os.environ.get("BGMODEL_RECORDINGS"):
-        yield "real taps, edge 5 degrees", 2, 60, real_taps(Path(folder)).draw
+        yield Kind("real taps, edge 5 degrees", 2, 60, real_taps(Path(folder)).draw, 1.5)
 
 
 def real_taps(folder: Path) -> Source:
@@ -76,62 +103,86 @@ def real_taps(folder: Path) -> Source:
     return sources(halves(SCORING_SEED, decoded_yaw(SCORING_SEED, folder)), 5.0)[0]
 
 
-def conditions(trials: int | None = None) -> Iterator[tuple[str, Circuit, Evidence]]:
-    """Yield each condition: its name, its circuit, its evidence of so many trials."""
-    usual = trials or TRIALS
-    for name, count, most, draw in kinds():
-        table = circuit("spiking_msprt", count)
-        drawn = partial(_drawn, name, most, draw)
-        many = trials or MORE_TRIALS.get(name, usual)
-        yield f"{name}, every 50 ms", table, drawn(many, 50.0)
-        if name.startswith("gaussian d' 0.5") and count < 8:
-            evidence = drawn(usual, 50.0)
-            yield f"{name}, Poisson cortex", table.with_cell("ctx", cv=1.0), evidence
+def conditions(fast: bool = False, trials: int | None = None) -> Iterator[Condition]:
+    """Yield the conditions, each with its usual trials unless their number is given."""
+    usual = trials or (COARSE_TRIALS if fast else TRIALS)
+    for kind in kinds():
+        table = circuit(TABLE, kind.count)
+        many = usual if fast or trials else MORE_TRIALS.get(kind.name, usual)
+        one = partial(_condition, kind)
+        yield one("", table, many)
+        if kind.name.startswith("Gaussian, d' 0.5") and kind.count < 8:
+            yield one(", Poisson cortex", table.with_cell("ctx", cv=1.0), usual)
             apart = table.with_spread(0.1).with_connections(0.25)
-            yield f"{name}, 10 % spread, 25 % connections", apart, evidence
-        # Slow readings take ten times as long to simulate.
-        yield f"{name}, every 500 ms", table, drawn(max(usual // 10, 200), 500.0)
+            yield one(", 10 % spread, 25 % connections", apart, usual, times=4)
+            # What the levels of dopamine take for the non-decision time.
+            if gain_of(table) != GAIN:
+                yield one(f", gain {GAIN:g}", table, usual, gain=GAIN)
+        if not fast:
+            yield one(", every 500 ms", table, SLOW_TRIALS, step_ms=500.0, times=10)
 
 
-def _drawn(name: str, most: int, draw: Draw, trials: int, step_ms: float) -> Evidence:
-    return draw(trials, most, rng=stream(SCORING_SEED, "scoring", name), step_ms=step_ms)
+def _condition(
+    kind: Kind,
+    ending: str,
+    table: Circuit,
+    trials: int,
+    *,
+    gain: float | None = None,
+    step_ms: float = 50.0,
+    times: float = 1.0,
+) -> Condition:
+    draw = partial(_drawn, kind, trials, step_ms)
+    seconds = times * kind.seconds * trials / 100
+    name = f"{kind.name}{ending}"
+    return Condition(name, table, gain_of(table, gain), trials, draw, seconds, not ending)
 
 
-def main() -> None:
-    """Score every condition, or those whose name holds a text."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, help="of each; 2 000 to 10 000 unless given")
-    parser.add_argument("--only", default="", help="conditions whose name contains this")
-    parser.add_argument("--gain", type=float, help="another than the usual one")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--keep", action="store_true", help="compute only what is not there")
-    given = parser.parse_args()
-    OUT.mkdir(exist_ok=True)
-    for name, table, evidence in conditions(given.trials):
-        if given.only not in name:
-            continue
-        gain = gain_of(table, given.gain)
-        if given.gain:
-            name += f", gain {gain:g}"
-        path = OUT / f"scoring {name.replace('/', ' ')}.csv"
-        behind = {"trials": evidence.trials, "gain": gain, "circuit": str(table)}
-        if not (given.keep and path.exists()):
-            rivals = rivals_on(zero_is_nothing=name.startswith("gaussian"))
-            found = _score(table, evidence, gain, rivals, given.workers)
-            write_table(found, path, seed=SCORING_SEED, **behind)
-        print(f"\n=== {name}, {evidence.trials} trials")
-        scored = read_table(path)
-        own = scored["reference"] == MSPRT_AT_GAIN
-        print(page(scored[own | scored["model"].isin(RIVALS)]), flush=True)
+def _drawn(kind: Kind, trials: int, step_ms: float) -> Evidence:
+    rng = stream(SCORING_SEED, "scoring", kind.name)
+    return kind.draw(trials, kind.most, rng=rng, step_ms=step_ms)
 
 
-def _score(
-    table: Circuit, evidence: Evidence, gain: float, rivals: list[str], workers: int
-) -> pd.DataFrame:
+def decisions(condition: Condition, workers: int) -> pd.DataFrame:
+    """Return the comparison of a condition, as from ``compare_with_msprt``."""
+    evidence = condition.draw()
     options: dict[str, Any] = {"workers": workers, "sample_ms": sample_ms(evidence.step_ms)}
-    model = BasalGanglia(table, "ensemble", gain, SCORING_SEED, options)
-    return compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=rivals)
+    model = BasalGanglia(condition.table, "ensemble", condition.gain, SCORING_SEED, options)
+    rivals = rivals_on(zero_is_nothing=condition.name.startswith("Gaussian"))
+    found = compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=rivals)
+    known = {"evidence": condition.name, "trials": condition.trials, "gain": condition.gain}
+    return found.assign(**known, channels=condition.table.channels)
 
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece per condition."""
+    for condition in conditions(fast):
+        make = partial(decisions, condition, workers)
+        yield Piece("decisions", condition.name, condition.trials, condition.seconds, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return decisions at equal accuracy, extra time as a line, and the rivals' loss."""
+    found = made["decisions"]
+    own = found[found["reference"] == MSPRT_AT_GAIN]
+    own = own.assign(
+        measure=own["measure"].where(own["model"] == CIRCUIT, "decoder_" + own["measure"])
+    )
+    by = ["evidence", "channels", "trials", "gain"]
+    lines = own[own["accuracy"].isna()]
+    shown = ("agreement", "error_agreement", "pearson_r", "extra_ms", "decoder_pearson_r")
+    at = own[own["accuracy"].notna() & own["measure"].isin(shown)]
+    gaps = found[(found["reference"] == MSPRT) & (found["measure"] == "accuracy_gap")]
+    gaps = gaps[gaps["evidence"].str.fullmatch(rf"{RIVALLED}, N = \d+")]
+    gaps = gaps[gaps["model"].isin([CIRCUIT, *RIVALS])]
+    return {
+        "decisions": ("decisions", wide(at, [*by, "accuracy"])),
+        "lines": ("decisions", wide(lines, by)),
+        "rivals": ("decisions", wide(gaps, ["channels", "trials", "accuracy", "model"])),
+    }
+
+
+SCORE = Score("agreement", SCORING_SEED, (2, 4, 8), pieces, tables)
 
 if __name__ == "__main__":
-    main()
+    main(SCORE)

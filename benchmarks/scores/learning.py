@@ -8,8 +8,7 @@ time. This seed tuned nothing.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -17,20 +16,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks import OUT
+from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.comparison.levels import GAIN
 from bgmodel.comparison.levels import LATENCY_MS as LATENCIES_MS
 from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.files import write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.level import learn_level, level_outcomes, regret, scored_runs
+from bgmodel.learning.level import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.reward import reward_of
-from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from circuits.anatomy import circuit
 
@@ -43,11 +40,16 @@ better."""
 STARTS = (1, -2)
 """Where learning starts: the lowest but one and the highest but one of the levels."""
 LEVELS = {"rate": 31, "ensemble": 16}
-LEARNED_ON = {"rate": 10_000, "ensemble": 2000}
-"""Trials learned on, drawn again and again; others are scored on."""
-NEAR = 0.06
-"""Levels this much worse than the best, as a share, are not searched on fresh trials; the regret
-of a run that ends there is NaN and counts as more than 3 %."""
+TRIALS = {"rate": (10_000, 100_000), "ensemble": (2000, 5000)}
+"""Trials learned on, drawn again and again, and others that are scored on."""
+COARSE_TRIALS = {"rate": (2000, 4000)}
+"""Without spikes: on the few trials that there is time for, the best level is not known."""
+SECONDS = {"rate": 0.004, "ensemble": 0.18}
+"""CPU time of a trial at all levels, about; learning itself takes ten seconds more."""
+SPIKING = ("1.5 mm", "2 mm")
+"""What spikes learn too."""
+NEAR = 0.03
+"""A run ends near the best level if it costs less than this share more."""
 AFTER = (40_000, 100_000)
 """Trials of learning: as in the figures, and as ``make validate`` gives the abstract test."""
 RUNS = {"rate": 20, "ensemble": 5}
@@ -74,12 +76,6 @@ def drawn(draw: Draw, trials: int, name: str) -> Evidence:
     return draw(trials, T_MAX, rng=rng, step_ms=STEP_MS)
 
 
-def near(outcomes: LevelOutcomes) -> Any:
-    """Return the levels within ``NEAR`` of the best, and one more on both sides."""
-    inside = np.flatnonzero(regret(outcomes.levels, outcomes, XI) < NEAR)
-    return outcomes.levels[max(inside[0] - 1, 0) : inside[-1] + 2]
-
-
 def best_of_test(evidence: Evidence) -> float:
     """Return the highest mean reward of the MSPRT, the circuit's non-decision time added."""
     test = tradeoff(Msprt(GAIN).run(evidence), evidence)
@@ -88,20 +84,16 @@ def best_of_test(evidence: Evidence) -> float:
     return float(reward_of(test.choice != evidence.truth, steps, XI).mean(axis=1).max())
 
 
-def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
-    """Learn on some trials, score on others; one row a start and run."""
+def runs(engine: str, kind: str, draw: Draw, trials: tuple[int, int]) -> pd.DataFrame:
+    """Learn on some trials, score on others; one row per start and run."""
     options: dict[str, Any] = COARSE if engine == "rate" else {"workers": 1}
-    model = BasalGanglia(circuit("spiking_msprt"), engine, GAIN, SCORING_SEED, options)
+    model = BasalGanglia(circuit(TABLE), engine, GAIN, SCORING_SEED, options)
     levels = playable_levels(model, LEVELS[engine])
-    some = drawn(draw, min(LEARNED_ON[engine], fresh), f"{kind} learned")
-    learned_on = level_outcomes(model, some, levels)
-    # Fresh trials, and fresh noise. What is far from the best need not be searched again.
+    learned_on = level_outcomes(model, drawn(draw, trials[0], f"{kind} learned"), levels)
+    # Fresh trials, and fresh noise.
     again = replace(model, seed=SCORING_SEED + 1)
-    evidence = drawn(draw, fresh, f"{kind} scored")
-    scored = level_outcomes(again, evidence, near(learned_on))
-    best, _ = scored.best(XI)
-    if best in scored.levels[[0, -1]] and best not in levels[[0, -1]]:
-        raise RuntimeError(f"the best level, {best:.3f}, lies at the edge of what was searched")
+    evidence = drawn(draw, trials[1], f"{kind} scored")
+    scored = level_outcomes(again, evidence, levels)
     algorithm = best_of_test(evidence)
     rows = []
     for start in levels[list(STARTS)].tolist():
@@ -116,45 +108,42 @@ def score(engine: str, kind: str, draw: Draw, fresh: int) -> pd.DataFrame:
         )
         for after in AFTER:
             ends = learned.mean_played[:, after - Learner.last : after].mean(axis=1)
-            runs = scored_runs(ends, scored, xi=XI, start_level=start, first=learned_on)
-            behind = (algorithm - runs["reward"]) / abs(algorithm)
-            rows.append(runs.assign(after=after, behind_algorithm=behind))
+            found = scored_runs(ends, scored, xi=XI, start_level=start)
+            behind = (algorithm - found["reward"]) / abs(algorithm)
+            rows.append(found.assign(after=after, behind_algorithm=behind))
     known = {"engine": engine, "kind": kind, "algorithm_reward": algorithm}
     known |= {"latency_ms": LATENCY_MS, "highest_level": levels[-1]}
     return pd.concat(rows, ignore_index=True).assign(**known)[COLUMNS]
 
 
-def main() -> None:
-    """Score every kind and engine."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rate-trials", type=int, default=100_000)
-    parser.add_argument("--spiking-trials", type=int, default=5000)
-    parser.add_argument("--only", default="", help="kinds whose name contains this")
-    parser.add_argument("--engines", nargs="+", default=["rate", "ensemble"])
-    given = parser.parse_args()
-    OUT.mkdir(exist_ok=True)
-    for engine in given.engines:
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece per engine and kind of evidence; threads are not used."""
+    for engine, trials in (COARSE_TRIALS if fast else TRIALS).items():
         for kind, draw in kinds().items():
-            if given.only not in kind or (engine == "ensemble" and kind not in ("1.5 mm", "2 mm")):
-                continue
-            fresh = given.rate_trials if engine == "rate" else given.spiking_trials
-            found = score(engine, kind, draw, fresh)
-            path = OUT / f"learning {engine} {kind}.csv"
-            write_table(found, path, seed=SCORING_SEED, trials=fresh, xi=XI)
-            print(f"\n{engine}, {kind}, {fresh} fresh trials")
-            by = ["after", "start_level", "start_regret", "best_level", "highest_level"]
-            by += ["best_reward", "algorithm_reward"]
-            # Runs that ended where nothing was searched are the worst, not missing.
-            found = found.fillna({"regret": np.inf, "behind_algorithm": np.inf})
-            found["within"] = found["regret"] < 0.03
-            measures = ("regret", "median"), ("regret", "max"), ("behind_algorithm", "median")
-            ends = found.groupby(by).agg(
-                **{"_".join(m): m for m in measures},
-                within=("within", "sum"),
-                runs=("run", "count"),
-            )
-            print(ends.round(3).reset_index().to_string(index=False), flush=True)
+            if engine == "rate" or kind in SPIKING:
+                make = partial(runs, engine, kind, draw, trials)
+                seconds = SECONDS[engine] * sum(trials) + 10
+                yield Piece("runs", f"{engine} {kind}", trials[1], seconds, make)
 
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return how many runs end near the best level, and what they earn beside the test."""
+    found = made["runs"]
+    found = found.assign(near=found["regret"] < NEAR)
+    by = ["engine", "kind", "start_level", "after"]
+    ends = found.groupby(by, sort=False).agg(
+        runs=("run", "count"),
+        near=("near", "sum"),
+        best_level=("best_level", "first"),
+        highest_level=("highest_level", "first"),
+        start_regret=("start_regret", "first"),
+        median_regret=("regret", "median"),
+        median_behind=("behind_algorithm", "median"),
+    )
+    return {"runs": ("runs", ends.reset_index())}
+
+
+SCORE = Score("learning", SCORING_SEED, (2,), pieces, tables)
 
 if __name__ == "__main__":
-    main()
+    main(SCORE)

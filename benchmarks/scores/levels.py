@@ -6,63 +6,61 @@ equal time beside the MSPRT and the MSPRT at the circuit's gain.
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
-from benchmarks import OUT
-from bgmodel.comparison.levels import levels_against_msprt
-from bgmodel.files import write_table
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN
+from bgmodel.comparison.compare import MARGIN
+from bgmodel.comparison.levels import LATENCY_MS, levels_against_msprt
 
 SCORING_SEED = 40_007
+TRIALS, COARSE_TRIALS, COARSE_EVERY = 2000, 200, 2
+SECONDS = 0.4
+"""CPU time of a trial at all levels, about."""
 ASKED = (0.75, 0.99)
 """Posteriors that dopamine should span."""
 NOISE = 0.02
 """Where more responses than this share come before the first reading, noise decides."""
+REFERENCES = {"": MSPRT, "own_": MSPRT_AT_GAIN}
 
 
-def summary(found: pd.DataFrame) -> pd.DataFrame:
-    """Return, for each circuit, the posteriors spanned and the gaps at those that are asked."""
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield the one piece; its threads are the engine's own."""
+    trials, every = (COARSE_TRIALS, COARSE_EVERY) if fast else (TRIALS, 1)
+    make = partial(levels_against_msprt, SCORING_SEED, trials, every)
+    yield Piece("levels", "all", trials, SECONDS * trials, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return, for each circuit, the posteriors spanned and the largest gap of those asked."""
     rows = []
-    index = ["channels", "engine", "level"]
-    known, premature = (
-        found[found["measure"] == name].set_index(index)["value"]
-        for name in ("criterion", "premature")
-    )
-    known = known[premature.loc[known.index] <= NOISE]
-    gaps = found[found["measure"] == "accuracy_gap"]
-    for (channels, engine), part in known.groupby(level=[0, 1]):
+    index, found = ["channels", "engine", "level"], made["levels"]
+    by = {name: part.set_index(index) for name, part in found.groupby("measure")}
+    known = by["criterion"]["value"]
+    known = known[by["premature"]["value"].loc[known.index] <= NOISE]
+    for (channels, engine), part in known.groupby(level=[0, 1], sort=False):
         inside = part.index[part.between(*ASKED)]
-        row = {
-            "N": channels,
-            "engine": engine,
-            "lowest": part.min(),
-            "highest": part.max(),
-            "monotone": bool(np.all(np.diff(part.sort_index()) < 0)),
-        }
-        for name, these in gaps.groupby("reference"):
-            of = these.set_index(index).loc[inside]
+        row = {"channels": channels, "engine": engine, "latency_ms": LATENCY_MS[channels]}
+        row |= {"lowest": part.min(), "highest": part.max(), "levels": len(part)}
+        row["falls"] = bool(np.all(np.diff(part.sort_index()) < 0))
+        for short, name in REFERENCES.items():
+            gaps = by["accuracy_gap"]
+            gaps = gaps[gaps["reference"] == name].loc[inside]
             # A time that the test's curve does not reach is no gap of 0.
-            worst = of.loc[of["value"].abs().fillna(np.inf).idxmax()]
-            within = of[["low", "high"]].abs().max(axis=1) <= 0.01
-            text = f"{worst['value']:+.4f} [{worst['low']:+.4f}, {worst['high']:+.4f}]"
-            row[f"worst gap to {name}"] = text
-            row[f"intervals within .01, {name}"] = f"{within.sum()} of {len(of)}"
+            worst = gaps.loc[gaps["value"].abs().fillna(np.inf).idxmax()]
+            row |= {f"{short}gap": worst["value"]}
+            row |= {f"{short}gap_{end}": worst[end] for end in ("low", "high")}
+            within = gaps[["low", "high"]].abs().max(axis=1) <= MARGIN
+            row |= {f"{short}within": within.sum(), "gaps": len(gaps)}
         rows.append(row)
-    return pd.DataFrame(rows)
+    return {"gaps": ("levels", pd.DataFrame(rows))}
 
 
-def main() -> None:
-    """Score both circuits and engines."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=2000)
-    given = parser.parse_args()
-    OUT.mkdir(exist_ok=True)
-    found = levels_against_msprt(SCORING_SEED, given.trials)
-    write_table(found, OUT / "knob.csv", seed=SCORING_SEED, trials=given.trials)
-    print(summary(found).round(3).T.to_string(header=False))
-
+SCORE = Score("levels", SCORING_SEED, (2, 4), pieces, tables)
 
 if __name__ == "__main__":
-    main()
+    main(SCORE)

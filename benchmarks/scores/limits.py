@@ -8,32 +8,31 @@ Nothing is chosen by these numbers.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
+from functools import partial
 
 import pandas as pd
 
-from benchmarks import OUT
-from benchmarks.scores.agreement import SCORING_SEED, conditions
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt
-from bgmodel.comparison.page import page
-from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from benchmarks.scores.agreement import SCORING_SEED, Condition, conditions
+from benchmarks.scores.pieces import Made, Piece, Score, main, wide
+from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, compare_with_msprt
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.engines import NOISY
 from circuits.spec import Circuit
 
 TIMES = 6
 """So many times the cells."""
+TRIALS, COARSE_TRIALS = 1000, 100
 
 
 def cases(table: Circuit) -> Iterator[tuple[str, str, Circuit]]:
     """Yield name, engine and circuit of each case."""
     spiking = [row.name for row in table.populations if row.spiking]
     others = [name for name in spiking if name != table.input]
-    yield "as it is", "ensemble", table
-    yield f"{TIMES} times the cells outside {table.input}", "ensemble", with_cells(table, others)
-    yield f"{TIMES} times the cells of {table.input}", "ensemble", with_cells(table, [table.input])
-    yield "no noise", "rate", table
+    yield "as_it_is", "ensemble", table
+    yield "more_cells_outside_cortex", "ensemble", with_cells(table, others)
+    yield "more_cells_in_cortex", "ensemble", with_cells(table, [table.input])
+    yield "no_noise", "rate", table
 
 
 def with_cells(table: Circuit, names: list[str]) -> Circuit:
@@ -43,31 +42,39 @@ def with_cells(table: Circuit, names: list[str]) -> Circuit:
     return table
 
 
-def main() -> None:
-    """Score the cases on all evidence of up to four alternatives, readings every 50 ms."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=1000)
-    parser.add_argument("--only", default="", help="conditions whose name contains this")
-    parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args()
-    OUT.mkdir(exist_ok=True)
-    for name, table, evidence in conditions(given.trials):
-        fast = name.endswith("every 50 ms") and table.channels <= 4
-        if not fast or given.only not in name:
-            continue
-        gain, parts = gain_of(table), []
-        for case, engine, edited in cases(table):
-            noisy = engine in NOISY
-            options = {"workers": given.workers} if noisy else {}
-            model = BasalGanglia(edited, engine, gain, SCORING_SEED if noisy else None, options)
-            found = compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=())
-            parts.append(found[found["reference"] == MSPRT_AT_GAIN].assign(variant=case))
-        path = OUT / f"limits {name.replace('/', ' ')}.csv"
-        behind = {"trials": evidence.trials, "gain": gain, "circuit": str(table)}
-        write_table(pd.concat(parts, ignore_index=True), path, seed=SCORING_SEED, **behind)
-        print(f"\n=== {name}, {evidence.trials} trials")
-        print(page(read_table(path).drop(columns="reference")), flush=True)
+def times(condition: Condition, workers: int) -> pd.DataFrame:
+    """Return the comparison of each case with the MSPRT at the circuit's gain."""
+    evidence, parts = condition.draw(), []
+    for case, engine, edited in cases(condition.table):
+        noisy = engine in NOISY
+        options = {"workers": workers} if noisy else {}
+        seed = SCORING_SEED if noisy else None
+        model = BasalGanglia(edited, engine, condition.gain, seed, options)
+        found = compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=())
+        parts.append(found[found["reference"] == MSPRT_AT_GAIN].assign(case=case))
+    return pd.concat(parts, ignore_index=True).assign(evidence=condition.name)
 
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece per evidence of up to four alternatives, readings every 50 ms."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for condition in conditions(fast, trials):
+        if condition.usual and condition.table.channels <= 4:
+            make = partial(times, condition, workers)
+            yield Piece("times", condition.name, trials, 8 * condition.seconds, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the correlation of decision times in each case, and the decoder's."""
+    found = made["times"]
+    found = found[found["measure"] == "pearson_r"]
+    own = found[found["model"] == CIRCUIT]
+    decoded = found[(found["model"] != CIRCUIT) & (found["case"] == "as_it_is")]
+    both = pd.concat([own.assign(measure=own["case"]), decoded.assign(measure="decoder")])
+    return {"times": ("times", wide(both, ["evidence", "accuracy"]))}
+
+
+SCORE = Score("limits", SCORING_SEED, (2, 4), pieces, tables)
 
 if __name__ == "__main__":
-    main()
+    main(SCORE)

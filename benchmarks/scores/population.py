@@ -3,13 +3,11 @@
 Both decide on the same evidence with noise of their own; beside the difference stands that of two
 noise seeds of spikes, which no engine can fall below. No constant of the population engine was
 fitted to spikes, and these seeds tuned nothing. Before the evidence both are at rest for a second:
-spikes start from a burst that they forget in about as long. Tables and figure P2 go to
-``benchmarks/out``; with ``--keep`` a table that is there already is not computed again.
+spikes start from a burst that they forget in about as long. Figure P2 is drawn from the tables.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -21,14 +19,12 @@ import pandas as pd
 from scipy.signal import welch
 from scipy.stats import ks_2samp
 
-from benchmarks import OUT
-from benchmarks.pages import RESULTS
+from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.files import read_provenance, read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of, identity
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.activity import Activity
 from circuits.anatomy import circuit
 from circuits.engines import run
@@ -36,7 +32,6 @@ from circuits.spec import Circuit
 
 SCORING_SEED = 50_001
 OTHER_SEED, POPULATION_SEED = SCORING_SEED + 1, SCORING_SEED + 2
-TABLE = "spiking_msprt"
 STEP_MS, SETTLE_MS = 50.0, 1000.0
 POSTERIORS = (0.8, 0.85, 0.9, 0.95)
 D_PRIMES = {2: (0.35, 0.5, 0.8), 4: (0.35, 0.5, 0.8), 8: (0.35, 0.5, 0.8)}
@@ -58,7 +53,9 @@ SIZES = (30, 100, 300, 1000, 3000)
 HELD_NATS = (0.0, 0.6, 1.2)
 SPIKES, AGAIN, POPULATION = "spikes", "spikes, another seed", "population"
 TIMES = ("mean_ms", "sd_ms")
-KINDS = ("decisions", "edits", "rates")
+TRIALS = {"decisions": 5000, "edits": 2000, "rates": 100}
+SECONDS = {2: 0.04, 4: 0.1, 8: 0.2}
+"""CPU time of a trial of decisions on three engines, about, by alternatives."""
 ENGINES = {
     SPIKES: ("ensemble", SCORING_SEED),
     AGAIN: ("ensemble", OTHER_SEED),
@@ -191,44 +188,8 @@ def _spectra(activity: Activity, table: Circuit) -> Iterator[dict[str, Any]]:
             yield {"what": row.name, "measure": f"{low}-{high} Hz", "value": value}
 
 
-def _table_of(found: pd.DataFrame) -> str:
-    return found.drop(columns=["q10", "q50", "q90"]).round(3).to_string(index=False)
-
-
-def summary(made: dict[str, pd.DataFrame]) -> str:
-    """Return one line per measure: its worst and its median distance from spikes."""
-    index = ["channels", "d_prime", "posterior"]
-    by = made["decisions"].set_index([*index, "engine"]).unstack("engine")
-    lines = []
-
-    def worst(name: str, values: pd.Series) -> None:
-        lines.append(
-            f"{name}: worst {values.max():.3g} at {values.idxmax()}, median {values.median():.3g}"
-        )
-
-    for name, column in (("mean time", "mean_ms"), ("sd of times", "sd_ms")):
-        off = by[column][POPULATION] / by[column][[SPIKES, AGAIN]].mean(axis=1) - 1
-        worst(f"{name}, relative", off.abs())
-    worst(
-        "accuracy",
-        (by["accuracy"][POPULATION] - by["accuracy"][[SPIKES, AGAIN]].mean(axis=1)).abs(),
-    )
-    worst("KS above two seeds of spikes", by["ks"][POPULATION] - by["ks"][AGAIN])
-    worst("r below two seeds of spikes", by["r"][AGAIN] - by["r"][POPULATION])
-    index = ["channels", "edit"]
-    by = made["edits"].set_index([*index, "engine"]).unstack("engine")
-    for column in ("accuracy_gained", "later_ms"):
-        worst(f"{column} of edits", (by[column][POPULATION] - by[column][SPIKES]).abs())
-    index = ["channels", "nats", "neurons", "what", "measure"]
-    by = made["rates"].set_index([*index, "engine"])["value"].unstack("engine")
-    power = by[by.index.get_level_values("measure").str.endswith("Hz") & (by[SPIKES] > 1e-4)]
-    worst("power in a band, relative", (power[POPULATION] / power[SPIKES] - 1).abs())
-    worst("power, two seeds of spikes", (power[AGAIN] / power[SPIKES] - 1).abs())
-    return "\n".join(lines)
-
-
-def for_pages(made: dict[str, pd.DataFrame]) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the tables that pages show, each with the kind of score that it comes from."""
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the distance from spikes of decisions, edits, the power of rates, and the scatter."""
     rows = []
     for (channels, d_prime), part in made["decisions"].groupby(["channels", "d_prime"]):
         by = part.set_index(["posterior", "engine"]).unstack("engine")
@@ -262,7 +223,7 @@ def for_pages(made: dict[str, pd.DataFrame]) -> dict[str, tuple[str, pd.DataFram
     }
 
 
-def draw(made: dict[str, pd.DataFrame], folder: Path) -> None:
+def draw(made: Made, folder: Path) -> None:
     """Draw figure P2."""
     import matplotlib.pyplot as plt
 
@@ -330,58 +291,28 @@ def _draw_rates(found: pd.DataFrame, spectra: Any, sizes: Any) -> None:
     sizes.legend(frameon=False, fontsize=8)
 
 
-def pieces(given: argparse.Namespace) -> Iterator[tuple[str, str, int, Callable[[], pd.DataFrame]]]:
-    """Yield what is scored: its table, its own name, its trials, and how it is made."""
-    for channels, d_primes in D_PRIMES.items():
-        for d_prime in d_primes:
-            made = partial(decisions, channels, d_prime, given.trials, given.workers)
-            yield "decisions", f"N = {channels}, d' {d_prime:g}", given.trials, made
-    for channels in EDITED:
-        made = partial(edits, channels, given.edited, given.workers)
-        yield "edits", f"N = {channels}", given.edited, made
-    yield "rates", "held evidence", given.held, partial(rates, given.held, given.workers)
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece per condition of decisions, per number of alternatives of edits, and rates.
 
-
-def _made_from(path: Path, behind: dict[str, Any]) -> bool:
-    """Whether a table is there and was made from these parameters."""
-    return path.exists() and read_provenance(path)["parameters"] == behind
-
-
-def main() -> None:
-    """Score decisions, edits and rates, and draw them."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=5000, help="of each condition")
-    parser.add_argument("--edited", type=int, default=2000, help="trials of each edit")
-    parser.add_argument("--held", type=int, default=100, help="trials of held evidence")
-    parser.add_argument("--only", default="", help="pieces whose name contains this")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--keep", action="store_true", help="compute only what is not there")
-    given = parser.parse_args()
-    OUT.mkdir(exist_ok=True)
-    made: dict[str, list[pd.DataFrame]] = {}
-    trials_of: dict[str, int] = {}
-    circuits = {str(n): identity(circuit(TABLE, n)) for n in D_PRIMES}
-    for kind, name, trials, make in pieces(given):
-        trials_of[kind] = trials
-        path = OUT / f"population {kind} {name}.csv"
-        behind = {"trials": trials, "circuits": circuits}
-        if given.only in path.name and not (given.keep and _made_from(path, behind)):
-            write_table(make(), path, seed=SCORING_SEED, **behind)
-        if _made_from(path, behind):
-            made.setdefault(kind, []).append(read_table(path))
-            print(path.name, flush=True)
-    whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
-    if len(whole) < len(KINDS):
-        print(f"there are no {', '.join(kind for kind in KINDS if kind not in whole)} yet")
+    There is no coarse form: on few trials two seeds of spikes differ by more than the engines.
+    """
+    if fast:
         return
-    for name, (kind, found) in for_pages(whole).items():
-        behind = {"trials": trials_of[kind], "circuits": circuits}
-        write_table(found, RESULTS / f"population_{name}.csv", seed=SCORING_SEED, **behind)
-    print(_table_of(whole["decisions"]))
-    print(whole["edits"].round(3).to_string(index=False))
-    print(summary(whole))
-    draw(whole, OUT)
+    for channels, d_primes in D_PRIMES.items():
+        many = TRIALS["decisions"]
+        for d_prime in d_primes:
+            made = partial(decisions, channels, d_prime, many, workers)
+            name = f"N = {channels}, d' {d_prime:g}"
+            yield Piece("decisions", name, many, SECONDS[channels] * many, made)
+    for channels in EDITED:
+        many = TRIALS["edits"]
+        made = partial(edits, channels, many, workers)
+        yield Piece("edits", f"N = {channels}", many, 10 * SECONDS[channels] * many, made)
+    many = TRIALS["rates"]
+    yield Piece("rates", "held evidence", many, 10 * many, partial(rates, many, workers))
 
+
+SCORE = Score("population", SCORING_SEED, tuple(D_PRIMES), pieces, tables, draw)
 
 if __name__ == "__main__":
-    main()
+    main(SCORE)

@@ -1,0 +1,18 @@
+"""Compute all scores: make score, python -m benchmarks.scores."""
+
+from benchmarks.scores import (
+    agreement,
+    experiments,
+    learning,
+    lesions,
+    levels,
+    limits,
+    population,
+    sensitivity,
+)
+from benchmarks.scores.pieces import main
+
+MODULES = (agreement, limits, lesions, levels, learning, experiments, sensitivity, population)
+
+if __name__ == "__main__":
+    main(*(module.SCORE for module in MODULES))

@@ -1,0 +1,175 @@
+"""What all scores share: pieces that are kept, how long is left, and the tables that pages read.
+
+A score is made of pieces, one condition each. A finished piece lies in ``benchmarks/out`` with its
+trials, its seed and its circuits, and is computed again only where one of these is another. Once
+all pieces are there, the tables of the pages are written to ``docs/results``. ``--fast`` is the
+coarse form of all: fewer trials, kept in ``benchmarks/out/fast``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from benchmarks import OUT
+from benchmarks.pages import RESULTS
+from bgmodel.files import is_result, read_provenance, read_table, write_table
+from bgmodel.integrators.basal_ganglia import identity
+from circuits.anatomy import circuit
+
+TABLE = "spiking_msprt"
+"""The circuit that is scored."""
+Made = dict[str, pd.DataFrame]
+"""What was found, by kind of piece."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One condition of a score.
+
+    Parameters
+    ----------
+    kind, name : str
+        Which of the score's tables it goes into, and its own name.
+    trials : int
+        What it is made from.
+    seconds : float
+        CPU time, about: an estimate that is printed before it starts.
+    make : function
+        Computes it.
+    """
+
+    kind: str
+    name: str
+    trials: int
+    seconds: float
+    make: Callable[[], pd.DataFrame]
+
+
+@dataclass(frozen=True)
+class Score:
+    """A score: its pieces, and what pages show of them.
+
+    Parameters
+    ----------
+    name : str
+        First word of its files.
+    seed : int, optional
+        One that tuned nothing; None where each piece has its own.
+    channels : sequence of int
+        Numbers of alternatives of its circuits.
+    pieces : function
+        Takes whether the coarse form is asked for, and the number of threads.
+    tables : function
+        Takes what was found; returns each table of the pages with the kind that it comes from.
+    draw : function, optional
+        Takes what was found, and a folder for pictures.
+    """
+
+    name: str
+    seed: int | None
+    channels: Sequence[int]
+    pieces: Callable[[bool, int], Iterable[Piece]]
+    tables: Callable[[Made], Mapping[str, tuple[str, pd.DataFrame]]]
+    draw: Callable[[Made, Path], None] | None = None
+
+    def behind(self, trials: Sequence[int], fast: bool) -> dict[str, Any]:
+        """Return the parameters of a table: trials (the fewest and the most) and circuits."""
+        span = sorted({min(trials), max(trials)})
+        circuits = {str(n): identity(circuit(TABLE, n)) for n in self.channels}
+        found = {"trials": span[0] if len(span) == 1 else span, "circuits": circuits}
+        return found | ({"fast": True} if fast else {})
+
+    def path(self, piece: Piece, folder: Path) -> Path:
+        """Return the file of a piece."""
+        return folder / f"{self.name} {piece.kind} {piece.name.replace('/', ' ')}.csv"
+
+    def finished(self, piece: Piece, folder: Path, fast: bool) -> bool:
+        """Whether a piece is there, from its trials, this seed and these circuits."""
+        path = self.path(piece, folder)
+        if not is_result(path):
+            return False
+        found = read_provenance(path)
+        return found["parameters"] == self.behind([piece.trials], fast) and (
+            found["seed"] == self.seed
+        )
+
+
+def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: str) -> None:
+    """Compute what is left of a score, and write its tables once all of it is there."""
+    for piece in pieces:
+        path = score.path(piece, folder)
+        if only in path.name and not score.finished(piece, folder, fast):
+            print(f"{path.stem}, {piece.trials} trials", end=" ", flush=True)
+            begun = time.process_time()
+            found = piece.make()
+            write_table(found, path, seed=score.seed, **score.behind([piece.trials], fast))
+            print(f"{time.process_time() - begun:.0f} s (said: {piece.seconds:.0f})", flush=True)
+    left = [piece.name for piece in pieces if not score.finished(piece, folder, fast)]
+    if left:
+        print(f"{score.name}: no tables yet, what is left is {'; '.join(left)}")
+        return
+    made: dict[str, list[pd.DataFrame]] = {}
+    for piece in pieces:
+        made.setdefault(piece.kind, []).append(read_table(score.path(piece, folder)))
+    whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
+    for name, (kind, found) in score.tables(whole).items():
+        behind = score.behind([piece.trials for piece in pieces if piece.kind == kind], fast)
+        path = RESULTS / f"{score.name}_{name}.csv"
+        write_table(found, path, seed=score.seed, **behind)
+        print(f"\n{path.name}\n{found.round(3).to_string(index=False)}", flush=True)
+    if score.draw:
+        score.draw(whole, folder)
+
+
+def main(*scores: Score) -> None:
+    """Say how long it takes, then compute what is left of some scores."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--fast", action="store_true", help="the coarse form: fewer trials")
+    parser.add_argument("--only", default="", help="pieces whose file's name contains this")
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    folder = OUT / "fast" if given.fast else OUT
+    every = {score: list(score.pieces(given.fast, given.workers)) for score in scores}
+    left = [
+        piece.seconds
+        for score, pieces in every.items()
+        for piece in pieces
+        if given.only in score.path(piece, folder).name
+        and not score.finished(piece, folder, given.fast)
+    ]
+    print(
+        f"{len(left)} of {sum(map(len, every.values()))} pieces are left: about "
+        f"{sum(left) / 60:.0f} minutes of CPU. What is finished stays in {folder}.",
+        flush=True,
+    )
+    for score, pieces in every.items():
+        if pieces:
+            run(score, pieces, folder, given.fast, given.only)
+
+
+def wide(found: pd.DataFrame, index: Sequence[str]) -> pd.DataFrame:
+    """Return a table with a row per index and each measure beside the others.
+
+    Parameters
+    ----------
+    found : DataFrame
+        The columns of the index, measure, value, low and high.
+    index : names
+        What tells rows apart; their order stays.
+
+    Returns
+    -------
+    DataFrame
+        The index, and per measure its value, ``<measure>_low`` and ``<measure>_high``.
+    """
+    order = found[list(index)].drop_duplicates()
+    by = found.pivot(index=list(index), columns="measure", values=["value", "low", "high"])
+    by.columns = [name if end == "value" else f"{name}_{end}" for end, name in by.columns]
+    return order.merge(by.reset_index(), on=list(index))
