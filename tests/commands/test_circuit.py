@@ -24,6 +24,10 @@ def test_show_says_whose_noise_it_is(capsys):
         shares = [int(part.split("%")[0]) for part in line.split("variance ")[1].split(" ")[1::2]]
         assert 97 <= sum(shares) <= 103
     assert said[1] == pytest.approx(said[0] / 2, abs=0.001)
+    bent = ["STN->GPe.transfer=s_minus_log_s", "STN->GPe.weight=1", "GPe.bias_nats=-1.4115"]
+    given = ["--noise", "0.85", "--edits.change", *bent]
+    assert run("circuit", "show", "spiking_msprt", *given) == 0
+    assert "OUT scatters by 0.028 nats" in capsys.readouterr().out
     assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
     assert "does not scatter" in capsys.readouterr().out
 
