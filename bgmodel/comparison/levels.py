@@ -34,7 +34,8 @@ THRESHOLDS_NATS = {2: 0.3, 4: 0.34}
 .75: readings carry it past the fixed point's."""
 LATENCY_MS = {2: 54.0, 4: 71.0}
 """Non-decision time: the spiking circuit's offset against the MSPRT at this gain (`python -m
-benchmarks.scores.agreement --only "gain 0.5"`, d' = .5). It is taken off beside the full MSPRT too, so that what the lower gain costs is not."""
+benchmarks.scores.agreement --only "gain 0.5"`, d' = .5). It is taken off beside the full MSPRT
+too, so that what the lower gain costs is not."""
 ENGINES = ("rate", "population", "ensemble")
 
 
