@@ -1,14 +1,24 @@
 """Pages of results: every number from a table, every table from today's circuits or said so."""
 
 import json
+import re
+import sys
+from dataclasses import replace
 
-import jinja2
+import pandas as pd
 import pytest
 
 from benchmarks import pages
-from bgmodel.files import provenance_path
+from benchmarks.scores import __main__ as scores
+from benchmarks.scores import pieces
+from benchmarks.scores.pieces import Piece, Score
+from bgmodel.files import provenance_path, read_table, write_table
+from tests.helpers import ROOT
 
 TEMPLATES = [pytest.param(path, id=path.name) for path in pages.templates()]
+PROSE = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md"))]
+FENCED = r"```.*?```|`[^`]*`"
+CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 
 
 def test_there_are_pages():
@@ -17,16 +27,33 @@ def test_there_are_pages():
 
 @pytest.mark.parametrize("template", TEMPLATES)
 def test_a_page_is_what_its_template_makes_of_the_tables(template):
-    assert pages.page_of(template).read_text() == pages.rendered(template)
+    page = pages.page_of(template)
+    same = page.read_text() == pages.rendered(template)
+    assert same, f"{page.name} is not what its tables make: run python -m benchmarks.pages"
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
-def test_a_template_states_no_decimal_number_itself(template):
+def test_a_page_says_what_each_of_its_tables_was_made_from(template):
+    text = template.read_text()
+    shown = set(re.findall(r'rows\("(\w+)"\)', text))
+    kinds = {name.split("_")[0] for name in re.findall(r'measured\("(\w+)"\)', text)}
+    assert {name.split("_")[0] for name in shown} == kinds
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_a_template_states_no_number_that_was_measured(template):
     assert pages.written_numbers(template.read_text()) == []
 
 
-def test_a_decimal_outside_a_placeholder_is_seen():
-    assert pages.written_numbers("r is .93, not {{ 0.5 }} or {% if 0.1 %} 1.5") == [".93", "1.5"]
+@pytest.mark.parametrize("page", [pytest.param(path, id=path.name) for path in PROSE])
+def test_prose_states_no_interval(page):
+    prose = re.sub(FENCED, "", page.read_text(), flags=re.DOTALL)
+    assert [number for number in pages.written_numbers(prose) if "[" in number] == []
+
+
+def test_a_decimal_or_an_interval_outside_a_placeholder_is_seen():
+    text = "r is .93, not {{ 0.5 }} or {% if 0.1 %} 1.5, later 4 ms [-3, 12], [a, b], [x](y)"
+    assert pages.written_numbers(text) == [".93", "1.5", "[-3, 12]"]
 
 
 @pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.RESULTS.glob("*.csv")])
@@ -36,18 +63,112 @@ def test_a_table_says_what_it_was_made_from(path):
     assert {"trials", "circuits"} <= set(behind["parameters"])
 
 
+@pytest.mark.parametrize("path", [pytest.param(p, id=p.name) for p in pages.RESULTS.glob("*.csv")])
+def test_a_table_is_written_by_a_score_and_shown_by_a_page(path):
+    assert path.stem.split("_")[0] in {module.SCORE.name for module in scores.MODULES}
+    assert any(f'rows("{path.stem}")' in template.read_text() for template in pages.templates())
+
+
 def test_a_table_of_another_circuit_says_so():
-    circuits = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
-    behind = {"parameters": {"circuits": circuits}, "seed": 1, "versions": {"bgmodel": "0"}}
+    behind = {"parameters": {"circuits": CIRCUITS}, "seed": 1, "versions": {"bgmodel": "0"}}
     assert "another circuit than today's**: spiking_msprt, N = 2 (00000000)" in pages.said(behind)
     behind["parameters"]["circuits"] = {}
     assert "with what circuit is not known" in pages.said(behind)
 
 
-def test_a_number_that_is_not_there_raises(tmp_path):
-    (tmp_path / "x.md.j2").write_text('{{ rows("y")[0].no }}')
-    with pytest.raises(ValueError, match="there is no table"):
-        pages.rendered(tmp_path / "x.md.j2", tmp_path)
+def test_a_page_made_from_a_table_of_another_circuit_says_so(tmp_path):
+    template = tmp_path / "x.md.j2"
+    template.write_text('{{ measured("y") }}')
+    write_table(pd.DataFrame({"a": [1]}), tmp_path / "y.csv", trials=5, circuits=CIRCUITS)
+    assert "5 trials" in pages.rendered(template, tmp_path)
+    assert "**measured with another circuit than today's**" in pages.rendered(template, tmp_path)
+
+
+def test_a_table_says_fewest_and_most_trials_and_whether_it_is_coarse():
+    parameters = {"circuits": CIRCUITS, "trials": [100, 500], "fast": True}
+    said = pages.said({"parameters": parameters, "seed": None, "versions": {"bgmodel": "0"}})
+    assert "100 to 500 trials, seeds in their files" in said
+    assert "coarse (`make score FAST=1`)" in said
+
+
+def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path):
+    template = tmp_path / "x.md.j2"
+    template.write_text('{{ rows("y")[0].no }}')
+    with pytest.raises(ValueError, match=r"^x.md.j2 needs the table y: `make score` writes it$"):
+        pages.rendered(template, tmp_path)
+    write_table(pd.DataFrame({"a": [1]}), tmp_path / "y.csv")
+    with pytest.raises(ValueError, match=r"^x.md.j2 shows what its tables do not hold .* anew$"):
+        pages.rendered(template, tmp_path)
+
+
+def test_a_page_needs_the_provenance_of_its_table(tmp_path):
+    template = tmp_path / "x.md.j2"
+    template.write_text('{{ rows("y")[0].a }}')
     (tmp_path / "y.csv").write_text("a\n1\n")
-    with pytest.raises(jinja2.UndefinedError):
-        pages.rendered(tmp_path / "x.md.j2", tmp_path)
+    with pytest.raises(ValueError, match="needs the table y"):
+        pages.rendered(template, tmp_path)
+
+
+@pytest.fixture
+def score(tmp_path, monkeypatch):
+    """Return a score of two pieces, what it computed, and its folder; it is stopped once."""
+    computed = []
+
+    def make(name):
+        computed.append(name)
+        if computed == ["one", "two"]:
+            raise KeyboardInterrupt
+        return pd.DataFrame({"name": [name]})
+
+    def those(fast, workers):
+        trials = 10 if fast else 1000
+        for name in ("one", "two"):
+            yield Piece("kind", name, trials, 60, lambda name=name: make(name))
+
+    monkeypatch.setattr(pieces, "OUT", tmp_path / "out")
+    monkeypatch.setattr(pieces, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(sys, "argv", ["scores"])
+    found = Score("test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])})
+    return found, computed, tmp_path
+
+
+def test_a_score_goes_on_where_it_was_stopped(score, capsys):
+    one, computed, folder = score
+    with pytest.raises(KeyboardInterrupt):
+        pieces.main(one)
+    assert capsys.readouterr().out.startswith("2 of 2 pieces are left: about 2 minutes of CPU.")
+    assert not (folder / "results").exists()
+    pieces.main(one)
+    assert capsys.readouterr().out.startswith("1 of 2 pieces are left: about 1 minutes of CPU.")
+    pieces.main(one)
+    assert computed == ["one", "two", "two"]
+    assert read_table(folder / "results" / "test_all.csv")["name"].tolist() == ["one", "two"]
+
+
+def test_a_coarse_score_leaves_the_pieces_of_a_whole_one(score, monkeypatch):
+    one, computed, folder = score
+    computed.append("before")
+    pieces.main(one)
+    monkeypatch.setattr(sys, "argv", ["scores", "--fast"])
+    pieces.main(one)
+    assert len(computed) == 5
+    assert pages.read_provenance(folder / "results" / "test_all.csv")["parameters"]["fast"]
+    assert one.finished(next(iter(one.pieces(False, 1))), folder / "out", False)
+
+
+def test_a_piece_of_another_circuit_or_seed_is_not_finished(score):
+    one, computed, folder = score
+    computed.append("before")
+    pieces.main(one)
+    piece, place = next(iter(one.pieces(False, 1))), folder / "out"
+    assert one.finished(piece, place, False)
+    for other in ({"seed": 2}, {"channels": (4,)}):
+        assert not replace(one, **other).finished(piece, place, False)
+
+
+def test_every_piece_of_every_score_has_a_file_of_its_own():
+    for fast in (False, True):
+        every = [(m.SCORE, p) for m in scores.MODULES for p in m.SCORE.pieces(fast, 1)]
+        paths = [score.path(piece, pieces.OUT) for score, piece in every]
+        assert len(set(paths)) == len(paths)
+        assert all(piece.seconds > 0 for _, piece in every)

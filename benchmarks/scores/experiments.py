@@ -37,7 +37,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the outcomes of all."""
-    return {"predictions": ("predictions", made["predictions"])}
+    ends = {"low": "value_low", "high": "value_high"}
+    return {"predictions": ("predictions", made["predictions"].rename(columns=ends))}
 
 
 SCORE = Score("experiments", None, (2, 4), pieces, tables)
