@@ -22,7 +22,7 @@ CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 
 
 def test_there_are_pages():
-    assert TEMPLATES
+    assert {path.name for path in pages.templates()} == {"populations.md.j2", "results.md.j2"}
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
