@@ -37,6 +37,10 @@ class Evidence(Facts):
         trial must be 0: they say nothing, and no decision is made there.
     numbers : array (trials,), int, optional
         Number of each trial, which decides its ties; 0, 1, 2, ... if left out.
+    baseline : array (hypotheses,), nats, optional
+        Constant taken from every reading of a hypothesis where each channel of a circuit gets its
+        own evidence: what a reading says on the whole, for instance its mean over all readings
+        (``mean_reading``). It must not depend on the reading. Tests don't need one.
 
     Raises
     ------
@@ -53,6 +57,7 @@ class Evidence(Facts):
     step_ms: float = 1.0
     lengths: npt.NDArray[np.integer] | None = None
     numbers: npt.NDArray[np.integer] | None = None
+    baseline: npt.NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Check once, here, so that nothing downstream has to."""
@@ -76,6 +81,7 @@ class Evidence(Facts):
         object.__setattr__(self, "prior", checked_prior(self.prior, values.shape[2]))
         object.__setattr__(self, "lengths", _checked_lengths(self.lengths, values))
         object.__setattr__(self, "numbers", _per_trial("numbers", self.numbers, len(values)))
+        object.__setattr__(self, "baseline", _checked_baseline(self.baseline, values.shape[2]))
         if not 0 <= self.onset_ms <= MOST_MS:
             raise ValueError(f"onset_ms must be >= 0 and at most {MOST_MS:g}, got {self.onset_ms}")
         if not 0 < self.step_ms <= MOST_MS:
@@ -132,6 +138,38 @@ class Evidence(Facts):
         total[:, 0] = np.log(self.prior)
         total[:, 1:] = self.log_likelihood
         return np.cumsum(total, axis=1, out=total)
+
+    @property
+    def own_totals(self) -> npt.NDArray[np.float64]:
+        """What each channel is told by itself, (trials, 1 + steps, hypotheses) nats.
+
+        The totals less constants that are known before a trial: the baseline for each reading so
+        far, and the mean of the log prior. Nothing here looks across channels.
+
+        Raises
+        ------
+        ValueError
+            Without a baseline, with what one could be.
+        """
+        if self.baseline is None:
+            means = ", ".join(f"{value:.3g}" for value in self.mean_reading)
+            raise ValueError(
+                "this evidence has no baseline, the constant that each channel takes from its "
+                "readings where it gets its own: give one, nats a hypothesis (the means over all "
+                f"readings here are {means})"
+            )
+        totals = self.totals
+        totals -= np.log(self.prior).mean()
+        if self.baseline.any():
+            read = np.minimum(np.arange(self.steps + 1), self.readings[:, None])
+            totals -= read[:, :, None] * self.baseline
+        return totals
+
+    @property
+    def mean_reading(self) -> npt.NDArray[np.float64]:
+        """Mean over all readings of what each hypothesis is told, (hypotheses,) nats."""
+        total: npt.NDArray[np.float64] = self.log_likelihood.sum(axis=(0, 1), dtype=np.float64)
+        return total / self.readings.sum()
 
     @cached_property
     def posterior(self) -> npt.NDArray[np.float64]:
@@ -201,7 +239,7 @@ def gaussian_evidence(
     samples = rng.standard_normal((trials, steps, hypotheses))
     samples[np.arange(trials), :, truth] += separation
     samples[np.arange(trials), :, (truth + 1) % hypotheses] += conflict * separation
-    return Evidence(separation * samples, truth, step_ms=step_ms)
+    return Evidence(separation * samples, truth, step_ms=step_ms, baseline=np.zeros(hypotheses))
 
 
 def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[np.float64]:
@@ -213,6 +251,19 @@ def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[n
         raise ValueError(f"prior must hold {hypotheses} probabilities > 0, got {values.tolist()}")
     if abs(values.sum() - 1) > 1e-9:
         raise ValueError(f"prior must sum to 1, got {values.tolist()} with sum {values.sum():.12g}")
+    return values
+
+
+def _checked_baseline(
+    baseline: npt.ArrayLike | None, hypotheses: int
+) -> npt.NDArray[np.float64] | None:
+    if baseline is None:
+        return None
+    values = np.asarray(baseline, dtype=np.float64)
+    if values.shape != (hypotheses,) or not np.isfinite(values).all():
+        raise ValueError(
+            f"baseline must hold {hypotheses} finite numbers, nats, got {values.tolist()}"
+        )
     return values
 
 

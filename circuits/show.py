@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -111,9 +112,17 @@ def _head(circuit: Circuit) -> str:
         f"{'exact' if circuit.exact else 'not exact'}\n"
         f"{at_rest} from {low:g} to {high:g}; OUT is "
         f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}\n"
-        f"drives at most {circuit.reach_nats:g} {circuit.unit} apart, drive gain "
+        f"{_drive(circuit)}, drive gain "
         f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
     )
+
+
+def _drive(circuit: Circuit) -> str:
+    """Return what a channel is driven by."""
+    if not circuit.centred:
+        return "each channel driven by its own evidence"
+    apart = "" if math.isinf(circuit.reach_nats) else f", at most {circuit.reach_nats:g} apart"
+    return f"drives less their mean over channels{apart}"
 
 
 def constants(circuit: Circuit) -> str:

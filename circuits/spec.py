@@ -61,6 +61,9 @@ class Circuit:
         Lowest and highest ``S`` (of another unit than nats, input) at which the circuit works.
     readable_nats : tuple of float
         Lowest and highest OUT that the read-out's rate stands for.
+    centred : bool
+        Whether the mean of the drive over channels must be taken off before it enters. A circuit
+        that cancels what channels have in common does without: each channel gets its own evidence.
     reach_nats : float
         How far below the leader's drive another channel's may fall: a silent cell cannot fall
         further. The leader's OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``.
@@ -84,6 +87,7 @@ class Circuit:
     exact: bool = False
     range_nats: tuple[float, float] = (0.0, math.inf)
     readable_nats: tuple[float, float] = (0.0, math.inf)
+    centred: bool = True
     reach_nats: float = math.inf
     most_channels: int = 1000
     wiring_seed: int = 0

@@ -60,6 +60,10 @@ class BasalGanglia(Facts):
         Key of the noise; the engines that spike need one.
     options : dict
         Passed on to the engine.
+    centred : bool, optional
+        Whether the mean over channels is taken off the evidence outside the circuit; as the table
+        says unless given. True for a circuit that gets raw evidence is a control: what does it
+        cost to cancel inside what channels have in common?
     """
 
     circuit: Circuit
@@ -67,6 +71,7 @@ class BasalGanglia(Facts):
     gain: float = 1.0
     seed: int | None = None
     options: dict[str, Any] = field(default_factory=dict)
+    centred: bool | None = None
 
     def __post_init__(self) -> None:
         check_engine(self.engine)
@@ -82,6 +87,8 @@ class BasalGanglia(Facts):
             "gain": f"{self.gain:g}",
             "seed": f"{self.seed}",
         }
+        if self.centred is not None:
+            found["centred"] = f"{self.centred}"
         return found | {name: f"{value}" for name, value in self.options.items()}
 
     def run(self, evidence: Evidence) -> Trace:
@@ -93,8 +100,16 @@ class BasalGanglia(Facts):
         return self.trace(self.activity(evidence), evidence)
 
     def drive(self, evidence: Evidence) -> npt.NDArray[np.float64]:
-        """Return what the circuit is given, as ``drive_of``."""
-        return drive_of(evidence, self.gain, self.circuit.reach_nats)
+        """Return what the circuit is given: raw evidence, or as ``drive_of`` where it is centred.
+
+        Raises
+        ------
+        ValueError
+            If each channel gets its own evidence and that has no baseline.
+        """
+        if self.circuit.centred if self.centred is None else self.centred:
+            return drive_of(evidence, self.gain, self.circuit.reach_nats)
+        return self.gain * evidence.own_totals
 
     @staticmethod
     def trace(activity: Activity, evidence: Evidence) -> Trace:
@@ -314,7 +329,7 @@ def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
 def drive_of(
     evidence: Evidence, gain: float = 1.0, reach_nats: float = np.inf
 ) -> npt.NDArray[np.float64]:
-    """Return the drive of a circuit, (trials, steps + 1, hypotheses) nats.
+    """Return the drive of a circuit that needs it centred, (trials, steps + 1, hypotheses) nats.
 
     Parameters
     ----------

@@ -6,6 +6,7 @@ import csv
 import re
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,7 @@ def trials_from_table(
         ``log p(reading | hypothesis)`` in nats. Optionally ``truth``, a hypothesis's name, and
         ``participant_id``: trials of two participants are two, whatever their ids. Trials may
         differ in length, and rows may come in any order. Other columns come back with the results.
+        The evidence's baseline is each column's mean over all rows.
     prior, onset_ms, step_ms :
         As in ``Evidence``.
 
@@ -108,6 +110,7 @@ def trials_from_table(
         step_ms,
         lengths,
     )
+    evidence = replace(evidence, baseline=evidence.mean_reading)
     own = [name for name in table.columns if name not in (*columns, "step", "truth")]
     varying = [name for name in own if not _constant(table[name], trial, first_row)]
     kept = table[[name for name in own if name not in varying]].iloc[first_row]

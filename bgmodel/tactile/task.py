@@ -150,7 +150,18 @@ class Source:
         values = np.empty((trials, steps, count), dtype=np.float64)
         for i, table in enumerate(self.log_likelihood):
             values[i::count] = table[(place[i::count] * len(table)).astype(np.intp)]
-        return Evidence(values, truth, prior, step_ms=step_ms)  # type: ignore[arg-type]
+        return Evidence(
+            values,
+            truth,
+            prior,  # type: ignore[arg-type]
+            step_ms=step_ms,
+            baseline=self.baseline,
+        )
+
+    @property
+    def baseline(self) -> Array:
+        """Mean of what each hypothesis is told by a reading, all true ones alike, nats."""
+        return np.mean([values.mean(axis=0) for values in self.log_likelihood], axis=0)
 
     @cached_property
     def log_ratios(self) -> tuple[Array, ...]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from circuits import table_files, table_reader
 from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
+from circuits.anatomy.macaque import macaque
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.spec import Circuit
 
@@ -22,6 +23,7 @@ __all__ = [
     "circuit",
     "gpr",
     "linear_gpe",
+    "macaque",
     "spiking_msprt",
 ]
 
@@ -29,6 +31,7 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {
     "bogacz_gurney": bogacz_gurney,
     "appendix_b": appendix_b,
     "linear_gpe": linear_gpe,
+    "macaque": macaque,
     "spiking_msprt": spiking_msprt,
     "gpr": gpr,
 }

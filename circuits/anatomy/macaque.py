@@ -1,0 +1,112 @@
+"""THE TABLE of a macaque's basal ganglia: raw evidence in, spikes, every number with its source."""
+
+from __future__ import annotations
+
+from math import exp, inf, log, log1p
+
+from circuits.anatomy.columns import rows
+from circuits.cells import Phase, Rate
+from circuits.checks import check_channels
+from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+
+LIENARD = "Lienard & Girard 2014, macaque"
+HUMPHRIES = "Humphries, Stewart & Gurney 2006"
+ASSUMED = "assumed"
+AMPA = f"delay {LIENARD}; time constant after AMPA 2 ms, {HUMPHRIES}"
+GABA_A = f"delay {LIENARD}; time constant after GABA 3 ms, {HUMPHRIES}"
+KERNEL = f"delay {LIENARD}; time constant tuned"
+SHARED = f"{GABA_A}; share tuned"
+CORTEX = "CV assumed; range of rates tuned"
+FAST = "assumed: fast inhibition by the cortical mean; rate Lienard & Girard 2014, macaque"
+MSN = "CV assumed; cells and rate tuned"
+PACEMAKER = f"pacemaker, CV assumed; rate {LIENARD}"
+OUTPUT = "pacemaker, CV assumed; rate tuned"
+SLOW = "GPe cells that inhibit frontal cortex, Saunders et al. 2015, mouse; gain and time assumed"
+
+
+def macaque(channels: int = 2) -> Circuit:
+    """Return the circuit that gets raw evidence and cancels inside what its channels share.
+
+    Each channel's cortex gets its own evidence. What is common to all channels moves STN's sum
+    Sigma, and three parts of the circuit keep it out of OUT. (1) With ``G = Sigma - ln Sigma`` in
+    GPe, of which STN gets the share w and SNr the rest, ``ln Sigma = S - w G`` and SNr hears
+    ``Sigma - (1 - w) G = S``, at every S (Bogacz & Gurney 2007, appendix B). The loop's gain is
+    ``w (Sigma - 1)``: the smaller w, the wider the range of S in which it is stable. (2)
+    Interneurons of cortex take at once from what is common all but ``1 / (1 + 1.25)``. (3) Cells of
+    GPe that project to cortex bring Sigma back to its rest, with a gain of 10 in 500 ms.
+
+    D1 fires .4 nats above its silence at rest, for any number of channels, so that it can follow
+    when all channels fall together. STN->SNr is slow, so that a step of all channels reaches SNr
+    through STN about when it does through D1. All cells are renewal processes whose rate follows
+    its line: at the fixed point OUT is -ln P wherever no cortical channel is silent.
+
+    Rates at rest that lie outside what is printed for the macaque (Lienard & Girard 2014: MSN 0-1,
+    FSI 8-14, STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 6 Hz, for silent ones cannot
+    follow a fall; STN 44 / N and SNr 15 + 45 ln N Hz, which depend on the number of alternatives as
+    -ln P does. Tuned with ``benchmarks/tuning/macaque.py`` on seeds of its own.
+    """
+    check_channels(channels)
+    log_n = log(channels)
+    rest, tone, above_floor = 2.2, 3.0, 0.4
+    sigma, share, indirect, fast = 2.2, 0.5, 0.1, 1.25
+    # The exponent of STN still sums to y: the rest of it comes through D2 and GPe. What D2 adds to
+    # OUT through GPe's way to SNr, D1 takes away again.
+    direct = 1 - indirect * share
+    to_d1 = (1 + indirect * (1 - share)) * rest
+    top = rest + log_n
+    # fmt: off
+    populations = rows(Population, (
+        "name       cell        neurons pooled baseline_hz gain_hz_per_nat transmitter cite",
+        ("ctx",     Phase(0.5), 600,    False, 1,          11,             GLUTAMATE,  CORTEX),
+        ("FSI",     Rate(),     1,      True,  0,          5,              GABA,       FAST),
+        ("D1",      Phase(0.5), 4000,   False, 0,          15,             GABA,       MSN),
+        ("D2",      Phase(0.5), 600,    False, 3,          2,              GABA,       MSN),
+        ("STN",     Phase(0.3), 300,    False, 0,          20,             GLUTAMATE,  PACEMAKER),
+        ("GPe",     Phase(0.3), 300,    False, 58,         50,             GABA,       PACEMAKER),
+        ("GPe_ctx", Rate(),     1,      True,  0,          20,             GABA,       SLOW),
+        ("SNr",     Phase(0.3), 600,    False, 15,         45,             GABA,       OUTPUT),
+    ), (
+        "name       transfer     tau_ms  receptor  pivot_nats  bias_nats",
+        ("ctx",     "rectified", 2,      "",       0.0,        tone + fast * rest),
+        ("FSI",     "linear",    5,      "",       0.0,        0.0),
+        # Dopamine turns about the input at rest: rates at rest stay what they are.
+        ("D1",      "linear",    0.0,    "D1",     to_d1,      above_floor - to_d1),
+        ("D2",      "linear",    0.0,    "D2",     rest,       -rest),
+        ("STN",     "exp",       5,      "",       0.0,        log(sigma) - rest * direct - log_n),
+        ("GPe",     "linear",    0.0,    "",       0.0,        log(sigma) - sigma),
+        ("GPe_ctx", "linear",    5000,   "",       0.0,        tone - 10 * sigma),
+        ("SNr",     "linear",    0.0,    "",       0.0,        log_n + above_floor - sigma),
+    ))
+    projections = rows(Projection, (
+        "source     target     weight        pattern    delay_ms  tau_ms  transfer         cite",
+        ("ctx",     "D1",      to_d1 / rest, "channel", 7,        4,      "linear",        AMPA),
+        ("ctx",     "D2",      1,            "channel", 7,        4,      "linear",        AMPA),
+        ("ctx",     "STN",     direct,       "channel", 3,        4,      "linear",        AMPA),
+        ("ctx",     "FSI",     1 / channels, "diffuse", 1,        2,      "linear",        ASSUMED),
+        ("FSI",     "ctx",     -fast,        "diffuse", 1,        3,      "linear",        ASSUMED),
+        ("D1",      "SNr",     -1,           "channel", 11,       6,      "linear",        KERNEL),
+        ("D2",      "GPe",     -indirect,    "channel", 7,        4,      "linear",        GABA_A),
+        ("STN",     "GPe",     1,            "diffuse", 3,        3,      "s_minus_log_s", AMPA),
+        ("STN",     "SNr",     1,            "diffuse", 3,        24,     "linear",        KERNEL),
+        ("STN",     "GPe_ctx", 10,           "diffuse", 3,        5,      "linear",        SLOW),
+        ("GPe",     "STN",     -share,       "channel", 10,       4,      "linear",        SHARED),
+        ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      "linear",        SHARED),
+        ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    "linear",        SLOW),
+    ))
+    # fmt: on
+    return Circuit(
+        name="macaque",
+        populations=populations,
+        projections=projections,
+        channels=channels,
+        reference_nats=top,
+        readout_tau_ms=30,
+        centred=False,
+        # GPe's cells that inhibit cortex have a tone of 3 nats to take away.
+        range_nats=(top - tone, inf),
+        # Losers are silent from top nats behind on.
+        readable_nats=(log1p((channels - 1) * exp(-top)), log_n),
+        most_channels=12,
+        default_gain=0.55 if channels == 2 else 0.5 if channels < 8 else 0.4,
+        about="basal ganglia of a macaque that decide by raw evidence as the MSPRT does",
+    )
