@@ -12,6 +12,8 @@ from circuits.arrays import Array
 
 EXP_MOST = 60.0
 """Exponents are capped here, nats: far above any rate, far below overflow."""
+MOST_NATS = 5.5
+"""Highest activity of a saturating population, nats: above what decides between 12."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,13 @@ TRANSFERS: dict[str, Transfer] = {
         np.zeros_like,
         "clip({x}, 0, inf)",
         "no less than zero",
+    ),
+    "saturating": Transfer(
+        lambda x: np.clip(x, 0.0, MOST_NATS),
+        lambda x: ((x > 0) & (x < MOST_NATS)).astype(np.float64),
+        np.zeros_like,
+        f"clip({{x}}, 0, {MOST_NATS:g})",
+        "no less than zero, no more than 5.5 nats; assumed",
     ),
     "ramp": Transfer(
         lambda x: np.clip(x, 0.0, 1.0),

@@ -2,12 +2,17 @@
 // circuits/fixed_point.py, number for number. No drawing here.
 "use strict";
 
-const MOST_STEPS = 200, TOLERANCE = 1e-9, LARGEST_MOVE = 1, MOST_DAMPING = 1, EXP_MOST = 60;
+const MOST_STEPS = 200, TOLERANCE = 1e-9, LARGEST_MOVE = 1, MOST_DAMPING = 1, EXP_MOST = 60,
+  MOST_NATS = 5.5;
 const ROUNDING = 1e-10;
 
 const TRANSFER = {
   linear: [(x) => x, () => 1],
   rectified: [(x) => Math.max(x, 0), (x) => (x > 0 ? 1 : 0)],
+  saturating: [
+    (x) => Math.min(Math.max(x, 0), MOST_NATS),
+    (x) => (x > 0 && x < MOST_NATS ? 1 : 0),
+  ],
   ramp: [(x) => Math.min(Math.max(x, 0), 1), (x) => (x > 0 && x < 1 ? 1 : 0)],
   exp: [(x) => Math.exp(Math.min(x, EXP_MOST)), (x) => (x < EXP_MOST ? Math.exp(x) : 0)],
   s_minus_log_s: [(x) => (x > 0 ? x - Math.log(x) : 0), (x) => (x > 0 ? 1 - 1 / x : 0)],

@@ -66,16 +66,16 @@ def macaque(channels: int = 2) -> Circuit:
         ("GPe_ctx", Rate(),     1,      True,  0,          20,             GABA,       SLOW),
         ("SNr",     Phase(0.3), 600,    False, 15,         45,             GABA,       OUTPUT),
     ), (
-        "name       transfer     tau_ms  receptor  pivot_nats  bias_nats",
-        ("ctx",     "rectified", 2,      "",       0.0,        tone + fast * rest),
-        ("FSI",     "linear",    5,      "",       0.0,        0.0),
+        "name       transfer      tau_ms  receptor  pivot_nats  bias_nats",
+        ("ctx",     "saturating", 2,     "",       0.0,        tone + fast * rest),
+        ("FSI",     "linear",     5,      "",       0.0,        0.0),
         # Dopamine turns about the input at rest: rates at rest stay what they are.
-        ("D1",      "linear",    0.0,    "D1",     to_d1,      above_floor - to_d1),
-        ("D2",      "linear",    0.0,    "D2",     rest,       -rest),
-        ("STN",     "exp",       5,      "",       0.0,        log(sigma) - rest * direct - log_n),
-        ("GPe",     "linear",    0.0,    "",       0.0,        log(sigma) - sigma),
-        ("GPe_ctx", "linear",    5000,   "",       0.0,        tone - 10 * sigma),
-        ("SNr",     "linear",    0.0,    "",       0.0,        log_n + above_floor - sigma),
+        ("D1",      "linear",     0.0,    "D1",     to_d1,      above_floor - to_d1),
+        ("D2",      "linear",     0.0,    "D2",     rest,       -rest),
+        ("STN",     "exp",        5,      "",       0.0,        log(sigma) - rest * direct - log_n),
+        ("GPe",     "linear",     0.0,    "",       0.0,        log(sigma) - sigma),
+        ("GPe_ctx", "linear",     5000,   "",       0.0,        tone - 10 * sigma),
+        ("SNr",     "linear",     0.0,    "",       0.0,        log_n + above_floor - sigma),
     ))
     projections = rows(Projection, (
         "source     target     weight        pattern    delay_ms  tau_ms  transfer         cite",

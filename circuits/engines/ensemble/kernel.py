@@ -18,7 +18,7 @@ import numpy as np
 from circuits import noise
 from circuits.engines.compiling import compiled
 from circuits.engines.ensemble import lanes
-from circuits.transfer import EXP_MOST
+from circuits.transfer import EXP_MOST, MOST_NATS
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -28,8 +28,14 @@ if TYPE_CHECKING:
 
 RATE, LIF, PHASE, GENERAL = range(4)
 """Loops over cells: none, those of two types, or one compiled from a type's own tick."""
-LINEAR, RECTIFIED, EXP, S_MINUS_LOG_S = range(4)
-TRANSFERS = {"linear": LINEAR, "rectified": RECTIFIED, "exp": EXP, "s_minus_log_s": S_MINUS_LOG_S}
+LINEAR, RECTIFIED, SATURATING, EXP, S_MINUS_LOG_S = range(5)
+TRANSFERS = {
+    "linear": LINEAR,
+    "rectified": RECTIFIED,
+    "saturating": SATURATING,
+    "exp": EXP,
+    "s_minus_log_s": S_MINUS_LOG_S,
+}
 # Whether a block's cells are alike, differ in their constants, or in their inputs as well.
 IDENTICAL, OWN_CONSTANTS, OWN_INPUTS = range(3)
 WORD = noise.TICKS_A_WORD
@@ -48,6 +54,8 @@ def _law(code, x):
         return x
     if code == RECTIFIED:
         return max(x, 0.0)
+    if code == SATURATING:
+        return min(max(x, 0.0), MOST_NATS)
     if code == EXP:
         return math.exp(min(x, EXP_MOST))
     return x - math.log(x) if x > 0 else 0.0

@@ -21,6 +21,7 @@ from numba.extending import intrinsic
 
 from circuits.engines.compiling import compiled
 from circuits.engines.ensemble.lanes import exp32, fused, tick_key, word32
+from circuits.transfer import MOST_NATS
 
 LANES = 64
 WHOLE = -LANES
@@ -28,10 +29,11 @@ WINDOW = 4
 """Most ticks that a block is taken through at a time: those of one key of noise."""
 REFRESH = 16
 """Ticks after which the coefficients of a block's filters follow its state."""
-LOOKED_UP, LINEAR, RECTIFIED, RAMP, EXP, S_MINUS_LOG_S = range(6)
+LOOKED_UP, LINEAR, RECTIFIED, SATURATING, RAMP, EXP, S_MINUS_LOG_S = range(7)
 TRANSFERS = {
     "linear": LINEAR,
     "rectified": RECTIFIED,
+    "saturating": SATURATING,
     "ramp": RAMP,
     "exp": EXP,
     "s_minus_log_s": S_MINUS_LOG_S,
@@ -46,7 +48,7 @@ FOLLOWING, SECTION, COEFFICIENTS = 6, 5, 16
 """Coefficients of how cells follow, of a section of their noise, and in all."""
 VALUE_ROWS, UNIT_ROWS, STATE_ROWS = 3, 2, 11
 EMPTY = -1
-ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
+ZERO, ONE, HALF, MOST = np.float32(0), np.float32(1), np.float32(0.5), np.float32(MOST_NATS)
 SIXTEEN, ROOT = np.float32(16), np.float32(8**-0.5)
 
 
@@ -114,6 +116,9 @@ def _apply(n, law, values, row, into, lowest, per, points):
     elif law == RECTIFIED:
         for i in range(n & WHOLE):
             values[_at(into, i)] = max(values[_at(row, i)], ZERO)
+    elif law == SATURATING:
+        for i in range(n & WHOLE):
+            values[_at(into, i)] = min(max(values[_at(row, i)], ZERO), MOST)
     elif law == RAMP:
         for i in range(n & WHOLE):
             values[_at(into, i)] = min(max(values[_at(row, i)], ZERO), ONE)
