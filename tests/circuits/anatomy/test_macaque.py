@@ -1,0 +1,157 @@
+"""The macaque's table: OUT is -ln P of raw evidence, what channels share is cancelled inside."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel.evidence import Evidence, gaussian_evidence, minus_log_softmax
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits import anatomy
+from circuits.engines import run
+from circuits.laws import stability
+from circuits.transfer import MOST_NATS
+
+ALTERNATIVES = (2, 4, 8)
+LEADER_MS, STEP_MS = 500, 50.0
+
+
+def out(table, drive):
+    return run(table, np.asarray(drive)[None, None], engine="algebra", step_ms=1.0).output_nats[
+        0, 0
+    ]
+
+
+def stepped(table, lead, size):
+    """OUT of the leader, ms by ms, less what it was before all channels rise by a size."""
+    drive = np.zeros((1, 40, table.channels))
+    drive[0, :, 0] = lead
+    drive[0, 10:] += size
+    model = BasalGanglia(table, "population", 1.0, options={"noise": False})
+    found = model.run_drive(drive, STEP_MS)
+    moved = found.output_nats[0, :, 0]
+    before = (found.time_ms >= 450) & (found.time_ms < LEADER_MS)
+    return found.time_ms - LEADER_MS, moved - moved[before].mean()
+
+
+@pytest.mark.parametrize("channels", ALTERNATIVES)
+@given(
+    st.lists(st.floats(-2, 3), min_size=8, max_size=8),
+    st.floats(-1, 3, allow_subnormal=False),
+)
+def test_out_is_minus_ln_p_of_the_leader_for_any_rivals_and_any_common_input(
+    channels, drive, common
+):
+    """Exact while no cortical channel is silent; a silent one counts for more than it should."""
+    table = anatomy.macaque(channels)
+    drive = np.array(drive[:channels])
+    leader = drive.argmax()
+    want = minus_log_softmax(drive)[leader]
+    low = table.readable_nats[0]
+    assert out(table, drive + common)[leader] == pytest.approx(max(want, low), abs=0.03)
+
+
+@pytest.mark.parametrize("channels", ALTERNATIVES)
+def test_it_rests_at_ln_n_and_says_that_it_reads_up_to_there(channels):
+    table = anatomy.macaque(channels)
+    np.testing.assert_allclose(out(table, np.zeros(channels)), np.log(channels), rtol=1e-9)
+    assert table.readable_nats[1] == pytest.approx(np.log(channels))
+
+
+@pytest.mark.parametrize("channels", ALTERNATIVES)
+@pytest.mark.parametrize("lead", [0.0, 2.0])
+@pytest.mark.parametrize("size", [-1.0, 1.0])
+def test_a_step_of_all_channels_hardly_reaches_out(channels, lead, size):
+    after_ms, moved = stepped(anatomy.macaque(channels), lead, size)
+    later = after_ms >= 0
+    assert moved[later].min() > -0.08
+    assert moved[later].max() < 0.15
+    assert (moved[later] > 0.03).sum() < 100
+    assert np.abs(moved[after_ms >= LEADER_MS]).max() < 0.03
+
+
+def test_without_its_parts_a_step_of_all_channels_does_reach_out():
+    """What each part is for: a fast loop, cells of D1 that can follow a fall."""
+    table = anatomy.macaque(2)
+    linear = table.with_projection("STN", "GPe", transfer="linear", weight=1 - 1 / 2.2)
+    linear = linear.with_population("GPe", bias_nats=1 - 2.2)
+    after_ms, moved = stepped(table, 2.0, 1.0)
+    held = (after_ms > 100) & (after_ms < 300)
+    assert np.abs(stepped(linear, 2.0, 1.0)[1][held]).max() > 3 * np.abs(moved[held]).max()
+    by = {"bias_nats": table.population("D1").bias_nats - 0.4}
+    silent = table.with_population("D1", **by)
+    assert stepped(silent, 0.0, -1.0)[1].min() < -0.3
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("ctx", 5, 26),
+        ("D1", 2, 6.1),
+        ("D2", 2, 6),
+        ("STN", 10, 25),
+        ("GPe", 40, 75),
+        ("SNr", 30, 80),
+    ],
+)
+@pytest.mark.parametrize("channels", [2, 4])
+def test_rates_at_rest_are_those_of_the_animal(channels, name, low, high):
+    found = run(anatomy.macaque(channels), np.zeros((1, 1, channels)), engine="algebra", step_ms=1)
+    assert low <= found.rates_hz[name][0, 0].min() <= found.rates_hz[name].max() <= high
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_rates_where_a_decision_falls_are_those_of_the_animal(channels):
+    drive = np.zeros((1, 1, channels))
+    drive[0, 0, 0] = 2.0 + np.log(channels - 1)
+    found = run(anatomy.macaque(channels), drive, engine="algebra", step_ms=1).rates_hz
+    winner, losers = (lambda name: found[name][0, 0, 0]), (lambda name: found[name][0, 0, 1:])
+    assert winner("ctx") < 60
+    assert winner("D1") < 30
+    assert losers("SNr").max() < 110
+    assert losers("ctx").min() > 1.5
+    assert winner("SNr") < found["SNr"][0, 0, 1] / 2
+
+
+@pytest.mark.parametrize("channels", ALTERNATIVES)
+def test_it_does_not_oscillate_at_rest_nor_where_it_decides(channels):
+    table = anatomy.macaque(channels)
+    drive = np.zeros(channels)
+    drive[0] = 2.0
+    for held in (np.zeros(channels), drive, drive + 1.0):
+        assert stability.is_stable(table, held)
+
+
+def test_endless_evidence_saturates_cortex_and_nothing_runs_away():
+    evidence = Evidence(np.tile([4.0, -4.0], (1, 60, 1)), baseline=np.zeros(2), step_ms=50.0)
+    model = BasalGanglia(anatomy.macaque(2), "population", 0.55, options={"noise": False})
+    found = model.activity(evidence)
+    assert found.rates_hz["ctx"].max() <= 1 + 11 * MOST_NATS + 1e-3
+    assert found.output_nats[0, -1].argmin() == 0
+
+
+def test_each_channel_gets_its_own_evidence_and_the_control_takes_the_mean_off():
+    evidence = gaussian_evidence(3, 5, 0.5, rng=np.random.default_rng(1), hypotheses=4)
+    model = BasalGanglia(anatomy.macaque(4), "algebra", 0.5)
+    raw = model.drive(evidence)
+    other = evidence.log_likelihood.copy()
+    other[..., 3] += 1
+    changed = Evidence(other, baseline=np.zeros(4))
+    np.testing.assert_array_equal(model.drive(changed)[..., :3], raw[..., :3])
+    control = BasalGanglia(anatomy.macaque(4), "algebra", 0.5, centred=True).drive(evidence)
+    np.testing.assert_allclose(control, raw - raw.mean(axis=2, keepdims=True), atol=1e-12)
+
+
+def test_evidence_without_a_baseline_is_refused_with_what_it_could_be():
+    evidence = Evidence(np.tile([-1.0, -3.0], (2, 4, 1)))
+    with pytest.raises(ValueError, match=r"no baseline.*means over all readings here are -1, -3"):
+        BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(evidence)
+    whole = Evidence(evidence.log_likelihood, baseline=[-1.0, -3.0])
+    assert not BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(whole).any()
+
+
+def test_a_baseline_is_taken_from_no_more_readings_than_there_are():
+    readings = np.zeros((2, 3, 2))
+    readings[0] = readings[1, :1] = [-1.0, -2.0]
+    evidence = Evidence(readings, lengths=np.array([3, 1]), baseline=[-1.0, -2.0])
+    assert not evidence.own_totals.any()
