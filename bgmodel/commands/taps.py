@@ -103,6 +103,8 @@ class Train(Writes):
     with the settings found for edges in place of the training options."""
     mm_per_px: float | None = None
     """Scale of recordings, mm."""
+    pins: int | None = None
+    """Pins of the sensor of recordings; said beside those that were found."""
     training: Training = field(default_factory=Training)
     seed: int = 0
 
@@ -112,7 +114,7 @@ class Train(Writes):
 
         check_ending("output", self.output, ".safetensors")
         training = EDGE if self.edge else self.training
-        taps, about = _taps(self.taps, self.mm_per_px, self.edge)
+        taps, about = _taps(self.taps, self.mm_per_px, self.edge, self.pins)
         say_how_long(
             f"training on {len(taps)} taps, {training.epochs} epochs at most",
             TORCH_S + EPOCH_S * training.width / WIDTH * len(taps) * training.epochs,
@@ -141,6 +143,8 @@ class Decode(Writes):
     """The taps are of an edge; those of a folder are taken for gratings unless you say so."""
     mm_per_px: float | None = None
     """Scale of recordings, mm."""
+    pins: int | None = None
+    """Pins of the sensor of recordings; said beside those that were found."""
 
     def __call__(self) -> None:
         """Run the command."""
@@ -148,7 +152,7 @@ class Decode(Writes):
 
         check_ending("output", self.output, ".parquet", ".csv")
         decoder = Decoder.load(self.decoder)
-        taps, about = _taps(self.taps, self.mm_per_px, self.edge, rest=decoder.rest_mm)
+        taps, about = _taps(self.taps, self.mm_per_px, self.edge, self.pins, decoder.rest_mm)
         table = taps.labels.assign(**decoder.decode(taps))
         if "image" in table:
             table["image"] = table["image"].map(lambda path: Path(path).name)
@@ -162,7 +166,11 @@ class Decode(Writes):
 
 
 def _taps(
-    path: Path, mm_per_px: float | None, edge: bool, rest: Reals | None = None
+    path: Path,
+    mm_per_px: float | None,
+    edge: bool,
+    pins: int | None,
+    rest: Reals | None = None,
 ) -> tuple[Taps, dict[str, Any]]:
     """Return taps and their provenance, from a file or from a folder of recordings."""
     if not path.is_dir():
@@ -174,10 +182,11 @@ def _taps(
         return taps, about
     if mm_per_px is None:
         raise ValueError("recordings need their scale: --mm-per-px, mm per pixel")
-    from bgmodel.tactile.recordings import read_taps
+    from bgmodel.tactile.recordings import pins_found, read_taps
 
     stimulus = "edge" if edge else "grating"
-    taps = read_taps(path, mm_per_px=mm_per_px, rest=rest, stimulus=stimulus)
+    taps = read_taps(path, mm_per_px=mm_per_px, rest=rest, stimulus=stimulus, pins=pins)
+    print(f"{path.name}: {pins_found(taps, pins)}")
     return taps, {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": stimulus}
 
 

@@ -12,26 +12,18 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import pandas as pd
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
 from bgmodel.arrays import Array, Image, Integers, Reals
 from bgmodel.tactile.taps import Taps
+from bgmodel.tactile.targets import read_targets
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
 SMALLEST_IMAGE_PX, FEWEST_PINS = 64, 10
 LAYOUT_TAPS = 400  # enough for a median that no longer moves
 REACH, CROWDED = 0.75, 0.7  # in pitches: farthest match; pins are never closer
-POSE = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
-# Table, image folders by preference, and how its columns are named: label, shear and axes. Where a
-# folder has both tables, the one "with images" was derived from the other.
-LAYOUTS = (
-    ("targets_images.csv", ("processed_images", "sensor_images"), "object_label", "shear_",
-     ("x", "y", "z", "Rx", "Ry", "Rz")),
-    ("targets.csv", ("images",), "obj_id", "move_", "123456"),
-)  # fmt: skip
 
 
 def find_recordings(option: Path | None) -> Path | None:
@@ -45,63 +37,9 @@ def find_recordings(option: Path | None) -> Path | None:
     return Path(given) if given else None
 
 
-def read_targets(folder: str | Path) -> pd.DataFrame:
-    """Labels of a recording in either layout (`targets.csv` or `targets_images.csv`).
-
-    Returns one row a tap: `x_mm`, `y_mm`, `z_mm`, `roll_deg`, `pitch_deg`, `yaw_deg`, `image`
-    (path), and where recorded `shear_x_mm` ... `shear_yaw_deg` and `object_label`.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        Folder, table, image folder or an image does not exist; the table cannot be read, is empty,
-        lacks a column or has a pose that is not a number.
-    """
-    folder = Path(folder)
-    known = [layout for layout in LAYOUTS if (folder / layout[0]).is_file()]
-    if not known:
-        tables = " nor ".join(layout[0] for layout in LAYOUTS)
-        raise FileNotFoundError(f"recording: {folder} has neither {tables}; one is needed")
-    table, image_folders, label, shear, axes = known[0]
-    names = {f"pose_{axis}": name for axis, name in zip(axes, POSE, strict=True)}
-    raw = _read_table(folder / table, ["sensor_image", *names])
-    names |= {f"{shear}{axis}": f"shear_{name}" for axis, name in zip(axes, POSE, strict=True)}
-    images = _image_paths(folder, image_folders, raw["sensor_image"])
-    numbers = raw[[name for name in names if name in raw]].apply(pd.to_numeric, errors="coerce")
-    for row, column in np.argwhere(~np.isfinite(numbers.to_numpy(float)))[:1]:
-        value = f"{numbers.columns[column]} of {raw['sensor_image'][row]}"
-        raise ValueError(f"{folder / table}: {value} is missing or not a number")
-    labels = {"object_label": raw[label]} if label in raw else {}
-    renamed = numbers.astype(float).rename(columns=names)
-    targets: pd.DataFrame = renamed.assign(image=images, **labels)
-    return targets
-
-
-def _read_table(table: Path, required: list[str]) -> pd.DataFrame:
-    try:
-        raw = pd.read_csv(table)
-    except ValueError as error:  # the base of what pandas raises on bad bytes and broken rows
-        raise ValueError(f"{table}: not a readable csv table ({error})") from error
-    if missing := [column for column in required if column not in raw]:
-        raise ValueError(f"{table}: lacks {', '.join(missing)}; needed are {', '.join(required)}")
-    if raw.empty:
-        raise ValueError(f"{table}: has no rows; a recording has at least one tap")
-    return raw
-
-
-def _image_paths(folder: Path, image_folders: tuple[str, ...], names: pd.Series) -> list[Path]:
-    images = [folder / name for name in image_folders if (folder / name).is_dir()]
-    if not images:
-        raise FileNotFoundError(f"{folder}: has no folder {' or '.join(image_folders)}")
-    paths = [images[0] / str(name) for name in names]
-    if missing := [path for path in paths if not path.is_file()]:
-        raise FileNotFoundError(f"{missing[0]}: no such file; {len(missing)} are missing")
-    return paths
-
-
 def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals | None = None,
-              workers: int = 1, limit: int | None = None,
-              stimulus: str = "edge") -> Taps:  # fmt: skip
+              workers: int = 1, limit: int | None = None, stimulus: str = "edge",
+              pins: int | None = None) -> Taps:  # fmt: skip
     """Track the markers of every image of a recording (see `read_targets`).
 
     Parameters
@@ -115,6 +53,8 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
         Threads, of no effect on the result; taps to read, spread evenly over the table.
     stimulus
         What was tapped, "edge" or "grating": a recording does not say.
+    pins
+        Pins of the sensor, where known: more than these are never taken for pins.
 
     Returns
     -------
@@ -125,9 +65,11 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
     ------
     ValueError, FileNotFoundError
         An argument is out of range; an image is missing, unreadable, not 8-bit grey, below 64 px
-        or of another size than the first; no layout is found, or a tap shows less than half of it.
+        or of another size than the first; no layout is found, or one of more pins than the sensor
+        has, or a tap shows less than half of it.
     """
-    for name, value in {"mm_per_px": mm_per_px, "workers": workers, "limit": limit}.items():
+    positive = {"mm_per_px": mm_per_px, "workers": workers, "limit": limit, "pins": pins}
+    for name, value in positive.items():
         if value is not None and not 0 < value < np.inf:
             raise ValueError(f"{name}: got {value}; a positive number is needed")
     every = read_targets(folder)
@@ -140,12 +82,21 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
     taps = _map(lambda path: _detect(path, shape), images, workers, "markers")
     if rest_mm is None:
         rest_mm = (_median_layout(taps) - centre) * scale
+    if pins is not None and len(rest_mm) > pins:
+        raise ValueError(f"pins must be those of the sensor, got {pins}: {len(rest_mm)} are found")
     track = _tracker(rest_mm / scale + centre)
     moved, found = zip(*_map(track, taps, workers, "tracking"), strict=True)
     if (few := min(found)) < len(rest_mm) / 2:
         raise ValueError(f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins are seen")
     labels["markers_found"] = found
     return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
+
+
+def pins_found(taps: Taps, pins: int | None = None) -> str:
+    """Say how many pins of a sensor a recording shows, over all taps and in one."""
+    seen = taps.labels["markers_found"]
+    of_all = "" if pins is None else f" of {pins}"
+    return f"{len(taps.rest_mm)}{of_all} pins found, {seen.min()} to {seen.max()} of them per tap"
 
 
 def _map(

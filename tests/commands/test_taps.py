@@ -1,7 +1,9 @@
 """The commands `simulate`, `train` and `decode`."""
 
+from bgmodel.commands.taps import _taps
 from bgmodel.files import read_table
 from tests.helpers import run
+from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
 
 def test_a_library_that_is_not_solved_is_announced(tmp_path, monkeypatch, capsys):
@@ -34,3 +36,13 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, capsys):
     table = read_table(decoded)
     assert {"period_mm", "yaw_deg", "psi_deg", "orientation_deg"} <= set(table)
     assert len(table) == 300
+
+
+def test_the_count_of_pins_in_a_recording_is_said(tmp_path, capsys):
+    shown = hexagon()[6:]  # a row at the rim is hidden
+    images = [draw(shown + field(shown, yaw)) for yaw in (-90, 0, 90)]
+    folder = write(tmp_path / "my_taps", images, "dev-data")
+    taps, about = _taps(folder, MM_PER_PX, edge=True, pins=91)
+    assert len(taps) == 3
+    assert about["recordings"] == "my_taps"
+    assert "my_taps: 85 of 91 pins found, 85 to 85 of them per tap" in capsys.readouterr().out

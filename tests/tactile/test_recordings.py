@@ -7,55 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.tactile.recordings import find_recordings, read_taps, read_targets
-
-SIZE, PITCH, MM_PER_PX = 160, 11.0, 0.2
-FIELD_PX = 4.5  # largest displacement
-NEEDED = ["x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg"]
-
-
-def hexagon(rings=5):
-    """Hexagonal pattern (91, 2) in px about the image's centre."""
-    q, r = np.meshgrid(*[np.arange(-rings, rings + 1)] * 2)
-    keep = np.abs(q + r) <= rings
-    pins = np.column_stack([q[keep] + r[keep] / 2, r[keep] * np.sqrt(3) / 2])
-    return pins * PITCH + (SIZE - 1) / 2
-
-
-def field(pins, yaw_deg):
-    """Give a smooth displacement (pins, 2) in px: an outward bulge off centre, at the yaw."""
-    yaw = np.deg2rad(yaw_deg)
-    away = pins - (SIZE - 1) / 2 - 15 * np.array([np.cos(yaw), np.sin(yaw)])
-    bulge = away * np.exp(-np.sum(away**2, axis=1, keepdims=True) / 2 / 25**2)
-    return FIELD_PX * bulge / (25 * np.exp(-0.5))
-
-
-def draw(pins, *, specks=(), radius=3.0):
-    """Grey image of bright discs at the pins, smooth at the edges, in uneven light."""
-    y, x = np.mgrid[:SIZE, :SIZE]
-    apart = np.hypot(x[..., None] - pins[:, 0], y[..., None] - pins[:, 1]).min(axis=-1)
-    image = 20 + 120 * x / SIZE + 100 * np.clip(radius + 0.5 - apart, 0, 1)
-    for column, row in specks:
-        image[row : row + 4, column : column + 4] = 220
-    return image.astype(np.uint8)
-
-
-def write(folder, images, layout="targets.csv"):
-    cv2 = pytest.importorskip("cv2")
-    yaw = np.linspace(-150, 150, len(images))
-    pose, images_folder = (["pose_1", "pose_2", "pose_3", "pose_4", "pose_5", "pose_6"], "images")
-    table = pd.DataFrame({"sensor_image": [f"image_{i + 1}.png" for i in range(len(images))]})
-    if layout == "targets.csv":
-        table["obj_id"], table["move_2"] = 1, 0.5
-    else:
-        images_folder, table["object_label"], table["shear_y"] = "processed_images", "edge", 0.5
-        pose = ["pose_x", "pose_y", "pose_z", "pose_Rx", "pose_Ry", "pose_Rz"]
-    table[pose] = np.column_stack([np.arange(5) + np.zeros((len(images), 1)), yaw])
-    (folder / images_folder).mkdir(parents=True)
-    table.to_csv(folder / layout, index=False)
-    for name, image in zip(table["sensor_image"], images, strict=True):
-        assert cv2.imwrite(str(folder / images_folder / name), image)
-    return folder
+from bgmodel.tactile.recordings import find_recordings, pins_found, read_taps
+from tests.tactile.recorded import MM_PER_PX, PITCH, SIZE, draw, field, hexagon, write
 
 
 @pytest.fixture(scope="module")
@@ -149,18 +102,41 @@ def test_limit_spreads_over_the_table(recording):
 
 
 @pytest.mark.parametrize(
-    ("layout", "folder", "label"),
-    [("targets.csv", "images", 1), ("targets_images.csv", "processed_images", "edge")],
+    ("form", "pins", "shown", "rings", "size", "pitch"),
+    [
+        ("sensor image", 331, 331, 10, 128, 5.6),
+        ("sensor image", 331, 309, 10, 128, 5.6),
+        ("dev-data", 127, 127, 6, 256, 18.0),
+        ("dev-data", 127, 114, 6, 256, 18.0),
+    ],
 )
-def test_both_layouts_give_one_table(tmp_path, layout, folder, label):
-    targets = read_targets(write(tmp_path / "taps", [draw(hexagon())] * 2, layout))
-    assert targets[NEEDED].iloc[0].tolist() == [0, 1, 2, 3, 4, -150]
-    assert targets["image"].tolist() == [
-        tmp_path / "taps" / folder / f"image_{i}.png" for i in (1, 2)
-    ]
-    assert targets["object_label"].tolist() == [label] * 2
-    assert targets["shear_y_mm"].tolist() == [0.5] * 2
-    assert "shear_x_mm" not in targets
+def test_both_public_sensors_are_read_and_their_pins_counted(
+    tmp_path, form, pins, shown, rings, size, pitch
+):
+    """In black and white, at the sizes of the public recordings; pins at the rim may be hidden."""
+    places = hexagon(rings, pitch, size)
+    assert len(places) == pins
+    rim = np.argsort(np.linalg.norm(places - (size - 1) / 2, axis=1), kind="stable")
+    places = places[np.sort(rim[:shown])]
+    moved = [field(places, yaw, size) * pitch / 2 / PITCH for yaw in np.linspace(-150, 150, 6)]
+    images = [draw(places + m, radius=0.27 * pitch, size=size) for m in moved]
+    light = 20 + 120 * np.arange(size) / size
+    black_and_white = [((image > light + 50) * 255).astype(np.uint8) for image in images]
+    folder = write(tmp_path / "taps", black_and_white, form)
+    taps = read_taps(folder, mm_per_px=MM_PER_PX, pins=pins)
+    assert taps.labels["markers_found"].tolist() == [shown] * 6
+    assert pins_found(taps, pins) == (
+        f"{shown} of {pins} pins found, {shown} to {shown} of them per tap"
+    )
+    assert pins_found(taps) == f"{shown} pins found, {shown} to {shown} of them per tap"
+    flip = np.array([1, -1]) / MM_PER_PX
+    found = taps.rest_mm * flip + (size - 1) / 2
+    nearest = np.linalg.norm(places[:, None] - found[None], axis=2).argmin(axis=1)
+    relative = np.stack(moved) - np.median(moved, axis=0)
+    # Black and white leaves each edge of a disc on whole pixels.
+    assert (taps.displacement_mm[:, nearest] * flip - relative).std() < 0.25
+    with pytest.raises(ValueError, match=f"^pins must be those of the sensor, got {shown - 1}: "):
+        read_taps(folder, mm_per_px=MM_PER_PX, pins=shown - 1)
 
 
 def edit_table(change):
@@ -190,7 +166,10 @@ BAD = {
         edit_table(lambda t: t.drop(columns="pose_6")),
         "targets.csv: lacks pose_6; needed",
     ),
-    "no image column": (edit_table(lambda t: t.drop(columns="sensor_image")), "lacks sensor_image"),
+    "no image column": (
+        edit_table(lambda t: t.drop(columns="sensor_image")),
+        "lacks sensor_image and image_name",
+    ),
     "no rows": (edit_table(lambda t: t.iloc[:0]), "targets.csv: has no rows"),
     "empty table": (lambda f: (f / "targets.csv").write_text(""), "not a readable csv table"),
     "binary table": (lambda f: (f / "targets.csv").write_bytes(b"\xff\xfe\x00"), "not a readable"),
@@ -241,7 +220,7 @@ def test_images_that_are_too_small_are_refused(tmp_path):
 
 @pytest.mark.parametrize(
     "given",
-    [{"mm_per_px": 0.0}, {"mm_per_px": np.nan}, {"workers": 0}, {"limit": 0}]
+    [{"mm_per_px": 0.0}, {"mm_per_px": np.nan}, {"workers": 0}, {"limit": 0}, {"pins": 0}]
     + [{"rest": rest} for rest in (np.zeros(4), np.zeros((20, 3)), np.full((20, 2), np.nan))],
 )
 def test_bad_arguments_are_named(recording, given):

@@ -1,0 +1,102 @@
+"""Tables of real TacTip recordings: which columns name images, poses and objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+POSE = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
+
+
+@dataclass(frozen=True)
+class Form:
+    """A table of taps, the folders of its images, and how its columns are named."""
+
+    table: str
+    """Name of the file."""
+    image: str
+    """Column with the names of the images."""
+    folders: tuple[str, ...]
+    """Folders of images beside the table, by preference."""
+    label: str
+    """Column with what was tapped."""
+    shear: str
+    """Columns of shear begin so."""
+    axes: tuple[str, ...]
+    """How columns of the pose and of shear end."""
+
+
+NUMBERED = ("1", "2", "3", "4", "5", "6")
+NAMED = ("x", "y", "z", "Rx", "Ry", "Rz")
+# Where a folder has both tables, the one "with images" was derived from the other. Parts of a
+# recording, for training and for testing, are folders of tables alone beside the images of all.
+FORMS = (
+    Form("targets_images.csv", "sensor_image", ("processed_images", "sensor_images"),
+           "object_label", "shear_", NAMED),
+    Form("targets.csv", "sensor_image", ("images",), "obj_id", "move_", NUMBERED),
+    Form("targets.csv", "image_name", ("frames_bw", "../frames_bw"), "obj_id", "move_", NUMBERED),
+)  # fmt: skip
+
+
+def read_targets(folder: str | Path) -> pd.DataFrame:
+    """Labels of a recording in any of the known forms.
+
+    Returns one row per tap: `x_mm`, `y_mm`, `z_mm`, `roll_deg`, `pitch_deg`, `yaw_deg`, `image`
+    (path), and where recorded `shear_x_mm` ... `shear_yaw_deg` and `object_label`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Folder, table, image folder or an image does not exist; the table cannot be read, is empty,
+        lacks a column or has a pose that is not a number.
+    """
+    folder = Path(folder)
+    form, raw = _read_table(folder)
+    table, images = folder / form.table, _image_paths(folder, form, raw)
+    names = {f"pose_{axis}": name for axis, name in zip(form.axes, POSE, strict=True)}
+    for axis, name in zip(form.axes, POSE, strict=True):
+        names[f"{form.shear}{axis}"] = f"shear_{name}"
+    numbers = raw[[name for name in names if name in raw]].apply(pd.to_numeric, errors="coerce")
+    for row, column in np.argwhere(~np.isfinite(numbers.to_numpy(float)))[:1]:
+        value = f"{numbers.columns[column]} of {raw[form.image][row]}"
+        raise ValueError(f"{table}: {value} is missing or not a number")
+    labels = {"object_label": raw[form.label]} if form.label in raw else {}
+    renamed = numbers.astype(float).rename(columns=names)
+    targets: pd.DataFrame = renamed.assign(image=images, **labels)
+    return targets
+
+
+def _read_table(folder: Path) -> tuple[Form, pd.DataFrame]:
+    known = [form for form in FORMS if (folder / form.table).is_file()]
+    if not known:
+        tables = " nor ".join(dict.fromkeys(form.table for form in FORMS))
+        raise FileNotFoundError(f"recording: {folder} has neither {tables}; one is needed")
+    table = folder / known[0].table
+    try:
+        raw = pd.read_csv(table)
+    except ValueError as error:  # the base of what pandas raises on bad bytes and broken rows
+        raise ValueError(f"{table}: not a readable csv table ({error})") from error
+    known = [form for form in known if form.table == table.name]
+    form = next((form for form in known if form.image in raw), None)
+    if form is None:
+        columns = " and ".join(form.image for form in known)
+        raise ValueError(f"{table}: lacks {columns}; a column with the names of images is needed")
+    poses = [f"pose_{axis}" for axis in form.axes]
+    if missing := [column for column in poses if column not in raw]:
+        raise ValueError(f"{table}: lacks {', '.join(missing)}; needed are {', '.join(poses)}")
+    if raw.empty:
+        raise ValueError(f"{table}: has no rows; a recording has at least one tap")
+    return form, raw
+
+
+def _image_paths(folder: Path, form: Form, raw: pd.DataFrame) -> list[Path]:
+    images = [folder / name for name in form.folders if (folder / name).is_dir()]
+    if not images:
+        raise FileNotFoundError(f"{folder}: has no folder {' or '.join(form.folders)}")
+    paths = [images[0] / str(name) for name in raw[form.image]]
+    if missing := [path for path in paths if not path.is_file()]:
+        raise FileNotFoundError(f"{missing[0]}: no such file; {len(missing)} are missing")
+    return paths
