@@ -66,17 +66,23 @@ class Compare(Comparison):
     """Let a circuit and the MSPRT decide on the same evidence, and compare decision by decision.
 
     Thresholds are matched to equal accuracy. Two references, the MSPRT at the circuit's gain and
-    the full one; beside the circuit a decoder of its own cortical spikes, and the rivals. An
-    edited circuit is also held to the intact one: each measure minus that of the intact circuit.
+    the full one; beside the circuit a decoder of its own cortical spikes, and the rivals. Beside
+    each share of agreement stands that of shuffled trials, its chance level. An edited circuit is
+    also held to the intact one: each measure minus that of the intact circuit.
 
     Examples: bgmodel compare agreement.csv --channels 4;
+    bgmodel compare ceiling.csv --engine population --ceiling;
     bgmodel compare tactile.csv --task same-different --period-mm 1.5;
     bgmodel compare clamped.csv --channels 4 --edits.without GPe --edits.replaced
     """
 
+    ceiling: bool = False
+    """Whether the circuit decides again with noise of another seed: how far it agrees with itself,
+    the most that can be expected."""
+
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import compare_with_msprt
+        from bgmodel.comparison.circuits import compare_with_msprt, is_noisy
         from bgmodel.comparison.page import page
         from circuits.anatomy import circuit
 
@@ -88,13 +94,16 @@ class Compare(Comparison):
             say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
         whole = circuit(self.circuit, evidence.hypotheses)
         intact = None if model.circuit == whole else whole
-        runs = 1 if intact is None else 2
+        again = self.ceiling and is_noisy(model)
+        runs = 1 + (intact is not None) + again
         # The circuit and its decoder are held to two references, each rival to one.
         more_s = TABLE_S * (4 * runs + len(rivals)) * evidence.trials
         say_before("comparing", model, evidence, runs=runs, more_s=more_s)
         given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
         with bar(runs * evidence.trials):
-            table = compare_with_msprt(model, evidence, rivals=rivals, intact=intact, **given)
+            table = compare_with_msprt(
+                model, evidence, rivals=rivals, intact=intact, ceiling=self.ceiling, **given
+            )
         files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         self.show(page(table), table, **self._about(evidence))
         self.note(f"{evidence.trials} trials -> {self.output}")

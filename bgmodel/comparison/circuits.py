@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -12,18 +13,22 @@ import pandas as pd
 
 from bgmodel.comparison.compare import (
     ACCURACIES,
-    MARGIN,
     MINUS_INTACT,
+    MOST_FORCED,
+    OTHER_NOISE,
     RESAMPLES,
     Tradeoff,
     check_trials,
     compare,
+    curve,
+    margin,
     tradeoff,
 )
 from bgmodel.comparison.decoder import decoded
 from bgmodel.comparison.steady import out_shift
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
+    NOISE_SHARE,
     ROUNDING_NATS,
     BasalGanglia,
     deciding_thresholds,
@@ -33,7 +38,7 @@ from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.progress import advance
 from bgmodel.seeds import stream
-from circuits.engines import NOISY
+from circuits.engines import NOISY, THREADED
 from circuits.spec import NATS, Circuit
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
@@ -41,7 +46,8 @@ MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
 LOWEST_NATS = 1e-3
-HIGHEST = 0.98
+LOWEST, HIGHEST = 0.80, 0.98
+"""Accuracies between which thresholds are tried, unless others are asked for."""
 BELOW_NATS = 0.04
 """How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
 
@@ -65,18 +71,20 @@ def msprt_tradeoffs(evidence: Evidence, gain: float) -> dict[str, Tradeoff]:
     }
 
 
-def thresholds_about(test: Tradeoff, highest: float = HIGHEST) -> npt.NDArray[np.float64]:
-    """Return thresholds for a circuit, nats, around the test's at accuracies from .80 to highest.
+def thresholds_about(
+    test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
+) -> npt.NDArray[np.float64]:
+    """Return thresholds for a circuit, nats, around the test's at accuracies lowest to highest.
 
     A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
     """
-    low, high = 0.7 * test.setting(highest), 1.3 * test.setting(0.80)
+    low, high = 0.7 * test.setting(highest), 1.3 * test.setting(lowest)
     # Where the evidence is strong enough, the test's reaches 0.
     return np.geomspace(max(high, 2 * LOWEST_NATS), max(low, LOWEST_NATS), THRESHOLDS)
 
 
 def thresholds_of(
-    circuit: Circuit, test: Tradeoff, highest: float = HIGHEST
+    circuit: Circuit, test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
 ) -> npt.NDArray[np.float64]:
     """Return those of ``thresholds_about`` that a circuit reads, and is not past without evidence.
 
@@ -88,9 +96,9 @@ def thresholds_of(
         If there is none: the circuit would decide without evidence at each.
     """
     if circuit.unit != NATS:
-        lowest = max(circuit.readable_nats[0], _silent(circuit))
-        return np.linspace(rest_out(circuit), lowest, THRESHOLDS + 2)[1:-1]
-    about = thresholds_about(test, highest)
+        least = max(circuit.readable_nats[0], _silent(circuit))
+        return np.linspace(rest_out(circuit), least, THRESHOLDS + 2)[1:-1]
+    about = thresholds_about(test, highest, lowest)
     found = deciding_thresholds(circuit, about)
     if not found.size:
         raise ValueError(
@@ -99,6 +107,43 @@ def thresholds_of(
             f"{about.max():.2f} nats, it would decide without evidence, or never"
         )
     return found
+
+
+def without_noise_alone(
+    model: BasalGanglia, thresholds: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return those thresholds that noise at rest hardly ever crosses.
+
+    Above them noise decides: in more than ``NOISE_SHARE`` of trials it crosses them within half a
+    second without evidence.
+    """
+    if model.engine not in THREADED or not is_noisy(model):
+        return thresholds
+    lowest = model.out_at_rest().min(axis=(1, 2))
+    share = (lowest[:, None] <= thresholds).mean(axis=0)
+    return np.asarray(thresholds[share <= NOISE_SHARE])
+
+
+def is_noisy(model: BasalGanglia) -> bool:
+    """Whether a second seed would change what a circuit does."""
+    return model.engine in NOISY and bool(model.options.get("noise", True))
+
+
+def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
+    """Return what a circuit decides with noise of another seed: the same, if it has none.
+
+    Parameters
+    ----------
+    model, evidence :
+        The circuit, and what it was given.
+    found : Tradeoff
+        What it decided.
+    """
+    if not is_noisy(model):
+        return found
+    seed = int(stream(model.seed or 0, OTHER_NOISE).integers(2**31))
+    again = replace(model, seed=seed)
+    return decide_at_thresholds(again, evidence, found.settings, decoder_tau_ms=None)[CIRCUIT]
 
 
 def decide_at_thresholds(
@@ -154,6 +199,8 @@ def compare_with_msprt(
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
     intact: Circuit | None = None,
+    ceiling: bool = False,
+    groups: npt.ArrayLike | None = None,
 ) -> pd.DataFrame:
     """Compare a circuit, its decoder and the rivals with the MSPRT, decision by decision.
 
@@ -167,12 +214,16 @@ def compare_with_msprt(
         Of the bootstrap.
     rivals : names, optional
         Which of ``RIVALS``, as from ``rivals_on``; all if left out.
-    accuracies, resamples :
+    accuracies, resamples, groups :
         As in ``comparison.compare``.
     intact : Circuit, optional
         The circuit before it was edited. It decides on the same evidence with the same noise, and
         rows of the model ``MINUS_INTACT`` hold the edited circuit's measures minus its own, with
         the interval of the difference.
+    ceiling : bool
+        Whether the circuit decides a second time, with noise of another seed: rows of the reference
+        ``OTHER_NOISE`` hold it to itself, and ``pearson_r_of_ceiling`` is known. Without noise it
+        is not run: it would decide the same.
 
     Returns
     -------
@@ -184,37 +235,54 @@ def compare_with_msprt(
     ------
     ValueError
         If there are too few trials, or a circuit would decide without evidence.
+
+    Warns
+    -----
+    UserWarning
+        If the circuit does not reach an accuracy at a threshold that its OUT reads, and that noise
+        at rest does not cross: all measures are NaN there.
     """
     check_trials(evidence.trials)
     model.warn_beyond_range(evidence)
     tests = references(model, evidence)
-    found = decide_at_thresholds(
-        model, evidence, thresholds_of(model.circuit, next(iter(tests.values())))
+    first = next(iter(tests))
+    span = {"highest": max(HIGHEST, *accuracies), "lowest": min(LOWEST, *accuracies)}
+    found = decide_at_thresholds(model, evidence, _tuned(model, tests[first], **span))
+    lost = _refused(
+        model, found[CIRCUIT], tests[first], accuracies, name=model.circuit.name, before=intact
     )
-    _warn_of_noise(model, found[CIRCUIT], accuracies)
     pairs = [(name, reference) for reference in tests for name in found]
+    again = with_other_noise(model, evidence, found[CIRCUIT]) if ceiling else None
+    if again is not None:
+        tests[OTHER_NOISE] = again
+        pairs.append((CIRCUIT, OTHER_NOISE))
     for name in RIVALS if rivals is None else rivals:
         found[name] = tradeoff(RIVALS[name]().run(evidence), evidence)
         pairs.append((name, MSPRT))
     before = None
     if intact is not None:
-        levels = thresholds_of(intact, next(iter(tests.values())))
         whole = replace(model, circuit=intact)
+        levels = _tuned(whole, tests[first], **span)
         before = decide_at_thresholds(whole, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
         found[MINUS_INTACT] = found[CIRCUIT]
-        pairs.append((MINUS_INTACT, next(iter(tests))))
+        pairs.append((MINUS_INTACT, first))
     parts = []
     for name, reference in pairs:
+        late = name not in RIVALS and reference != OTHER_NOISE
         table = compare(
             tests[reference],
             found[name],
             rng=stream(seed, "bootstrap"),
             truth=evidence.truth,
             minus=before if name == MINUS_INTACT else None,
-            latency_ms=0.0 if name in RIVALS else None,
+            again=again if name == CIRCUIT and reference != OTHER_NOISE else None,
+            latency_ms=None if late else 0.0,
             accuracies=accuracies,
             resamples=resamples,
+            groups=groups,
         )
+        of_circuit = name in (CIRCUIT, MINUS_INTACT)
+        table = _blank(table, lost) if of_circuit else table
         parts.append(table.assign(model=name, reference=reference))
     return pd.concat(parts, ignore_index=True)
 
@@ -228,6 +296,7 @@ def compare_edits(
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
     highest: float = HIGHEST,
+    groups: npt.ArrayLike | None = None,
 ) -> pd.DataFrame:
     """Compare edited circuits with the MSPRT, and with the circuit as it is, on the same evidence.
 
@@ -239,6 +308,8 @@ def compare_edits(
         What is changed; noise and evidence are the same.
     evidence : Evidence
         What all are given.
+    accuracies, resamples, groups :
+        As in ``comparison.compare``.
     highest : float
         Accuracy up to which thresholds are tried: a lower one takes less time.
 
@@ -250,44 +321,130 @@ def compare_edits(
         circuit's as it is; "fixed", at the circuit's own threshold (accuracy, expected_accuracy,
         mean_ms, premature, forced and without_evidence, 1 where most trials decide before their
         first reading; without intervals).
+
+    Warns
+    -----
+    UserWarning
+        As ``compare_with_msprt``, for the circuit as it is and for each that is edited.
     """
     check_trials(evidence.trials)
     model.warn_beyond_range(evidence)
     test = next(iter(references(model, evidence).values()))
-    levels = thresholds_of(model.circuit, test, highest)
+    lowest = min(LOWEST, *accuracies)
+    levels = _tuned(model, test, max(highest, *accuracies), lowest)
     intact = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
-    _warn_of_noise(model, intact, accuracies)
-    parts = []
+    parts, lost = [], list(accuracies)
     for name, circuit in {"intact": model.circuit, **edited}.items():
-        same = name == "intact"
         changed = replace(model, circuit=circuit)
-        # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
-        both = np.union1d(levels, levels + _moved(model.circuit, circuit, levels))
-        both = both[both > _silent(circuit)]
-        found = (
-            intact
-            if same
-            else decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
-        )
+        found = tuned = intact
+        if name != "intact":
+            # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
+            both = np.union1d(levels, levels + _moved(model.circuit, circuit, levels))
+            both = both[both > _silent(circuit)]
+            found = decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
+            tuned = found.at(np.isin(found.settings, _decided_by_evidence(changed, both)))
+        called = name if name in edited else circuit.name
+        refused = _refused(changed, tuned, test, accuracies, name=called, before=model.circuit)
+        # What the circuit as it is does not reach has no threshold and no change.
+        lost = refused if circuit is model.circuit else lost
         for kind, minus in (("value", None), ("change", intact)):
+            # Without a threshold at which it decides by evidence nothing is known.
             table = compare(
                 test,
-                found,
+                tuned if tuned.settings.size else intact,
                 rng=stream(seed, "bootstrap"),
                 truth=evidence.truth,
                 minus=minus,
                 accuracies=accuracies,
                 resamples=resamples,
+                groups=groups,
             )
-            parts.append(table.assign(variant=name, kind=kind))
-        fixed = _at_threshold_of(intact, found, evidence, accuracies)
+            if not tuned.settings.size:
+                table = table.assign(value=np.nan, low=np.nan, high=np.nan)
+            gone = {*refused, *(lost if minus is not None else [])}
+            parts.append(_blank(table, gone).assign(variant=name, kind=kind))
+        fixed = _blank(_at_threshold_of(intact, found, evidence, accuracies), lost)
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
 
 
-def _warn_of_noise(model: BasalGanglia, found: Tradeoff, accuracies: Sequence[float]) -> None:
-    """Warn if noise alone crosses the highest of the thresholds that are compared."""
-    model.warn_of_noise(max(found.setting(accuracy) for accuracy in accuracies))
+def _tuned(
+    model: BasalGanglia, test: Tradeoff, highest: float, lowest: float
+) -> npt.NDArray[np.float64]:
+    """Return the thresholds of a circuit at which evidence decides, and not noise at rest."""
+    found = thresholds_of(model.circuit, test, highest, lowest)
+    quiet = without_noise_alone(model, found)
+    if not quiet.size:
+        raise ValueError(
+            f"at all thresholds of {model.circuit.name}, {found.min():.2f} to {found.max():.2f} "
+            f"{model.circuit.unit}, noise decides: without evidence it crosses each in more than "
+            f"{NOISE_SHARE:.0%} of trials within 500 ms"
+        )
+    return quiet
+
+
+def _decided_by_evidence(
+    model: BasalGanglia, thresholds: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return those thresholds at which evidence decides, if there are any."""
+    found = deciding_thresholds(model.circuit, thresholds)
+    return without_noise_alone(model, found) if found.size else found
+
+
+def _refused(
+    model: BasalGanglia,
+    found: Tradeoff,
+    test: Tradeoff,
+    accuracies: Sequence[float],
+    *,
+    name: str,
+    before: Circuit | None = None,
+) -> list[float]:
+    """Return the accuracies at which evidence does not decide, and say in one sentence why.
+
+    There the test decides at an OUT that the circuit does not read, or that its noise crosses at
+    rest, or the circuit itself does not come near. ``before`` is the circuit before it was edited:
+    an edit that moves OUT moves what stands for the test's threshold.
+    """
+    circuit = model.circuit
+    rest = f"OUT rests at {rest_out(circuit):.2f} {circuit.unit}"
+    if found.settings.size:
+        low, high = found.settings.min(), found.settings.max()
+        reached, known = (curve(one, np.ones((1, one.trials)))[0][0] for one in (found, test))
+        at = np.array([int(np.abs(known - accuracy).argmin()) for accuracy in accuracies])
+        due = test.settings[at]
+        if before is not None:
+            due = due + _moved(before, circuit, due)
+        near = [int(np.abs(reached - accuracy).argmin()) for accuracy in accuracies]
+        missed = np.abs(reached[near] - accuracies) > [margin(a) for a in accuracies]
+        if circuit.unit == NATS:
+            missed |= (due < low) | (due > high)
+        # Where the deadline decides other thresholds help as little: a page says so elsewhere.
+        late = np.maximum(found.forced[near].mean(axis=1), test.forced[at].mean(axis=1))
+        missed &= late <= MOST_FORCED
+        lost = [a for a, gone in zip(accuracies, missed, strict=True) if gone]
+        why = (
+            f"the test decides there at OUT = {_listed(due[missed])}, and the nearest that {name} "
+            f"reaches is {_listed(reached[near][missed])}; evidence decides in it at thresholds of "
+            f"{low:.2f} to {high:.2f} ({rest}, is read from {circuit.readable_nats[0]:.2f} on, and "
+            "noise must not cross them at rest)"
+        )
+    else:
+        lost, why = list(accuracies), f"{name} decides without evidence ({rest})"
+    if lost:
+        warnings.warn(f"nothing is compared at accuracy {_listed(lost)}: {why}", stacklevel=3)
+    return lost
+
+
+def _listed(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)
+
+
+def _blank(table: pd.DataFrame, lost: Iterable[float]) -> pd.DataFrame:
+    """Return a table without the values at accuracies that are refused."""
+    gone = table["accuracy"].isin(list(lost)).to_numpy()
+    columns = [name for name in ("value", "low", "high") if name in table]
+    return table.assign(**{name: table[name].mask(gone) for name in columns})
 
 
 def _moved(
@@ -319,7 +476,7 @@ def _at_threshold_of(
         }
         # At its own threshold the circuit as it is must have the accuracy that is named.
         at = intact.posterior[intact.settings == intact.setting(accuracy)].mean()
-        reached = abs(at - accuracy) <= MARGIN
+        reached = abs(at - accuracy) <= margin(accuracy)
         if evidence.truth is not None:
             values["accuracy"] = (found.choice[k] == evidence.truth).mean()
         rows += [(accuracy, m, float(v) if reached else np.nan) for m, v in values.items()]

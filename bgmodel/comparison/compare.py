@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.arrays import Array
+from bgmodel.arrays import Array, Integers
+from bgmodel.comparison.pairs import Choices, side_by_side
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.facts import Facts, span
@@ -34,8 +35,12 @@ MOST_FORCED = 0.5
 """Share of trials that the deadline may decide where thresholds are compared."""
 MINUS_INTACT = "circuit minus intact"
 """The model in rows that hold an edited circuit's measures minus the intact circuit's."""
+OTHER_NOISE = "circuit with other noise"
+"""The reference in rows that hold a circuit to itself with noise of another seed: the ceiling."""
 MARGIN = 0.01
 """Accuracies are called equivalent if their difference lies within this, with 95 % confidence."""
+SHARE_OF_ERRORS = 0.1
+"""An accuracy is reached within this share of the errors that it leaves, and within ``MARGIN``."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,6 +95,15 @@ class Tradeoff(Facts):
         names = ("choice", "time_ms", "forced", "premature", "posterior")
         joined = {n: np.concatenate([getattr(self, n), getattr(more, n)], axis=1) for n in names}
         return replace(self, **joined)
+
+    def at(self, chosen: npt.NDArray[np.bool_]) -> Tradeoff:
+        """Return the decisions at some of the settings."""
+        names = ("settings", "choice", "time_ms", "forced", "premature", "posterior")
+        return Tradeoff(*(getattr(self, name)[chosen] for name in names))
+
+    def choices(self, k: int) -> Choices:
+        """Return choices and times at the k-th setting."""
+        return Choices(self.choice[k], self.time_ms[k])
 
     def setting(self, accuracy: float) -> float:
         """Return the setting at which the expected accuracy is nearest."""
@@ -188,11 +202,13 @@ def compare(
     other: Tradeoff,
     *,
     rng: np.random.Generator,
-    truth: npt.NDArray[np.integer] | None = None,
+    truth: Integers | None = None,
     minus: Tradeoff | None = None,
+    again: Tradeoff | None = None,
     latency_ms: float | None = None,
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
+    groups: npt.ArrayLike | None = None,
 ) -> pd.DataFrame:
     """Compare two integrators on the same evidence at equal expected accuracy.
 
@@ -203,9 +219,12 @@ def compare(
     rng : numpy.random.Generator
         For the bootstrap.
     truth : int array (trials,), optional
-        For the accuracy that is counted, and the test's error trials.
+        For the accuracy that is counted, the test's error trials, and chance: it is that of trials
+        shuffled within each truth, or among all if left out.
     minus : Tradeoff, optional
         A third: every measure is then the other's minus this one's, with the interval of that.
+    again : Tradeoff, optional
+        The other with noise of another seed, for pearson_r_of_ceiling.
     latency_ms : float, optional
         What is not decision time and taken off before accuracies are compared in equal time: 0 for
         an abstract integrator; the mean extra time over accuracies .85 to .98 if left out.
@@ -213,36 +232,41 @@ def compare(
         Where the test's threshold is put.
     resamples : int
         Of the bootstrap.
+    groups : array (trials,), optional
+        As for ``resampled``.
 
     Returns
     -------
     DataFrame
         One row an accuracy and measure: accuracy, measure, value, low, high (95 % interval).
         Measures: threshold; accuracy, test_accuracy (counted); agreement, error_agreement (on
-        trials that the test gets wrong); pearson_r, spearman_r (of decision times); residual_sd_ms,
-        within_50_ms (of their difference about its median); test_ms, extra_ms; accuracy_gap (in
-        equal time); forced. All are NaN where one of the two does not reach the accuracy within
-        MARGIN, or where the deadline decides most trials of one; what goes
-        trial by trial has its interval for the thresholds as matched. With
-        accuracy NaN: offset_ms and slope of ``latency``.
+        trials that the test gets wrong) and within_50_ms (share of times within 50 ms of the
+        median lag), each also as NAME_chance, for trials shuffled within a truth, and
+        NAME_corrected, (share - chance) / (1 - chance); pearson_r (of decision times) and
+        pearson_r_chance, spearman_r; residual_sd_ms (of the lag); test_ms, extra_ms; accuracy_gap
+        (in equal time); forced; with ``again`` pearson_r_of_ceiling, r over the square root of the
+        other's r with itself (Spearman 1904: what r would be without the other's noise). All are
+        NaN where one does not reach the accuracy within ``margin``, or where the deadline decides
+        most trials of one; what goes trial by trial has its interval for the thresholds as matched.
+        With accuracy NaN: offset_ms and slope of ``latency``.
 
     Raises
     ------
     ValueError
         If the tradeoffs do not hold the same trials, or are too few for an interval.
     """
-    for one in (other, minus or other):
+    for one in (other, minus or other, again or other):
         if one.trials != test.trials:
             raise ValueError(
                 f"the same trials must be compared, got {test.trials} and {one.trials}"
             )
     n = test.trials
     check_trials(n)
-    weights = resampled(n, resamples, rng)
-    found = _measures(test, other, truth, accuracies, weights, latency_ms)
+    weights = resampled(n, resamples, rng, groups)
+    found = _measures(test, other, truth, accuracies, weights, latency_ms, again)
     if minus is not None:
         base = _measures(test, minus, truth, accuracies, weights, latency_ms)
-        found = {key: found[key] - base[key] for key in found}
+        found = {key: found[key] - base[key] for key in base}
     rows = []
     for (accuracy, name), values in found.items():
         value, low, high = interval(values)
@@ -252,10 +276,49 @@ def compare(
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
 
 
-def resampled(trials: int, resamples: int, rng: np.random.Generator) -> Array:
-    """Return weights (1 + resamples, trials): each trial once, then how often each is drawn."""
-    drawn = rng.multinomial(trials, np.full(trials, 1 / trials), size=resamples)
-    return np.concatenate([np.ones((1, trials)), drawn])
+def margin(accuracy: float) -> float:
+    """Return how near to an accuracy one must come to reach it: the nearer to 1, the nearer."""
+    return min(MARGIN, SHARE_OF_ERRORS * (1 - accuracy))
+
+
+def resampled(
+    trials: int,
+    resamples: int,
+    rng: np.random.Generator,
+    groups: npt.ArrayLike | None = None,
+) -> Array:
+    """Return weights (1 + resamples, trials): each trial once, then how often each is drawn.
+
+    Parameters
+    ----------
+    trials, resamples : int
+        Their numbers.
+    rng : numpy.random.Generator
+        Of the draws.
+    groups : array (trials,), optional
+        A number or name per trial: whole groups are drawn (Efron & Tibshirani 1993), as where
+        trials share taps. Of G groups the interval is too narrow by about sqrt(1 - 1 / G).
+
+    Raises
+    ------
+    ValueError
+        If groups are not one per trial, or fewer than two.
+    """
+    of = np.arange(trials) if groups is None else _numbered(groups, trials)
+    count = int(of.max()) + 1
+    drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)
+    return np.concatenate([np.ones((1, trials)), drawn[:, of]])
+
+
+def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
+    """Return the group of each trial as a number, 0, 1, ..."""
+    given = np.asarray(groups)
+    if given.shape != (trials,):
+        raise ValueError(f"groups must be one per trial, ({trials},), got shape {given.shape}")
+    kinds, of = np.unique(given, return_inverse=True)
+    if len(kinds) < 2:
+        raise ValueError(f"groups must be two or more for an interval, got {len(kinds)}")
+    return of
 
 
 def interval(values: Array) -> tuple[float, float, float]:
@@ -294,10 +357,11 @@ Measures = dict[tuple[float, str], Array]
 def _measures(
     test: Tradeoff,
     other: Tradeoff,
-    truth: npt.NDArray[np.integer] | None,
+    truth: Integers | None,
     accuracies: Sequence[float],
     weights: Array,
     latency_ms: float | None,
+    again: Tradeoff | None = None,
 ) -> Measures:
     """Return every measure, (B,) each; the first entry is the value itself."""
     curves = curve(test, weights), curve(other, weights)
@@ -306,52 +370,32 @@ def _measures(
     late = np.full_like(offset, latency_ms)
     if latency_ms is None:
         late = _row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
+    sides = [test, other, *([] if again is None else [again])]
+    reached = [curve(one, weights[:1])[0][0] for one in sides]
     for accuracy in accuracies:
-        i = int(np.abs(curves[0][0][0] - accuracy).argmin())
-        j = int(np.abs(curves[1][0][0] - curves[0][0][0, i]).argmin())
-        values = _trial_by_trial(test, other, i, j, truth, weights)
+        at = _matched(reached, accuracy)
+        j = at[1]
+        chosen = [one.choices(k) for one, k in zip(sides, at, strict=True)]
+        third = chosen[2] if again is not None else None
+        values = side_by_side(chosen[0], chosen[1], truth, weights, again=third)
+        values["forced"] = weights @ other.forced[j] / weights.sum(axis=1)
         values["extra_ms"] = (time_at([accuracy], curves[1]) - time_at([accuracy], curves[0]))[:, 0]
         values["accuracy_gap"] = _gap(*curves, accuracy, late)
         values["threshold"] = np.full(len(weights), other.settings[j])
-        missed = max(abs(c[0][0, k] - accuracy) for c, k in zip(curves, (i, j), strict=True))
+        missed = max(abs(curve[k] - accuracy) for curve, k in zip(reached, at, strict=True))
         # What the deadline decides crosses no threshold.
-        at_end = max(test.forced[i].mean(), other.forced[j].mean())
-        if missed > MARGIN or at_end > MOST_FORCED:
+        at_end = max(one.forced[k].mean() for one, k in zip(sides, at, strict=True))
+        if missed > margin(accuracy) or at_end > MOST_FORCED:
             values = {name: np.full_like(value, np.nan) for name, value in values.items()}
         found |= {(accuracy, name): value for name, value in values.items()}
     return found
 
 
-def _trial_by_trial(
-    test: Tradeoff,
-    other: Tradeoff,
-    i: int,
-    j: int,
-    truth: npt.NDArray[np.integer] | None,
-    weights: Array,
-) -> dict[str, Array]:
-    """Return what trial against trial tells, threshold i of the test and j of the other."""
-    from scipy.stats import rankdata
-
-    x, y = test.time_ms[i], other.time_ms[j]
-    same = (test.choice[i] == other.choice[j]).astype(np.float64)
-    late = y - x - np.median(y - x)
-    found = {
-        "agreement": _mean(same, weights),
-        "pearson_r": _correlation(x, y, weights),
-        "spearman_r": _correlation(rankdata(x), rankdata(y), weights),
-        "residual_sd_ms": np.sqrt(_mean(late**2, weights) - _mean(late, weights) ** 2),
-        "within_50_ms": _mean((np.abs(late) <= 50).astype(np.float64), weights),
-        "test_ms": _mean(x, weights),
-        "forced": _mean(other.forced[j].astype(np.float64), weights),
-    }
-    if truth is not None:
-        wrong = (test.choice[i] != truth).astype(np.float64)
-        found["test_accuracy"] = 1 - _mean(wrong, weights)
-        found["accuracy"] = _mean((other.choice[j] == truth).astype(np.float64), weights)
-        with np.errstate(invalid="ignore"):
-            found["error_agreement"] = _mean(same * wrong, weights) / _mean(wrong, weights)
-    return found
+def _matched(reached: Sequence[Array], accuracy: float) -> list[int]:
+    """Return the setting of each nearest to an accuracy: of the first, then of others to it."""
+    first = int(np.abs(reached[0] - accuracy).argmin())
+    others = [int(np.abs(one - reached[0][first]).argmin()) for one in reached[1:]]
+    return [first, *others]
 
 
 def _gap(
@@ -379,15 +423,3 @@ def _row_means(values: Array) -> Array:
 def _known(values: Array) -> bool:
     """Whether a value and nearly all of its resamples are there."""
     return bool(np.isfinite(values[0]) and np.isfinite(values[1:]).mean() > 0.95)
-
-
-def _mean(values: Array, weights: Array) -> Array:
-    return np.asarray(weights @ values / weights.sum(axis=1))
-
-
-def _correlation(x: Array, y: Array, weights: Array) -> Array:
-    x, y = x - x.mean(), y - y.mean()
-    mx, my = _mean(x, weights), _mean(y, weights)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        spread = np.sqrt((_mean(x * x, weights) - mx**2) * (_mean(y * y, weights) - my**2))
-        return np.asarray((_mean(x * y, weights) - mx * my) / spread)

@@ -7,7 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.compare import MARGIN, MINUS_INTACT, MOST_FORCED, equivalent, shown
+from bgmodel.comparison.compare import (
+    MARGIN,
+    MINUS_INTACT,
+    MOST_FORCED,
+    OTHER_NOISE,
+    equivalent,
+    shown,
+)
 
 
 def behaviour(table: pd.DataFrame) -> str:
@@ -62,13 +69,31 @@ def page(table: pd.DataFrame) -> str:
         parts.append(pd.DataFrame(columns).fillna("").to_string() + "\n")
     text = "\n".join(parts).rstrip()
     reasons = [*([UNREACHED] if NOT_REACHED in text else []), *_reasons(table)]
-    return "\n".join([text, "", *reasons] if reasons else [text])
+    return "\n".join([text, "", *_legend(table), *reasons])
 
 
+def _legend(table: pd.DataFrame) -> list[str]:
+    """Return what rows mean that are read beside others, a line each."""
+    found = [CHANCE]
+    if "reference" in table and (table["reference"] == OTHER_NOISE).any():
+        found.append(CEILING)
+    return found
+
+
+BY_CHANCE, BEYOND = "by chance", "beyond chance"
+CHANCE = (
+    f"{BY_CHANCE}: the same measure if the trials of one model are shuffled among those with the "
+    f"same truth; {BEYOND}: (share - chance) / (1 - chance), 0 at chance and 1 where all agree"
+)
+CEILING = (
+    f"{OTHER_NOISE}: the circuit beside itself with noise of another seed, the most that anything "
+    "without its noise can be expected to agree with it; r without the circuit's noise: r / "
+    "square root of the circuit's r with itself"
+)
 NOT_REACHED = "not reached"
 UNREACHED = (
-    f"{NOT_REACHED}: no threshold has this accuracy, or the deadline decides most trials there; "
-    "ask for lower accuracies (--accuracies), or give more readings"
+    f"{NOT_REACHED}: no threshold at which evidence decides has this accuracy, or the deadline "
+    "decides most trials there; ask for other accuracies (--accuracies), or give more readings"
 )
 
 
@@ -116,10 +141,16 @@ def _line(whole: pd.DataFrame, change: bool) -> str:
 
 SHOWN = {
     "agreement": ("same choice", ".3f"),
+    "agreement_chance": (BY_CHANCE, ".3f"),
+    "agreement_corrected": (BEYOND, ".3f"),
     "error_agreement": ("same where the reference errs", ".2f"),
-    "pearson_r": ("r of times", ".3f"),
-    "spearman_r": ("r of their ranks", ".3f"),
+    "error_agreement_chance": (BY_CHANCE, ".2f"),
     "within_50_ms": ("within 50 ms of the median lag", ".2f"),
+    "within_50_ms_chance": (BY_CHANCE, ".2f"),
+    "pearson_r": ("r of times", ".3f"),
+    "pearson_r_chance": (BY_CHANCE, ".3f"),
+    "pearson_r_of_ceiling": ("without the circuit's noise", ".3f"),
+    "spearman_r": ("r of their ranks", ".3f"),
     "extra_ms": ("later, ms", ".0f"),
     "accuracy_gap": ("accuracy gained in equal time", "+.3f"),
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.comparison.circuits import compare_with_msprt, sample_ms
@@ -29,6 +30,8 @@ def compare(
     accuracies: Sequence[float] = ACCURACIES,
     resamples: int = RESAMPLES,
     intact: Circuit | None = None,
+    ceiling: bool = False,
+    groups: npt.ArrayLike | None = None,
 ) -> pd.DataFrame:
     """Compare a circuit with the MSPRT on the same evidence, decision by decision.
 
@@ -57,6 +60,13 @@ def compare(
     intact : Circuit, optional
         The circuit before it was edited: the differences from it, with intervals, become rows of
         the model "circuit minus intact".
+    ceiling : bool
+        Whether the circuit decides a second time, with noise of another seed: how far it agrees
+        with itself, the most that anything can agree with it. Rows of the reference "circuit with
+        other noise", and the measure pearson_r_of_ceiling.
+    groups : array (trials,), optional
+        A number or name per trial, where trials are not independent: the bootstrap draws whole
+        groups, as of trials that share taps.
 
     Returns
     -------
@@ -83,6 +93,8 @@ def compare(
         accuracies=accuracies,
         resamples=resamples,
         intact=intact,
+        ceiling=ceiling,
+        groups=groups,
     )
 
 

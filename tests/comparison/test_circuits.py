@@ -18,7 +18,7 @@ from bgmodel.comparison.circuits import (
     msprt_tradeoffs,
     thresholds_about,
 )
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.compare import OTHER_NOISE, compare
 from bgmodel.comparison.page import behaviour, page
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators import basal_ganglia
@@ -148,3 +148,52 @@ def test_a_page_names_measures_as_the_table_does_and_explains_what_is_unknown(ta
     assert "unknown" not in page(table.assign(value=table["value"].fillna(1), low=0, high=1))
     loose = table.assign(low=table["low"].where(table["measure"] != "extra_ms"))
     assert "[unknown]: more than 5 % of the bootstrap's resamples" in page(loose)
+
+
+QUICK = BasalGanglia(TABLE, "population", GAIN, SEED)
+LONG = gaussian_evidence(
+    200, 60, 1 / np.sqrt(2), rng=stream(SEED, "refused"), hypotheses=4, step_ms=50.0
+)
+
+
+def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given():
+    """At .8 the MSPRT decides where OUT rests, at .999 where no OUT is read."""
+    given = {"seed": SEED, "rivals": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
+    with pytest.warns(UserWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: the test"):
+        found = compare_with_msprt(QUICK, LONG, **given)
+    known = found[(found["model"] == CIRCUIT) & (found["measure"] == "agreement")]
+    known = known[known["reference"] == MSPRT_AT_GAIN].set_index("accuracy")["value"]
+    assert known.notna().to_dict() == {0.8: False, 0.95: True, 0.999: False}
+
+
+def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
+    edited = {"blind": TABLE.scaled("ctx", "STN", 0.5)}
+    options = {"seed": SEED, "accuracies": (0.8, 0.95), "resamples": 20}
+    with pytest.warns(UserWarning, match="nothing is compared at") as said:
+        found = compare_edits(QUICK, edited, LONG, **options)
+    text = " ".join(str(one.message) for one in said)
+    assert "nothing is compared at accuracy 0.8: the test" in text
+    assert "nothing is compared at accuracy 0.8, 0.95: blind decides without evidence" in text
+    rows = found[found["measure"].eq("agreement")].set_index(["variant", "kind", "accuracy"])
+    known = rows["value"].notna()
+    assert known[known].index.tolist() == [("intact", "value", 0.95), ("intact", "change", 0.95)]
+    fixed = found[found["kind"].eq("fixed")].set_index(["variant", "accuracy", "measure"])["value"]
+    assert fixed["blind", 0.95, "without_evidence"] == 1
+    assert np.isnan(fixed["blind", 0.8, "without_evidence"])
+
+
+def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
+    given = {"seed": SEED, "rivals": (), "accuracies": (0.95,), "resamples": 20, "ceiling": True}
+    noisy = compare_with_msprt(QUICK, LONG, **given)
+    r = of(noisy, "pearson_r", reference=OTHER_NOISE)
+    assert 0.8 < r < 1
+    exact = of(noisy, "pearson_r") / np.sqrt(r)
+    assert of(noisy, "pearson_r_of_ceiling") == pytest.approx(exact, rel=0.03)
+    assert of(noisy, "agreement_chance") < of(noisy, "agreement", reference=OTHER_NOISE)
+    text = page(noisy)
+    assert "circuit with other noise: the circuit beside itself" in text
+    assert "by chance (agreement_chance)" in text
+    without = compare_with_msprt(replace(QUICK, engine="algebra"), LONG, **given)
+    for measure in ("agreement", "agreement_corrected", "pearson_r", "within_50_ms"):
+        assert of(without, measure, reference=OTHER_NOISE) == pytest.approx(1)
+    assert of(without, "pearson_r_of_ceiling") == pytest.approx(of(without, "pearson_r"))

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison.compare import compare, curve, equivalent, levels, tradeoff
+from bgmodel.comparison.compare import (
+    compare,
+    curve,
+    equivalent,
+    levels,
+    margin,
+    resampled,
+    tradeoff,
+)
 from bgmodel.decision import Trace
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.rivals import MaxVsAverage, Race
@@ -157,3 +165,44 @@ def test_bad_input_is_refused():
         measured(few)
     with pytest.raises(ValueError, match="an interval needs 100 trials or more, got 50"):
         compare(few, few, rng=stream(1, "x"))
+
+
+def test_an_accuracy_is_reached_within_a_share_of_the_errors_that_it_leaves():
+    assert margin(0.8) == 0.01
+    assert margin(0.9) == pytest.approx(0.01)
+    assert margin(0.98) == pytest.approx(0.002)
+    reached = curve(TEST, np.ones((1, 800)))[0][0]
+    # None of its thresholds gives more than .974: .98 is .006 away, and leaves .02 of errors.
+    some = TEST.at(reached < 0.974)
+    found = measured(some, accuracies=(0.9, 0.98)).set_index(["accuracy", "measure"])["value"]
+    assert found[0.9, "agreement"] == 1
+    assert np.isnan(found[0.98, "agreement"])
+
+
+def test_trials_that_are_alike_in_a_group_make_the_interval_wider():
+    """Four copies of each trial tell no more than one: the interval doubles."""
+    rng = stream(5, "noise")
+    noisy = Trace(TRACE.out_nats + rng.normal(0, 0.5, TRACE.out_nats.shape), TRACE.time_ms, 0, 50.0)
+    four = np.arange(800) // 4
+    both = [tradeoff(one, EVIDENCE) for one in (TRACE, noisy)]
+    names = ("choice", "time_ms", "forced", "premature", "posterior")
+    alike = [replace(o, **{name: getattr(o, name)[:, 4 * four] for name in names}) for o in both]
+    wide, narrow = (
+        compare(
+            *alike, rng=stream(2, "b"), truth=EVIDENCE.truth[4 * four], accuracies=(0.9,), groups=g
+        )
+        for g in (four, None)
+    )
+    widths = [value(t, "agreement", 0.9, "high") - value(t, "agreement", 0.9, "low")
+              for t in (wide, narrow)]  # fmt: skip
+    assert widths[0] == pytest.approx(2 * widths[1], rel=0.2)
+    assert value(wide, "agreement", 0.9) == value(narrow, "agreement", 0.9)
+
+
+def test_a_group_of_one_trial_each_is_no_group():
+    alone, each = (resampled(50, 20, stream(1, "g"), g) for g in (None, np.arange(50)))
+    assert np.array_equal(alone, each)
+    with pytest.raises(ValueError, match="groups must be one per trial"):
+        resampled(50, 20, stream(1, "g"), np.arange(40))
+    with pytest.raises(ValueError, match="groups must be two or more for an interval, got 1"):
+        resampled(50, 20, stream(1, "g"), np.zeros(50))

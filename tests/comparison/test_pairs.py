@@ -1,0 +1,124 @@
+"""Decision against decision: its chance level against all pairs written out, and its laws."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel import stream
+from bgmodel.comparison.compare import interval, resampled
+from bgmodel.comparison.pairs import (
+    Choices,
+    NearInTime,
+    Product,
+    SameChoice,
+    by_chance,
+    side_by_side,
+)
+
+SHARES = ("agreement", "error_agreement", "within_50_ms")
+
+
+def drawn(trials, seed=1, hypotheses=3, accuracy=0.85):
+    """Return decisions whose errors and times are their own, slower where the truth is 1."""
+    rng = stream(seed, "pairs")
+    truth = rng.integers(hypotheses, size=trials)
+    choice = np.where(rng.random(trials) < accuracy, truth, rng.integers(hypotheses, size=trials))
+    time_ms = rng.integers(0, 30, trials) * 20.0 + 300 * (truth == 1)
+    return Choices(choice, time_ms), truth
+
+
+@given(st.integers(0, 2**31), st.integers(3, 14))
+def test_chance_is_the_mean_over_all_pairs_of_different_trials_of_one_truth(seed, trials):
+    rng = np.random.default_rng(seed)
+    truth = rng.integers(2, size=trials)
+    x, y = rng.integers(0, 3, (2, trials))
+    test_ms, other_ms = rng.integers(0, 10, (2, trials)) * 25.0
+    first, second = rng.integers(0, 3, (2, 2, trials)).astype(float)
+    near = np.abs(other_ms[None, :] - test_ms[:, None] - 30) <= 50
+    for of_pair, written in (
+        (SameChoice(x, y), x[:, None] == y[None, :]),
+        (NearInTime(test_ms, other_ms, 30.0), near),
+        (Product(test_ms, other_ms), test_ms[:, None] * other_ms[None, :]),
+    ):
+        found = by_chance(of_pair, truth, first, second)
+        for b in range(2):
+            total = counted = 0.0
+            for s in (0, 1):
+                here = truth == s
+                pairs = np.outer(first[b][here], second[b][here])
+                np.fill_diagonal(pairs, 0)
+                if pairs.sum():
+                    weight = first[b][here].sum()
+                    total += weight * (pairs * written[np.ix_(here, here)]).sum() / pairs.sum()
+                    counted += weight
+            wanted = total / counted if counted else np.nan
+            np.testing.assert_allclose(found[b], wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_a_copy_agrees_beyond_chance_in_all():
+    test, truth = drawn(300)
+    same = side_by_side(test, test, truth, resampled(300, 100, stream(2, "b")))
+    for name in SHARES:
+        np.testing.assert_allclose(same[f"{name}_corrected"], 1)
+        assert 0 < same[f"{name}_chance"][0] < 1
+
+
+def test_a_shuffled_copy_agrees_beyond_chance_in_nothing():
+    """Twenty shuffles within each truth: 0 lies in the 95 % interval of nearly all of them."""
+    test, truth = drawn(600)
+    weights = resampled(600, 200, stream(2, "b"))
+    inside = dict.fromkeys((*SHARES, "pearson_r"), 0)
+    for k in range(20):
+        order = np.arange(600)
+        for value in np.unique(truth):
+            here = np.flatnonzero(truth == value)
+            order[here] = stream(3, "shuffled", value, k).permutation(here)
+        shuffled = Choices(test.choice[order], test.time_ms[order])
+        found = side_by_side(test, shuffled, truth, weights)
+        found["pearson_r_corrected"] = found["pearson_r"] - found["pearson_r_chance"]
+        for name in inside:
+            _, low, high = interval(found[f"{name}_corrected"])
+            inside[name] += low < 0 < high
+        # Between truths times differ: the correlation of shuffled trials is not 0.
+        assert found["pearson_r_chance"][0] > 0.2
+    assert min(inside.values()) >= 17, inside
+
+
+def test_names_of_hypotheses_mean_nothing():
+    test, truth = drawn(400)
+    other, _ = drawn(400, seed=5)
+    weights = resampled(400, 20, stream(2, "b"))
+    named = np.array([2, 0, 1])
+    found = side_by_side(test, other, truth, weights)
+    renamed = side_by_side(
+        Choices(named[test.choice], test.time_ms),
+        Choices(named[other.choice], other.time_ms),
+        named[truth],
+        weights,
+    )
+    for name, values in found.items():
+        np.testing.assert_allclose(renamed[name], values, err_msg=name)
+
+
+def test_without_a_truth_all_trials_are_shuffled():
+    """Two alternatives, each chosen in half of the trials: agreement by chance is a half."""
+    choice = np.arange(2000) % 2
+    one = Choices(choice, np.arange(2000.0))
+    unknown = side_by_side(one, one, None, np.ones((1, 2000)))
+    assert unknown["agreement_chance"][0] == pytest.approx(0.5, abs=1e-3)
+    known = side_by_side(one, one, choice, np.ones((1, 2000)))
+    assert known["agreement_chance"][0] == 1
+    assert np.isnan(known["agreement_corrected"][0])
+
+
+def test_r_by_its_ceiling_is_that_without_noise():
+    """Spearman 1904: noise of variance v lowers r by sqrt(1 / (1 + v)), which its copy tells."""
+    rng = stream(4, "attenuation")
+    exact = rng.normal(0, 1, 20_000)
+    noisy, again = exact + rng.normal(0, 0.7, (2, 20_000))
+    choice = np.zeros(20_000, dtype=int)
+    one, two, three = (Choices(choice, values) for values in (exact, noisy, again))
+    found = side_by_side(one, two, None, np.ones((1, 20_000)), again=three)
+    assert found["pearson_r"][0] == pytest.approx(np.sqrt(1 / 1.49), abs=0.01)
+    assert found["pearson_r_of_ceiling"][0] == pytest.approx(1, abs=0.01)
