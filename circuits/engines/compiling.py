@@ -26,6 +26,8 @@ OPTIONS = {
     # No memory is taken inside, so no references are counted: that alone cost 600 ns a tick.
     "_nrt": False,
     "nogil": True,
+    # A call hands over every array in parts: of populations of 100 cells that was 7 % of the time.
+    "forceinline": True,
     "cache": True,
 }
 SOURCES = b"".join(

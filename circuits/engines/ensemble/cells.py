@@ -115,7 +115,6 @@ ADVANCE = types.void(
     types.int64,  # cells
     types.int64,  # ticks
     types.CPointer(types.uint8),  # marks
-    types.CPointer(types.int32),  # how many fired, per tick
 )
 PLACE = types.void(
     types.CPointer(types.float32),
@@ -176,7 +175,7 @@ def _advance(tick: Callable[..., Any], size: int, count: int) -> Callable[..., N
 
     def advance(
         state: Any, constants: Any, stride: int, noise: Any, heard: Any, width: int, cells: int,
-        ticks: int, marks: Any, fired: Any,
+        ticks: int, marks: Any,
     ) -> None:  # fmt: skip
         for t in range(ticks):
             for i in range(cells):
@@ -184,7 +183,6 @@ def _advance(tick: Callable[..., Any], size: int, count: int) -> Callable[..., N
                 old = _gathered(state, no_state, stride, i)
                 moved = tick(*(given + old + _gathered(constants, no_constants, stride, i)))
                 fires = truth(moved[0])
-                fired[t] += fires
                 marks[i] |= fires << t
                 new = moved[1:]
                 for k in range(size):

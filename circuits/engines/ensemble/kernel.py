@@ -76,13 +76,20 @@ def _arrivals(first, window, units, sources, ring, state, passed):
         for t in range(window):
             row[t] = 0.0
         for e in range(unit.source, unit.sources):
-            weight, rates, past = sources[e].weight, ring[sources[e].index], first - unit.delay
-            for t in range(window):
-                row[t] += weight * rates[(past + t) & mask]
-        decay, gain, constant, law = unit.decay, 1 - unit.decay, unit.constant, unit.law
+            weight, rates = sources[e].weight, ring[sources[e].index]
+            past = (first - unit.delay) & mask
+            turn = min(len(rates) - past, window)
+            for t in range(turn):
+                row[t] += weight * rates[np.uint64(past + t)]
+            for t in range(turn, window):
+                row[t] += weight * rates[np.uint64(t - turn)]
+        decay, gain, constant = unit.decay, 1 - unit.decay, unit.constant
         for t in range(window):
             u = decay * u + gain * row[t]
-            row[t] = _law(law, u + constant)
+            row[t] = u + constant
+        if unit.law != LINEAR:
+            for t in range(window):
+                row[t] = _law(unit.law, row[t])
         state[q] = u
 
 
@@ -101,16 +108,20 @@ def _common(block, first, window, clock, inputs, passed, drive, common):
     for t in range(window):
         common[t] += block.bias
     if block.drive >= 0:
-        for t in range(max(clock.settle - first, 0), window):
+        t = max(clock.settle - first, 0)
+        while t < window:
             step = (first + t - clock.settle) // clock.step
-            common[t] += block.drive_gain * drive[step, block.drive]
+            last = min((step + 1) * clock.step + clock.settle - first, window)
+            given = block.drive_gain * drive[step, block.drive]
+            while t < last:
+                common[t] += given
+                t += 1
 
 
 @numba.njit(inline="always")
 def _receive(block, b, first, window, dt_s, work):
     """Turn a block's input into its rates, or into what its cells need."""
-    common, mask = work.common, work.ring.shape[1] - 1
-    mean_step, noise_step = work.mean_step, work.noise_step
+    common, mean_step = work.common, work.mean_step
     if block.kind == LIF and block.variation == IDENTICAL:
         for t in range(window):
             mean_step[t] = lanes.fused(block.slope, np.float32(common[t]), block.rest)
@@ -121,20 +132,39 @@ def _receive(block, b, first, window, dt_s, work):
         return
     if block.variation == OWN_INPUTS:
         return
-    x = work.state[b]
+    _rates(block, b, window, work.state, common)
+    if block.kind == RATE:
+        for t in range(window):
+            work.ring[b, (first + t) & (work.ring.shape[1] - 1)] = common[t]
+        return
+    for t in range(window):
+        common[t] *= dt_s
+    _advances(block, window, common, mean_step, work.noise_step)
+
+
+@compiled
+def _rates(block, b, window, state, common):
+    """Turn a block's input into rates, Hz, in place: each loop does what can be done at once."""
+    x = state[b]
     for t in range(window):
         x = block.decay * x + block.filter_gain * common[t]
-        rate = max(block.baseline + block.gain * _law(block.law, x), block.floor)
-        mean = rate * dt_s
-        work.ring[b, (first + t) & mask] = rate
-        if block.kind == GENERAL:
-            common[t] = mean
-        elif block.variation == OWN_CONSTANTS:
-            mean_step[t], noise_step[t] = mean, math.sqrt(mean)
-        elif block.kind == PHASE:
-            each = np.float32(math.sqrt(mean)) * block.jitter
-            mean_step[t], noise_step[t] = np.float32(mean) - lanes.HALF_BITS * each, each
-    work.state[b] = x
+        common[t] = x
+    state[b] = x
+    for t in range(window):
+        common[t] = max(block.baseline + block.gain * _law(block.law, common[t]), block.floor)
+
+
+@compiled
+def _advances(block, window, mean, mean_step, noise_step):
+    """Turn expected numbers of spikes a tick into what phases need."""
+    if block.variation == OWN_CONSTANTS:
+        for t in range(window):
+            mean_step[t], noise_step[t] = mean[t], math.sqrt(mean[t])
+    elif block.kind == PHASE:
+        for t in range(window):
+            each = np.float32(math.sqrt(mean[t])) * block.jitter
+            mean_step[t] = np.float32(mean[t]) - lanes.HALF_BITS * each
+            noise_step[t] = each
 
 
 @numba.njit(inline="always")
@@ -219,50 +249,52 @@ def _inputs_varied(p, work, block, t, k, ticks):
 
 
 @numba.njit(inline="always")
-def _cells(p, work, block, t, ticks, marks):
-    """Advance the cells of a block by some ticks; return how many fired in each, or mark them."""
+def _cells(p, work, block, t, ticks, noise_of):
+    """Advance the cells of a block by some ticks."""
     if block.kind == GENERAL:
-        return _general(p, work, block, t, ticks, marks)
-    if block.variation == IDENTICAL:
-        return _identical(work, block, t, ticks, marks)
-    if block.variation == OWN_CONSTANTS:
-        return _varied(p, work, block, t, ticks, None, marks)
-    return _varied(p, work, block, t, ticks, work.x, marks)
+        _general(p, work, block, t, ticks, noise_of)
+    elif block.variation == IDENTICAL:
+        _identical(work, block, t, ticks, noise_of)
+    elif block.variation == OWN_CONSTANTS:
+        _varied(p, work, block, t, ticks, None, noise_of)
+    else:
+        _varied(p, work, block, t, ticks, work.x, noise_of)
 
 
 @numba.njit(inline="always")
-def _identical(work, block, t, ticks, marks):
+def _identical(work, block, t, ticks, noise_of):
     """Advance cells that differ in noise alone."""
-    v, counts, first, cells = work.v, work.counts, block.start, block.filled
+    v, fired, first, cells = work.v, work.fired, block.start, block.filled
     step = _four(work.mean_step, t)
     if block.kind == LIF:
         decay, noise_step, top = block.membrane_decay, block.noise_step, block.threshold
-        return lanes.lif_identical(
-            v, counts, first, cells, ticks, decay, step, noise_step, top, block.refractory, marks
+        lanes.lif_identical(
+            v, fired, first, cells, noise_of, ticks, decay, step, noise_step, top, block.refractory
         )
-    # Phases: ``plan`` gives no other kind.
-    noise_steps = _four(work.noise_step, t)
-    return lanes.phase_identical(v, counts, first, cells, ticks, step, noise_steps, marks)
+    else:  # Phases: ``plan`` gives no other kind.
+        each = _four(work.noise_step, t)
+        lanes.phase_identical(v, fired, first, cells, noise_of, ticks, step, each)
 
 
 @numba.njit(inline="always")
-def _varied(p, work, block, t, ticks, x, marks):
+def _varied(p, work, block, t, ticks, x, noise_of):
     """Advance cells that differ in their constants and, with x, in their inputs."""
-    v, counts, first, cells, own = work.v, work.counts, block.start, block.filled, p.constants
+    v, fired, first, cells, own = work.v, work.fired, block.start, block.filled, p.constants
     common = _four(work.mean_step, t)
     if block.kind == LIF:
         top, held = block.threshold, block.refractory
-        return lanes.lif_varied(v, counts, first, cells, ticks, common, x, own, top, held, marks)
-    root, each = _four(work.noise_step, t), block.jitter
-    return lanes.phase_varied(v, counts, first, cells, ticks, common, root, x, own, each, marks)
+        lanes.lif_varied(v, fired, first, cells, noise_of, ticks, common, x, own, top, held)
+    else:
+        root, each = _four(work.noise_step, t), block.jitter
+        lanes.phase_varied(v, fired, first, cells, noise_of, ticks, common, root, x, own, each)
 
 
 @compiled
-def _general_marked(p, work, block, t, ticks, marks):
+def _general(p, work, block, t, ticks, noise_of):
     """Advance cells by the compiled tick of their own type."""
-    heard, fired = work.heard, work.fired
+    heard, marks = work.heard, work.marks
+    lanes.refresh(work.counts, block.start, block.filled, noise_of)
     for i in range(len(ticks)):
-        fired[i] = 0
         for j in range(block.cells):
             if block.variation == OWN_INPUTS:
                 heard[i, j] = np.float64(work.x[i, j])
@@ -272,40 +304,27 @@ def _general_marked(p, work, block, t, ticks, marks):
         marks[j] = 0
     lanes.advance(
         block.advance, work.states, p.tick_constants, block.start, work.counts, heard, block.cells,
-        len(ticks), marks, fired,
+        len(ticks), marks,
     )  # fmt: skip
-    return fired[0], fired[1], fired[2], fired[3]
-
-
-@compiled
-def _general(p, work, block, t, ticks, marks):
-    """Advance cells by their own type's tick, with marks or without."""
-    if marks is None:
-        return _general_marked(p, work, block, t, ticks, work.noted)
-    return _general_marked(p, work, block, t, ticks, marks)
+    lanes.noted(marks, work.fired, block.filled, len(ticks))
 
 
 @numba.njit(inline="always")
-def _list(p, work, block, b, k):
-    """List the cells of a block that are marked; return how many in each of four ticks."""
-    for i in range(WORD):
-        work.places[i] = ((k + i) & (p.clock[0].ring - 1)) * len(p.blocks) + b
-    found, found_n = work.found, work.found_n
-    return lanes.marked(work.marks, block.filled, found, _most(work), work.places, found_n)
-
-
-@numba.njit(inline="always")
-def _write(p, work, k, now, written, spikes):
-    """Write down the spikes of a tick that are wanted; return how many so far."""
-    for b in range(len(p.blocks)):
-        if p.blocks[b].kept:
-            place = now * len(p.blocks) + b
-            for i in range(work.found_n[place]):
-                if written < len(spikes):
-                    spikes[written, 0] = b
-                    spikes[written, 1] = work.found[place * _most(work) + i]
-                    spikes[written, 2] = k
-                written += 1
+def _write(p, work, first, last, written, spikes):
+    """Write down the spikes of some ticks that are wanted; return how many so far."""
+    if not p.clock[0].listing:
+        return written
+    most = _most(work)
+    for k in range(first, last):
+        for b in range(len(p.blocks)):
+            if p.blocks[b].kept:
+                place = (k & (p.clock[0].ring - 1)) * len(p.blocks) + b
+                for i in range(work.found_n[place]):
+                    if written < len(spikes):
+                        spikes[written, 0] = b
+                        spikes[written, 1] = work.found[place * most + i]
+                        spikes[written, 2] = k - p.clock[0].settle
+                    written += 1
     return written
 
 
@@ -323,22 +342,16 @@ def _sample(clock, i, total, low_pass, rates, out):
 
 
 @numba.njit(inline="always")
-def _fire(p, work, block, b, t, k):
+def _fire(p, work, block, b, t, k, stream):
     """Advance the cells of a block by the ticks of a word of noise, or by one."""
-    fired = _cells(p, work, block, t, p.ticks, work.marks)
-    if work.marks is not None:
-        fired = _list(p, work, block, b, k)
-    for i in range(WORD):
-        work.ring[b, (k + i) & (p.clock[0].ring - 1)] = fired[i] * block.spike_hz
-
-
-@numba.njit(inline="always")
-def _noise(work, block, k, stream):
-    """Bring the noise of the ticks from k to where the loops over cells read it."""
-    if k % WORD:
-        lanes.next_byte(work.counts, block.start, block.filled)
-    else:
-        lanes.refresh(work.counts, block.start, block.filled, lanes.tick_key(stream, k // WORD))
+    clock, most = p.clock[0], _most(work)
+    _cells(p, work, block, t, p.ticks, (lanes.tick_key(stream, k // WORD), k % WORD))
+    for i in range(len(p.ticks)):
+        now, fired = (k + i) & (clock.ring - 1), work.fired[i]
+        work.ring[b, now] = lanes.how_many(fired, block.filled) * block.spike_hz
+        if clock.listing:
+            place = now * len(p.blocks) + b
+            work.found_n[place] = lanes.listed(fired, block.filled, work.found[place * most :])
 
 
 @numba.njit(inline="always")
@@ -351,19 +364,32 @@ def _advance(p, work, b, first, window, drive, stream):
         return
     for t in range(0, window, WORD):
         k = first + t
-        _noise(work, block, k, stream)
         if block.variation == OWN_INPUTS:
             _inputs_varied(p, work, block, t, k, min(WORD, window - t))
         # Ticks beyond the last of the run are computed, and read by nobody.
-        _fire(p, work, block, b, t, k)
+        _fire(p, work, block, b, t, k, stream)
 
 
-@numba.njit(inline="always")
-def _read(clock, readout, ring, now, low_pass):
-    """Low-pass the read-out (line 4 of the scheme)."""
-    kept = clock.readout_decay
+@compiled
+def _read(clock, readout, ring, k, last, low_pass):
+    """Low-pass the read-out in the ticks from k to the last (line 4 of the scheme)."""
+    kept, mask = clock.readout_decay, ring.shape[1] - 1
     for c in range(len(readout)):
-        low_pass[c] = kept * low_pass[c] + (1 - kept) * ring[readout[c], now]
+        b, x = readout[c], low_pass[c]
+        for t in range(k, last):
+            x = kept * x + (1 - kept) * ring[b, t & mask]
+        low_pass[c] = x
+
+
+@compiled
+def _sum_up(ring, k, last, total):
+    """Add the rates of the ticks from k to the last."""
+    mask = ring.shape[1] - 1
+    for b in range(len(total)):
+        x = total[b]
+        for t in range(k, last):
+            x += ring[b, t & mask]
+        total[b] = x
 
 
 @compiled
@@ -430,26 +456,28 @@ def trial(
     int
         Spikes that there were to write down.
     """
-    clock, ring, mask = p.clock[0], work.ring, p.clock[0].ring - 1
-    written = 0
+    clock, ring, written = p.clock[0], work.ring, 0
     _at_rest(p, work, streams)
     for first in range(0, clock.ticks, clock.window):
         window = min(clock.window, clock.ticks - first)
         _arrivals(first, window, p.units, p.sources, ring, work.unit, work.passed)
         for b in range(len(p.blocks)):
             _advance(p, work, b, first, window, drive, streams[b])
-        for k in range(first, first + window):
-            _read(clock, p.readout, ring, k & mask, work.low_pass)
+        k = first
+        while k < first + window:
+            # To the end of the window, of settling, or of a sample.
             late = k - clock.settle
-            if late < 0:
-                continue
-            written = _write(p, work, late, k & mask, written, spikes)
-            for b in range(len(p.blocks)):
-                work.total[b] += ring[b, k & mask]
-            if (late + 1) % clock.sample == 0:
-                i = late // clock.sample
-                if _sample(clock, i, work.total, work.low_pass, rates, out) < drop_below:
-                    out[i + 1 :] = np.nan
-                    rates[i + 1 :] = np.nan
-                    return written
+            left = -late if late < 0 else clock.sample - late % clock.sample
+            last = min(k + left, first + window)
+            _read(clock, p.readout, ring, k, last, work.low_pass)
+            if late >= 0:
+                _sum_up(ring, k, last, work.total)
+                written = _write(p, work, k, last, written, spikes)
+                if late % clock.sample + last - k == clock.sample:
+                    i = late // clock.sample
+                    if _sample(clock, i, work.total, work.low_pass, rates, out) < drop_below:
+                        out[i + 1 :] = np.nan
+                        rates[i + 1 :] = np.nan
+                        return written
+            k = last
     return written

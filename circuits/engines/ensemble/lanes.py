@@ -1,26 +1,22 @@
-"""What makes the ensemble engine fast, in one place: loops over cells that the compiler vectorises.
+"""What makes the ensemble engine fast, in one place: loops over cells, a register at a time.
 
-One trial at a time; neighbouring cells lie in neighbouring lanes of a register. A word of noise
-serves four ticks, and a cell takes all four while its state is in a register. Each loop returns how
-many cells fired in each tick, or, given marks, sets a bit for each tick in which a cell fired; to
-count as well would take longer. Seven things are needed for speed, and each is used below:
+One trial at a time; neighbouring cells lie in neighbouring lanes of a register (``registers``). A
+word of noise serves four ticks, and a cell takes all four while its state and its noise are in
+registers. Each loop over cells leaves a bit in ``fired`` for each tick and cell; whoever wants to
+know how many counts the bits. Six things are needed for speed, and each is used below:
 
 * 32-bit integer arithmetic. Numba widens to 64 bits, for which older machines have no vector
-  multiplication; the few functions at the top emit 32-bit instructions. Their NumPy twins are
-  ``noise.words`` and ``noise.byte_counts``.
-* A number of cells that the compiler sees to be a multiple of 64: nothing is left over at the end.
-* A loop over ticks whose length the compiler sees, as that of a tuple: it writes the ticks out, one
-  after the other, and goes through cells side by side.
-* Arguments that are None where a loop has no use for them: each combination is compiled variation.
+  multiplication; the few functions at the top and ``registers`` emit 32-bit instructions. Their
+  NumPy twins are ``noise.words`` and ``noise.byte_counts``.
+* A number of cells that is a multiple of 64: nothing is left over at the end.
+* A loop over ticks whose length the compiler sees, as that of a tuple: it writes the ticks out.
+* Arguments that are None where a loop has no use for them: each combination is compiled apart.
 * An unsigned index, so that no negative one has to be wrapped.
-* Choosing between two values instead of branching, and storing what was chosen every time: a
-  store under a mask costs ten times as much on some machines.
 * No second array for refractory cells. A cell that waits holds ``-WAIT * (ticks left)`` instead of
   a potential (measured from its reset), adds WAIT at each tick and is back at exactly 0 in time.
   Cells that only fill a register up wait for ever, at minus infinity.
 
-The state of a cell is float32, sums over cells are int32. The tests hold each loop to plain
-NumPy.
+The state of a cell is float32. The tests hold each loop to plain NumPy.
 """
 
 from __future__ import annotations
@@ -29,13 +25,26 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.cpython.unsafe.tuple import tuple_setitem
 from numba.extending import intrinsic
 
 from circuits import noise
 from circuits.engines.compiling import compiled
+from circuits.engines.ensemble.registers import (
+    WIDTH,
+    byte_counts,
+    later,
+    load,
+    marked,
+    multiply_add,
+    note,
+    ones_in,
+    root,
+    spread,
+    store,
+    where,
+)
 
-LANES = 64
+LANES = WIDTH
 """Populations are filled up to a multiple of this many cells."""
 WHOLE = -LANES
 """Keeps of a number of cells what is such a multiple."""
@@ -47,9 +56,8 @@ NOISE_STEP, FACTOR = 3, 4
 """Rows of the cells' constants: what a bit of noise does, and what a rate is multiplied by."""
 FOUR, SINGLE = (0, 1, 2, 3), (0,)
 """Ticks that a loop takes its cells through at once."""
-UNMARKED = np.int32(0)
-NOBODY = (np.int32(0),) * 4
 HALF_BITS = np.float32(4.0)
+_BYTES = tuple(np.float32(256.0**-byte) for byte in range(4))
 
 _GOLDEN = np.uint64(noise.GOLDEN)
 _I32 = ir.IntType(32)
@@ -75,13 +83,13 @@ def _call(builder, address, *values):
 
 
 @intrinsic
-def advance(typing, address, states, own, start, counts, heard, cells, ticks, marks, fired):
+def advance(typing, address, states, own, start, counts, heard, cells, ticks, marks):
     """Call a cell type's compiled ``advance`` (see ``cells``) on a block."""
 
     def build(context, builder, signature, arguments):
-        address, states, own, start, counts, heard, cells, ticks, marks, fired = arguments
-        of = dict(zip(("states", "own", "counts", "heard", "marks", "fired"),
-                      (signature.args[i] for i in (1, 2, 4, 5, 8, 9)), strict=True))  # fmt: skip
+        address, states, own, start, counts, heard, cells, ticks, marks = arguments
+        of = dict(zip(("states", "own", "counts", "heard", "marks"),
+                      (signature.args[i] for i in (1, 2, 4, 5, 8)), strict=True))  # fmt: skip
         _call(
             builder,
             address,
@@ -94,11 +102,10 @@ def advance(typing, address, states, own, start, counts, heard, cells, ticks, ma
             cells,
             ticks,
             _data(context, builder, of["marks"], marks),
-            _data(context, builder, of["fired"], fired),
         )
 
     whole = types.int64
-    return types.void(whole, states, own, whole, counts, heard, whole, whole, marks, fired), build
+    return types.void(whole, states, own, whole, counts, heard, whole, whole, marks), build
 
 
 @intrinsic
@@ -187,34 +194,21 @@ def fused(typing, a, b, c):
 
 
 @intrinsic
-def count(typing, total, fired):
-    """Return total + fired in 32 bits."""
-
-    def build(context, builder, signature, arguments):
-        total, fired = arguments
-        return builder.add(total, builder.zext(fired, _I32))
-
-    return types.int32(types.int32, types.boolean), build
-
-
-@intrinsic
-def bit(typing, mark, place, truth):
-    """Return a mark with one more truth in it."""
-
-    def build(context, builder, signature, arguments):
-        mark, place, truth = arguments
-        here = builder.shl(_const(1), builder.trunc(place, _I32))
-        return builder.or_(mark, builder.select(truth, here, _const(0)))
-
-    return types.int32(types.int32, types.int64, types.boolean), build
-
-
-@intrinsic
 def lowest(typing, word):
     """Return the place of the lowest one of a 64-bit word that has one."""
 
     def build(context, builder, signature, arguments):
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.uint64), build
+
+
+@intrinsic
+def ones(typing, word):
+    """Return the number of ones in a 64-bit word."""
+
+    def build(context, builder, signature, arguments):
+        return builder.ctpop(*arguments)
 
     return types.int64(types.uint64), build
 
@@ -295,133 +289,141 @@ def in_own_units(v, start, cells, constants):
 
 
 @compiled
-def refresh(counts, start, cells, key):
+def refresh(counts, start, cells, noise_of):
     """Draw the words that serve the next four ticks, as ones a byte, the next tick's lowest."""
+    key, byte = noise_of
     for i in range(cells & WHOLE):
         counts[np.uint64(start + i)] = word32(i, key)
-    ones = counts.view(np.uint8)
+    octets = counts.view(np.uint8)
     for i in range(4 * (cells & WHOLE)):
         j = np.uint64(4 * start + i)
-        ones[j] = ones8(ones[j])
-
-
-@compiled
-def next_byte(counts, start, cells):
-    """Bring the noise of the next tick down, where ticks are taken one by one."""
+        octets[j] = ones8(octets[j])
     for i in range(cells & WHOLE):
-        counts[np.uint64(start + i)] >>= np.uint32(8)
-
-
-@compiled
-def _noted(fired, mark, t, spike, marks):
-    """Count a spike of tick t, or mark it if there are marks."""
-    if marks is None:
-        return tuple_setitem(fired, t, count(fired[t], spike)), mark
-    return fired, bit(mark, t, spike)
+        counts[np.uint64(start + i)] >>= np.uint32(8 * byte)
 
 
 @numba.njit(inline="always")
-def _lif(old, moved, threshold, refractory):
-    """Return the next state of an integrate-and-fire cell, and whether it fires."""
-    new = choose(old < WAITING, old + WAIT, moved)
+def _counts(place, noise_of, ticks):
+    """Return the noise of a register of cells: what serves four ticks, or one tick's lowest."""
+    key, byte = noise_of
+    counts = byte_counts(place, key)
+    return counts if len(ticks) > 1 else later(counts, byte)
+
+
+@numba.njit(inline="always")
+def _spread_four(values):
+    """Return registers of four numbers."""
+    return spread(values[0]), spread(values[1]), spread(values[2]), spread(values[3])
+
+
+@numba.njit(inline="always")
+def _per_bit(steps):
+    """Return what a bit of noise does in four ticks, as ``ones_in`` counts bits."""
+    return steps[0], steps[1] * _BYTES[1], steps[2] * _BYTES[2], steps[3] * _BYTES[3]
+
+
+@numba.njit(inline="always")
+def _lif(old, moved, wait, waiting, threshold, refractory):
+    """Return the next state of integrate-and-fire cells, and whether they fire."""
+    new = where(old < waiting, old + wait, moved)
     spike = new >= threshold
-    return choose(spike, refractory, new), spike
+    return where(spike, refractory, new), spike
 
 
 @compiled
 def lif_identical(
-    v, counts, start, cells, ticks, decay, mean_step, noise_step, threshold, refractory, marks
+    v, fired, start, cells, noise_of, ticks, decay, mean_step, noise_step, threshold, refractory
 ):
     """Advance integrate-and-fire cells that differ in noise alone.
 
     v is measured from the reset: ``v decay + (mean_step + noise_step * ones)``, waiting cells
     apart: the bracket does not wait for the tick before.
     """
-    fired = NOBODY
-    for i in range(cells & WHOLE):
-        j, mark = np.uint64(start + i), UNMARKED
-        x, word = v[j], counts[j]
+    steps = _spread_four(mean_step)
+    each = _spread_four(_per_bit((noise_step, noise_step, noise_step, noise_step)))
+    wait, waiting, kept = spread(WAIT), spread(WAITING), spread(decay)
+    top, held = spread(threshold), spread(refractory)
+    for g in range(cells // LANES):
+        i = np.uint64(LANES * g)
+        j = np.uint64(start) + i
+        x, counts = load(v, j), _counts(i, noise_of, ticks)
         for t in range(len(ticks)):
-            moved = fused(x, decay, fused(noise_step, ones_at(word, t), mean_step[t]))
-            x, spike = _lif(x, moved, threshold, refractory)
-            fired, mark = _noted(fired, mark, t, spike, marks)
-        v[j] = x
-        if marks is not None:
-            marks[np.uint64(i)] = mark
-    return fired
+            step = multiply_add(each[t], ones_in(counts, t), steps[t])
+            x, spike = _lif(x, multiply_add(x, kept, step), wait, waiting, top, held)
+            note(fired[t], np.uint64(g), spike)
+        store(v, j, x)
 
 
 @compiled
-def lif_varied(v, counts, start, cells, ticks, common, x, constants, threshold, refractory, marks):
+def lif_varied(
+    v, fired, start, cells, noise_of, ticks, common, x, constants, threshold, refractory
+):
     """Advance integrate-and-fire cells with constants each; with inputs x, or all with the common.
 
     v is in units in which all cells have one threshold.
     """
     if constants is None:
-        return NOBODY
-    fired = NOBODY
+        return
     decay, rest, slope, noise_step = constants[0], constants[1], constants[2], constants[NOISE_STEP]
-    for i in range(cells & WHOLE):
-        c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
-        y, word = v[j], counts[j]
+    shared, wait, waiting = _spread_four(common), spread(WAIT), spread(WAITING)
+    top, held = spread(threshold), spread(refractory)
+    for g in range(cells // LANES):
+        c = np.uint64(LANES * g)
+        j = np.uint64(start) + c
+        y, counts = load(v, j), _counts(c, noise_of, ticks)
         for t in range(len(ticks)):
-            heard = common[t] if x is None else x[t, c]
-            mean_step = fused(noise_step[j], ones_at(word, t), fused(slope[j], heard, rest[j]))
-            y, spike = _lif(y, fused(y, decay[j], mean_step), threshold, refractory)
-            fired, mark = _noted(fired, mark, t, spike, marks)
-        v[j] = y
-        if marks is not None:
-            marks[c] = mark
-    return fired
+            heard = shared[t] if x is None else load(x[t], c)
+            pushed = multiply_add(load(slope, j), heard, load(rest, j))
+            step = multiply_add(load(noise_step, j), ones_in(later(counts, t), 0), pushed)
+            y, spike = _lif(y, multiply_add(y, load(decay, j), step), wait, waiting, top, held)
+            note(fired[t], np.uint64(g), spike)
+        store(v, j, y)
 
 
 @numba.njit(inline="always")
-def _phase(old, mean_step):
-    """Return the next phase of a cell, and whether it fires: it shows that until the next tick."""
-    new = (old - choose(old >= ONE, ONE, ZERO)) + mean_step
-    return new, new >= ONE
+def _phase(old, mean_step, one):
+    """Return the next phase of cells, and whether they fire: they show that until the next tick."""
+    new = where(old >= one, old - one, old) + mean_step
+    return new, new >= one
 
 
 @compiled
-def phase_identical(v, counts, start, cells, ticks, mean_step, noise_step, marks):
+def phase_identical(v, fired, start, cells, noise_of, ticks, mean_step, noise_step):
     """Advance phases that differ in noise alone."""
-    fired = NOBODY
-    for i in range(cells & WHOLE):
-        j, mark = np.uint64(start + i), UNMARKED
-        x, word = v[j], counts[j]
+    steps, each, one = _spread_four(mean_step), _spread_four(_per_bit(noise_step)), spread(ONE)
+    for g in range(cells // LANES):
+        i = np.uint64(LANES * g)
+        j = np.uint64(start) + i
+        x, counts = load(v, j), _counts(i, noise_of, ticks)
         for t in range(len(ticks)):
-            x, spike = _phase(x, fused(noise_step[t], ones_at(word, t), mean_step[t]))
-            fired, mark = _noted(fired, mark, t, spike, marks)
-        v[j] = x
-        if marks is not None:
-            marks[np.uint64(i)] = mark
-    return fired
+            x, spike = _phase(x, multiply_add(each[t], ones_in(counts, t), steps[t]), one)
+            note(fired[t], np.uint64(g), spike)
+        store(v, j, x)
 
 
 @compiled
-def phase_varied(v, counts, start, cells, ticks, mean, root, x, constants, each, marks):
+def phase_varied(v, fired, start, cells, noise_of, ticks, mean, mean_root, x, constants, each):
     """Advance phases with an expected advance each: x, or the mean times the cell's factor.
 
-    The jitter of an advance m is ``each sqrt(m)``; root is that of the mean, and a cell's noise
-    step ``each`` times the root of its factor.
+    The jitter of an advance m is ``each sqrt(m)``; mean_root is that of the mean, and a cell's
+    noise step ``each`` times the root of its factor.
     """
     if constants is None:
-        return NOBODY
-    fired = NOBODY
+        return
     noise_step, factor = constants[NOISE_STEP], constants[FACTOR]
-    for i in range(cells & WHOLE):
-        c, j, mark = np.uint64(i), np.uint64(start + i), UNMARKED
-        y, word = v[j], counts[j]
+    means, roots, jitter = _spread_four(mean), _spread_four(mean_root), spread(each)
+    one, half = spread(ONE), spread(HALF_BITS)
+    for g in range(cells // LANES):
+        c = np.uint64(LANES * g)
+        j = np.uint64(start) + c
+        y, counts = load(v, j), _counts(c, noise_of, ticks)
         for t in range(len(ticks)):
-            m = mean[t] * factor[j] if x is None else x[t, c]
-            width = root[t] * noise_step[j] if x is None else each * np.sqrt(m)
-            mean_step = fused(width, ones_at(word, t), m - HALF_BITS * width)
-            y, spike = _phase(y, mean_step)
-            fired, mark = _noted(fired, mark, t, spike, marks)
-        v[j] = y
-        if marks is not None:
-            marks[c] = mark
-    return fired
+            m = means[t] * load(factor, j) if x is None else load(x[t], c)
+            width = roots[t] * load(noise_step, j) if x is None else jitter * root(m)
+            step = multiply_add(width, ones_in(later(counts, t), 0), m - half * width)
+            y, spike = _phase(y, step, one)
+            note(fired[t], np.uint64(g), spike)
+        store(v, j, y)
 
 
 @compiled
@@ -433,22 +435,33 @@ def filtered(x, start, cells, decay, gain, wanted):
 
 
 @compiled
-def marked(marks, cells, found, most, places, found_n):
-    """List the cells with each of four marks, at four places; return how many there are."""
-    if marks is None:
-        return NOBODY
-    words = marks.view(np.uint64)
-    for t in range(4):
-        found_n[places[t]] = 0
-    for i in range(cells // 8):
-        word = words[np.uint64(i)]
+def noted(marks, fired, cells, ticks):
+    """Gather the marks of cells, a byte each with a bit for each tick, as ``fired``."""
+    for t in range(ticks):
+        for g in range(cells // LANES):
+            note(fired[t], np.uint64(g), marked(marks, np.uint64(LANES * g), t))
+
+
+@compiled
+def how_many(fired, cells):
+    """Return how many cells fired, from a bit for each."""
+    total = 0
+    for g in range(cells // LANES):
+        total += ones(fired[np.uint64(g)])
+    return total
+
+
+@compiled
+def listed(fired, cells, found):
+    """List the cells that fired; return how many."""
+    count = 0
+    for g in range(cells // LANES):
+        word = fired[np.uint64(g)]
         while word:
-            bit = lowest(word)
+            found[count] = LANES * g + lowest(word)
             word &= word - np.uint64(1)
-            place = places[bit & 7]
-            found[place * most + found_n[place]] = 8 * i + (bit >> 3)
-            found_n[place] += 1
-    return found_n[places[0]], found_n[places[1]], found_n[places[2]], found_n[places[3]]
+            count += 1
+    return count
 
 
 @numba.njit(inline="always")

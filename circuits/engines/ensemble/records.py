@@ -79,7 +79,8 @@ class Work(NamedTuple):
     Parameters
     ----------
     v, counts, cell_x : arrays (cells,)
-        State, noise of four ticks, and filtered input of each cell.
+        State, noise of four ticks (of types without loops of their own), and filtered input of each
+        cell.
     x : array (4, most cells of a block)
         Inputs of the cells of one block in four ticks.
     ring : array (blocks, ring)
@@ -92,17 +93,16 @@ class Work(NamedTuple):
         advance, and noise_step its root.
     states : array (most variables, cells)
         Variables of cells of types without loops of their own.
-    heard, noted, fired : arrays (4, most cells of a block), (most cells of a block,), (4,)
-        What those cells hear, marks of those that fire, and how many do.
+    heard, marks : arrays (4, most cells of a block), (most cells of a block,)
+        What those cells hear, and a bit for each of four ticks in which one fired.
+    fired : array (4, most cells of a block / 64) uint64
+        A bit for each cell of a block that fired, in four ticks.
     unit, passed : arrays (units,), (units, window)
         Filtered activity before and after the transfer.
     own_input, scale : arrays (own_input cells,), (own_inputs,)
         Filtered activity cell by cell, divided by a scale that an own input's cells share.
-    sums, marks : arrays (most cells of a block,)
-        Arrivals in a tick; a bit for each of four ticks in which a cell fired, or None where no
-        spikes are listed.
-    places : array (4,)
-        Where the lists of those that fire in four ticks lie.
+    sums : array (most cells of a block,)
+        Arrivals in a tick.
     found, found_n : arrays (ring * blocks * most,), (ring * blocks,)
         Which cells fired in the last ticks, and how many.
     low_pass : array (channels,)
@@ -121,15 +121,13 @@ class Work(NamedTuple):
     noise_step: Any
     states: Any
     heard: Any
-    noted: Any
+    marks: Any
     fired: Any
     unit: Any
     passed: Any
     own_input: Any
     scale: Any
     sums: Any
-    marks: Any
-    places: Any
     found: Any
     found_n: Any
     low_pass: Any

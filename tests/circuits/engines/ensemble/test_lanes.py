@@ -20,13 +20,19 @@ def four(*values):
     return tuple(np.float32(value) for value in values)
 
 
+def bits(fired):
+    return np.unpackbits(fired.view(np.uint8), bitorder="little").reshape(len(fired), -1)
+
+
 def test_words_of_the_loops_are_those_of_noise():
     stream = noise.stream_key(7, 3, "GPe")
+    key, expected = whole_key(stream, 5), noise.byte_counts(noise.words(stream, 5, 128))
     counts = np.zeros(128, np.uint32)
-    lanes.refresh(counts, 0, 128, whole_key(stream, 5))
-    npt.assert_array_equal(counts, noise.byte_counts(noise.words(stream, 5, 128)))
+    for byte in range(4):
+        lanes.refresh(counts, 0, 128, (key, byte))
+        npt.assert_array_equal(counts, expected >> np.uint32(8 * byte))
     v = filled(128)
-    lanes.begin(v, 0, 100, 128, whole_key(stream, 5), np.float32(0), np.float32(1))
+    lanes.begin(v, 0, 100, 128, key, np.float32(0), np.float32(1))
     npt.assert_allclose(v[:100], noise.uniform(stream, 5, 100), atol=1e-7)
     assert (v[100:] == -np.inf).all()
 
@@ -44,41 +50,60 @@ def test_the_loop_of_lif_cells_does_what_numpy_does():
     rng = np.random.default_rng(1)
     v = rng.uniform(-5, 11, 128).astype(np.float32)
     v[3], v[4], v[5] = -lanes.WAIT, -2 * lanes.WAIT, -np.inf
-    counts = rng.integers(0, 9, (128, 4)).astype(np.uint8).view(np.uint32).ravel()
+    stream = noise.stream_key(1, 2, "STN")
+    counts = noise.byte_counts(noise.words(stream, 9, 128))
     mean_step, noise_step = (0.2, 0.1, 0.4, 0.3), np.float32(0.3)
-    expected, marks, spikes = v.copy(), np.zeros(128, np.uint8), np.zeros((4, 128), bool)
+    expected, spikes = v.copy(), np.zeros((4, 128), bool)
     for t in range(4):
         waiting = expected < lanes.WAITING
         moved = 0.99 * expected + mean_step[t] + 0.3 * (counts >> 8 * t & 15)
         expected = np.where(waiting, expected + lanes.WAIT, moved)
         spikes[t] = expected >= 11
         expected[spikes[t]] = -20 * lanes.WAIT
-    constants = (
-        np.float32(0.99),
-        four(*mean_step),
-        noise_step,
-        np.float32(11),
-        np.float32(-20 * lanes.WAIT),
-    )
-    again = v.copy()
-    fired = lanes.lif_identical(v, counts, 0, 128, lanes.FOUR, *constants, None)
-    lanes.lif_identical(again, counts, 0, 128, lanes.FOUR, *constants, marks)
-    assert fired == tuple(spikes.sum(axis=1))
-    assert min(fired) > 0
-    npt.assert_array_equal(marks, spikes.T @ [1, 2, 4, 8])
+    constants = (noise_step, np.float32(11), np.float32(-20 * lanes.WAIT))
+    fired, decay, noise_of = np.zeros((4, 2), np.uint64), np.float32(0.99), whole_key(stream, 9)
+    again, one_by_one, steps = v.copy(), np.zeros((4, 2), np.uint64), four(*mean_step)
+    lanes.lif_identical(v, fired, 0, 128, (noise_of, 0), lanes.FOUR, decay, steps, *constants)
+    for t in range(4):
+        step, noise_at = four(mean_step[t], 0, 0, 0), (noise_of, t)
+        tick = (one_by_one[t:], 0, 128, noise_at, lanes.SINGLE, decay, step, *constants)
+        lanes.lif_identical(again, *tick)
+    npt.assert_array_equal(bits(fired), spikes)
+    npt.assert_array_equal(one_by_one, fired)
     npt.assert_array_equal(again, v)
     npt.assert_allclose(v, expected, rtol=1e-5, atol=1e-5)
     assert v[3] < 11
+    assert spikes.any(axis=1).all()
+
+
+def test_cells_that_fired_are_counted_and_listed():
+    fired = np.array([0b1001, 1 << 63], np.uint64)
+    found = np.zeros(128, np.int32)
+    assert lanes.how_many(fired, 128) == lanes.listed(fired, 128, found) == 3
+    npt.assert_array_equal(found[:3], [0, 3, 127])
+    assert lanes.how_many(fired, 64) == 2
+
+
+def test_marks_of_cells_are_gathered():
+    marks = np.random.default_rng(3).integers(0, 16, 128).astype(np.uint8)
+    fired = np.zeros((4, 2), np.uint64)
+    lanes.noted(marks, fired, 128, 4)
+    npt.assert_array_equal(bits(fired), marks >> np.arange(4)[:, None] & 1)
 
 
 def test_the_loop_of_phase_cells_does_what_numpy_does():
     rng = np.random.default_rng(2)
     v = rng.uniform(0, 1.05, 128).astype(np.float32)
-    counts = rng.integers(0, 9, 128).astype(np.uint32)
-    expected = v - (v >= 1) + 0.01 + 0.02 * counts
-    mean_step, noise_step = four(0.01, 0, 0, 0), four(0.02, 0, 0, 0)
-    for marks in (None, np.zeros(128, np.uint8)):
-        x = v.copy()
-        fired = lanes.phase_identical(x, counts, 0, 128, lanes.SINGLE, mean_step, noise_step, marks)
-        npt.assert_allclose(x, expected, rtol=1e-5)
-        assert (fired[0] if marks is None else marks.sum()) == (expected >= 1).sum() > 0
+    stream = noise.stream_key(1, 2, "D1")
+    counts = noise.byte_counts(noise.words(stream, 4, 128))
+    expected, spikes = v.copy(), np.zeros((4, 128), bool)
+    mean_step, noise_step = (0.01, 0.02, 0.03, 0), (0.02, 0.01, 0.005, 0.002)
+    for t in range(4):
+        ones = counts >> 8 * t & 15
+        expected = expected - (expected >= 1) + mean_step[t] + noise_step[t] * ones
+        spikes[t] = expected >= 1
+    fired, steps = np.zeros((4, 2), np.uint64), (four(*mean_step), four(*noise_step))
+    lanes.phase_identical(v, fired, 0, 128, (whole_key(stream, 4), 0), lanes.FOUR, *steps)
+    npt.assert_allclose(v, expected, rtol=1e-5, atol=1e-6)
+    npt.assert_array_equal(bits(fired), spikes)
+    assert spikes.any(axis=1).all()
