@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.learning.reinforce import Learned
     from bgmodel.learning.worlds import LevelOutcomes
+    from bgmodel.tables.trials import Trials
 
 START_S = 1.0
 """Time until the levels are found, s; measured, as the next."""
@@ -47,7 +48,8 @@ class CircuitLearn(Writes):
 
     The circuit first decides every trial at every level; then each run draws from those decisions,
     plays levels and is paid for what came of them. Tonic dopamine is what is learned, phasic
-    dopamine the reward prediction error.
+    dopamine the reward prediction error. What the learned level costs is measured on as many fresh
+    trials with fresh noise; of a table of evidence every second trial is kept for that.
 
     Example: bgmodel circuit learn dopamine.parquet --start-level 1.6 --runs 5
     """
@@ -87,18 +89,21 @@ class CircuitLearn(Writes):
         trials = self.stimuli.draw(self.seed, "learn")
         if self.stimuli.evidence is not None:
             print(trials.summary())
-        evidence = trials.evidence
+        evidence, fresh = self._learned_and_scored(trials)
         model = self._model(evidence)
         threshold_nats = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
         levels = playable_levels(model, self.levels, threshold_nats)
         start = self._start(levels, model.circuit.name)
         low, high = f"{levels[0]:.3f}", f"{levels[-1]:.3f}"
         say(f"{evidence.trials} trials at {self.levels} levels, {low} to {high}")
-        learning_s = START_S + EPISODE_S * self.runs * self.learner.episodes
-        say_before("learning in", model, evidence, runs=self.levels, more_s=learning_s)
-        with bar(self.levels * evidence.trials):
+        more_s = START_S + EPISODE_S * self.runs * self.learner.episodes
+        more_s += self.levels * model.seconds(fresh.trials, fresh.steps, fresh.step_ms)
+        say_before("learning in", model, evidence, runs=self.levels, more_s=more_s)
+        with bar(self.levels * (evidence.trials + fresh.trials)):
             outcomes = level_outcomes(model, evidence, levels, threshold_nats)
-        _check_decided(outcomes)
+            _check_decided(outcomes)
+            again = replace(model, seed=self.seed + 1)
+            scored = level_outcomes(again, fresh, levels, threshold_nats)
         behind: dict[str, Any] = {
             "seed": self.seed,
             "command": options_of(self, gain=model.gain),
@@ -110,9 +115,17 @@ class CircuitLearn(Writes):
         except LearningStopped as stop:
             files.write_table(learned_table(stop.learned), self.output, **behind)
             raise ValueError(f"{stop}; what was learned until then -> {self.output}") from None
-        summary = self._summary(learned, outcomes)
+        summary = self._summary(learned, scored)
         files.write_table(learned_table(learned), self.output, summary=summary, **behind)
-        self._say_learned(summary, float(regret(start, outcomes, self.xi)))
+        self._say_learned(summary, float(regret(start, scored, self.xi)))
+
+    def _learned_and_scored(self, trials: Trials) -> tuple[Evidence, Evidence]:
+        """Return the trials that are learned from, and others for what that costs."""
+        if self.stimuli.evidence is None:
+            return trials.evidence, self.stimuli.draw(self.seed, "learn, scored").evidence
+        if trials.evidence.trials < 2:
+            raise ValueError("evidence must hold 2 trials or more: every second one is scored")
+        return trials.evidence[::2], trials.evidence[1::2]
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
@@ -138,15 +151,15 @@ class CircuitLearn(Writes):
             )
         return start
 
-    def _summary(self, learned: Learned, outcomes: LevelOutcomes) -> dict[str, Any]:
+    def _summary(self, learned: Learned, fresh: LevelOutcomes) -> dict[str, Any]:
         """Return the summary beside the table: the level learned, its cost, the best level."""
         from bgmodel.learning.level import regret
 
-        cost = regret(learned.learned, outcomes, self.xi)
+        cost = regret(learned.learned, fresh, self.xi)
         return {
             "level": learned.learned.tolist(),
             "regret": cost.tolist(),
-            "best": outcomes.best(self.xi),
+            "best": fresh.best(self.xi),
         }
 
     def _say_learned(self, summary: dict[str, Any], start_regret: float) -> None:
@@ -154,7 +167,7 @@ class CircuitLearn(Writes):
         levels = np.array(summary["level"])
         print(
             f"learned level {levels.mean():.2f} (sd {levels.std():.2f} over {self.runs} runs), "
-            f"best of {self.levels} on these trials {summary['best'][0]:.2f}, regret "
+            f"best of {self.levels} on fresh trials {summary['best'][0]:.2f}, regret "
             f"{100 * np.mean(summary['regret']):.1f} % (at the start {100 * start_regret:.0f} %) "
             f"-> {self.output}"
         )

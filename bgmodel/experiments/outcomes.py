@@ -14,7 +14,7 @@ from bgmodel.experiments.experiment import (
     WITHOUT,
     Experiment,
 )
-from bgmodel.experiments.measures import DIFFUSION_S, OF_DECIDED
+from bgmodel.experiments.measures import CUT_OFF, DIFFUSION_S, OF_DECIDED, OF_DIFFUSION
 
 VERDICTS = {
     AGREES: "agrees",
@@ -95,7 +95,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
         if rows["value"].notna().any():
             cells = rows[["value", "low", "high"]].to_numpy()
             lines.append(f"{measure:<16}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
-    lines += ["", _units(table), "", "predicted before the run:"]
+    lines += ["", _units(table), *_withheld(experiment, table), "", "predicted before the run:"]
     for measure, direction, at_least, *found, outcome in outcomes(experiment, table).to_numpy():
         by = "to within" if direction == "none" else "by"
         lines.append(
@@ -109,6 +109,20 @@ def _units(table: pd.DataFrame) -> str:
     """Return the units of the measures that are known, as text."""
     known = set(table.loc[table["value"].notna(), "measure"])
     return "units: " + "; ".join(unit for names, unit in UNITS if {*names} & known)
+
+
+def _withheld(experiment: Experiment, table: pd.DataFrame) -> list[str]:
+    """Return why a condition has no diffusion's parameters, a line per condition."""
+    predicted = any(p.measure in OF_DIFFUSION for p in experiment.predictions)
+    if not predicted and (experiment.task.evidence is not None or experiment.task.channels != 2):
+        return []
+    missed = table[table["measure"] == "missed"].set_index("condition")["value"]
+    return [
+        f"{', '.join(OF_DIFFUSION)} of the {condition} are withheld: the deadline cuts off "
+        f"{missed[condition]:.1%} of trials, more than {CUT_OFF:.0%}; give more readings (t_max)"
+        for condition in CONDITIONS[:2]
+        if missed[condition] > CUT_OFF
+    ]
 
 
 def _edits(experiment: Experiment) -> list[str]:

@@ -13,7 +13,7 @@ import pandas as pd
 from bgmodel.arrays import Array
 from bgmodel.comparison.compare import RESAMPLES, interval, reads_nothing, resampled
 from bgmodel.experiments.experiment import FEWEST_DECIDED, MANY_MISSED
-from bgmodel.experiments.measures import MEASURES
+from bgmodel.experiments.measures import CUT_OFF, MEASURES, OF_DIFFUSION
 from bgmodel.seeds import stream
 from bgmodel.sweeps.plan import Plan, Setting
 from bgmodel.sweeps.shards import REMARK, read
@@ -61,7 +61,9 @@ def measured(setting: Setting, folder: Path) -> pd.DataFrame:
     rows = [(name, *interval(joined[name])) for name in MEASURES]
     table = pd.DataFrame(rows, columns=["measure", "value", "low", "high"])
     values = {name: float(joined[name][0]) for name in MEASURES}
-    remark = "; ".join(text for text in (remark, _caution(values, setting.foreperiod_ms)) if text)
+    two = behaviour.hypotheses == 2
+    caution = _caution(values, setting.foreperiod_ms) or (_withheld(values) if two else "")
+    remark = "; ".join(text for text in (remark, caution) if text)
     return table.assign(trials=trials, **{REMARK: remark})
 
 
@@ -73,6 +75,13 @@ def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
         return f"fewer than {FEWEST_DECIDED} trials are decided in time"
     if values["missed"] > MANY_MISSED:
         return "many trials are not decided in time: accuracy and times are those of the others"
+    return ""
+
+
+def _withheld(values: dict[str, float]) -> str:
+    """Return why the parameters of a diffusion are not known, or no text."""
+    if values["missed"] > CUT_OFF:
+        return f"{', '.join(OF_DIFFUSION)} are withheld: the deadline cuts off late decisions"
     return ""
 
 

@@ -1,5 +1,8 @@
 """The command `circuit learn`."""
 
+import numpy as np
+
+from bgmodel import stream
 from bgmodel.cli import main
 from bgmodel.files import read_table
 
@@ -21,7 +24,9 @@ def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
     path = tmp_path / "dopamine.csv"
     small = ["--trials", "40", "--t-max", "10", "--levels", "4", "--runs", "2"]
     assert main(["circuit", "learn", str(path), *small, "--learner.episodes", "600"]) == 0
-    assert "learned level" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "learned level" in said
+    assert "best of 4 on fresh trials" in said
     table = read_table(path)
     assert list(table) == ["run", "episode", "tonic", "level", "reward", "phasic"]
     assert len(table) == 1200
@@ -30,3 +35,33 @@ def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
         "start_level must lie where spiking_msprt decides by evidence, 0.837..1.696, got 3"
         in capsys.readouterr().err
     )
+
+
+def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp_path, monkeypatch):
+    """Of a table every second trial is kept, else they are drawn anew; the noise is new in both."""
+    from bgmodel.learning import level
+
+    seen, real = [], level.level_outcomes
+
+    def watched(model, evidence, *given):
+        seen.append((model.seed, evidence))
+        return real(model, evidence, *given)
+
+    monkeypatch.setattr("bgmodel.learning.level.level_outcomes", watched)
+    rng = stream(1, "table")
+    rows = [
+        f"{n},{t},{x:.4f},0,{'ab'[n % 3 % 2]}"
+        for n in range(20)
+        for t, x in enumerate(rng.normal(0.5 - (n % 3 % 2), 1, 8))
+    ]
+    mine = tmp_path / "mine.csv"
+    mine.write_text("\n".join(["trial,step,ll_a,ll_b,truth", *rows]))
+    few = ["--levels", "4", "--runs", "1", "--learner.episodes", "600"]
+    for given in (["--evidence", str(mine)], ["--trials", "40", "--t-max", "10"]):
+        seen.clear()
+        path = str(tmp_path / "out.csv")
+        assert main(["circuit", "learn", path, *given, *few, "--force"]) == 0
+        (seed, learned), (other, scored) = seen
+        assert seed != other
+        assert learned.trials == scored.trials
+        assert not np.array_equal(learned.log_likelihood, scored.log_likelihood)

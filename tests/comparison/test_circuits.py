@@ -159,7 +159,7 @@ LONG = gaussian_evidence(
 def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given():
     """At .8 the MSPRT decides where OUT rests, at .999 where no OUT is read."""
     given = {"seed": SEED, "rivals": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
-    with pytest.warns(UserWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: the test"):
+    with pytest.warns(UserWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: sp"):
         found = compare_with_msprt(QUICK, LONG, **given)
     known = found[(found["model"] == CIRCUIT) & (found["measure"] == "agreement")]
     known = known[known["reference"] == MSPRT_AT_GAIN].set_index("accuracy")["value"]
@@ -172,7 +172,7 @@ def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
     with pytest.warns(UserWarning, match="nothing is compared at") as said:
         found = compare_edits(QUICK, edited, LONG, **options)
     text = " ".join(str(one.message) for one in said)
-    assert "nothing is compared at accuracy 0.8: the test" in text
+    assert "nothing is compared at accuracy 0.8: spiking_msprt would have to" in text
     assert "nothing is compared at accuracy 0.8, 0.95: blind decides without evidence" in text
     rows = found[found["measure"].eq("agreement")].set_index(["variant", "kind", "accuracy"])
     known = rows["value"].notna()

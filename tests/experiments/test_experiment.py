@@ -154,7 +154,8 @@ def test_intervals_are_those_of_pairs(experiment_file):
 
 def test_more_alternatives_have_no_diffusion(experiment_file):
     experiment = read_experiment(experiment_file)
-    table = run_experiment(replace(experiment, task=replace(experiment.task, channels=4))).measures
+    experiment = replace(experiment, task=replace(experiment.task, channels=4))
+    table = run_experiment(experiment).measures
     empty = table[table["value"].isna()]
     assert set(empty["measure"]) == {"drift", "bound", "non_decision_ms"}
     assert "drift" not in page(experiment, table)
@@ -199,3 +200,14 @@ def test_what_is_shipped_names_its_source():
         assert one.source.endswith(("abstract only", "a model's prediction", "no experiment")), name
         assert "our choice" in " ".join(one.note.split())
         assert one.task.trials >= 1000
+
+
+def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
+    """The read-out of two alternatives ends at .054 nats, a posterior of .948."""
+    experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
+    experiment = replace(experiment, task=replace(experiment.task, trials=100))
+    careful = replace(experiment.manipulation, posterior=0.96)
+    with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
+        run_experiment(replace(experiment, manipulation=careful))
+    with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
+        run_experiment(replace(experiment, control=Condition(posterior=0.96)))

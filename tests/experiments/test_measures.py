@@ -6,7 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import stream
-from bgmodel.experiments.measures import DIFFUSION_S, ez_diffusion, mean, median
+from bgmodel.comparison.compare import Tradeoff
+from bgmodel.experiments.measures import (
+    CUT_OFF,
+    DIFFUSION_S,
+    OF_DIFFUSION,
+    Behaviour,
+    ez_diffusion,
+    mean,
+    median,
+)
 
 
 @given(st.integers(0, 2**31), st.integers(1, 12))
@@ -71,3 +80,18 @@ def test_ez_at_the_edges_is_moved_by_half_a_trial():
         np.testing.assert_allclose(found, ez_diffusion(moved, 0.7, 0.1, 100))
         assert np.isfinite(found).all()
     assert np.isnan(ez_diffusion(0.9, 0.7, 0.0, 100)).all()
+
+
+def test_a_diffusion_is_withheld_where_the_deadline_cuts_off_more_than_a_few():
+    """One trial of 200 is a few, three are more; other measures stay."""
+    truth = np.arange(200) % 2
+    choice = np.where(np.arange(200) < 20, 1 - truth, truth)
+    times = 300 + 10.0 * (np.arange(200) % 37)
+    for missed in (1, 3):
+        forced = np.arange(200) >= 200 - missed
+        rows = (choice, times, forced, np.zeros(200, bool), np.full(200, 0.9))
+        decided = Tradeoff(np.array([0.2]), *(row[None] for row in rows))
+        found = Behaviour(decided, np.zeros(200, bool), truth, 2).measures(np.ones((1, 200)))
+        known = [np.isfinite(found[name]).all() for name in OF_DIFFUSION]
+        assert known == [missed / 200 <= CUT_OFF] * 3
+        assert np.isfinite(found["accuracy"]).all()

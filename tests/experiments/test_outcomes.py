@@ -41,6 +41,19 @@ def test_the_threshold_alone_moves_what_it_must():
     assert "EZ-diffusion" not in page(experiment, few)
 
 
+def test_a_page_says_why_a_diffusion_is_withheld():
+    experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
+    experiment = replace(experiment, task=replace(experiment.task, trials=200))
+    table = run_experiment(experiment).measures
+    assert "withheld" not in page(experiment, table)
+    cut = (table["condition"] == "manipulation") & (table["measure"] == "missed")
+    shown = page(experiment, table.assign(value=table["value"].mask(cut, 0.04)))
+    assert (
+        "non_decision_ms of the manipulation are withheld: the deadline cuts off 4.0% of" in shown
+    )
+    assert "of the control are withheld" not in shown
+
+
 def judged(shares, foreperiod_ms=500.0, decided=100, measure="mean_ms"):
     """Return the outcome of a change of -100 +- 10 that was predicted, for shares of responses."""
     experiment = shipped()["stn_bound"]
