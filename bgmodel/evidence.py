@@ -169,7 +169,8 @@ class Evidence(Facts):
     def mean_reading(self) -> npt.NDArray[np.float64]:
         """Mean over all readings of what each hypothesis is told, (hypotheses,) nats."""
         total: npt.NDArray[np.float64] = self.log_likelihood.sum(axis=(0, 1), dtype=np.float64)
-        return total / self.readings.sum()
+        means: npt.NDArray[np.float64] = total / self.readings.sum()
+        return means
 
     @cached_property
     def posterior(self) -> npt.NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
@@ -161,7 +162,7 @@ class Source:
     @property
     def baseline(self) -> Array:
         """Mean of what each hypothesis is told by a reading, all true ones alike, nats."""
-        return np.mean([values.mean(axis=0) for values in self.log_likelihood], axis=0)
+        return np.asarray(np.mean([part.mean(axis=0) for part in self.log_likelihood], axis=0))
 
     @cached_property
     def log_ratios(self) -> tuple[Array, ...]:
@@ -169,6 +170,47 @@ class Source:
         if len(self.names) != 2:
             raise ValueError(f"log ratios need 2 hypotheses, this task has {len(self.names)}")
         return tuple(values[:, 1] - values[:, 0] for values in self.log_likelihood)
+
+
+@dataclass(frozen=True)
+class Folds:
+    """Readings of several folds of taps, drawn in turn: trial k is of fold k mod their number.
+
+    Trials are many, taps are few: an interval over the trials of one fold says nothing of other
+    taps. One over ``groups`` does.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        One per fold, as from ``source``.
+    """
+
+    sources: Sequence[Source]
+
+    def draw(
+        self, trials: int, steps: int, *, rng: np.random.Generator, step_ms: float = STEP_MS
+    ) -> Evidence:
+        """Draw trials as ``Source.draw`` does, from each fold in turn.
+
+        Parameters
+        ----------
+        trials, steps, rng, step_ms :
+            As for ``Source.draw``; trials must be as many as there are folds, or more.
+        """
+        count = len(self.sources)
+        if trials < count:
+            raise ValueError(f"trials must be {count} or more, one per fold, got {trials}")
+        values = np.empty((trials, steps, len(self.sources[0].names)))
+        truth = np.empty(trials, dtype=np.int64)
+        for fold, readings in enumerate(self.sources):
+            part = readings.draw(len(truth[fold::count]), steps, rng=rng, step_ms=step_ms)
+            values[fold::count] = part.log_likelihood
+            truth[fold::count] = np.asarray(part.truth)
+        return Evidence(values, truth, step_ms=step_ms)
+
+    def groups(self, trials: int) -> npt.NDArray[np.intp]:
+        """Return the fold of each trial, (trials,), for the bootstrap of ``comparison.compare``."""
+        return np.arange(trials) % len(self.sources)
 
 
 def held_out_taps() -> pd.DataFrame:
@@ -219,6 +261,17 @@ def source(
     )
     rest = task.readings([part[mask] for part, mask in zip(pool, scored, strict=True)])
     return Source([likelihood(x) for x in rest], task.names, likelihood)
+
+
+def folds(taps: pd.DataFrame, task: Task, *, period_mm: float) -> Folds:
+    """Return the readings of all six folds of the held-out taps, drawn in turn.
+
+    Parameters
+    ----------
+    taps, task, period_mm :
+        As for ``source``.
+    """
+    return Folds([source(taps, task, period_mm=period_mm, fold=fold) for fold in range(FOLDS)])
 
 
 def tap_pool(taps: pd.DataFrame, task: Task, period_mm: float) -> list[Array]:

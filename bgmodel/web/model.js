@@ -139,10 +139,11 @@ function outOf(table, x) {
   return table.readout.map((b) => (rateOf(table, b, x[b]) - table.baseline[b]) / table.gain[b]);
 }
 
-// What the circuit is given: evidence times the gain, no further behind the leader than it reaches,
-// less its mean.
+// What the circuit is given: evidence times the gain; where the circuit needs it centred, no further
+// behind the leader than it reaches, less its mean.
 function driveOf(table, total) {
   const scaled = total.map((value) => table.kappa * value);
+  if (!table.centred) return scaled;
   const top = Math.max(...scaled);
   const cut = scaled.map((value) => Math.max(value, top - table.reach));
   const mean = cut.reduce((a, b) => a + b, 0) / cut.length;

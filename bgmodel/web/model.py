@@ -38,6 +38,7 @@ def plain(table: Circuit) -> dict[str, Any]:
         "sha256": identity(table)["sha256"],
         "channels": table.channels,
         "kappa": gain_of(table),
+        "centred": table.centred,
         "reach": table.reach_nats,
         "driveGain": table.drive_gain,
         "readable": list(table.readable_nats),

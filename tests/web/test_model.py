@@ -15,7 +15,7 @@ from circuits.anatomy import circuit
 
 quickjs = pytest.importorskip("quickjs")
 SCRIPT = (files("bgmodel.web") / "model.js").read_text()
-NAME = "spiking_msprt"
+NAMES = ("macaque", "spiking_msprt")
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def js():
     """Return the script with the tables, as a function of an expression."""
     context = quickjs.Context()
     context.eval(SCRIPT)
-    context.eval(f"const TABLES = {json.dumps(tables(NAME))};")
+    context.eval(f"const TABLES = {json.dumps({name: tables(name) for name in NAMES})};")
 
     def run(expression):
         return json.loads(context.eval(f"JSON.stringify({expression})"))
@@ -31,18 +31,19 @@ def js():
     return run
 
 
-def edited(channels, lesions, dopamine):
-    table = circuit(NAME, channels)
-    for name, fraction in lesions.items():
-        table = table.without(name, fraction)
+def edited(name, channels, lesions, dopamine):
+    table = circuit(name, channels)
+    for nucleus, fraction in lesions.items():
+        table = table.without(nucleus, fraction)
     return table.dopamine(dopamine)
 
 
-def of(channels, lesions, dopamine):
-    return f"edited(TABLES['{channels}'], {json.dumps(lesions)}, {dopamine})"
+def of(name, channels, lesions, dopamine):
+    return f"edited(TABLES['{name}']['{channels}'], {json.dumps(lesions)}, {dopamine})"
 
 
 @given(
+    name=st.sampled_from(NAMES),
     channels=st.sampled_from(ALTERNATIVES),
     # Beyond these, circuits without a fixed point are common.
     lesions=st.fixed_dictionaries({name: st.floats(0, 0.3) for name in LESIONED}),
@@ -50,16 +51,17 @@ def of(channels, lesions, dopamine):
     evidence=st.lists(st.floats(-8, 8), min_size=4, max_size=4),
 )
 @settings(max_examples=150, deadline=None)
-def test_rates_and_out_are_those_of_the_algebra(js, channels, lesions, dopamine, evidence):
-    table = edited(channels, lesions, dopamine)
+def test_rates_and_out_are_those_of_the_algebra(js, name, channels, lesions, dopamine, evidence):
+    table = edited(name, channels, lesions, dopamine)
     total = evidence[:channels]
     found = js(
-        f"(() => {{ const t = {of(channels, lesions, dopamine)};"
+        f"(() => {{ const t = {of(name, channels, lesions, dopamine)};"
         f" const x = fixedPoint(t, driveOf(t, {json.dumps(total)}));"
         " return x === null ? null : [ratesOf(t, x), outOf(t, x)]; })()"
     )
-    model = BasalGanglia(table, "algebra", gain_of(circuit(NAME, channels)))
-    shown = Evidence(np.array([[total]], dtype=float), np.array([0]))
+    model = BasalGanglia(table, "algebra", gain_of(circuit(name, channels)))
+    values = np.array([[total]], dtype=float)
+    shown = Evidence(values, np.array([0]), baseline=np.zeros(channels))
     try:
         activity = model.activity(shown)
     except ValueError:
@@ -76,22 +78,23 @@ def test_minus_ln_p_is_the_tests(js):
     assert np.allclose(js(f"minusLogP({total})"), want, rtol=1e-12)
 
 
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("channels", ALTERNATIVES)
-def test_decisions_are_first_crossings(js, channels):
+def test_decisions_are_first_crossings(js, name, channels):
     task = {"seed": 7, "dPrime": 0.6, "conflict": 0.4, "trials": 60, "readings": 25}
     walks = np.array(js(f"walks({channels}, {json.dumps(task)})"))
     readings = np.diff(walks, axis=1, prepend=0)
-    shown = Evidence(readings, np.zeros(60, dtype=int))
-    table, threshold = edited(channels, {"STN": 0.05}, 1.05), 0.25
+    shown = Evidence(readings, np.zeros(60, dtype=int), baseline=np.zeros(channels))
+    table, threshold = edited(name, channels, {"STN": 0.05}, 1.05), 0.25
     runs = {
-        "circuitOut": BasalGanglia(table, "algebra", gain_of(circuit(NAME, channels))),
-        "testOut": Msprt(gain_of(circuit(NAME, channels))),
+        "circuitOut": BasalGanglia(table, "algebra", gain_of(circuit(name, channels))),
+        "testOut": Msprt(gain_of(circuit(name, channels))),
     }
-    for name, test in runs.items():
+    for which, test in runs.items():
         # The prior, tick 0, decides nothing here.
         found = js(
             f"decided(walks({channels}, {json.dumps(task)}), "
-            f"{name}({of(channels, {'STN': 0.05}, 1.05)}), {threshold})"
+            f"{which}({of(name, channels, {'STN': 0.05}, 1.05)}), {threshold})"
         )
         trace = test.run(shown)
         want = first_crossing(trace, threshold)
@@ -118,8 +121,8 @@ def test_a_script_with_a_wrong_sign_is_seen(js):
     """The control: what is compared moves when the script is broken."""
     broken = quickjs.Context()
     broken.eval(SCRIPT.replace("const change = path.sign", "const change = -path.sign"))
-    broken.eval(f"const TABLES = {json.dumps(tables(NAME))};")
-    call = "JSON.stringify((() => { const t = edited(TABLES['2'], {}, 1.2);"
+    broken.eval(f"const TABLES = {json.dumps({'macaque': tables('macaque')})};")
+    call = "JSON.stringify((() => { const t = edited(TABLES.macaque['2'], {}, 1.2);"
     call += " return outOf(t, fixedPoint(t, driveOf(t, [1, 0]))); })())"
     right = js(call.removeprefix("JSON.stringify(").removesuffix(")"))
     assert not np.allclose(json.loads(broken.eval(call)), right, rtol=1e-3)

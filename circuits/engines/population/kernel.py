@@ -48,7 +48,8 @@ FOLLOWING, SECTION, COEFFICIENTS = 6, 5, 16
 """Coefficients of how cells follow, of a section of their noise, and in all."""
 VALUE_ROWS, UNIT_ROWS, STATE_ROWS = 3, 2, 11
 EMPTY = -1
-ZERO, ONE, HALF, MOST = np.float32(0), np.float32(1), np.float32(0.5), np.float32(MOST_NATS)
+ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
+MOST, ENDLESS = np.float32(MOST_NATS), np.float32(np.inf)
 SIXTEEN, ROOT = np.float32(16), np.float32(8**-0.5)
 
 
@@ -108,23 +109,31 @@ def _s_minus_log_s(n, values, row, into):
 
 
 @compiled
+def _exp(n, values, row, into):
+    for i in range(n & WHOLE):
+        values[_at(into, i)] = exp32(values[_at(row, i)])
+
+
+@compiled
+def _clip(n, values, row, into, most):
+    for i in range(n & WHOLE):
+        values[_at(into, i)] = min(max(values[_at(row, i)], ZERO), most)
+
+
+@compiled
 def _apply(n, law, values, row, into, lowest, per, points):
     """Put the law of a row of values into a row."""
     if law == LINEAR:
         for i in range(n & WHOLE):
             values[_at(into, i)] = values[_at(row, i)]
     elif law == RECTIFIED:
-        for i in range(n & WHOLE):
-            values[_at(into, i)] = max(values[_at(row, i)], ZERO)
+        _clip(n, values, row, into, ENDLESS)
     elif law == SATURATING:
-        for i in range(n & WHOLE):
-            values[_at(into, i)] = min(max(values[_at(row, i)], ZERO), MOST)
+        _clip(n, values, row, into, MOST)
     elif law == RAMP:
-        for i in range(n & WHOLE):
-            values[_at(into, i)] = min(max(values[_at(row, i)], ZERO), ONE)
+        _clip(n, values, row, into, ONE)
     elif law == EXP:
-        for i in range(n & WHOLE):
-            values[_at(into, i)] = exp32(values[_at(row, i)])
+        _exp(n, values, row, into)
     elif law == S_MINUS_LOG_S:
         _s_minus_log_s(n, values, row, into)
     else:
