@@ -40,6 +40,7 @@ LEVELS = [
     {"bgmodel.decision", "bgmodel.theory.first_passage"},
     {"bgmodel.learning.reward"},
     {
+        "bgmodel.comparison.pairs",
         "bgmodel.integrators.fused",
         "bgmodel.integrators.sprt",
         "bgmodel.tables.trials",
