@@ -26,13 +26,14 @@ from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import MaxVsAverage, Race
-from bgmodel.tactile.task import SameDifferent, source
+from bgmodel.tactile.task import Folds, SameDifferent, folds
 from circuits.anatomy import circuit
 from figures.common import Settings, letter, run
 
 AT = 0.95
 ACCURACIES = (0.90, 0.95, 0.97)
-COLOURS = {"N = 2": "C0", "N = 4": "C1", "N = 8": "C2", "grating 2 mm": "C3"}
+TACTILE = "grating 2 mm"
+COLOURS = {"N = 2": "C0", "N = 4": "C1", "N = 8": "C2", TACTILE: "C3"}
 
 
 def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Evidence]]:
@@ -43,15 +44,22 @@ def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Ev
         trials = max(int(share * most), 100)
         given = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
         yield f"N = {count}", gaussian_evidence(trials, 120, 0.5 / np.sqrt(2), **given)
-    readings = source(taps, SameDifferent(), period_mm=2.0, fold=0)
+    readings = tactile(taps)
     rng = stream(settings.seed, "figC3", "tactile")
-    yield "grating 2 mm", readings.draw(most, 40, rng=rng, step_ms=50.0)
+    yield TACTILE, readings.draw(most, 40, rng=rng, step_ms=50.0)
+
+
+def tactile(taps: pd.DataFrame) -> Folds:
+    """Return the readings of the grating, of six folds of taps."""
+    return folds(taps, SameDifferent(), period_mm=2.0)
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     """Compare on every condition; write measures and curves, and single trials beside them."""
     measures, trials = [], []
-    for name, evidence in conditions(settings, read_table(taps)):
+    read = read_table(taps)
+    for name, evidence in conditions(settings, read):
+        groups = tactile(read).groups(evidence.trials) if name == TACTILE else None
         table = circuit("spiking_msprt", evidence.hypotheses)
         gain = gain_of(table)
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
@@ -67,6 +75,8 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
                 rng=stream(settings.seed, "bootstrap"),
                 truth=evidence.truth,
                 accuracies=ACCURACIES,
+                # Trials are many, taps are few: the interval is that of six folds of taps.
+                groups=groups,
             )
             measures.append(found.assign(condition=name, model=label, what="measure"))
         for label, one in swept.items():

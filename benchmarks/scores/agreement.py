@@ -1,7 +1,8 @@
 """The circuit against the MSPRT on scoring seeds: make score.
 
 Evidence of every kind, readings every 50 and every 500 ms, two cortices; beside each a
-decoder of the circuit's own cortical spikes. These seeds tuned nothing. The coarse form leaves out
+decoder of the circuit's own cortical spikes. Simulated taps are those of six folds, and their
+intervals those of folds. These seeds tuned nothing. The coarse form leaves out
 readings every 500 ms, which take ten times as long.
 """
 
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
@@ -29,7 +31,7 @@ from bgmodel.comparison.levels import GAIN
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import RIVALS, rivals_on
-from bgmodel.tactile.task import Orientations, SameDifferent, Source, held_out_taps, source
+from bgmodel.tactile.task import FOLDS, Orientations, SameDifferent, Source, folds, held_out_taps
 from circuits.anatomy import circuit
 from circuits.spec import Circuit
 
@@ -87,10 +89,10 @@ def kinds() -> Iterator[Kind]:
         yield Kind(name, count, most, gaussian(count, d_prime), seconds)
     taps = held_out_taps()
     for period, most, seconds in ((1.5, 240, 4), (2.0, 40, 1)):
-        drawn = source(taps, SameDifferent(), period_mm=period, fold=0).draw
+        drawn = folds(taps, SameDifferent(), period_mm=period).draw
         yield Kind(f"same/different, {period:g} mm", 2, most, drawn, seconds)
     for count, seconds in ((4, 2), (8, 7)):
-        drawn = source(taps, Orientations(count), period_mm=2.0, fold=0).draw
+        drawn = folds(taps, Orientations(count), period_mm=2.0).draw
         yield Kind(f"{count} orientations, 2 mm", count, 60, drawn, seconds)
     if folder := os.environ.get("BGMODEL_RECORDINGS"):
         yield Kind("real taps, edge 5 degrees", 2, 60, real_taps(Path(folder)).draw, 1.5)
@@ -143,13 +145,21 @@ def _drawn(kind: Kind, trials: int, step_ms: float) -> Evidence:
     return kind.draw(trials, kind.most, rng=rng, step_ms=step_ms)
 
 
+def groups(condition: Condition) -> npt.NDArray[np.intp] | None:
+    """Return the fold of each trial of simulated taps: whole folds are drawn for its interval."""
+    simulated = condition.name.startswith(("same/different", "4 orient", "8 orient"))
+    return np.arange(condition.trials) % FOLDS if simulated else None
+
+
 def decisions(condition: Condition, workers: int) -> pd.DataFrame:
     """Return the comparison of a condition, as from ``compare_with_msprt``."""
     evidence = condition.draw()
     options: dict[str, Any] = {"workers": workers, "sample_ms": sample_ms(evidence.step_ms)}
     model = BasalGanglia(condition.table, "ensemble", condition.gain, SCORING_SEED, options)
     rivals = rivals_on(zero_is_nothing=condition.name.startswith("Gaussian"))
-    found = compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=rivals)
+    found = compare_with_msprt(
+        model, evidence, seed=SCORING_SEED, rivals=rivals, groups=groups(condition)
+    )
     known = {"evidence": condition.name, "trials": condition.trials, "gain": condition.gain}
     return found.assign(**known, channels=condition.table.channels)
 
@@ -170,7 +180,8 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     )
     by = ["evidence", "channels", "trials", "gain"]
     lines = own[own["accuracy"].isna()]
-    shown = ("agreement", "error_agreement", "pearson_r", "extra_ms", "decoder_pearson_r")
+    shown = ("agreement", "agreement_chance", "error_agreement", "within_50_ms", "pearson_r")
+    shown += ("within_50_ms_chance", "extra_ms", "decoder_pearson_r")
     at = own[own["accuracy"].notna() & own["measure"].isin(shown)]
     gaps = found[(found["reference"] == MSPRT) & (found["measure"] == "accuracy_gap")]
     gaps = gaps[gaps["evidence"].str.fullmatch(rf"{RIVALLED}, N = \d+")]

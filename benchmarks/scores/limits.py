@@ -13,7 +13,7 @@ from functools import partial
 
 import pandas as pd
 
-from benchmarks.scores.agreement import SCORING_SEED, Condition, conditions
+from benchmarks.scores.agreement import SCORING_SEED, Condition, conditions, groups
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, compare_with_msprt
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -50,7 +50,8 @@ def times(condition: Condition, workers: int) -> pd.DataFrame:
         options = {"workers": workers} if noisy else {}
         seed = SCORING_SEED if noisy else None
         model = BasalGanglia(edited, engine, condition.gain, seed, options)
-        found = compare_with_msprt(model, evidence, seed=SCORING_SEED, rivals=())
+        given = {"rivals": (), "groups": groups(condition)}
+        found = compare_with_msprt(model, evidence, seed=SCORING_SEED, **given)
         parts.append(found[found["reference"] == MSPRT_AT_GAIN].assign(case=case))
     return pd.concat(parts, ignore_index=True).assign(evidence=condition.name)
 

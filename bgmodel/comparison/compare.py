@@ -297,7 +297,8 @@ def resampled(
         Of the draws.
     groups : array (trials,), optional
         A number or name per trial: whole groups are drawn (Efron & Tibshirani 1993), as where
-        trials share taps. Of G groups the interval is too narrow by about sqrt(1 - 1 / G).
+        trials share taps. Of G groups the interval is too narrow by about sqrt(1 - 1 / G), and of
+        few it is rough.
 
     Raises
     ------
