@@ -6,7 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, chi2, norm
 
-from circuits import noise
+from circuits import anatomy, noise
+from circuits.ticks import cell_factors, starting_state
+from circuits.wiring import fan_in, wire
 
 TICKS, NEURONS = 2048, 512
 LAGS = (*range(1, 17), 32, 64, 128)
@@ -119,6 +121,50 @@ def test_no_correlation_across_trials_seeds_and_names():
     blocks = [bits8(noise.stream_key(*key), 512, 256) for key in keys]
     z = [correlation(a, b) for i, a in enumerate(blocks) for b in blocks[:i]]
     assert worst(z) < bound(len(z))
+
+
+def words_asked(monkeypatch, draw):
+    """Return the stream and the tick of all words that a function draws."""
+    asked, words = [], noise.words
+
+    def recorded(stream, tick, neurons):
+        asked.append((stream, tick))
+        return words(stream, tick, neurons)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(noise, "words", recorded)
+        draw()
+    return asked
+
+
+def test_wires_constants_and_starts_are_drawn_from_words_of_their_own(monkeypatch):
+    """No word serves two purposes, nor noise too, even where the seed is the wiring's."""
+    circuit = anatomy.spiking_msprt().with_neurons(20).with_connections(0.25)
+    wiring = wire(circuit)
+    spiking = [b for b in range(wiring.blocks) if wiring.row(b).spiking]
+
+    def wires():
+        for p in (p for p in circuit.projections if p.probability < 1):
+            for target, source in np.ndindex(*map(circuit.channels_of, (p.target, p.source))):
+                fan_in(circuit, p, target, source)
+
+    def constants():
+        for b in spiking:
+            cell_factors(circuit, wiring.row(b).name, int(wiring.channel[b]))
+
+    def starts():
+        for b in spiking:
+            row = wiring.row(b)
+            stream = noise.stream_key(circuit.wiring_seed, 0, wiring.names[b])
+            alike = row.cell.constants(np.ones((3, row.neurons)), 0.1)
+            starting_state(row.cell, alike, stream, row.neurons)
+
+    drawn = [words_asked(monkeypatch, draw) for draw in (wires, constants, starts)]
+    assert all(len(asked) == len(set(asked)) > 5 for asked in drawn)
+    # By their ticks, whatever the names: of one name, words would else be the same.
+    ticks = [{tick for _, tick in asked} for asked in drawn]
+    assert sum(map(len, ticks)) == len(set.union(*ticks)) == 5
+    assert min(set.union(*ticks)) >= 2**62  # later than the noise of any trial
 
 
 @given(seed=seeds, trial=seeds, tick=st.integers(0, 2**62), count=st.integers(1, 300))

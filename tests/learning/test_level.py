@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import chisquare, norm
 
 from bgmodel import stream
 from bgmodel.evidence import Evidence
+from bgmodel.learning import level
 from bgmodel.learning.level import after_errors, learn_level, level_outcomes, regret, scored_runs
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
@@ -33,12 +34,36 @@ def test_level_outcomes_return_the_mean_reward_between_its_levels():
     runs = 20_000
     rngs = [stream(SEED, "mean")] * runs
     world = made.environment(XI, rngs)
-    for level in (0.76, 1.2, 1.713):
-        found = world(0, np.full(runs, level))
-        assert abs(found.mean() - made.expected(level, XI)) < 5 * found.std() / np.sqrt(runs)
+    for played in (0.76, 1.2, 1.713):
+        found = world(0, np.full(runs, played))
+        assert abs(found.mean() - made.expected(played, XI)) < 5 * found.std() / np.sqrt(runs)
     assert made.best(XI)[0] == pytest.approx(1.2, abs=0.03)
     wrong = LevelOutcomes(made.levels, ~made.correct, made.steps, made.forced)
     assert wrong.rewards(XI) == pytest.approx(made.rewards(XI) - XI)
+
+
+def test_the_trial_and_the_level_are_drawn_by_chances_of_their_own():
+    """A level halfway between two is either, whichever trial is drawn."""
+    trials, runs = 100, 20_000
+    steps = np.arange(2.0 * trials).reshape(2, trials)
+    made = LevelOutcomes(np.array([1.0, 1.5]), np.ones((2, trials), bool), steps, np.zeros(2))
+    world = made.environment(XI, [stream(SEED, "chances")] * runs)
+    row, trial = np.divmod(-world(0, np.full(runs, 1.25)), trials)
+    expected = np.bincount((10 * row + trial // 10).astype(int), minlength=20)
+    assert chisquare(expected).pvalue > 1e-4
+    assert abs(np.corrcoef(row, trial)[0, 1]) < 4 / np.sqrt(runs)
+
+
+def test_trials_and_exploration_have_streams_of_their_own(monkeypatch):
+    asked = []
+
+    def recorded(*names):
+        asked.append(names)
+        return stream(*names)
+
+    monkeypatch.setattr(level, "stream", recorded)
+    short(runs=3)
+    assert len(asked) == len(set(asked)) == 6
 
 
 @pytest.mark.parametrize("mean", [0.95, 1.6])

@@ -77,6 +77,27 @@ def test_a_run_does_not_depend_on_its_neighbours():
     assert np.array_equal(four.reward[:2], two.reward)
 
 
+@pytest.mark.parametrize("policy", [GaussianPolicy(), BernoulliPolicy()])
+def test_what_is_carried_over_gets_no_credit(policy):
+    """Rewards that do not hang on what is played, and drift: what was carried explains none."""
+    courses = []
+    for carried in (0.0, 0.8):
+        rngs = [stream(SEED, "uncredited", run) for run in range(3)]
+        learner = Learner(episodes=2000, carried=carried)
+        learned = learn(
+            lambda k, x: -10.0 - 5 * np.sin(k / 40) * np.ones(len(x)),
+            3.0,
+            rngs=rngs,
+            policy=policy,
+            learner=learner,
+        )
+        courses.append(learned)
+    none, some = courses
+    assert (none.played != some.played).mean() > 0.3
+    assert none.mean_played.std() > 0.01
+    np.testing.assert_array_equal(none.mean_played, some.mean_played)
+
+
 def test_prediction_error_is_reward_minus_a_running_baseline():
     learned = run_from(7.5)
     assert np.abs(learned.prediction_error[:, -1000:].mean()) < 0.5

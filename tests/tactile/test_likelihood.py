@@ -55,6 +55,17 @@ def test_the_cap_is_the_largest_ratio():
         assert np.abs(ratio).max() == pytest.approx(cap)
 
 
+@pytest.mark.parametrize("taps", [(400, 400), (2000, 90)])
+def test_left_out_the_cap_is_the_odds_that_so_many_taps_could_contradict(taps):
+    """Odds of n to 1 need n taps; of two kinds of stimulus, the one with fewer taps counts."""
+    rng = stream(1, "likelihood", taps)
+    pool = [rng.normal(-100, 20, taps[0]), rng.normal(100, 20, taps[1])]
+    likelihood = fit_likelihood(pool, as_they_are, (-180, 180))
+    ratio = np.abs(np.diff(likelihood(np.linspace(-170, 170, 99))))
+    assert np.exp(ratio.max()) == pytest.approx(min(taps))
+    assert np.exp(likelihood.cap_nats) == pytest.approx(min(taps))
+
+
 def test_circular_readings_wrap():
     rng = stream(1, "wrap")
     pool = [rng.normal(88, 10, 2000), rng.normal(0, 10, 2000)]
