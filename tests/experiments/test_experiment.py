@@ -205,6 +205,7 @@ def test_what_is_shipped_names_its_source():
 def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
     """The read-out of two alternatives ends at .054 nats, a posterior of .948."""
     experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
+    experiment = replace(experiment, circuit="spiking_msprt")
     experiment = replace(experiment, task=replace(experiment.task, trials=100))
     careful = replace(experiment.manipulation, posterior=0.96)
     with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
