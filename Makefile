@@ -1,4 +1,4 @@
-# make figures | test | lint | docs | validate | score | benchmark | dist: each installs what it needs into .venv first.
+# make figures | test | lint | docs | validate | faults | score | benchmark | dist: each installs what it needs into .venv first.
 PYTHON ?= python3
 CORES ?= 2
 PYTHONS ?= python3.11 python3.12 python3.13
@@ -6,7 +6,7 @@ VENV = .venv
 BIN = $(VENV)/bin
 export MPLBACKEND = Agg
 
-.PHONY: figures test lint docs validate score benchmark dist shipped-taps clean
+.PHONY: figures test lint docs validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:
 
 figures: $(VENV)/figures.installed
@@ -27,6 +27,10 @@ docs: $(VENV)/docs.installed
 
 validate: $(VENV)/test.installed
 	$(BIN)/python -m pytest -n $(CORES) -m validate
+
+# Thirty single faults in a clone of the last commit, one at a time: which of them do tests catch?
+faults: $(VENV)/test.installed
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/validation/faults.py
 
 benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.speed.deciding

@@ -1,0 +1,149 @@
+"""Single faults, put into a clone of the last commit one at a time, and what tests make of them.
+
+A fault is drawn by the seed: its kind, then a place of that kind in all modules. The module's own
+tests run first, then those that name it, up to the first failure, which counts if that test passes
+without the fault. Left out, since they change words alone: strings, types, messages (``raise``,
+``warn``, ``print``, f-strings), ``__repr__``, what is said to the compiler. Why no library: mutmut
+and cosmic-ray draw no sample; mutatest runs one command for all faults, and has stood since 2022.
+"""
+
+import argparse
+import ast
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+LEFT_OUT = ("compiling", "moved", "version", "__main__")
+ONE = (ast.Lt, ast.Gt, ast.Eq, ast.In, ast.Is, ast.Add, ast.Mult, ast.And)
+OTHER = (ast.GtE, ast.LtE, ast.NotEq, ast.NotIn, ast.IsNot, ast.Sub, ast.Div, ast.Or)
+SWAPPED = dict(zip(ONE + OTHER, OTHER + ONE, strict=True))
+Fault = tuple[str, Any, Any]
+
+
+def fault_at(node: ast.AST) -> Fault:
+    """Return the kind, the place and what comes there of the fault that a node takes."""
+    match node:
+        case ast.Compare(left, [op], right):
+            return "comparison", node, ast.Compare(left, [SWAPPED[type(op)]()], right)
+        case ast.BinOp(left, op, right) if type(op) in SWAPPED:
+            return "arithmetic", node, ast.BinOp(left, SWAPPED[type(op)](), right)
+        case ast.BoolOp(op, values):
+            return "and, or", node, ast.BoolOp(SWAPPED[type(op)](), values)
+        case ast.UnaryOp(ast.Not(), operand):
+            return "not", node, operand
+        case ast.Constant(float(value)) if value:
+            return "constant by 20 %", node, ast.Constant(1.2 * value)
+        case ast.Constant(int(value)) if not isinstance(value, bool):
+            return "off by one", node, ast.Constant(value + 1)
+        case ast.FunctionDef(body=[*_, ast.Return(ast.expr())]):
+            return "early return", node.body[ast.get_docstring(node) is not None], ast.Return()
+    return "", node, node
+
+
+def faults(node: ast.AST) -> Iterator[Fault]:
+    """Yield all faults at a node and below."""
+    text = ast.unparse(node) if isinstance(node, ast.If | ast.Call | ast.FunctionDef) else ""
+    words = re.match(r"(\w+\.)*(warn|print|lacks)\(|if TYPE_CHECKING|def __repr__", text)
+    if words or isinstance(node, ast.Raise | ast.JoinedStr):
+        return
+    yield from [fault_at(node)] if fault_at(node)[0] else []
+    for name, value in ast.iter_fields(node):
+        if name not in ("annotation", "returns", "decorator_list"):
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST):
+                    yield from faults(child)
+
+
+def edited(source: str, place: ast.expr | ast.stmt, new: ast.AST) -> str:
+    """Return the source with another text at a place; an expression stays one, whatever is next."""
+    lines = source.encode().splitlines(keepends=True)
+    start, end = ((n or 1) - 1 for n in (place.lineno, place.end_lineno))
+    before = b"".join(lines[:start]) + lines[start][: place.col_offset]
+    after = lines[end][place.end_col_offset :] + b"".join(lines[end + 1 :])
+    text = ast.unparse(new) if isinstance(place, ast.stmt) else f"({ast.unparse(new)})"
+    return (before + text.encode() + after).decode()
+
+
+def drawn(clone: Path, seed: int, count: int) -> list[tuple[Path, Fault]]:
+    """Draw faults: a kind, then a place of that kind in all modules."""
+    found: dict[str, list[tuple[Path, Fault]]] = {}
+    for path in sorted([*clone.glob("circuits/**/*.py"), *clone.glob("bgmodel/**/*.py")]):
+        for fault in faults(ast.parse("" if path.stem in LEFT_OUT else path.read_text())):
+            found.setdefault(fault[0], []).append((path.relative_to(clone), fault))
+    rng = Random(seed)
+    return [rng.choice(found[rng.choice(sorted(found))]) for _ in range(count)]
+
+
+def tests_of(clone: Path, path: Path) -> list[list[str]]:
+    """Return files of a module's own tests (or its folder's), and of what names it, or of users."""
+    home = clone / "tests" / path.relative_to("" if path.parts[0] == "circuits" else "bgmodel")
+    every = [p for p in sorted(clone.glob("tests/**/test_*.py")) if p.parent.name != "validation"]
+    own = [p for p in every if p == home.with_name(f"test_{path.stem}.py")]
+    own = own or [p for p in every if p.parent == home.parent != clone / "tests"]
+    here = re.compile(rf"{'[.]'.join(path.parts[:-1])}(\.| import .*\b){path.stem}\b")
+    users = {f"test_{p.stem}" for p in clone.glob("*/**/*.py") if here.search(p.read_text())}
+    rest = [p for p in every if p not in own and (p.stem in users or here.search(p.read_text()))]
+    return [[str(p.relative_to(clone)) for p in files] for files in (own, rest) if files]
+
+
+def run(clone: Path, cache: Path, tests: list[str], limit_s: float) -> tuple[int | None, str]:
+    """Return pytest's status, None where time was up, and the first test that failed."""
+    env = {"PYTHONPATH": str(clone), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-rfE", "-p", "no:cacheprovider", *tests]
+    kept: dict[str, Any] = {"cwd": clone, "env": os.environ | env, "start_new_session": True}
+    with tempfile.TemporaryFile("w+") as said:
+        with subprocess.Popen(command, stdout=said, stderr=said, **kept) as job:
+            try:
+                job.wait(max(limit_s, 1.0))
+            except subprocess.TimeoutExpired:
+                os.killpg(job.pid, signal.SIGKILL)
+                return None, ""
+        said.seek(0)
+        failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said.read(), re.MULTILINE)
+    return job.returncode, failed[1] if failed else tests[0]
+
+
+def tried(clone: Path, path: Path, fault: Fault, limit_s: float) -> tuple[str, str]:
+    """Put a fault in, run tests, take it out; return what came of it, and by which tests."""
+    cache, clean = Path(tempfile.mkdtemp(dir=clone.parent)), clone.with_name("clean")
+    (clean / "compiled").mkdir(parents=True, exist_ok=True)
+    # Compiled circuits lie under a hash of their sources: faults elsewhere need not compile them.
+    (cache / "compiled").symlink_to(clean / "compiled")
+    source, until, broken = (clone / path).read_text(), time.monotonic() + limit_s, []
+    for number, tests in enumerate(tests_of(clone, path)):
+        status: int | None = 1
+        while status not in (0, 5):
+            (clone / path).write_text(edited(source, *fault[1:]))
+            chosen = tests + [f"--deselect={test}" for test in broken]
+            status, failed = run(clone, cache, chosen, until - time.monotonic())
+            (clone / path).write_text(source)
+            if status is None or failed in broken:
+                return ("not judged", "survived")[number], f"no end of {tests[0]} and others"
+            if status not in (0, 5) and run(clone, clean, [failed], limit_s)[0] == 0:
+                return "caught", failed
+            broken += [failed] if status else []
+    return "survived", " ".join(broken)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name, value in {"--count": 30, "--seed": 5, "--limit-s": 150}.items():
+        parser.add_argument(name, type=int, default=value)
+    given, outcomes = parser.parse_args(), []
+    with tempfile.TemporaryDirectory(prefix="faults") as folder:
+        clone = Path(folder) / "clone"
+        subprocess.run(["git", "clone", "-qs", Path(__file__).parents[2], clone], check=True)
+        for number, (path, fault) in enumerate(drawn(clone, given.seed, given.count), 1):
+            old, new = (ast.unparse(node).partition("\n")[0][:70] for node in fault[1:])
+            print(f"{number}. {path}:{fault[1].lineno}, {fault[0]}: {old!r} -> {new!r}")
+            outcomes.append(tried(clone, path, fault, given.limit_s))
+            print("  ", *outcomes[-1], flush=True)
+    print(len([o for o in outcomes if o[0] == "caught"]), f"of {given.count} caught")
