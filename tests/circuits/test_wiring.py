@@ -9,7 +9,7 @@ from circuits import anatomy
 from circuits.cells import Rate
 from circuits.engines import run
 from circuits.spec import Circuit, Population, Projection
-from circuits.wiring import fan_in
+from circuits.wiring import fan_in, wire
 
 
 def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
@@ -25,6 +25,21 @@ def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
     # Every source is chosen about equally often: 40 * .25 expected of each.
     uses = np.bincount(wires.ravel(), minlength=40)
     assert ((uses - 10) ** 2 / (40 * 0.25 * 0.75)).sum() < 80
+
+
+@pytest.mark.parametrize("name", ["spiking_msprt", "appendix_b"])
+def test_slope_and_curvature_of_rates_are_their_derivatives_and_nothing_below_the_floor(name):
+    wiring = wire(anatomy.circuit(name))
+    h = 1e-4
+    for x in (-3.0, -1.05, 0.55, 2.05):  # either side of every floor, and on none
+        inputs = np.full(wiring.blocks, x)
+        below, at, above = (wiring.rates(inputs + d) for d in (-h, 0, h))
+        slope, curvature = (above - below) / (2 * h), (above - 2 * at + below) / h**2
+        np.testing.assert_allclose(wiring.rates_slope(inputs), slope, atol=1e-4)
+        np.testing.assert_allclose(wiring.rates_curvature(inputs), curvature, rtol=1e-4, atol=1e-3)
+        silent = (at == 0) & (wiring.floor_hz == 0)
+        assert x > -3 or silent.any()
+        assert not wiring.rates_curvature(inputs)[silent].any()
 
 
 def test_a_table_of_whole_numbers_is_that_of_floats():

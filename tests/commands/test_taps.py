@@ -46,3 +46,17 @@ def test_the_count_of_pins_in_a_recording_is_said(tmp_path, capsys):
     assert len(taps) == 3
     assert about["recordings"] == "my_taps"
     assert "my_taps: 85 of 91 pins found, 85 to 85 of them per tap" in capsys.readouterr().out
+
+
+def test_memory_is_asked_for_what_the_taps_take(tmp_path, monkeypatch, capsys):
+    """Three times the displacements, two numbers of eight bytes per pin: 361 pins, 2 gratings."""
+    asked = []
+
+    def refuse(needed, what):
+        asked.append(needed)
+        raise ValueError("asked")
+
+    monkeypatch.setattr("bgmodel.commands.taps.check_memory", refuse)
+    assert run("simulate", tmp_path / "t.npz", "--taps", 1000, "--periods-mm", 0, 5) == 2
+    assert "asked" in capsys.readouterr().err
+    assert asked == [3 * 2000 * 361 * 2 * 8]

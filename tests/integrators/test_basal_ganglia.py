@@ -120,3 +120,12 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     assert anatomy.spiking_msprt(2).with_channels(5).default_gain is None
     assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
     assert BasalGanglia(circuit("bogacz_gurney")).gain == 1
+
+
+@pytest.mark.parametrize("engine", ["ensemble", "rate"])
+def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
+    """As much as what it gives, and not many times that."""
+    model = BasalGanglia(circuit("spiking_msprt"), engine, 0.5, 1)
+    found = model.run_drive(np.zeros((10, 4, 2)), 50.0)
+    held = found.output_nats.nbytes + sum(rates.nbytes for rates in found.rates_hz.values())
+    assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held

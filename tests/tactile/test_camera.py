@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.tactile.camera import marker_pixels, render
+from bgmodel.tactile.camera import _discs, marker_pixels, render
 from bgmodel.tactile.tips import Tip
 
 
@@ -25,6 +25,16 @@ def test_markers_are_drawn_where_they_are(shape):
         found.append([(near * columns).sum(), (near * rows).sum()] / near.sum())
     error = np.abs(found - places).max()
     assert error < (0.05 if shape[0] == 480 else 0.3)
+
+
+def test_a_marker_at_the_rim_is_cut_off_where_the_picture_ends():
+    """Each of the four rims, its corners and its outermost pixels."""
+    side, margin = 24, 12
+    places = np.array([[0.2, 5.0], [22.7, 11.0], [6.0, -0.4], [15.0, 23.3], [-1.0, 24.0]])
+    small = _discs(places, 3.0, (side, side))
+    large = _discs(places + margin, 3.0, (side + 2 * margin,) * 2)
+    np.testing.assert_allclose(small, large[margin:-margin, margin:-margin])
+    assert min(small[0].max(), small[-1].max(), small[:, 0].max(), small[:, -1].max()) > 0.5
 
 
 def test_a_picture_that_cannot_be_drawn_is_refused():

@@ -1,0 +1,29 @@
+"""Networks have the layers that are stated."""
+
+import pytest
+
+from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork
+
+torch = pytest.importorskip("torch")
+
+
+def layers(network):
+    """Return the widths of layers with weights, and the shares that are dropped."""
+    with_weights = (torch.nn.Conv2d, torch.nn.Linear)
+    widths = [m.weight.shape[0] for m in network.modules() if isinstance(m, with_weights)]
+    return widths, [m.p for m in network.modules() if isinstance(m, torch.nn.Dropout)]
+
+
+def test_the_network_for_gratings_has_the_layers_of_pestell_2022():
+    """At full width and dropout; three outputs in place of one."""
+    widths, dropped = layers(GratingNetwork.build((19, 19), 1.0, 1.0))
+    assert widths == [64, 128, 128, 32, 16, 3]
+    assert dropped == pytest.approx([0.4, 0.2, 0.2])
+    assert layers(GratingNetwork.build((19, 19), 0.25, 0.5))[1] == pytest.approx([0.2, 0.1, 0.1])
+
+
+def test_the_network_for_edges_has_two_hidden_layers_and_drops_a_tenth_after_each():
+    widths, dropped = layers(EdgeNetwork.build((662,), 1.0, 1.0))
+    assert widths == [256, 256, 2]
+    assert dropped == pytest.approx([0.1, 0.1])
+    assert layers(EdgeNetwork.build((662,), 0.5, 2.0)) == ([128, 128, 2], pytest.approx([0.2, 0.2]))
