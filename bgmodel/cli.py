@@ -21,6 +21,7 @@ from bgmodel.commands.circuit import CircuitRun, CircuitShow
 from bgmodel.commands.comparing import CircuitLesion, Compare
 from bgmodel.commands.decisions import Decide, GapLearn
 from bgmodel.commands.demo import DemoRun
+from bgmodel.commands.designed import CircuitDesigned
 from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
@@ -40,6 +41,7 @@ CIRCUIT = {
     "show": CircuitShow,
     "run": CircuitRun,
     "lesion": CircuitLesion,
+    "designed": CircuitDesigned,
     "learn": CircuitLearn,
 }
 # A name and its command, or a name and a group: what it is about, and a table like this one with
@@ -52,8 +54,8 @@ COMMANDS: dict[str, Any] = {
     "decide": Decide,
     "learn": GapLearn,
     "circuit": (
-        "A basal ganglia circuit: show its table, let it decide, lesion it, let dopamine learn. "
-        "Example: bgmodel circuit show",
+        "A basal ganglia circuit: show its table, let it decide, lesion it, hold it to theories, "
+        "let dopamine learn. Example: bgmodel circuit show",
         CIRCUIT,
     ),
     "compare": Compare,

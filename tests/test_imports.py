@@ -66,6 +66,7 @@ LEVELS = [
     {"bgmodel.learning.gap", "bgmodel.web.page"},
     {"bgmodel.comparison.circuits"},
     {
+        "bgmodel.comparison.designed",
         "bgmodel.comparison.with_msprt",
         "bgmodel.demo",
         "bgmodel.dopamine",
@@ -89,6 +90,7 @@ LEVELS = [
     {
         "bgmodel.commands.circuit",
         "bgmodel.commands.decisions",
+        "bgmodel.commands.designed",
         "bgmodel.commands.figures",
         "bgmodel.commands.page",
         "bgmodel.commands.taps",

@@ -1,0 +1,459 @@
+"""Designed trials: evidence without noise on which theories of decisions disagree.
+
+Rivals stand apart from the first reading on, then the leader alone rises, by the same at each
+reading. At any time a theory hears of the rivals one number: the MSPRT the log of their summed
+exponentials, max-vs-next the highest, max-vs-average the mean. Designs keep one of these numbers
+and change the others. As a theory hears of the leader less that number, what a design adds to a
+crossing time is the change of the number over the leader's rise, at any threshold.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.arrays import Array
+from bgmodel.comparison.circuits import is_noisy
+from bgmodel.comparison.compare import shown
+from bgmodel.decision import Decision, Trace, first_crossing
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, check_threshold
+from bgmodel.integrators.rivals import RIVALS
+from bgmodel.integrators.sprt import Integrator, Msprt
+from bgmodel.progress import advance
+from circuits.spec import NATS, Circuit
+
+CHANNELS = 4
+THRESHOLDS = (0.35, 0.25, 0.15)
+"""OUT at which designed trials are decided, nats."""
+SPREAD_NATS = 1.6
+"""How far hopeless rivals lie below close ones, in the circuit's nats."""
+RISE_NATS_S = 2.0
+"""How fast the leader rises, in the circuit's nats per second."""
+STEP_MS = 50.0
+CLOSE_MS, APART_MS = 60.0, 100.0
+"""A circuit follows a theory if all differences lie within the one, and is told apart from it if at
+each threshold one lies beyond the other."""
+FEWEST_RIGHT = 0.9
+"""A difference is known if the leader is chosen in so many trials."""
+MOST_READINGS = 512
+LEAD, AVERAGE = "same lead", "same average"
+MSPRT = "MSPRT"
+UNABLE = {"max vs next": LEAD, "max vs average": AVERAGE}
+"""The rivals of the MSPRT, and the designs that each cannot tell from equal rivals."""
+FOLLOWS, APART, OPEN = "follows", "told apart", "left open"
+
+
+@dataclass(frozen=True)
+class Design:
+    """A trial: where the rivals of the leader stand.
+
+    Parameters
+    ----------
+    name : str
+        How many rivals are close, and how many hopeless.
+    held : str
+        What is as with equal rivals at any time: "same lead" over the next, or "same average".
+    rivals : tuple of float (channels - 1,)
+        From the first reading on, nats; 0 for equal rivals.
+    """
+
+    name: str
+    held: str
+    rivals: tuple[float, ...]
+
+    def evidence(
+        self, readings: int, *, trials: int = 1, kappa: float = 1.0, leader: int = 0
+    ) -> Evidence:
+        """Return the same trial several times, for trials of different noise.
+
+        Parameters
+        ----------
+        readings, trials : int
+            Shape of the result.
+        kappa : float
+            Nats of the design per nat of evidence.
+        leader : int
+            Index of the channel that rises; rivals follow it in their order.
+        """
+        count = len(self.rivals) + 1
+        values = np.zeros((readings, count))
+        values[0, 1:] = self.rivals
+        values[:, 0] = RISE_NATS_S * STEP_MS / 1000
+        values = np.roll(values, leader, axis=1) / kappa
+        return Evidence(
+            np.repeat(values[None], trials, axis=0),
+            np.full(trials, leader),
+            step_ms=STEP_MS,
+            baseline=np.zeros(count),
+        )
+
+
+def designs(channels: int = CHANNELS) -> tuple[Design, ...]:
+    """Return the designed trials, that with equal rivals first.
+
+    Raises
+    ------
+    ValueError
+        For fewer than three channels: a single rival tells no theories apart.
+    """
+    if channels < 3:
+        raise ValueError(f"designed trials need 3 channels or more, got {channels}")
+    rivals = channels - 1
+    found = [Design(f"{rivals} equal", "", (0.0,) * rivals)]
+    for held in (LEAD, AVERAGE):
+        # One close rival, and one hopeless one; among two rivals these are the same.
+        for close in dict.fromkeys((1, rivals - 1)):
+            far = rivals - close
+            up = SPREAD_NATS * far / rivals if held == AVERAGE else 0.0
+            each = (up,) * close + (up - SPREAD_NATS,) * far
+            found.append(Design(f"{close} close, {far} hopeless", held, each))
+    return tuple(found)
+
+
+def theories(kappa: float = 1.0) -> dict[str, Integrator]:
+    """Return the MSPRT at a gain, and rivals of it."""
+    return {MSPRT: Msprt(kappa), **{name: RIVALS[name]() for name in UNABLE}}
+
+
+def designed_circuit(
+    model: BasalGanglia,
+    thresholds: Sequence[float] = THRESHOLDS,
+    *,
+    trials: int = 200,
+    leader: int = 0,
+) -> pd.DataFrame:
+    """Return when a circuit decides designed trials, less when theories do.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit, its engine and its noise.
+    thresholds : sequence of float
+        OUT at which it decides, in its unit.
+    trials : int
+        Number of trials per design, each with noise of its own, the same in all designs; 1 for an
+        engine without noise.
+    leader : int
+        Index of the channel that rises.
+
+    Returns
+    -------
+    DataFrame
+        As from ``designed``; the MSPRT is that at the circuit's gain.
+
+    Raises
+    ------
+    ValueError
+        If the circuit has two channels, does not read a threshold, has no fixed point or never
+        reaches a threshold there, or if trials are too few for an interval.
+    """
+    trials, _ = size(model, thresholds, trials)
+    return designed(
+        model,
+        thresholds,
+        settled=at_fixed_point(model),
+        kappa=kappa_of(model),
+        channels=model.circuit.channels,
+        trials=trials,
+        leader=leader,
+    )
+
+
+def size(model: BasalGanglia, thresholds: Sequence[float], trials: int) -> tuple[int, int]:
+    """Return the numbers of trials per design and of readings that a circuit is given.
+
+    The arguments and what is raised are those of ``designed_circuit``.
+    """
+    if not is_noisy(model):
+        trials = 1
+    elif trials < 2:
+        raise ValueError(f"trials must be at least 2 where there is noise, got {trials}")
+    for threshold in thresholds:
+        check_read(model.circuit, threshold)
+    given: dict[str, Any] = {"channels": model.circuit.channels, "kappa": kappa_of(model)}
+    return trials, readings_of(at_fixed_point(model), thresholds, **given)
+
+
+def at_fixed_point(model: BasalGanglia) -> BasalGanglia:
+    """Return the circuit without noise and without any delay."""
+    return replace(model, engine="algebra", options={})
+
+
+def kappa_of(model: BasalGanglia) -> float:
+    """Return the nats of a design per nat of evidence: 1 where the circuit has no nats."""
+    return model.gain if model.circuit.unit == NATS else 1.0
+
+
+def check_read(circuit: Circuit, threshold: float) -> None:
+    """Raise ValueError unless a circuit decides by evidence at this OUT, and reads it."""
+    if not np.isfinite(threshold):
+        raise ValueError(f"thresholds must be finite, got {threshold}")
+    check_threshold(circuit, threshold)
+    if threshold > circuit.readable_nats[1]:
+        raise ValueError(
+            f"{circuit.name} reads no OUT above {circuit.readable_nats[1]:.3g} {circuit.unit}; the "
+            f"threshold is {threshold:.2f} {circuit.unit}"
+        )
+
+
+def designed(
+    observed: Integrator,
+    thresholds: Sequence[float] = THRESHOLDS,
+    *,
+    settled: Integrator | None = None,
+    kappa: float = 1.0,
+    channels: int = CHANNELS,
+    trials: int = 1,
+    leader: int = 0,
+) -> pd.DataFrame:
+    """Return when an integrator decides designed trials, less when theories do.
+
+    Parameters
+    ----------
+    observed : Integrator
+        What is held to the theories.
+    thresholds : sequence of float
+        Its OUT at which it decides.
+    settled : Integrator, optional
+        The same without noise and delays: how much later ``observed`` crosses with equal rivals is
+        its latency. Unless given there is none.
+    kappa : float
+        Nats of the designs per nat of evidence, and the gain of the MSPRT.
+    channels, trials, leader : int
+        Number of alternatives, trials per design, and the channel that rises.
+
+    Returns
+    -------
+    DataFrame
+        One row per threshold, design and theory: threshold, design, held, theory, value, low, high
+        (time of ``observed``, less its latency, less that of the theory, and the 95 % interval
+        over trials, ms), observed_ms, latency_ms, theory_ms, theory_threshold, right (share of
+        trials in which the leader was chosen). The value is NaN where that share is below
+        ``FEWEST_RIGHT``.
+
+    Notes
+    -----
+    The threshold of each theory is its OUT at the time at which ``settled`` crosses with equal
+    rivals: there all differences are 0. Between two readings OUT is taken as a straight line.
+    """
+    settled = observed if settled is None else settled
+    levels = np.array(list(dict.fromkeys(thresholds)), dtype=np.float64)
+    given: dict[str, Any] = {"kappa": kappa, "leader": leader}
+    readings = readings_of(settled, levels, channels=channels, **given)
+    every = designs(channels)
+    start_ms = _times(settled, every[0].evidence(readings, **given), levels, leader)[:, 0]
+    seen = [
+        _times(observed, design.evidence(readings, trials=trials, **given), levels, leader)
+        for design in every
+    ]
+    latency_ms = _mean(seen[0]) - start_ms
+    parts = []
+    for name, theory in theories(kappa).items():
+        trace = theory.run(every[0].evidence(readings, **given))
+        own = np.interp(start_ms, trace.time_ms, trace.out_nats[0, :, leader])
+        for design, times in zip(every, seen, strict=True):
+            theory_ms = _times(theory, design.evidence(readings, **given), own, leader)[:, 0]
+            moved = (times - seen[0]) - (theory_ms - start_ms)[:, None]
+            value, low, high = _intervals(moved)
+            columns = {
+                "threshold": levels,
+                "design": design.name,
+                "held": design.held,
+                "theory": name,
+                "value": value,
+                "low": low,
+                "high": high,
+                "observed_ms": _mean(times),
+                "latency_ms": latency_ms,
+                "theory_ms": theory_ms,
+                "theory_threshold": own,
+                "right": np.isfinite(times).mean(axis=1),
+            }
+            parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)
+
+
+def readings_of(
+    settled: Integrator,
+    thresholds: Sequence[float] | Array,
+    *,
+    channels: int = CHANNELS,
+    kappa: float = 1.0,
+    leader: int = 0,
+) -> int:
+    """Return how many readings it takes to cross all thresholds in all designs, and half more.
+
+    Raises
+    ------
+    ValueError
+        If a threshold is never crossed.
+    """
+    readings, levels = 32, np.asarray(thresholds, dtype=np.float64)
+    while readings <= MOST_READINGS:
+        with warnings.catch_warnings():
+            # The leader rises here for longer than in the trials that are run.
+            warnings.filterwarnings("ignore", message="(S|the input) runs from")
+            last_ms = [
+                _times(settled, design.evidence(readings, kappa=kappa, leader=leader), levels)
+                for design in designs(channels)
+            ]
+        if np.isfinite(last_ms).all():
+            return int(1.5 * np.max(last_ms) / STEP_MS) + 4
+        readings *= 2
+    raise ValueError(
+        f"OUT of {', '.join(f'{level:g}' for level in levels)} is not reached in "
+        f"{MOST_READINGS * STEP_MS / 1000:.0f} s of designed trials: give a higher OUT"
+    )
+
+
+def _times(
+    integrator: Integrator, evidence: Evidence, thresholds: Array, leader: int | None = None
+) -> Array:
+    """Return times of decisions (thresholds, trials), ms; NaN where the leader is not chosen."""
+    parts = []
+    for trace in _traces(integrator, evidence, float(thresholds.min())):
+        decision = first_crossing(trace, thresholds, forced=False)
+        times = _between_readings(trace, decision, thresholds)
+        parts.append(
+            times if leader is None else np.where(decision.choice == leader, times, np.nan)
+        )
+    return np.concatenate(parts, axis=1)
+
+
+def _traces(integrator: Integrator, evidence: Evidence, lowest: float) -> Iterator[Trace]:
+    if not isinstance(integrator, BasalGanglia):
+        yield integrator.run(evidence)
+        return
+    for part, _, trace in integrator.until(lowest - ROUNDING_NATS).batches(evidence):
+        yield trace
+        advance(part.trials)
+
+
+def _between_readings(trace: Trace, decision: Decision, thresholds: Array) -> Array:
+    """Return when OUT is at its threshold on the line from the tick before a decision."""
+    relative_ms = trace.time_ms - trace.onset_ms
+    crossed = np.isfinite(decision.time_ms)
+    now = np.searchsorted(relative_ms, np.where(crossed, decision.time_ms, 0.0))
+    before = np.maximum(now - 1, 0)
+    trial, choice = np.arange(now.shape[1]), np.maximum(decision.choice, 0)
+    high, low = trace.out_nats[trial, before, choice], trace.out_nats[trial, now, choice]
+    fall = np.where(high > low, high - low, np.inf)
+    share = 1 - np.clip((high - thresholds[:, None]) / fall, 0, 1)
+    earlier_ms = np.where(np.isinf(fall), 0.0, share * (relative_ms[now] - relative_ms[before]))
+    return np.asarray(decision.time_ms - earlier_ms)
+
+
+def _mean(times: Array) -> Array:
+    """Return the mean over trials that are right, NaN where none is; (thresholds,)."""
+    known = np.isfinite(times)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(known, times, 0.0).sum(axis=1) / known.sum(axis=1))
+
+
+def _intervals(moved: Array) -> tuple[Array, Array, Array]:
+    """Return means over trials with their 95 % intervals; one trial has no noise."""
+    # Importing scipy.stats takes half a second: only where intervals are asked for.
+    from scipy.stats import t
+
+    known = np.isfinite(moved)
+    count = known.sum(axis=1)
+    value = np.where(count >= FEWEST_RIGHT * moved.shape[1], _mean(moved), np.nan)
+    half = np.zeros(len(moved))
+    if moved.shape[1] > 1:
+        spread = np.array([row[ok].std(ddof=1) for row, ok in zip(moved, known, strict=True)])
+        half = spread / np.sqrt(count) * t.ppf(0.975, count - 1)
+    return value, value - half, value + half
+
+
+def verdicts(table: pd.DataFrame) -> pd.DataFrame:
+    """Return what a table of designed trials says of each theory.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``designed``.
+
+    Returns
+    -------
+    DataFrame
+        One row per theory: theory, largest_ms (largest difference), least_ms (of the largest at
+        each threshold the least), outcome. It "follows" if the whole interval of each difference
+        lies within ``CLOSE_MS``, and is "told apart" if at each threshold the whole interval of a
+        difference lies beyond ``APART_MS``.
+    """
+    rows = []
+    for name, part in table.groupby("theory", sort=False):
+        farthest = part[["low", "high"]].abs().max(axis=1)
+        one_side = np.sign(part["low"]) == np.sign(part["high"])
+        nearest = part[["low", "high"]].abs().min(axis=1).where(one_side, 0.0)
+        largest = part["value"].abs().groupby(part["threshold"]).max()
+        apart = nearest.groupby(part["threshold"]).max()
+        outcome = OPEN
+        if part["value"].notna().all() and (farthest <= CLOSE_MS).all():
+            outcome = FOLLOWS
+        elif (apart > APART_MS).all():
+            outcome = APART
+        rows.append((name, largest.max(), largest.min(), outcome))
+    return pd.DataFrame(rows, columns=["theory", "largest_ms", "least_ms", "outcome"])
+
+
+def text(table: pd.DataFrame, unit: str = NATS) -> str:
+    """Return a table of designed trials as text, a column per theory, with a legend.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As from ``designed``.
+    unit : str
+        That of OUT.
+    """
+    key = ["threshold", "held", "design"]
+    rows = table.drop_duplicates(key)
+    wide = pd.DataFrame(
+        {
+            "OUT": [f"{value:g}" for value in rows["threshold"]],
+            "rivals": rows["design"].to_numpy(),
+            "held": [held or "-" for held in rows["held"]],
+            "circuit": [f"{value:.0f}" for value in rows["observed_ms"]],
+        }
+    )
+    for name, part in table.groupby("theory", sort=False):
+        wide[name] = [_cell(row) for row in part.itertuples()]
+    wide = wide.iloc[np.argsort(-rows["threshold"].to_numpy(), kind="stable")]
+    latency = rows[rows["held"] == ""]
+    late = ", ".join(
+        f"{row.latency_ms:.0f} ms at {row.threshold:g}" for row in latency.itertuples()
+    )
+    says = [
+        f"{row.theory}: {row.outcome}, at most {row.largest_ms:.0f} ms"
+        + (f", {row.least_ms:.0f} ms or more at each OUT" if row.outcome == APART else "")
+        for row in verdicts(table).itertuples()
+    ]
+    legend = [
+        f"OUT: the circuit's threshold, {unit}. circuit: its mean time, ms. Other columns: that",
+        "time, less its latency, less the theory's, ms [95 % interval over trials].",
+        f"Latency: {late}; how much later than its",
+        "own fixed point it crosses with equal rivals; delays make it later, noise earlier. Each",
+        "theory's threshold is what it has reached there: with equal rivals all differences are 0.",
+        f"{LEAD}: over the closest rival, as with equal ones: max vs next predicts no change of",
+        f"time. {AVERAGE}: of the rivals: max vs average predicts none.",
+        f"{FOLLOWS}: all intervals within {CLOSE_MS:.0f} ms; {APART}: at each OUT an interval "
+        f"beyond {APART_MS:.0f} ms.",
+    ]
+    if table["value"].isna().any():
+        legend.append(f"unknown: the leader is chosen in fewer than {FEWEST_RIGHT:.0%} of trials.")
+    return "\n".join([wide.to_string(index=False), "", *says, "", *legend])
+
+
+def _cell(row: Any) -> str:
+    """Return a difference as text; without noise there is no interval."""
+    if not row.held:
+        return "0"
+    noisy = not np.isfinite(row.value) or row.low < row.high
+    return shown(row.value, row.low, row.high, "+.0f") if noisy else f"{row.value:+.0f}"

@@ -1,0 +1,198 @@
+"""Designed trials: closed forms of each theory, and deciders whose theory is known."""
+
+import numpy as np
+import pytest
+
+from bgmodel.comparison.designed import (
+    APART,
+    AVERAGE,
+    FOLLOWS,
+    LEAD,
+    MSPRT,
+    RISE_NATS_S,
+    STEP_MS,
+    THRESHOLDS,
+    UNABLE,
+    check_read,
+    designed,
+    designed_circuit,
+    designs,
+    text,
+    theories,
+    verdicts,
+)
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.rivals import MaxVsAverage, MaxVsNext
+from bgmodel.integrators.sprt import Msprt
+from circuits import anatomy
+from circuits.controls import linear_stn
+
+OF_RIVALS = {
+    MSPRT: lambda rivals: np.log(np.exp(rivals).sum()),
+    "max vs next": np.max,
+    "max vs average": np.mean,
+}
+"""What a theory hears of the rivals: it decides when the leader is far enough above."""
+OWN = {MSPRT: [0.35, 0.15], "max vs next": [-1.5, -2.5], "max vs average": [-2.0, -2.5]}
+"""Thresholds on the OUT of each theory."""
+
+
+def exact(name, gain=0.5):
+    return BasalGanglia(anatomy.CIRCUITS[name](4), "algebra", gain)
+
+
+def outcomes(table):
+    return verdicts(table).set_index("theory")["outcome"].to_dict()
+
+
+def changes(table):
+    """How much later than with equal rivals the observed decides, a row per design."""
+    rows = table[table["theory"] == MSPRT]
+    equal = rows[rows["held"] == ""].set_index("threshold")["observed_ms"]
+    return rows.assign(change=rows["observed_ms"] - rows["threshold"].map(equal))
+
+
+@pytest.mark.parametrize("channels", [3, 4, 8])
+def test_designs_keep_the_lead_over_the_next_or_the_average(channels):
+    equal, *others = designs(channels)
+    assert set(equal.rivals) == {0.0}
+    for design in others:
+        held = max if design.held == LEAD else np.mean
+        assert held(design.rivals) == pytest.approx(0.0, abs=1e-12)
+        assert len(set(design.rivals)) == 2
+        totals = design.evidence(5, kappa=0.5).own_totals
+        np.testing.assert_allclose(0.5 * totals[0, 1:, 1:], np.tile(design.rivals, (5, 1)))
+        rise = RISE_NATS_S * STEP_MS / 1000
+        np.testing.assert_allclose(0.5 * totals[0, :, 0], rise * np.arange(6), atol=1e-12)
+    names = [(design.name, design.held) for design in designs(channels)]
+    assert len(set(names)) == len(names) == (3 if channels == 3 else 5)
+
+
+def test_a_single_rival_is_refused():
+    with pytest.raises(ValueError, match="3 channels or more, got 2"):
+        designs(2)
+
+
+@pytest.mark.parametrize("name", OF_RIVALS)
+def test_a_theory_decides_later_by_what_it_hears_of_the_rivals(name):
+    """In closed form, from what the readings are alone; and 0 against itself."""
+    found = designed(theories()[name], OWN[name])
+    for design in designs():
+        want_ms = OF_RIVALS[name](np.array(design.rivals)) - OF_RIVALS[name](np.zeros(3))
+        rows = changes(found)
+        rows = rows[(rows["design"] == design.name) & (rows["held"] == design.held)]
+        np.testing.assert_allclose(rows["change"], 1000 * want_ms / RISE_NATS_S, atol=1.0)
+    assert np.abs(found[found["theory"] == name]["value"]).max() < 1e-9
+    assert outcomes(found) == {other: FOLLOWS if other == name else APART for other in OF_RIVALS}
+
+
+@pytest.mark.parametrize(("name", "held"), UNABLE.items())
+def test_what_a_rival_cannot_tell_apart_and_the_sign_where_designs_are_swapped(name, held):
+    """The MSPRT is quicker with hopeless rivals at the same lead, slower at the same average."""
+    for observed, thresholds in ((theories()[name], OWN[name]), (Msprt(), OWN[MSPRT])):
+        rows = changes(designed(observed, thresholds))
+        rows = rows[rows["held"] != ""]
+        blind = rows[rows["held"] == held]["change"]
+        other = rows[rows["held"] != held]["change"]
+        if isinstance(observed, Msprt):
+            assert (np.sign(blind) == (-1 if held == LEAD else 1)).all()
+        else:
+            assert np.abs(blind).max() < 1e-9
+            assert (np.sign(other) == (1 if held == LEAD else -1)).all()
+    table = designed(Msprt(), OWN[MSPRT])
+    rows = table[(table["theory"] == name) & (table["held"] == held)]
+    assert (np.sign(rows["value"]) == (-1 if held == LEAD else 1)).all()
+
+
+@pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b"])
+def test_an_exact_circuit_is_the_msprt_to_far_less_than_a_reading(name):
+    found = designed_circuit(exact(name), THRESHOLDS)
+    assert np.abs(found[found["theory"] == MSPRT]["value"]).max() < 1.0
+    assert (found["latency_ms"] == 0).all()
+    assert outcomes(found) == {MSPRT: FOLLOWS, **dict.fromkeys(UNABLE, APART)}
+    own = found[found["theory"] == MSPRT]
+    np.testing.assert_allclose(own["theory_threshold"], own["threshold"], atol=1e-3)
+
+
+def test_without_the_exponential_of_stn_a_circuit_follows_max_vs_average():
+    """The sum of lines is a mean: the MSPRT and max-vs-next are told apart."""
+    table = linear_stn(anatomy.spiking_msprt(4))
+    found = designed_circuit(BasalGanglia(table, "algebra", 0.5), THRESHOLDS)
+    assert outcomes(found) == {MSPRT: APART, "max vs next": APART, "max vs average": FOLLOWS}
+
+
+def test_a_gpr_circuit_works_in_its_own_unit_and_follows_max_vs_average():
+    found = designed_circuit(BasalGanglia(anatomy.gpr(4), "rate", 0.1), [0.05])
+    assert outcomes(found)["max vs average"] == FOLLOWS
+    assert (found["latency_ms"] > 0).all()
+    assert "OUT: the circuit's threshold, salience" in text(found, "salience")
+
+
+@pytest.mark.parametrize("leader", [1, 3])
+@pytest.mark.parametrize(
+    ("table", "engine", "options"),
+    [
+        ("bogacz_gurney", "algebra", {}),
+        ("macaque", "algebra", {}),
+        ("macaque", "population", {"noise": False, "rates": False}),
+    ],
+)
+def test_relabelling_channels_changes_nothing(table, engine, options, leader):
+    model = BasalGanglia(anatomy.CIRCUITS[table](4), engine, 0.5, 1, options)
+    one, other = (designed_circuit(model, [0.25], leader=k)["value"] for k in (0, leader))
+    np.testing.assert_allclose(other, one, atol=0.02)
+
+
+def test_the_gain_of_a_circuit_in_nats_changes_nothing():
+    one, other = (designed_circuit(exact("macaque", gain), [0.25]) for gain in (0.5, 0.8))
+    np.testing.assert_allclose(one["value"], other["value"], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
+def test_the_circuits_follow_the_msprt_by_populations(name):
+    options = {"rates": False}
+    model = BasalGanglia(anatomy.CIRCUITS[name](4), "population", 0.5, 7, options)
+    found = designed_circuit(model, THRESHOLDS, trials=100)
+    assert outcomes(found) == {MSPRT: FOLLOWS, **dict.fromkeys(UNABLE, APART)}
+    assert (found["right"] > 0.95).all()
+    equal = found["held"] == ""
+    np.testing.assert_allclose(found[equal]["value"], 0, atol=1e-9)
+    assert (found[~equal]["low"] < found[~equal]["high"]).all()
+
+
+def test_noise_is_the_same_in_all_designs_and_its_interval_shrinks_with_trials():
+    model = BasalGanglia(anatomy.macaque(4), "population", 0.5, 7, {"rates": False})
+    few, many = (designed_circuit(model, [0.25], trials=n) for n in (20, 180))
+    ratio = (few["high"] - few["low"])[few["held"] != ""].mean()
+    ratio /= (many["high"] - many["low"])[many["held"] != ""].mean()
+    assert 2 < ratio < 5  # 3 for means over independent trials
+
+
+def test_what_a_circuit_does_not_read_is_refused():
+    macaque, spiking = anatomy.macaque(4), anatomy.spiking_msprt(4)
+    for table, out, says in (
+        (macaque, 0.05, "macaque reads no OUT below 0.0798"),
+        (macaque, 1.5, "it would decide without evidence"),
+        (spiking, 0.7, "rests at OUT = 0.65"),
+        (anatomy.bogacz_gurney(4), np.nan, "must be finite"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            check_read(table, out)
+    with pytest.raises(ValueError, match="trials must be at least 2 where there is noise"):
+        designed_circuit(BasalGanglia(macaque, "population", 0.5, 1), trials=1)
+
+
+def test_a_threshold_that_is_never_reached_is_refused():
+    with pytest.raises(ValueError, match=r"is not reached in .* s of designed trials"):
+        designed(MaxVsAverage(), [-1e3])
+
+
+def test_a_leader_that_is_not_chosen_leaves_the_difference_unknown():
+    """By max-vs-next the close rival meets a low threshold before the leader rises."""
+    found = designed(MaxVsNext(), [-0.5])
+    wrong = (found["held"] == AVERAGE) & found["design"].str.startswith("1 close")
+    assert found[wrong]["value"].isna().all()
+    assert (found[wrong]["right"] == 0).all()
+    shown = text(found)
+    assert "unknown: the leader is chosen in fewer than 90% of trials" in shown
+    assert outcomes(found)["max vs next"] != FOLLOWS
