@@ -44,3 +44,20 @@ def test_a_picture_that_cannot_be_drawn_is_refused():
         render(0, marker_mm=5.0)
     with pytest.raises(ValueError, match="shape: got"):
         render(0, shape=(4, 4))
+
+
+def test_light_falls_with_the_square_of_the_distance_and_ends_at_the_rim():
+    """About a third (.35) less at the rim; markers are large, so that their middles are full."""
+    tip, side = Tip(), 480
+    image = render(np.zeros((len(tip.rest_mm()), 2)), tip, shape=(side, side), marker_mm=1.0)
+    x, y = marker_pixels(0, tip, (side, side)).T
+    distance = np.hypot(x - (side - 1) / 2, y - (side - 1) / 2) / (side / 2)
+    inside = distance < 0.95
+    middles = image[np.round(y[inside]).astype(int), np.round(x[inside]).astype(int)]
+    expected = middles.max() * (1 - 0.35 * distance[inside] ** 2)
+    assert distance[inside].max() > 0.8
+    np.testing.assert_allclose(middles, expected, rtol=0.03)
+    rows, columns = np.indices(image.shape) - (side - 1) / 2
+    apart = np.hypot(rows, columns) / (side / 2)
+    assert not image[apart > 1].any()
+    assert image[apart < 0.97].all()
