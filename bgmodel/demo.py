@@ -14,7 +14,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import Msprt, criterion_from_posterior
 from bgmodel.plots import channel_lines, raster
 from bgmodel.seeds import stream
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,7 +101,7 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
     ValueError
         If the circuit does not take so many alternatives, or the seed is no whole number >= 0.
     """
-    table = circuit("spiking_msprt", alternatives)
+    table = circuit(DEFAULT, alternatives)
     evidence = gaussian_evidence(
         1,
         READINGS,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from bgmodel import toml_files
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.memory import check_evidence_memory
 from bgmodel.seeds import stream
@@ -139,6 +141,18 @@ def circuit_seen_from(folder: Path, name: str) -> str:
     from circuits.table_files import is_path
 
     return str(folder / name) if is_path(name) else name
+
+
+def warn_of_default(file: Path) -> None:
+    """Warn where a file that was made for another default circuit may not mean today's."""
+    from circuits.anatomy import DEFAULT
+
+    if not toml_files.gives(file, "circuit"):
+        warnings.warn(
+            f"{file.name} names no circuit and runs on {DEFAULT}, the default since version 0.3; "
+            'one that was made before ran on spiking_msprt: write circuit = "spiking_msprt" for it',
+            stacklevel=2,
+        )
 
 
 def seen_from(folder: Path, asked: Asked) -> Asked:

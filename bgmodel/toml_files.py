@@ -32,17 +32,25 @@ def read(path: str | Path, kind: type[T]) -> T:
         One sentence with the key, what was given and what is allowed.
     """
     path = Path(path)
+    return decoded(_given(path), kind, path.name)
+
+
+def gives(path: str | Path, key: str) -> bool:
+    """Whether a TOML file has a key at its top; ValueError as ``read``."""
+    return key in _given(Path(path))
+
+
+def _given(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"{str(path)!r} can't be read: {error}") from None
     try:
-        given = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{path.name} is no TOML: {error}") from None
     except RecursionError:
         raise ValueError(f"{path.name} is nested too deeply") from None
-    return decoded(given, kind, path.name)
 
 
 def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:

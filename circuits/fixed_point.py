@@ -10,11 +10,11 @@ from circuits.arrays import Array, Index
 from circuits.spec import Circuit
 from circuits.wiring import Wiring, wire
 
-MOST_STEPS = 200
+MOST_STEPS = 400
 TOLERANCE = 1e-9
 """Error, nats, below which the step that follows, which squares it, is the last."""
 LARGEST_MOVE = 1.0
-MOST_DAMPING = 1.0
+MOST_DAMPING = 4.0
 
 
 def wired(circuit: Circuit) -> Wiring:

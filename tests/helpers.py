@@ -18,6 +18,7 @@ source = "nobody"
 note = "a test"
 engine = "algebra"
 seed = 3
+circuit = "spiking_msprt"
 [task]
 trials = 120
 t_max = 40

@@ -74,9 +74,7 @@ def test_a_file_runs_as_the_table_that_it_was_written_from(here, command):
 
 def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):
     assert run("circuit", "run", "a.csv", *SMALL, "--edits.without", "D2=0.5") == 0
-    assert said(here / "a.csv")["circuit"]["sha256"] == digest(
-        anatomy.spiking_msprt().without("D2", 0.5)
-    )
+    assert said(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().without("D2", 0.5))
 
 
 def test_dopamine_learns_in_a_file_as_in_its_table(here):
@@ -158,7 +156,7 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
     [
         (
             "nope",
-            "must be one of bogacz_gurney, appendix_b, linear_gpe, spiking_msprt, gpr",
+            "must be one of bogacz_gurney, appendix_b, linear_gpe, macaque, spiking_msprt, gpr",
         ),
         ("nope.toml", "the circuit 'nope.toml' can't be read: No such file or directory"),
         ("bad.toml", "bad.toml, line 17: STN: gain_hz_per_nat must be a number, got 'x'"),

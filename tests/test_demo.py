@@ -16,7 +16,7 @@ def found():
 
 
 def test_its_decision_is_that_of_the_compiled_engine(found):
-    table = circuit("spiking_msprt", 3)
+    table = circuit("macaque", 3)
     model = BasalGanglia(table, "ensemble", gain_of(table), 1)
     out = model.run(found.evidence).out_nats
     assert np.allclose(out, found.traces["circuit"].out_nats)

@@ -21,7 +21,7 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_trials,
 )
-from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
+from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.decision import Decision, first_crossing, joined
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
@@ -43,13 +43,13 @@ DEFAULT_POSTERIOR = 0.9
 class CircuitShow(Writes):
     """Print a circuit's table, as edited; draw it if a file is given.
 
-    Examples: bgmodel circuit show spiking_msprt;
+    Examples: bgmodel circuit show macaque;
     bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf;
     bgmodel circuit show --edits.change "STN->GPe.delay_ms=4" --edits.add "D1->GPe weight=-0.1"
-    bgmodel circuit show spiking_msprt --channels 4 --save mine.toml; bgmodel circuit show mine.toml
+    bgmodel circuit show macaque --channels 4 --save mine.toml; bgmodel circuit show mine.toml
     """
 
-    circuit: Positional[CircuitName] = SPIKING_MSPRT
+    circuit: Positional[CircuitName] = MACAQUE
     """Name of the table, or the path of a .toml file."""
     channels: int | None = None
     """Number of alternatives; 2 unless given, or that of the file."""
@@ -138,7 +138,7 @@ class CircuitRun(Writes):
 
     output: Positional[Path]
     """Where the trial table goes, .parquet or .csv."""
-    circuit: CircuitName = SPIKING_MSPRT
+    circuit: CircuitName = MACAQUE
     """Name of the table, or the path of a .toml file."""
     engine: EngineName = ENSEMBLE
     """How the circuit is run: compiled spikes, unless another engine is named."""

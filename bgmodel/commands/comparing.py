@@ -19,7 +19,7 @@ from bgmodel.commands.checks import (
     say,
     say_before,
 )
-from bgmodel.commands.names import ENSEMBLE, SPIKING_MSPRT, CircuitName, EngineName
+from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.edits import Edits, written
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import RIVALS, rivals_on
@@ -41,7 +41,7 @@ class Comparison(Shows):
 
     output: Positional[Path]
     """Where the table of measures goes, .parquet or .csv."""
-    circuit: CircuitName = SPIKING_MSPRT
+    circuit: CircuitName = MACAQUE
     """Name of the table, or the path of a .toml file."""
     engine: EngineName = ENSEMBLE
     """How the circuit is run: compiled spikes, unless another engine is named."""

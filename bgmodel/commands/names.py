@@ -57,6 +57,7 @@ class TimedEngineName(EngineName):
         return tuple(name for name in super().known() if name != "algebra")
 
 
+MACAQUE = CircuitName("macaque")
 SPIKING_MSPRT = CircuitName("spiking_msprt")
 ENSEMBLE = EngineName("ensemble")
 RATE = TimedEngineName("rate")

@@ -8,7 +8,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import Writes, check_ending
-from bgmodel.commands.names import SPIKING_MSPRT, CircuitName
+from bgmodel.commands.names import MACAQUE, CircuitName
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class PageWrite(Writes):
 
     output: Positional[Path] = Path("circuit.html")
     """Where the page goes, .html."""
-    circuit: CircuitName = SPIKING_MSPRT
+    circuit: CircuitName = MACAQUE
     """Name of the table, or the path of a .toml file."""
 
     def __call__(self) -> None:

@@ -32,9 +32,9 @@ from bgmodel.integrators.basal_ganglia import (
 )
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
-from bgmodel.stimuli import Stimuli, seen_from
+from bgmodel.stimuli import Stimuli, seen_from, warn_of_default
 from bgmodel.tables.trials import Trials, trial_table
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 from circuits.engines import THREADED
 from circuits.spec import Circuit
 
@@ -112,7 +112,7 @@ class Experiment:
     predictions: tuple[Prediction, ...]
     task: Stimuli
     control: Condition = Condition()
-    circuit: str = "spiking_msprt"
+    circuit: str = DEFAULT
     """Name of the table, or the path of a .toml file, as seen from the experiment's."""
     engine: str = "ensemble"
     """Name of the engine."""
@@ -200,7 +200,9 @@ def read_experiment(file: str | Path) -> Experiment:
     """
     path = Path(file)
     if path.suffix == ".toml":
-        return seen_from(path.parent, toml_files.read(path, Experiment))
+        found = seen_from(path.parent, toml_files.read(path, Experiment))
+        warn_of_default(path)
+        return found
     inside = SHIPPED / f"{file}.toml"
     if not inside.is_file():
         names = ", ".join(_names())

@@ -20,10 +20,10 @@ from bgmodel.experiments.measures import MEASURES
 from bgmodel.integrators.basal_ganglia import BasalGanglia, check_engine, gain_of, identity
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
-from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
+from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from, warn_of_default
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 from circuits.engines import NOISY, THREADED
 from circuits.spec import Circuit
 
@@ -47,7 +47,7 @@ class Setting:
     """What is decided; `trials` at each point."""
     edits: Edits = field(default_factory=Edits)
     """Differences from the table."""
-    circuit: str = "spiking_msprt"
+    circuit: str = DEFAULT
     """Name of the table, or the path of a .toml file, as seen from the sweep's."""
     engine: str = "population"
     """Name of the engine."""
@@ -303,4 +303,7 @@ def read_plan(file: str | Path) -> Plan:
     path = Path(file)
     if path.suffix != ".toml":
         raise ValueError(f"a sweep is a .toml file, got {str(file)!r}")
-    return seen_from(path.parent, toml_files.read(path, Plan))
+    found = seen_from(path.parent, toml_files.read(path, Plan))
+    if any("circuit" not in point for point in found.each):
+        warn_of_default(path)
+    return found

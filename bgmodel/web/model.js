@@ -2,7 +2,7 @@
 // circuits/fixed_point.py, number for number. No drawing here.
 "use strict";
 
-const MOST_STEPS = 200, TOLERANCE = 1e-9, LARGEST_MOVE = 1, MOST_DAMPING = 1, EXP_MOST = 60,
+const MOST_STEPS = 400, TOLERANCE = 1e-9, LARGEST_MOVE = 1, MOST_DAMPING = 4, EXP_MOST = 60,
   MOST_NATS = 5.5;
 const ROUNDING = 1e-10;
 

@@ -18,6 +18,7 @@ from circuits.spec import Circuit
 
 __all__ = [
     "CIRCUITS",
+    "DEFAULT",
     "appendix_b",
     "bogacz_gurney",
     "circuit",
@@ -36,6 +37,8 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {
     "gpr": gpr,
 }
 """All tables by name; each takes the number of channels."""
+DEFAULT = "macaque"
+"""The table that is taken where none is named; up to version 0.2 it was "spiking_msprt"."""
 
 
 def circuit(name: str | Path, channels: int | None = None) -> Circuit:

@@ -21,7 +21,7 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     found = pd.read_csv(out, comment="#")
     assert {"circuit", "cortical decoder", "race", "LCA"} <= set(found["model"])
     behind = json.loads(provenance_path(out).read_text())
-    assert behind["parameters"]["command"]["gain"] == 0.7
+    assert behind["parameters"]["command"]["gain"] == 0.55
     again = tmp_path / "b.csv"
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()
@@ -39,7 +39,7 @@ def test_a_comparison_says_before_it_starts_how_long_it_takes(tmp_path, capsys, 
     for command, what in ((("compare",), "comparing"), (("circuit", "lesion"), "lesioning")):
         assert run(*command, tmp_path / "a.csv", "--channels", 4) == 2
         said = capsys.readouterr().err
-        assert re.search(rf"bgmodel: {what} spiking_msprt on ensemble, .*1000 trials of up", said)
+        assert re.search(rf"bgmodel: {what} macaque on ensemble, .*1000 trials of up", said)
         assert re.search(r": about \d0? (second|minute)s, less where trials decide early", said)
         assert said.index("about") < said.index("started")
     soon = ("--engine", "algebra", "--trials", 100)

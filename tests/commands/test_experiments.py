@@ -28,6 +28,7 @@ name = "A longer delay from STN to GPe"
 published = "nothing: a hypothesis"
 source = "nobody"
 note = "2 ms more, and a pathway that the table has not."
+circuit = "spiking_msprt"
 engine = "rate"
 [task]
 d_prime = 0.8

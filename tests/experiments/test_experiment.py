@@ -212,3 +212,9 @@ def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
         run_experiment(replace(experiment, manipulation=careful))
     with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
         run_experiment(replace(experiment, control=Condition(posterior=0.96)))
+
+
+def test_a_file_without_a_circuit_says_which_one_it_runs_on(experiment_file):
+    experiment_file.write_text(GOOD.replace('circuit = "spiking_msprt"\n', ""))
+    with pytest.warns(UserWarning, match=r"small.toml names no circuit and runs on macaque"):
+        assert read_experiment(experiment_file).circuit == anatomy.DEFAULT

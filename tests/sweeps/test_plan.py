@@ -48,14 +48,14 @@ def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
 )
 def test_a_key_is_the_left_side_of_an_edit(key, value, edited):
     (found,) = Plan(grid={key: (value,)}).settings()
-    assert found.table == edited(circuit("spiking_msprt"))
+    assert found.table == edited(circuit("macaque"))
 
 
 def test_edits_of_every_point_come_with_those_of_its_own():
     base = Edits(change=("STN.bias_nats=-0.2",), without=("GPe=0.1",))
     (found,) = Plan(edits=base, grid={"STN": (0.1,)}).settings()
     want = replace(base, without=("GPe=0.1", "STN=0.1"))
-    assert found.table == want.apply(circuit("spiking_msprt"))
+    assert found.table == want.apply(circuit("macaque"))
 
 
 def test_numbers_of_the_task_and_the_run_change_by_their_names():

@@ -16,7 +16,7 @@ BROWSER = next(
 
 
 def test_it_is_one_file_that_asks_nothing_of_the_net():
-    text = page("spiking_msprt")
+    text = page("macaque")
     assert not re.search(r"""(?:src|href)\s*=|@import|fetch\(|https?://""", text)
     assert "/*MODEL*/" not in text
     assert "/*TABLES*/" not in text
@@ -24,7 +24,7 @@ def test_it_is_one_file_that_asks_nothing_of_the_net():
 
 
 def test_every_control_has_a_name_and_its_value_is_shown():
-    text = page("spiking_msprt")
+    text = page("macaque")
     ids = re.findall(r'<input type="range" id="(\w+)"', text)
     assert {"STN", "GPe", "D1", "D2", "dopamine", "posterior", "conflict"} <= set(ids)
     for name in ids:
@@ -35,7 +35,7 @@ def test_every_control_has_a_name_and_its_value_is_shown():
 
 def test_the_command_writes_it_and_refuses_what_it_cannot_show(tmp_path, capsys):
     assert run("page", tmp_path / "circuit.html") == 0
-    assert (tmp_path / "circuit.html").read_text() == page("spiking_msprt")
+    assert (tmp_path / "circuit.html").read_text() == page("macaque")
     assert "open it in a browser" in capsys.readouterr().out
     assert run("page", tmp_path / "circuit.txt") == 2
     assert run("page", tmp_path / "gpr.html", "--circuit", "gpr") == 2
@@ -46,7 +46,7 @@ def test_the_command_writes_it_and_refuses_what_it_cannot_show(tmp_path, capsys)
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 def test_a_browser_says_what_the_script_computes(tmp_path):
     quickjs = pytest.importorskip("quickjs")
-    text = page("spiking_msprt")
+    text = page("macaque")
     path = tmp_path / "circuit.html"
     path.write_text(text)
     command = [
