@@ -157,13 +157,13 @@ def draw(found: Demo) -> Figure:
 
 
 def _evidence(panel: Axes, evidence: Evidence) -> None:
-    total = evidence.totals[0] - evidence.totals[0].mean(axis=1, keepdims=True)
+    total = evidence.own_totals[0]
     channel_lines(panel, _long(np.arange(len(total)) * evidence.step_ms, total), steps=True)
     names = [f"{i + 1}" + (" (true)" if i == 0 else "") for i in range(evidence.hypotheses)]
     panel.legend(panel.lines, names, ncols=len(names), loc="upper left", frameon=False, fontsize=8)
     panel.margins(y=0.25)
     panel.set_ylabel("evidence\n(nats)")
-    panel.set_title("evidence for each alternative, summed, less its mean", fontsize=9)
+    panel.set_title("evidence for each alternative, summed: what its channel is told", fontsize=9)
 
 
 def _out(panel: Axes, found: Demo) -> None:

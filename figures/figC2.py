@@ -21,12 +21,12 @@ from scipy.ndimage import gaussian_filter1d
 from bgmodel import Decision, Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.plots import channel_lines, raster
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 from figures.common import GAIN, Settings, letter, run
 
-CIRCUIT = circuit("spiking_msprt", 4)
+CIRCUIT = circuit(DEFAULT, 4)
 NUCLEI = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 D_PRIME, READINGS, STEP_MS = 0.5, 40, 50.0
 THRESHOLD_NATS = -np.log(0.85)
@@ -61,8 +61,8 @@ def one_trial(model: BasalGanglia, evidence: Evidence) -> pd.DataFrame:
     circuit or MSPRT) and decision.
     """
     activity = replace(model, options={**model.options, "spikes": NUCLEI}).activity(evidence)
-    drive = drive_of(evidence)[0]
-    parts = [_long("evidence", "L", np.arange(len(drive)) * evidence.step_ms, drive)]
+    total = evidence.own_totals[0]
+    parts = [_long("evidence", "L", np.arange(len(total)) * evidence.step_ms, total)]
     for name in NUCLEI:
         spikes = activity.spikes[name]
         shown = spikes[(spikes["neuron"] < CELLS) & (spikes["time_ms"] > 0)]

@@ -41,14 +41,14 @@ def macaque(channels: int = 2) -> Circuit:
     its line: at the fixed point OUT is -ln P wherever no cortical channel is silent.
 
     Rates at rest that lie outside what is printed for the macaque (Lienard & Girard 2014: MSN 0-1,
-    FSI 8-14, STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 6 Hz, for silent ones cannot
-    follow a fall; STN 44 / N and SNr 15 + 45 ln N Hz, which depend on the number of alternatives as
+    FSI 8-14, STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 5 Hz, for silent ones cannot
+    follow a fall; STN 44 / N and SNr 20 + 36 ln N Hz, which depend on the number of alternatives as
     -ln P does. Tuned with ``benchmarks/tuning/macaque.py`` on seeds of its own.
     """
     check_channels(channels)
     log_n = log(channels)
     rest, tone, above_floor = 2.2, 3.0, 0.4
-    sigma, share, indirect, fast = 2.2, 0.5, 0.1, 1.25
+    sigma, share, indirect, fast = 2.2, 0.35, 0.1, 1.25
     # The exponent of STN still sums to y: the rest of it comes through D2 and GPe. What D2 adds to
     # OUT through GPe's way to SNr, D1 takes away again.
     direct = 1 - indirect * share
@@ -59,12 +59,12 @@ def macaque(channels: int = 2) -> Circuit:
         "name       cell        neurons pooled baseline_hz gain_hz_per_nat transmitter cite",
         ("ctx",     Phase(0.5), 600,    False, 1,          11,             GLUTAMATE,  CORTEX),
         ("FSI",     Rate(),     1,      True,  0,          5,              GABA,       FAST),
-        ("D1",      Phase(0.5), 4000,   False, 0,          15,             GABA,       MSN),
+        ("D1",      Phase(0.5), 5000,   False, 0,          12,             GABA,       MSN),
         ("D2",      Phase(0.5), 600,    False, 3,          2,              GABA,       MSN),
         ("STN",     Phase(0.3), 300,    False, 0,          20,             GLUTAMATE,  PACEMAKER),
         ("GPe",     Phase(0.3), 300,    False, 58,         50,             GABA,       PACEMAKER),
         ("GPe_ctx", Rate(),     1,      True,  0,          20,             GABA,       SLOW),
-        ("SNr",     Phase(0.3), 600,    False, 15,         45,             GABA,       OUTPUT),
+        ("SNr",     Phase(0.3), 600,    False, 20,         36,             GABA,       OUTPUT),
     ), (
         "name       transfer      tau_ms  receptor  pivot_nats  bias_nats",
         ("ctx",     "saturating", 2,     "",       0.0,        tone + fast * rest),
@@ -87,7 +87,7 @@ def macaque(channels: int = 2) -> Circuit:
         ("D1",      "SNr",     -1,           "channel", 11,       6,      "linear",        KERNEL),
         ("D2",      "GPe",     -indirect,    "channel", 7,        4,      "linear",        GABA_A),
         ("STN",     "GPe",     1,            "diffuse", 3,        3,      "s_minus_log_s", AMPA),
-        ("STN",     "SNr",     1,            "diffuse", 3,        24,     "linear",        KERNEL),
+        ("STN",     "SNr",     1,            "diffuse", 3,        19,     "linear",        KERNEL),
         ("STN",     "GPe_ctx", 10,           "diffuse", 3,        5,      "linear",        SLOW),
         ("GPe",     "STN",     -share,       "channel", 10,       4,      "linear",        SHARED),
         ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      "linear",        SHARED),

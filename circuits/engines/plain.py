@@ -164,7 +164,8 @@ class _Cells:
         self.step = cell.tick or cell.lacks("tick", "the plain engine")
         self.constants = list(constants.values())
         self.state: tuple[Any, ...] = starting_state(cell, constants, stream, self.neurons)
-        self.x = np.full(self.neurons, scheme.start[1][block])
+        # One number while all cells hear the same.
+        self.x = np.full(1, scheme.start[1][block])
 
     def tick(self, k: int, nats: Any) -> Truths:
         """Return which cells fire at tick k under an input, nats, of all or of each."""
@@ -175,9 +176,9 @@ class _Cells:
         return np.broadcast_to(fired, self.neurons)
 
     def _expected(self, nats: Any) -> Array:
-        """Return each cell's expected number of spikes in a tick, its input filtered."""
+        """Return the expected spikes in a tick, of all cells or of each, their input filtered."""
         self.x = self.decay * self.x + (1 - self.decay) * nats
-        inputs = np.zeros((self.neurons, self.wiring.blocks))
+        inputs = np.zeros((len(self.x), self.wiring.blocks))
         inputs[:, self.block] = self.x
         return self.wiring.rates(inputs)[:, self.block] * self.dt_s
 

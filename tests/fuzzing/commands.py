@@ -192,7 +192,7 @@ def comparing(*words: str) -> Callable[[Rng, Path], list]:
     """Compare, or lesion."""
 
     def base(rng: Rng, folder: Path) -> list:
-        lesions = pick(rng, ["STN=0.02"], ["D1->SNr=0.99", "D2"], ["STN->GPe[0]=0.99"])
+        lesions = pick(rng, ["STN=0.02"], ["D1->SNr=0.99", "D2"], ["D2->GPe[0]=0.99"])
         given = ["--engine", "algebra", "--trials", 100, "--t-max", rng.integers(4, 9)]
         given += ["--d-prime", 2, "--channels", rng.integers(2, 5)]
         given += ["--accuracies", rng.uniform(0.85, 0.97)]
