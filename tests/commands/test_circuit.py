@@ -93,7 +93,10 @@ def test_run_without_spikes_writes_none(tmp_path, capsys):
             ["run", "d.csv", "--edits.without", "STN=0.5"],
             "rests at OUT = 0.00, which is not above",
         ),
-        (["run", "d.csv", "--circuit", "spiking_msprt", "--posterior", "0.501"], "it would decide without evidence"),
+        (
+            ["run", "d.csv", "--circuit", "spiking_msprt", "--posterior", "0.501"],
+            "it would decide without evidence",
+        ),
     ],
 )
 def test_bad_use_of_show_and_run_gets_one_clear_sentence(capsys, arguments, says):
