@@ -17,7 +17,7 @@ import jinja2
 from bgmodel.comparison.compare import shown
 from bgmodel.files import is_result, read_provenance, read_table, replacing
 from bgmodel.integrators.basal_ganglia import identity
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 
 DOCS = Path(__file__).parents[1] / "docs"
 RESULTS = DOCS / "results"
@@ -102,6 +102,10 @@ def said(behind: dict[str, Any]) -> str:
         text += ", coarse (`make score FAST=1`)"
     if not parameters.get("circuits"):
         return f"{text}; **with what circuit is not known**"
+    names = sorted({made["name"] for made in parameters["circuits"].values()})
+    text += f", circuit {', '.join(names)}"
+    if DEFAULT not in names:
+        text += f" (not the default, {DEFAULT})"
     others = sorted(_others(parameters["circuits"]))
     if others:
         text += f"; **measured with another circuit than today's**: {', '.join(others)}"
