@@ -77,7 +77,7 @@ class Condition(NamedTuple):
 
 
 def gaussian(hypotheses: int, d_prime: float) -> Draw:
-    """Return how to draw Gaussian evidence of a pairwise d' per reading."""
+    """Return a function that draws Gaussian evidence of a pairwise d' per reading."""
     return partial(gaussian_evidence, separation=d_prime / np.sqrt(2), hypotheses=hypotheses)
 
 

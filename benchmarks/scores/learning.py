@@ -127,7 +127,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return how many runs end near the best level, and what they earn beside the test."""
+    """Return the number of runs that end near the best level, and their reward beside the test."""
     found = made["runs"]
     found = found.assign(near=found["regret"] < NEAR)
     by = ["engine", "kind", "start_level", "after"]

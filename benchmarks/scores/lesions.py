@@ -61,7 +61,7 @@ def shifts(trials: int) -> pd.DataFrame:
 
 
 def controls(trials: int, workers: int) -> pd.DataFrame:
-    """Return what the circuit loses without a part, and max-vs-average beside the MSPRT."""
+    """Return the cost of each part that is left out, and max-vs-average beside the MSPRT."""
     table = circuit(TABLE, CHANNELS)
     edited = {
         "GPe held at its rest": table.without("GPe", replaced=True),

@@ -32,7 +32,7 @@ MOST = 8
 
 
 def changes(trials: int, every: int, workers: int) -> pd.DataFrame:
-    """Return how far each change moves each measure; NaN where the accuracy is not reached.
+    """Return the effect of each change on each measure; NaN where the accuracy is not reached.
 
     ``lost_kept`` is the accuracy that is lost at the threshold that was kept.
     """

@@ -57,7 +57,7 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
 
 
 def step_response(table: Circuit, size: float) -> tuple[float, float]:
-    """Return how far the leader's OUT rises and falls after a step of all channels, nats."""
+    """Return the rise and fall of the leader's OUT after a step of all channels, nats."""
     drive = np.zeros((1, 30, table.channels))
     drive[0, :, 0] = 2.0
     drive[0, 10:] += size

@@ -130,7 +130,7 @@ def is_noisy(model: BasalGanglia) -> bool:
 
 
 def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
-    """Return what a circuit decides with noise of another seed: the same, if it has none.
+    """Return the decisions of a circuit with noise of another seed: the same, if it has none.
 
     Parameters
     ----------

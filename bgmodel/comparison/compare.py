@@ -277,7 +277,7 @@ def compare(
 
 
 def margin(accuracy: float) -> float:
-    """Return how near to an accuracy one must come to reach it: the nearer to 1, the nearer."""
+    """Return the margin within which an accuracy counts as reached: smaller towards 1."""
     return min(MARGIN, SHARE_OF_ERRORS * (1 - accuracy))
 
 

@@ -287,7 +287,7 @@ def readings_of(
     kappa: float = 1.0,
     leader: int = 0,
 ) -> int:
-    """Return how many readings it takes to cross all thresholds in all designs, and half more.
+    """Return the readings needed to cross all thresholds in all designs, and half more.
 
     Raises
     ------
