@@ -8,11 +8,12 @@ from benchmarks.scores import (
     levels,
     limits,
     population,
+    raw,
     sensitivity,
 )
 from benchmarks.scores.pieces import main
 
-MODULES = (agreement, limits, lesions, levels, learning, experiments, sensitivity, population)
+MODULES = (raw, agreement, limits, lesions, levels, learning, experiments, sensitivity, population)
 
 if __name__ == "__main__":
     main(*(module.SCORE for module in MODULES))

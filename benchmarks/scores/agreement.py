@@ -89,11 +89,11 @@ def kinds() -> Iterator[Kind]:
         yield Kind(name, count, most, gaussian(count, d_prime), seconds)
     taps = held_out_taps()
     for period, most, seconds in ((1.5, 240, 4), (2.0, 40, 1)):
-        drawn = folds(taps, SameDifferent(), period_mm=period).draw
-        yield Kind(f"same/different, {period:g} mm", 2, most, drawn, seconds)
+        draw = folds(taps, SameDifferent(), period_mm=period).draw
+        yield Kind(f"same/different, {period:g} mm", 2, most, draw, seconds)
     for count, seconds in ((4, 2), (8, 7)):
-        drawn = folds(taps, Orientations(count), period_mm=2.0).draw
-        yield Kind(f"{count} orientations, 2 mm", count, 60, drawn, seconds)
+        draw = folds(taps, Orientations(count), period_mm=2.0).draw
+        yield Kind(f"{count} orientations, 2 mm", count, 60, draw, seconds)
     if folder := os.environ.get("BGMODEL_RECORDINGS"):
         yield Kind("real taps, edge 5 degrees", 2, 60, real_taps(Path(folder)).draw, 1.5)
 
@@ -134,21 +134,27 @@ def _condition(
     step_ms: float = 50.0,
     times: float = 1.0,
 ) -> Condition:
-    draw = partial(_drawn, kind, trials, step_ms)
+    draw = partial(drawn, kind, trials, step_ms)
     seconds = times * kind.seconds * trials / 100
     name = f"{kind.name}{ending}"
     return Condition(name, table, gain_of(table, gain), trials, draw, seconds, not ending)
 
 
-def _drawn(kind: Kind, trials: int, step_ms: float) -> Evidence:
+def drawn(kind: Kind, trials: int, step_ms: float) -> Evidence:
+    """Return evidence of a kind, the same for every circuit."""
     rng = stream(SCORING_SEED, "scoring", kind.name)
     return kind.draw(trials, kind.most, rng=rng, step_ms=step_ms)
 
 
-def groups(condition: Condition) -> npt.NDArray[np.intp] | None:
+def groups_of(name: str, trials: int) -> npt.NDArray[np.intp] | None:
     """Return the fold of each trial of simulated taps: whole folds are drawn for its interval."""
-    simulated = condition.name.startswith(("same/different", "4 orient", "8 orient"))
-    return np.arange(condition.trials) % FOLDS if simulated else None
+    simulated = name.startswith(("same/different", "4 orient", "8 orient"))
+    return np.arange(trials) % FOLDS if simulated else None
+
+
+def groups(condition: Condition) -> npt.NDArray[np.intp] | None:
+    """Return the fold of each trial of a condition."""
+    return groups_of(condition.name, condition.trials)
 
 
 def decisions(condition: Condition, workers: int) -> pd.DataFrame:

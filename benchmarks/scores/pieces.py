@@ -24,7 +24,7 @@ from bgmodel.integrators.basal_ganglia import identity
 from circuits.anatomy import circuit
 
 TABLE = "spiking_msprt"
-"""The circuit that is scored."""
+"""The circuit that most scores are of."""
 Made = dict[str, pd.DataFrame]
 """What was found, by kind of piece."""
 
@@ -70,6 +70,8 @@ class Score:
         Takes what was found; returns each table of the pages with the kind that it comes from.
     draw : function, optional
         Takes what was found, and a folder for pictures.
+    circuit : str
+        The table that is scored.
     """
 
     name: str
@@ -78,11 +80,12 @@ class Score:
     pieces: Callable[[bool, int], Iterable[Piece]]
     tables: Callable[[Made], Mapping[str, tuple[str, pd.DataFrame]]]
     draw: Callable[[Made, Path], None] | None = None
+    circuit: str = TABLE
 
     def behind(self, trials: Sequence[int], fast: bool) -> dict[str, Any]:
         """Return the parameters of a table: trials (the fewest and the most) and circuits."""
         span = sorted({min(trials), max(trials)})
-        circuits = {str(n): identity(circuit(TABLE, n)) for n in self.channels}
+        circuits = {str(n): identity(circuit(self.circuit, n)) for n in self.channels}
         found = {"trials": span[0] if len(span) == 1 else span, "circuits": circuits}
         return found | ({"fast": True} if fast else {})
 

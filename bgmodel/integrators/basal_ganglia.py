@@ -306,8 +306,8 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     at_rest, low = rest_out(circuit), circuit.readable_nats[0]
     if at_rest <= threshold_nats:
         raise ValueError(
-            f"{circuit.name} rests at OUT = {at_rest:.2f}, which is not above the threshold of "
-            f"{threshold_nats:.2f} {circuit.unit}: it would decide without evidence"
+            f"{circuit.name} rests at OUT = {round(at_rest, 2) + 0.0:.2f}, which is not above the "
+            f"threshold of {threshold_nats:.2f} {circuit.unit}: it would decide without evidence"
         )
     if threshold_nats < low:
         at, of = "", ""

@@ -206,7 +206,8 @@ class Folds:
             part = readings.draw(len(truth[fold::count]), steps, rng=rng, step_ms=step_ms)
             values[fold::count] = part.log_likelihood
             truth[fold::count] = np.asarray(part.truth)
-        return Evidence(values, truth, step_ms=step_ms)
+        baseline = np.mean([readings.baseline for readings in self.sources], axis=0)
+        return Evidence(values, truth, step_ms=step_ms, baseline=baseline)
 
     def groups(self, trials: int) -> npt.NDArray[np.intp]:
         """Return the fold of each trial, (trials,), for the bootstrap of ``comparison.compare``."""

@@ -1,0 +1,81 @@
+"""The default circuit on raw evidence, beside its control and its ceiling: make score.
+
+Each channel gets its own evidence. Beside it stand the same circuit with the mean over channels
+taken off outside (the control), chance, and the circuit with other noise (the ceiling). Populations
+decide on every kind of evidence, spikes on some. These seeds tuned nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import pandas as pd
+
+from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds
+from benchmarks.scores.pieces import Made, Piece, Score, main, wide
+from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, compare_with_msprt
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.anatomy import DEFAULT, circuit
+
+TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200
+SPIKING = ("Gaussian, d' 0.5, N = 2", "Gaussian, d' 1, N = 2", "Gaussian, d' 1, N = 4")
+FASTER, SLOWER = 60, 8
+"""Times that populations are faster than spikes in ``kinds``, and this table is slower."""
+MEASURES = ("agreement", "within_50_ms", "pearson_r", "extra_ms")
+OTHER_NOISE = "circuit with other noise"
+
+
+def decisions(kind: Kind, engine: str, centred: bool, trials: int, workers: int) -> pd.DataFrame:
+    """Return the comparison of the circuit on a kind of evidence, raw or centred."""
+    table = circuit(DEFAULT, kind.count)
+    options = {"workers": workers, "sample_ms": 1.0}
+    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options, centred or None)
+    evidence = drawn(kind, trials, 50.0)
+    groups = groups_of(kind.name, trials)
+    found = compare_with_msprt(
+        model, evidence, seed=SCORING_SEED, rivals=(), ceiling=not centred, groups=groups
+    )
+    given = "mean taken off" if centred else "raw"
+    return found.assign(evidence=kind.name, engine=engine, given=given, trials=trials)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield populations on raw and centred evidence of every kind, and spikes on some."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for kind in kinds():
+        for centred in (False, True):
+            make = partial(decisions, kind, "population", centred, trials, workers)
+            name = f"{kind.name}, population{', mean taken off' if centred else ''}"
+            # Most of it is the bootstrap.
+            seconds = kind.seconds * trials / 100 * SLOWER / FASTER + trials / 70
+            yield Piece("decisions", name, trials, seconds, make)
+        if kind.name in SPIKING:
+            few = COARSE_SPIKING if fast else SPIKING_TRIALS
+            make = partial(decisions, kind, "ensemble", False, few, workers)
+            seconds = kind.seconds * few / 100 * SLOWER
+            yield Piece("decisions", f"{kind.name}, ensemble", few, seconds, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return a row per evidence, engine, what it was given, and accuracy."""
+    found = made["decisions"]
+    found = found[(found["model"] == CIRCUIT) & found["accuracy"].notna()]
+    beside = (*MEASURES, *(f"{name}_chance" for name in MEASURES), "agreement_corrected")
+    kept = found[
+        (found["reference"] == MSPRT_AT_GAIN)
+        & found["measure"].isin([*beside, "pearson_r_of_ceiling"])
+    ]
+    self = found[
+        (found["reference"] == OTHER_NOISE)
+        & found["measure"].isin(["agreement_corrected", "pearson_r"])
+    ]
+    self = self.assign(measure="ceiling_" + self["measure"])
+    by = ["evidence", "engine", "given", "trials", "accuracy"]
+    return {"decisions": ("decisions", wide(pd.concat([kept, self]), by))}
+
+
+SCORE = Score("raw", SCORING_SEED, (2, 4, 8), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
