@@ -149,7 +149,7 @@ def warn_of_default(file: Path) -> None:
 
     if not toml_files.gives(file, "circuit"):
         warnings.warn(
-            f"{file.name} names no circuit and runs on {DEFAULT}, the default since version 0.3; "
+            f"{file.name} names no circuit and runs on {DEFAULT}, the default since version 0.2; "
             'one that was made before ran on spiking_msprt: write circuit = "spiking_msprt" for it',
             stacklevel=2,
         )

@@ -38,7 +38,7 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {
 }
 """All tables by name; each takes the number of channels."""
 DEFAULT = "macaque"
-"""The table that is taken where none is named; up to version 0.2 it was "spiking_msprt"."""
+"""The table that is taken where none is named; before version 0.2 it was "spiking_msprt"."""
 
 
 def circuit(name: str | Path, channels: int | None = None) -> Circuit:
