@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.steady import steady_shifts
+from bgmodel.comparison.steady import lesions, steady_shifts
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import circuit
-from circuits.spec import Circuit
 from figures.common import BRIEF, GAIN, Settings, letter, run
 
 CHANNELS = 4
@@ -24,22 +23,6 @@ AT, HIGHEST = 0.95, 0.96
 LOG_ODDS = (1.75, 2.25, 2.75)
 SPIKING_EVERY = 3
 """Every so-many-th lesion decides in spikes too."""
-
-
-def lesions(table: Circuit) -> dict[str, Circuit]:
-    """Return the edits, lost drive replaced or not."""
-    return {
-        "STN 10 %": table.without("STN", 0.1),
-        "STN 20 %": table.without("STN", 0.2),
-        "STN 50 %, replaced": table.without("STN", 0.5, replaced=True),
-        "GPe 10 %": table.without("GPe", 0.1),
-        "GPe 20 %": table.without("GPe", 0.2),
-        "GPe, replaced": table.without("GPe", replaced=True),
-        "D1 10 %": table.without("D1", 0.1),
-        "D1 20 %": table.without("D1", 0.2),
-        "D2": table.without("D2"),
-        "hyperdirect 3 %": table.scaled("ctx", "STN", 0.97),
-    }
 
 
 def steady(settings: Settings, *, output: Path) -> None:

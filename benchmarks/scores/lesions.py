@@ -17,7 +17,7 @@ from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.compare import compare, tradeoff
-from bgmodel.comparison.steady import leader_drive, steady_shifts
+from bgmodel.comparison.steady import leader_drive, lesions, steady_shifts
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage
@@ -25,7 +25,6 @@ from bgmodel.integrators.sprt import Msprt
 from circuits.anatomy import circuit
 from circuits.controls import linear_stn, shuffled_stn
 from circuits.laws.spectra import out_variance
-from circuits.spec import Circuit
 
 SCORING_SEED = 40_002
 CHANNELS, GAIN, AT = 4, 0.5, 0.95
@@ -38,26 +37,10 @@ POSTERIOR = 0.85
 """Where the scatter of OUT is told."""
 
 
-def edits(table: Circuit) -> dict[str, Circuit]:
-    """Return ten edits, lost drive replaced or not."""
-    return {
-        "STN 10 %": table.without("STN", 0.1),
-        "STN 20 %": table.without("STN", 0.2),
-        "STN 50 %, replaced": table.without("STN", 0.5, replaced=True),
-        "GPe 10 %": table.without("GPe", 0.1),
-        "GPe 20 %": table.without("GPe", 0.2),
-        "GPe, replaced": table.without("GPe", replaced=True),
-        "D1 10 %": table.without("D1", 0.1),
-        "D1 20 %": table.without("D1", 0.2),
-        "D2": table.without("D2"),
-        "hyperdirect 3 %": table.scaled("ctx", "STN", 0.97),
-    }
-
-
 def shifts(trials: int) -> pd.DataFrame:
     """Return the shift of OUT by each edit, measured and by theory."""
     table = circuit(TABLE, CHANNELS)
-    return steady_shifts(table, edits(table), LOG_ODDS, seed=SCORING_SEED, trials=trials)
+    return steady_shifts(table, lesions(table), LOG_ODDS, seed=SCORING_SEED, trials=trials)
 
 
 def controls(trials: int, workers: int) -> pd.DataFrame:

@@ -144,3 +144,22 @@ def steady_shifts(
         }
         parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True)
+
+
+def lesions(table: Circuit) -> dict[str, Circuit]:
+    """Return ten lesions of a circuit by name, lost drive replaced where the name says so.
+
+    They are those of figure C5 and of its score.
+    """
+    return {
+        "STN 10 %": table.without("STN", 0.1),
+        "STN 20 %": table.without("STN", 0.2),
+        "STN 50 %, replaced": table.without("STN", 0.5, replaced=True),
+        "GPe 10 %": table.without("GPe", 0.1),
+        "GPe 20 %": table.without("GPe", 0.2),
+        "GPe, replaced": table.without("GPe", replaced=True),
+        "D1 10 %": table.without("D1", 0.1),
+        "D1 20 %": table.without("D1", 0.2),
+        "D2": table.without("D2"),
+        "hyperdirect 3 %": table.scaled("ctx", "STN", 0.97),
+    }
