@@ -156,7 +156,7 @@ def warn_of_default(file: Path) -> None:
 
 
 def seen_from(folder: Path, asked: Asked) -> Asked:
-    """Return what a file asks for, with the files that it names looked for in its folder.
+    """Return the contents of a file, with the files that it names looked for in its folder.
 
     Parameters
     ----------

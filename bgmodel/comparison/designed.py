@@ -372,7 +372,7 @@ def _intervals(moved: Array) -> tuple[Array, Array, Array]:
 
 
 def verdicts(table: pd.DataFrame) -> pd.DataFrame:
-    """Return what a table of designed trials says of each theory.
+    """Return the verdict of a table of designed trials on each theory.
 
     Parameters
     ----------

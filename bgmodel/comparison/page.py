@@ -73,7 +73,7 @@ def page(table: pd.DataFrame) -> str:
 
 
 def _legend(table: pd.DataFrame) -> list[str]:
-    """Return what rows mean that are read beside others, a line each."""
+    """Return the meaning of rows that are read beside others, a line each."""
     found = [CHANCE]
     if "reference" in table and (table["reference"] == OTHER_NOISE).any():
         found.append(CEILING)
@@ -158,7 +158,7 @@ SHOWN = {
 
 
 def _column(part: pd.DataFrame, accuracy: float, same: bool | None) -> dict[str, str]:
-    """Return what is shown at one accuracy; same says whether accuracies are equivalent there."""
+    """Return the rows shown at one accuracy; same: whether accuracies are equivalent there."""
     here = part[part["accuracy"] == accuracy].set_index("measure").T
     measures = {m: f"{name} ({m})" for m, (name, _) in SHOWN.items() if m in here}
     if here.loc["value"].isna().all():

@@ -37,7 +37,7 @@ def side_by_side(
     *,
     again: Choices | None = None,
 ) -> dict[str, Array]:
-    """Return what trial against trial tells, by name, (B,) each.
+    """Return the measures of trial against trial, by name, (B,) each.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ class BasalGanglia(Facts):
         return self.trace(self.activity(evidence), evidence)
 
     def drive(self, evidence: Evidence) -> npt.NDArray[np.float64]:
-        """Return what the circuit is given: raw evidence, or as ``drive_of`` where it is centred.
+        """Return the drive: raw evidence, or as ``drive_of`` where it is centred.
 
         Raises
         ------

@@ -318,7 +318,7 @@ def _spread_four(values):
 
 @numba.njit(inline="always")
 def _per_bit(steps):
-    """Return what a bit of noise does in four ticks, as ``ones_in`` counts bits."""
+    """Return the effect of a bit of noise in four ticks, as ``ones_in`` counts bits."""
     return steps[0], steps[1] * _BYTES[1], steps[2] * _BYTES[2], steps[3] * _BYTES[3]
 
 
@@ -444,7 +444,7 @@ def noted(marks, fired, cells, ticks):
 
 @compiled
 def how_many(fired, cells):
-    """Return how many cells fired, from a bit for each."""
+    """Return the number of cells that fired, from a bit for each."""
     total = 0
     for g in range(cells // LANES):
         total += ones(fired[np.uint64(g)])
