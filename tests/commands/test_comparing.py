@@ -7,7 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.commands.names import MACAQUE
 from bgmodel.files import provenance_path
+from circuits.anatomy import DEFAULT
 from tests.helpers import run
 
 SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edits.neurons", 100)
@@ -175,3 +177,7 @@ def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
         .notna()
         .all()
     )
+
+
+def test_commands_take_the_default_circuit_of_the_tables():
+    assert MACAQUE == DEFAULT

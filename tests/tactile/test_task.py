@@ -213,3 +213,12 @@ def test_orientations_repeat_after_half_a_turn():
     assert likelihood.period_deg == 180
     readings = np.array([-89.0, 0.0, 45.0, 89.9])
     np.testing.assert_allclose(likelihood(readings + 180), likelihood(readings), atol=1e-9)
+
+
+def test_evidence_of_folds_has_one_baseline_known_before_the_trials():
+    drawn = folds(TAPS, SameDifferent(), period_mm=2.0)
+    want = np.mean([one.baseline for one in drawn.sources], axis=0)
+    for trials in (6, 30):
+        found = drawn.draw(trials, 4, rng=np.random.default_rng(trials)).baseline
+        np.testing.assert_array_equal(found, want)
+    assert (want < 0).all()
