@@ -61,7 +61,7 @@ class Population:
     tau_ms : float
         Time constant of the input's filter, ms; cells that hear nats have their own.
     receptor : str
-        "D1" or "D2" where dopamine raises or lowers the cortical gain.
+        "D1" or "D2" where dopamine on the cells raises or lowers the cortical gain.
     pivot_nats : float
         The cortical input at which dopamine changes nothing: it steepens what is above.
     spread : float
@@ -150,6 +150,10 @@ class Projection:
         What the weight is multiplied by in each target channel; none means 1 in all.
     transfer : str
         What the target's dendrite makes of the summed, filtered activity, by name.
+    receptor : str
+        "D1" or "D2" where dopamine at its terminals raises or lowers the weight.
+    pivot_nats : float
+        What arrives at rest, before the weight: there dopamine changes nothing.
     cite : str
         Where the numbers come from.
     """
@@ -163,6 +167,8 @@ class Projection:
     probability: float = 1.0
     factors: tuple[float, ...] = ()
     transfer: str = "linear"
+    receptor: str = ""
+    pivot_nats: float = 0.0
     cite: str = ""
 
     def __post_init__(self) -> None:
@@ -171,8 +177,10 @@ class Projection:
         check_types(self, self.name)
         transfer.named(self.transfer)
         _one_of("pattern", self.pattern, PATTERNS)
-        if not math.isfinite(self.weight):
-            raise ValueError(f"{self.name}: weight must be finite, got {self.weight}")
+        _one_of("receptor", self.receptor, RECEPTORS)
+        for name in ("weight", "pivot_nats"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
         if not 0 <= self.tau_ms < math.inf:
             raise ValueError(f"{self.name}: tau_ms must be >= 0, got {self.tau_ms}")
         if not 0 <= self.delay_ms <= MOST_DELAY_MS:

@@ -69,11 +69,12 @@ def pathways(circuit: Circuit) -> pd.DataFrame:
             "probability": p.probability,
             "by_channel": " ".join(f"{factor:g}" for factor in p.factors),
             "f": p.transfer,
+            "receptor": p.receptor,
             "source": p.cite,
         }
         for p in circuit.projections
     ]
-    return _dropping(pd.DataFrame(rows), probability=1.0, by_channel="", f="linear")
+    return _dropping(pd.DataFrame(rows), probability=1.0, by_channel="", f="linear", receptor="")
 
 
 def text(circuit: Circuit) -> str:

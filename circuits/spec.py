@@ -327,28 +327,41 @@ class Circuit:
         factors[channel] *= factor
         return self.with_projection(source, target, factors=tuple(factors))
 
+    def receptors(self) -> tuple[tuple[Projection, Population | Projection], ...]:
+        """Return the pathways that dopamine scales, each with the row that has the receptor.
+
+        That is a pathway with receptors at its terminals, or one from the input onto cells with
+        receptors; where both have them, those of the pathway count.
+        """
+        found: list[tuple[Projection, Population | Projection]] = []
+        for p in self.projections:
+            cells = self.population(p.target)
+            if p.receptor:
+                found.append((p, p))
+            elif cells.receptor and p.source == self.input:
+                found.append((p, cells))
+        return tuple(found)
+
     def dopamine(self, level: float) -> Circuit:
         """Return the circuit at a dopamine level relative to this one; the range is 0..2.
 
-        The cortical weight onto cells with D1 receptors is multiplied by ``level``, onto cells with
-        D2 receptors by ``2 - level``; an input at the cells' ``pivot_nats`` stays what it was.
+        The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
+        ``2 - level``; see ``receptors``. What it adds at the ``pivot_nats`` stays what it was.
         """
         check_number("dopamine level", level)
         if not 0 <= level <= 2:
             raise ValueError(f"dopamine level must lie in 0..2, got {level}")
         circuit = self
-        for p in self.projections:
-            row = self.population(p.target)
+        for p, row in self.receptors() if level != 1 else ():
+            if p.factors and row.pivot_nats:
+                raise ValueError(
+                    f"{p.name} differs from channel to channel: dopamine about a pivot would "
+                    "need a bias for each"
+                )
             change = RECEPTORS[row.receptor] * (level - 1)
-            if change and p.source == self.input:
-                if p.factors and row.pivot_nats:
-                    raise ValueError(
-                        f"{p.name} differs from channel to channel: dopamine about a pivot would "
-                        "need a bias for each"
-                    )
-                circuit = circuit.scaled(p.source, p.target, 1 + change)
-                bias = row.bias_nats - change * p.weight * row.pivot_nats
-                circuit = circuit.with_population(row.name, bias_nats=bias)
+            bias = circuit.population(p.target).bias_nats - change * p.weight * row.pivot_nats
+            circuit = circuit.scaled(p.source, p.target, 1 + change)
+            circuit = circuit.with_population(p.target, bias_nats=bias)
         return circuit
 
     def with_channels(self, channels: int) -> Circuit:

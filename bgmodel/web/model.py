@@ -61,19 +61,15 @@ def plain(table: Circuit) -> dict[str, Any]:
 
 
 def _dopamine(wiring: Wiring) -> list[dict[str, Any]]:
-    """Return the cortical pathways that dopamine scales, as ``Circuit.dopamine`` does."""
-    table, found = wiring.circuit, []
-    for i, path in enumerate(table.projections):
-        row = table.population(path.target)
-        if path.source != table.input or not RECEPTORS[row.receptor]:
-            continue
-        found.append(
-            {
-                "sign": RECEPTORS[row.receptor],
-                "weight": path.weight,
-                "pivot": row.pivot_nats,
-                "blocks": wiring.blocks_of(row.name).tolist(),
-                "units": [u for u in range(wiring.units) if wiring.path[u] == i],
-            }
-        )
-    return found
+    """Return the pathways that dopamine scales, as ``Circuit.dopamine`` does."""
+    table = wiring.circuit
+    return [
+        {
+            "sign": RECEPTORS[row.receptor],
+            "weight": path.weight,
+            "pivot": row.pivot_nats,
+            "blocks": wiring.blocks_of(path.target).tolist(),
+            "units": [u for u in range(wiring.units) if wiring.projection(u) is path],
+        }
+        for path, row in table.receptors()
+    ]

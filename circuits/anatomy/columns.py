@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 from circuits.rows import Population, Projection
 
 Row = TypeVar("Row", Population, Projection)
+NAMES: dict[type, tuple[str, ...]] = {Population: ("name",), Projection: ("source", "target")}
+"""The columns that tell rows apart: every part begins with them."""
 
 
 def rows(kind: type[Row], *parts: tuple[str | tuple[Any, ...], ...]) -> tuple[Row, ...]:
@@ -18,23 +20,26 @@ def rows(kind: type[Row], *parts: tuple[str | tuple[Any, ...], ...]) -> tuple[Ro
         ``Population`` or ``Projection``.
     *parts : tuples
         The table, in one part or in several that stand below each other. The first entry of a part
-        is its header, names of fields between blanks; each other entry is a row of values. Parts
-        have the same rows in the same order, and the same first column.
+        is its header, names of fields between blanks; each other entry is a row of values. The
+        first part has all rows; a later one has those that differ from the defaults of its columns.
 
     Raises
     ------
     ValueError
-        If a row has another number of values than its header, or parts differ in their rows.
+        If a row has another number of values than its header, a part does not begin with the
+        columns that name a row, or a later part has a row that the first has not.
     """
-    found: list[dict[str, Any]] = [{} for _ in parts[0][1:]]
-    for header, *lines in parts:
-        names = str(header).split()
-        if len(lines) != len(found):
-            raise ValueError(f"the table has {len(found)} rows, its part {header!r} {len(lines)}")
-        for row, line in zip(found, lines, strict=True):
-            if len(line) != len(names):
-                raise ValueError(f"{line[0]}: {len(names)} columns, got {len(line)} values")
-            if row.get(names[0], line[0]) != line[0]:
-                raise ValueError(f"{names[0]} is {row[names[0]]!r} in one part, {line[0]!r} below")
-            row.update(zip(names, line, strict=True))
-    return tuple(kind(**row) for row in found)
+    names = NAMES[kind]
+    found: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for number, (header, *lines) in enumerate(parts):
+        columns = tuple(str(header).split())
+        if columns[: len(names)] != names:
+            raise ValueError(f"a part begins with {' '.join(names)}, got {header!r}")
+        for line in lines:
+            if len(line) != len(columns):
+                raise ValueError(f"{line[0]}: {len(columns)} columns, got {len(line)} values")
+            key = tuple(line[: len(names)])
+            if number and key not in found:
+                raise ValueError(f"{header!r} has a row {'->'.join(key)}, the first part has none")
+            found.setdefault(key, {}).update(zip(columns, line, strict=True))
+    return tuple(kind(**row) for row in found.values())

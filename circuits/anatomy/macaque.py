@@ -11,6 +11,8 @@ from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
 
 LIENARD = "Lienard & Girard 2014, macaque"
 HUMPHRIES = "Humphries, Stewart & Gurney 2006"
+HERNANDEZ = "Hernandez et al. 2006, rat"
+SHEN = "Shen & Johnson 2000, rat"
 ASSUMED = "assumed"
 AMPA = f"delay {LIENARD}; time constant after AMPA 2 ms, {HUMPHRIES}"
 GABA_A = f"delay {LIENARD}; time constant after GABA 3 ms, {HUMPHRIES}"
@@ -21,6 +23,8 @@ FAST = "assumed: fast inhibition by the cortical mean; rate Lienard & Girard 201
 MSN = "CV assumed; cells and rate tuned"
 PACEMAKER = f"pacemaker, CV assumed; rate {LIENARD}"
 OUTPUT = "pacemaker, CV assumed; rate tuned"
+D2_AMPA = f"{AMPA}; D2 at terminals {HERNANDEZ}"
+D2_GABA = f"{SHARED}; D2 at terminals {SHEN}"
 SLOW = "GPe cells that inhibit frontal cortex, Saunders et al. 2015, mouse; gain and time assumed"
 
 
@@ -38,7 +42,11 @@ def macaque(channels: int = 2) -> Circuit:
     D1 fires .4 nats above its silence at rest, for any number of channels, so that it can follow
     when all channels fall together. STN->SNr is slow, so that a step of all channels reaches SNr
     through STN about when it does through D1. All cells are renewal processes whose rate follows
-    its line: at the fixed point OUT is -ln P wherever no cortical channel is silent.
+    its line: at the fixed point OUT is -ln P wherever no cortical channel is silent. Rivals that are
+    silent count as if they stood at 0: by up to ``(N - 2) / N exp(-2.2)`` nats OUT lies too high,
+    .055 for N = 4, which only more spikes of cortex at rest would mend. Dopamine steepens D1's and
+    flattens D2's line about rest, and at terminals weakens the loop of STN and GPe, so that less
+    of it brings the loop nearer to oscillation (Lindahl & Hellgren Kotaleski 2016).
 
     Rates at rest that lie outside what is printed for the macaque (Lienard & Girard 2014: MSN 0-1,
     FSI 8-14, STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 5 Hz, for silent ones cannot
@@ -54,6 +62,7 @@ def macaque(channels: int = 2) -> Circuit:
     direct = 1 - indirect * share
     to_d1 = (1 + indirect * (1 - share)) * rest
     top = rest + log_n
+    from_stn = sigma - log(sigma)  # what GPe hears at rest, and dopamine leaves as it is
     # fmt: off
     populations = rows(Population, (
         "name       cell        neurons pooled baseline_hz gain_hz_per_nat transmitter cite",
@@ -70,12 +79,20 @@ def macaque(channels: int = 2) -> Circuit:
         ("ctx",     "saturating", 2,     "",       0.0,        tone + fast * rest),
         ("FSI",     "linear",     5,      "",       0.0,        0.0),
         # Dopamine turns about the input at rest: rates at rest stay what they are.
-        ("D1",      "linear",     0.0,    "D1",     to_d1,      above_floor - to_d1),
+        ("D1",      "linear",     0.0,    "D1",     rest,       above_floor - to_d1),
         ("D2",      "linear",     0.0,    "D2",     rest,       -rest),
         ("STN",     "exp",        5,      "",       0.0,        log(sigma) - rest * direct - log_n),
-        ("GPe",     "linear",     0.0,    "",       0.0,        log(sigma) - sigma),
+        ("GPe",     "linear",     0.0,    "",       0.0,        -from_stn),
         ("GPe_ctx", "linear",     5000,   "",       0.0,        tone - 10 * sigma),
         ("SNr",     "linear",     0.0,    "",       0.0,        log_n + above_floor - sigma),
+    ), (
+        "name       spread",  # of cells' rates, assumed; their mean is the line's
+        ("ctx",     0.3),
+        ("D1",      0.3),
+        ("D2",      0.3),
+        ("STN",     0.3),
+        ("GPe",     0.3),
+        ("SNr",     0.3),
     ))
     projections = rows(Projection, (
         "source     target     weight        pattern    delay_ms  tau_ms  transfer         cite",
@@ -86,12 +103,17 @@ def macaque(channels: int = 2) -> Circuit:
         ("FSI",     "ctx",     -fast,        "diffuse", 1,        3,      "linear",        ASSUMED),
         ("D1",      "SNr",     -1,           "channel", 11,       6,      "linear",        KERNEL),
         ("D2",      "GPe",     -indirect,    "channel", 7,        4,      "linear",        GABA_A),
-        ("STN",     "GPe",     1,            "diffuse", 3,        3,      "s_minus_log_s", AMPA),
+        ("STN",     "GPe",     1,            "diffuse", 3,        3,      "s_minus_log_s", D2_AMPA),
         ("STN",     "SNr",     1,            "diffuse", 3,        19,     "linear",        KERNEL),
         ("STN",     "GPe_ctx", 10,           "diffuse", 3,        5,      "linear",        SLOW),
-        ("GPe",     "STN",     -share,       "channel", 10,       4,      "linear",        SHARED),
+        ("GPe",     "STN",     -share,       "channel", 10,       4,      "linear",        D2_GABA),
         ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      "linear",        SHARED),
         ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    "linear",        SLOW),
+    ), (
+        # At terminals dopamine weakens the loop; GPe's activity is 0 at rest.
+        "source target receptor pivot_nats",
+        ("STN", "GPe", "D2",    from_stn),
+        ("GPe", "STN", "D2",    0.0),
     ))
     # fmt: on
     return Circuit(

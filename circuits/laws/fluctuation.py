@@ -20,6 +20,7 @@ import numpy.typing as npt
 from circuits.arrays import Array, Complex
 from circuits.cells.cell import Line
 from circuits.laws.mean_field import own_rates
+from circuits.laws.mixture import mean_response
 from circuits.wiring import Wiring
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
@@ -88,8 +89,7 @@ def linear(
     Raises
     ------
     ValueError
-        If cells differ or their type has no ``response``, or connections are sparse: then it is
-        not known.
+        If the cells' type has no ``response``, or connections are sparse: then it is not known.
     """
     _check(wiring)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
@@ -170,7 +170,8 @@ def _cells(wiring: Wiring, x: Array, frequency_hz: Array) -> tuple[Complex, Arra
     for row in wiring.circuit.populations:
         blocks = wiring.blocks_of(row.name)
         line = Line(*(law[:, blocks].ravel() for law in laws))
-        found = row.cell.response(x[:, blocks].ravel(), line, frequency_hz)
+        states = x[:, blocks].ravel()
+        found = mean_response(row.cell, row.spread, states, line, frequency_hz)
         for kept, values in zip((gain, bend, own), found, strict=True):
             wide = np.broadcast_to(values, (len(x) * len(blocks), len(frequency_hz)))
             kept[..., blocks] = wide.reshape(len(x), len(blocks), -1).swapaxes(1, 2)
@@ -215,16 +216,10 @@ def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
 
 
 def _check(wiring: Wiring) -> None:
-    reasons, spiking = [], [row for row in wiring.circuit.populations if row.spiking]
-    names = {row.name for row in spiking}
-    for row in spiking:
-        if row.spread:
-            reasons.append(f"those of {row.name} differ by {row.spread:.0%}")
+    names = {row.name for row in wiring.circuit.populations if row.spiking}
     for p in wiring.circuit.projections:
         if {p.source, p.target} <= names and p.probability < 1:
-            reasons.append(f"{p.name} connects {p.probability:.0%}")
-    if reasons:
-        raise ValueError(
-            "laws of a finite number of cells are known for cells that are alike and connected all "
-            f"to all: {reasons[0]}"
-        )
+            raise ValueError(
+                "laws of a finite number of cells are known for cells connected all to all: "
+                f"{p.name} connects {p.probability:.0%}"
+            )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from circuits.arrays import Array
+from circuits.laws.mixture import mean_rate_hz
 from circuits.wiring import Wiring
 
 TOLERANCE = 1e-10
@@ -21,7 +22,8 @@ def own_rates(wiring: Wiring, x: Array) -> Array:
     """
     hz = wiring.rates(x)
     for b in range(wiring.blocks):
-        hz[:, b] = wiring.row(b).cell.rate_hz(x[:, b], hz[:, b])
+        row = wiring.row(b)
+        hz[:, b] = mean_rate_hz(row.cell, row.spread, x[:, b], hz[:, b])
     return hz
 
 

@@ -1,4 +1,4 @@
-"""Power of rates and the noise of OUT in closed form, for cells that are alike.
+"""Power of rates and the noise of OUT in closed form.
 
 Linear noise about the fixed point of a finite number of cells, at rest or at a held drive, also
 where pathways bend (``circuits.laws.fluctuation``): what ``Activity.spectrum`` and the scatter of

@@ -275,6 +275,27 @@ def test_dopamine_raises_d1_and_lowers_d2(name):
             assert p.weight == pytest.approx(factor * old.weight, rel=1e-15), p.name
 
 
+@pytest.mark.parametrize("level", [0.0, 0.5, 1.7])
+def test_receptors_at_terminals_scale_their_pathway_and_keep_rest(level):
+    """D1: times the level, D2: times 2 less it; the rates at rest stay, bent pathways too."""
+    circuit = anatomy.macaque(3)
+    assert {p.name for p, row in circuit.receptors() if row is p} == {"STN->GPe", "GPe->STN"}
+    changed = circuit.dopamine(level)
+    for p, old in zip(changed.projections, circuit.projections, strict=True):
+        d2 = p.name in ("STN->GPe", "GPe->STN", "ctx->D2")
+        factor = 2 - level if d2 else level if p.name == "ctx->D1" else 1
+        assert p.weight == pytest.approx(factor * old.weight, rel=1e-14), p.name
+    rest, moved = (algebra.run(table, np.zeros((1, 1, 3))) for table in (circuit, changed))
+    for name, rates in rest.rates_hz.items():
+        np.testing.assert_allclose(moved.rates_hz[name], rates, atol=1e-9, err_msg=name)
+
+
+def test_receptors_of_a_pathway_go_before_those_of_the_cells_that_it_reaches():
+    circuit = anatomy.macaque().with_projection("ctx", "D1", receptor="D2")
+    weight = circuit.projection("ctx", "D1").weight
+    assert circuit.dopamine(0.5).projection("ctx", "D1").weight == 1.5 * weight
+
+
 def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away():
     exact = anatomy.bogacz_gurney()
     for same in (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from circuits.arrays import Array
 from circuits.cells.cell import Cell, Line, Response
 from circuits.engines.population import filters
 from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING
-from circuits.ticks import SPREAD_LEAST
+from circuits.laws.mixture import mean_rate_hz, mean_response
 
 STATES, STEPS, POINTS = 28, 512, 8192
 """Inputs at which filters are fitted, at which their coefficients are kept, and the law."""
@@ -80,10 +80,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Cells of a population that differ: the mean of their answers.
-
-    Three factors of their constants vary with a standard deviation ``spread``. The mean over six
-    points, each factor up or down by root 3 spreads, is right to third order.
+    """Cells of a population that may differ (``circuits.laws.mixture``), and their line.
 
     Parameters
     ----------
@@ -99,27 +96,17 @@ class Mixture:
     line: Straight
     spread: float = 0.0
 
-    @cached_property
-    def cells(self) -> list[tuple[Cell, float]]:
-        """Cells that stand for all, and what the rate of each is times."""
-        if not self.spread:
-            return [(self.cell, 1.0)]
-        ways = np.concatenate([np.eye(3), -np.eye(3)]) * np.sqrt(3) * self.spread
-        return [self.cell.varied(np.maximum(1 + way, SPREAD_LEAST)) for way in ways]
-
-    def at(self, x: Array, factor: float) -> Line:
-        """Return the line of one of the cells at inputs x (S,)."""
-        return Line(*(factor * part for part in self.line.at(x, self.cell.lowest_hz)))
+    def at(self, x: Array) -> Line:
+        """Return the line at inputs x (S,)."""
+        return self.line.at(x, self.cell.lowest_hz)
 
     def rate_hz(self, x: Array) -> Array:
         """Return the mean rate at inputs x (S,), Hz."""
-        every = [cell.rate_hz(x, self.at(x, f).hz) for cell, f in self.cells]
-        return np.asarray(np.mean(every, axis=0))
+        return mean_rate_hz(self.cell, self.spread, x, self.at(x).hz)
 
     def response(self, x: Array, frequency_hz: Array) -> Response:
         """Return the mean response at inputs x (S,), at frequencies (F,)."""
-        found = [cell.response(x, self.at(x, f), frequency_hz) for cell, f in self.cells]
-        return Response(*(np.mean(part, axis=0) for part in zip(*found, strict=True)))
+        return mean_response(self.cell, self.spread, x, self.at(x), frequency_hz)
 
 
 @lru_cache(maxsize=256)

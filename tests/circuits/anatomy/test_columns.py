@@ -23,7 +23,16 @@ def test_parts_of_a_table_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="STN: 3 columns, got 2 values"):
         rows(Projection, ("source target weight", ("STN", "GPe")))
     two = ("name cell", ("STN", Rate()), ("GPe", Rate()))
-    with pytest.raises(ValueError, match="the table has 2 rows, its part 'name tau_ms' 1"):
-        rows(Population, two, ("name tau_ms", ("STN", 5)))
-    with pytest.raises(ValueError, match="name is 'GPe' in one part, 'SNr' below"):
+    with pytest.raises(ValueError, match="'name tau_ms' has a row SNr, the first part has none"):
         rows(Population, two, ("name tau_ms", ("STN", 5), ("SNr", 5)))
+    with pytest.raises(ValueError, match="a part begins with source target, got 'source weight'"):
+        rows(Projection, ("source weight", ("STN", 1)))
+
+
+def test_a_row_that_a_later_part_leaves_out_has_the_default():
+    found = rows(
+        Projection,
+        ("source target weight", ("STN", "GPe", 1), ("STN", "SNr", 2)),
+        ("source target delay_ms", ("STN", "SNr", 3)),
+    )
+    assert found == (Projection("STN", "GPe", 1), Projection("STN", "SNr", 2, delay_ms=3))

@@ -85,7 +85,6 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
 @pytest.mark.parametrize(
     ("table", "what"),
     [
-        (TABLE.with_spread(0.1), "those of ctx differ by 10%"),
         (TABLE.with_connections(0.25), "ctx->D1 connects 25%"),
         (
             TABLE.with_projection("STN", "GPe", delay_ms=20).with_projection(

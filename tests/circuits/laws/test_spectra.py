@@ -30,6 +30,20 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
     np.testing.assert_allclose(bands, 1, atol=0.1)
 
 
+@pytest.mark.parametrize("level", [1.0, 0.5])
+def test_beta_of_cells_that_differ_is_what_spikes_show(level):
+    """The macaque's, of which each cell has a rate of its own, in two halves of the band."""
+    table = anatomy.macaque().dopamine(level)
+    assert table.population("STN").spread
+    found = ensemble.run(table, np.zeros((60, 3, 2)), step_ms=1000, seed=75)
+    for name in ("ctx", "STN", "GPe", "SNr"):
+        frequency, power = found.spectrum(name, from_ms=1000, segment_ms=500)
+        for low, high in ((13, 20), (20, 30)):
+            band = (frequency >= low) & (frequency <= high)
+            law = rate_spectrum(table, name, frequency[band]).mean()
+            assert power[band].mean() == pytest.approx(law, rel=0.15), (name, low, high)
+
+
 def test_power_of_cells_without_what_arrives_is_another():
     """A control: the noise of STN's cells without what arrives is off by more than a tenth."""
     wiring, x = state(TABLE)
