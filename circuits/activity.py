@@ -250,8 +250,13 @@ def warn_beyond_range(circuit: Circuit, drive: Array) -> None:
     found = total_nats(circuit, drive) if in_nats else circuit.rest_drive + drive
     low, high = circuit.range_nats
     if found.min() < low or found.max() > high:
+        common = (
+            ""
+            if circuit.centred
+            else (": beyond that it does not cancel what its channels have in common")
+        )
         warnings.warn(
             f"{'S' if in_nats else 'the input'} runs from {found.min():.2f} to {found.max():.2f} "
-            f"{circuit.unit}, {circuit.name} works from {low:g} to {high:g}",
+            f"{circuit.unit}, {circuit.name} works from {low:.3g} to {high:.3g}{common}",
             stacklevel=3,
         )

@@ -57,15 +57,15 @@ def solve(wiring: Wiring, drive: Array) -> Array:
 
 def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
     """Return the blocks that settle together, upstream first, and whether they are a loop."""
-    # Importing scipy.sparse takes a tenth of a second: only where a fixed point is asked for.
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    reach = (wiring.weight != 0) @ (wiring.deliver != 0)
-    target, source = (wiring.owner[blocks] for blocks in np.nonzero(reach))
+    direct = (wiring.weight != 0) @ (wiring.deliver != 0)
+    target, source = (wiring.owner[blocks] for blocks in np.nonzero(direct))
     rows = len(wiring.circuit.populations)
-    links = csr_array((np.ones(len(target)), (target, source)), (rows, rows))
-    label = connected_components(links, connection="strong")[1]
+    reach = np.eye(rows, dtype=np.bool_)
+    reach[target, source] = True
+    for _ in range(rows.bit_length()):  # paths twice as long each time
+        reach = reach @ reach
+    # Those that reach each other are one part, called by its first.
+    label = (reach & reach.T).argmax(axis=1)
     order: TopologicalSorter[int] = TopologicalSorter({int(i): set() for i in label})
     for t, s in zip(label[target], label[source], strict=True):
         if t != s:

@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from circuits.anatomy.printed_rates import at_rest, outside
 from circuits.cells import Cell
+from circuits.laws.posterior import off_nats
 from circuits.spec import GABA, NATS, Circuit, Population
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ COLOURS = {"glutamate": "#b2182b", GABA: "#2166ac"}
 def nuclei(circuit: Circuit) -> pd.DataFrame:
     """Return the populations as a table: one row per nucleus, units in the column names."""
     unit = circuit.unit.removesuffix("s")
+    resting = _resting(circuit)
     rows = [
         {
             "nucleus": p.name,
@@ -42,6 +45,7 @@ def nuclei(circuit: Circuit) -> pd.DataFrame:
             "channels": circuit.channels_of(p.name),
             "cells": p.neurons if p.spiking else 0,
             "releases": p.transmitter,
+            "rest_hz": resting.get(p.name, math.nan),
             "baseline_hz": p.baseline_hz,
             f"gain_hz_per_{unit}": p.gain_hz_per_nat,
             "f": p.transfer,
@@ -97,7 +101,7 @@ def html(circuit: Circuit) -> str:
 
 
 def _head(circuit: Circuit) -> str:
-    """Return the facts of the whole circuit, in four lines."""
+    """Return the facts of the whole circuit, a line each."""
     low, high = circuit.range_nats
     at_rest = (
         f"S = {circuit.reference_nats:.3g} nats at rest, works"
@@ -115,7 +119,37 @@ def _head(circuit: Circuit) -> str:
         f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}\n"
         f"{_drive(circuit)}, drive gain "
         f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
+        f"{_off(circuit)}{_outside(circuit)}"
     )
+
+
+def _resting(circuit: Circuit) -> dict[str, float]:
+    """Return rates at rest, Hz, by the table's lines; none if there is no rest."""
+    try:
+        return at_rest(circuit)
+    except ValueError:
+        return {}
+
+
+def _off(circuit: Circuit) -> str:
+    """Return a line on how far OUT lies off -ln P at the fixed point, or nothing without nats."""
+    if circuit.unit != NATS:
+        return ""
+    try:
+        low, high = off_nats(circuit)
+        text = f"all rivals level {low:+.3f} to {high:+.3f}"
+        if circuit.channels > 2:
+            low, high = off_nats(circuit, 1)
+            text += f", one rival and the others far behind {low:+.3f} to {high:+.3f}"
+    except ValueError as error:
+        text = f"not known ({error})"
+    return f"\nOUT - (-ln P) at the fixed point, where it is read, nats: {text}"
+
+
+def _outside(circuit: Circuit) -> str:
+    """Return a line on rates at rest that are not the animal's, or nothing."""
+    found = outside(circuit) if _resting(circuit) else ""
+    return f"\n{found}" if found else ""
 
 
 def _drive(circuit: Circuit) -> str:

@@ -107,9 +107,14 @@ class BasalGanglia(Facts):
         ValueError
             If each channel gets its own evidence and that has no baseline.
         """
-        if self.circuit.centred if self.centred is None else self.centred:
-            return drive_of(evidence, self.gain, self.circuit.reach_nats)
-        return self.gain * evidence.own_totals
+        if self.raw:
+            return self.gain * evidence.own_totals
+        return drive_of(evidence, self.gain, self.circuit.reach_nats)
+
+    @property
+    def raw(self) -> bool:
+        """Whether each channel gets its own evidence, and no mean is taken off before."""
+        return not (self.circuit.centred if self.centred is None else self.centred)
 
     @staticmethod
     def trace(activity: Activity, evidence: Evidence) -> Trace:

@@ -7,7 +7,7 @@ from circuits.cells import Rate
 from circuits.checks import check_channels, check_number
 from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
 
-GPR = "Gurney, Prescott & Redgrave 2001"
+GPR = "Gurney et al. 2001"
 ASSUMED = "1 is 100 Hz, assumed"
 
 
@@ -32,7 +32,7 @@ def gpr(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
         raise ValueError(f"dopamine must lie in 0..1, got {dopamine}")
     unit, weight, gained = Rate(), GPR, f"{GPR}, lambda {dopamine:g}"
     salience = f"{GPR}, saliences 0 to 1; {ASSUMED}"
-    ramp = f"{GPR}, its ramp; tau, authors' code; {ASSUMED}"
+    ramp = f"{GPR}, ramp; tau, authors' code; {ASSUMED}"
     # fmt: off
     populations = rows(Population, (
         "name   cell  gain_hz_per_nat  transmitter  receptor  transfer  tau_ms  bias_nats cite",

@@ -9,23 +9,23 @@ from circuits.cells import Phase, Rate
 from circuits.checks import check_channels
 from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
 
-LIENARD = "Lienard & Girard 2014, macaque"
-HUMPHRIES = "Humphries, Stewart & Gurney 2006"
+LIENARD = "Lienard & Girard 2014"
+HUMPHRIES = "Humphries et al. 2006"
 HERNANDEZ = "Hernandez et al. 2006, rat"
 SHEN = "Shen & Johnson 2000, rat"
 ASSUMED = "assumed"
-AMPA = f"delay {LIENARD}; time constant after AMPA 2 ms, {HUMPHRIES}"
-GABA_A = f"delay {LIENARD}; time constant after GABA 3 ms, {HUMPHRIES}"
+AMPA = f"delay {LIENARD}; tau after AMPA 2 ms, {HUMPHRIES}"
+GABA_A = f"delay {LIENARD}; tau after GABA 3 ms, {HUMPHRIES}"
 KERNEL = f"delay {LIENARD}; time constant tuned"
 SHARED = f"{GABA_A}; share tuned"
 CORTEX = "CV assumed; range of rates tuned"
-FAST = "assumed: fast inhibition by the cortical mean; rate Lienard & Girard 2014, macaque"
+FAST = f"assumed: fast inhibition by the cortical mean; rate {LIENARD}"
 MSN = "CV assumed; cells and rate tuned"
 PACEMAKER = f"pacemaker, CV assumed; rate {LIENARD}"
 OUTPUT = "pacemaker, CV assumed; rate tuned"
 D2_AMPA = f"{AMPA}; D2 at terminals {HERNANDEZ}"
 D2_GABA = f"{SHARED}; D2 at terminals {SHEN}"
-SLOW = "GPe cells that inhibit frontal cortex, Saunders et al. 2015, mouse; gain and time assumed"
+SLOW = "GPe onto frontal cortex, Saunders et al. 2015, mouse; gain, time assumed"
 
 
 def macaque(channels: int = 2) -> Circuit:
@@ -42,11 +42,13 @@ def macaque(channels: int = 2) -> Circuit:
     D1 fires .4 nats above its silence at rest, for any number of channels, so that it can follow
     when all channels fall together. STN->SNr is slow, so that a step of all channels reaches SNr
     through STN about when it does through D1. All cells are renewal processes whose rate follows
-    its line: at the fixed point OUT is -ln P wherever no cortical channel is silent. Rivals that are
-    silent count as if they stood at 0: by up to ``(N - 2) / N exp(-2.2)`` nats OUT lies too high,
-    .055 for N = 4, which only more spikes of cortex at rest would mend. Dopamine steepens D1's and
-    flattens D2's line about rest, and at terminals weakens the loop of STN and GPe, so that less
-    of it brings the loop nearer to oscillation (Lindahl & Hellgren Kotaleski 2016).
+    its line: at the fixed point OUT is -ln P wherever no cortical channel is silent. Rivals that
+    are silent count as if they stood at 0, and OUT lies too high by about ``(N - 2) / N exp(-2.2)``
+    nats, .055 for N = 4: only more spikes of cortex at rest would mend it.
+
+    Dopamine steepens D1's and flattens D2's line about rest, and at terminals weakens the loop of
+    STN and GPe: the less of it, the nearer the loop comes to oscillation (Lindahl & Hellgren
+    Kotaleski 2016).
 
     Rates at rest that lie outside what is printed for the macaque (Lienard & Girard 2014: MSN 0-1,
     FSI 8-14, STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 5 Hz, for silent ones cannot
@@ -66,7 +68,7 @@ def macaque(channels: int = 2) -> Circuit:
     # fmt: off
     populations = rows(Population, (
         "name       cell        neurons pooled baseline_hz gain_hz_per_nat transmitter cite",
-        ("ctx",     Phase(0.5), 600,    False, 1,          11,             GLUTAMATE,  CORTEX),
+        ("ctx",     Phase(0.5), 600,    False, 0.8,        11,             GLUTAMATE,  CORTEX),
         ("FSI",     Rate(),     1,      True,  0,          5,              GABA,       FAST),
         ("D1",      Phase(0.5), 5000,   False, 0,          12,             GABA,       MSN),
         ("D2",      Phase(0.5), 600,    False, 3,          2,              GABA,       MSN),

@@ -83,8 +83,8 @@ def test_run_without_spikes_writes_none(tmp_path, capsys):
         (["show", "spiking_msprt", "--edits.neurons", "0"], "neurons must be a whole number"),
         (["show", "spiking_msprt", "--noise", "0.99"], "that spiking_msprt reads, 0.52 to 0.95"),
         (
-            ["show", "spiking_msprt", "--noise", "0.8", "--edits.spread", "0.1"],
-            "those of ctx differ by 10%",
+            ["show", "spiking_msprt", "--noise", "0.8", "--edits.connections", "0.5"],
+            "ctx->D1 connects 50%",
         ),
         (["run", "d.txt"], "output must end in .parquet or .csv"),
         (["run", "d.csv", "--posterior", "1"], "posterior must lie between chance"),

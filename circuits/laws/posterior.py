@@ -1,0 +1,58 @@
+"""How far OUT lies off -ln P at the fixed point, where the table says that it is read."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.arrays import Array
+from circuits.fixed_point import solve, wired
+from circuits.spec import Circuit
+
+STEPS = 21
+"""Values of OUT at which it is looked up, from the lowest to the highest that is read."""
+BEHIND_NATS = 30.0
+"""So far behind is a rival that counts for nothing."""
+
+
+def off_nats(circuit: Circuit, rivals: int | None = None) -> tuple[float, float]:
+    """Return the lowest and highest of OUT less -ln P, nats, of the leader at the fixed point.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table, its drive centred and cut as it states.
+    rivals : int, optional
+        So many rivals are level, all others far behind; all are level if left out.
+
+    Raises
+    ------
+    ValueError
+        If the circuit has no fixed point, does not work in nats, or has not so many rivals.
+    """
+    circuit.check_nats("OUT as -ln P")
+    count = circuit.channels - 1 if rivals is None else rivals
+    if not 1 <= count < circuit.channels:
+        raise ValueError(f"rivals must lie in 1..{circuit.channels - 1}, got {rivals}")
+    low, high = circuit.readable_nats
+    want = np.linspace(low, min(high, np.log(count + 1)), STEPS + 1)[1:]
+    drive = np.full((STEPS, circuit.channels), -BEHIND_NATS)
+    drive[:, 0] = 0.0
+    drive[:, 1 : count + 1] = (np.log(np.expm1(want)) - np.log(count))[:, None]
+    found = _out(circuit, _entering(circuit, drive))[:, 0] - want
+    return float(found.min()), float(found.max())
+
+
+def _entering(circuit: Circuit, drive: Array) -> Array:
+    """Return a drive as it enters: cut at the circuit's reach and centred, if it must be."""
+    if not circuit.centred:
+        return drive
+    cut = np.maximum(drive, drive.max(axis=1, keepdims=True) - circuit.reach_nats)
+    return np.asarray(cut - cut.mean(axis=1, keepdims=True))
+
+
+def _out(circuit: Circuit, drive: Array) -> npt.NDArray[np.float64]:
+    """Return OUT (drives, channels) at the fixed point, nats."""
+    wiring, row = wired(circuit), circuit.population(circuit.readout)
+    rates = wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(row.name)]
+    return np.asarray((rates - row.baseline_hz) / row.gain_hz_per_nat)
