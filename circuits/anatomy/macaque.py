@@ -23,8 +23,8 @@ FAST = f"assumed: fast inhibition by the cortical mean; rate {LIENARD}"
 MSN = "CV assumed; cells and rate tuned"
 PACEMAKER = f"pacemaker, CV assumed; rate {LIENARD}"
 OUTPUT = "pacemaker, CV assumed; rate tuned"
-D2_AMPA = f"{AMPA}; D2 at terminals {HERNANDEZ}"
-D2_GABA = f"{SHARED}; D2 at terminals {SHEN}"
+D2_AMPA = f"{AMPA}; D2 {HERNANDEZ}"
+D2_GABA = f"{SHARED}; D2 {SHEN}"
 SLOW = "GPe onto frontal cortex, Saunders et al. 2015, mouse; gain, time assumed"
 
 
