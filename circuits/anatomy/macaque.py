@@ -19,13 +19,13 @@ GABA_A = f"delay {LIENARD}; tau after GABA 3 ms, {HUMPHRIES}"
 KERNEL = f"delay {LIENARD}; time constant tuned"
 SHARED = f"{GABA_A}; share tuned"
 CORTEX = "CV assumed; range of rates tuned"
-FAST = f"assumed: fast inhibition by the cortical mean; rate {LIENARD}"
+FAST = f"inhibition by the cortical mean, assumed; rate {LIENARD}"
 MSN = "CV assumed; cells and rate tuned"
 PACEMAKER = f"pacemaker, CV assumed; rate {LIENARD}"
 OUTPUT = "pacemaker, CV assumed; rate tuned"
 D2_AMPA = f"{AMPA}; D2 {HERNANDEZ}"
 D2_GABA = f"{SHARED}; D2 {SHEN}"
-SLOW = "GPe onto frontal cortex, Saunders et al. 2015, mouse; gain, time assumed"
+SLOW = "GPe to frontal cortex, Saunders et al. 2015, mouse; gain, time assumed"
 
 
 def macaque(channels: int = 2) -> Circuit:
