@@ -6,7 +6,7 @@ Nothing about a pathway is written anywhere else. An edit returns a new circuit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -71,6 +71,8 @@ class Circuit:
         Most alternatives for which the circuit has a state of rest.
     wiring_seed : int
         Key of what differs from cell to cell: connections and spread.
+    chronic : bool
+        Whether lesions are old: the circuit starts at its own rest, not at that of the intact one.
     about : str
         One sentence with its source.
     """
@@ -94,6 +96,7 @@ class Circuit:
     about: str = ""
     unit: str = NATS
     default_gain: float | None = None
+    chronic: bool = False
     _known: dict[str, Population] = field(init=False, repr=False, compare=False, hash=False)
 
     def __post_init__(self) -> None:
@@ -292,6 +295,38 @@ class Circuit:
             return self
         return self.with_population(name, intact=row.intact * (1 - fraction), replaced=replaced)
 
+    def recovered(
+        self, reference: Circuit | None = None, *, rebound_nats: Mapping[str, float] | None = None
+    ) -> Circuit:
+        """Return the circuit with every population's own rate at rest as it was before an edit.
+
+        Each population's bias makes good what the edit changed in its input at rest; nothing else
+        is changed. ``circuits.homeostasis`` says how, and has the same rule as dynamics. Lesions
+        are chronic then.
+
+        Parameters
+        ----------
+        reference : Circuit, optional
+            The circuit before the edits; of a lesioned one, that without lesions.
+        rebound_nats : mapping from names to nats, optional
+            How far above its old rate, in nats of its own activity, a population comes to rest.
+
+        Raises
+        ------
+        ValueError
+            Without a reference where there is no lesion, for a lesion whose output is replaced, an
+            unknown population, a rate that a population cannot have, or channels that would need
+            different biases.
+        """
+        from circuits.homeostasis import biases  # reads this module
+
+        rows = [
+            replace(self.population(name), bias_nats=bias)
+            for name, bias in biases(self, reference, rebound_nats or {}).items()
+        ]
+        found = self._with(*rows)
+        return found if found == found.unlesioned else replace(found, chronic=True)
+
     def scaled(
         self, source: str, target: str, factor: float, channel: int | None = None
     ) -> Circuit:
@@ -411,9 +446,9 @@ class Circuit:
 
     @property
     def unlesioned(self) -> Circuit:
-        """The circuit with every lesion undone."""
+        """The circuit with every lesion undone; biases that recovered from one stay."""
         rows = tuple(replace(p, intact=1.0, replaced=False) for p in self.populations)
-        return replace(self, populations=rows)
+        return replace(self, populations=rows, chronic=False)
 
     def _with(self, *rows: Population | Projection) -> Circuit:
         """Return the circuit with these rows in place of those of their names."""

@@ -17,8 +17,8 @@ singles to the last bit, so ``single(a + b*c)`` is what a processor's fused mult
 The population engine takes rates for straight lines from tick to tick instead, so that its filters
 have their own mean lag at any tick, and what it computes is of second order in it.
 
-A delay is at least one tick. Everything starts at the intact circuit's rest; the evidence comes
-after a time to settle.
+A delay is at least one tick. Everything starts at the intact circuit's rest, or at its own where
+lesions are chronic; the evidence comes after a time to settle.
 """
 
 from __future__ import annotations
@@ -163,8 +163,12 @@ class Scheme:
 
     @cached_property
     def start(self) -> tuple[Array, Array, Array]:
-        """Units (without constant), block states in nats, and rates in Hz of the intact rest."""
+        """Units (without constant), block states in nats, and rates in Hz where all starts."""
         edited = self.wiring.circuit
+        if edited.chronic:
+            x = rest(self.wiring)
+            rates = self.wiring.rates(x)
+            return self.wiring.deliver @ rates, x, rates
         intact = wire(edited.unlesioned)
         x = rest(intact)
         rates = intact.rates(x)

@@ -28,6 +28,9 @@ class Transfer:
         The same as Brian2 text, with ``{x}`` for its input.
     about : str
         What it stands for, with its source.
+    inverse : callable, optional
+        The input of an activity, on arrays: NaN where there is none, and where the function is flat
+        the end of the flat part. None where two inputs have one activity.
     """
 
     function: Callable[[Array], Array]
@@ -35,6 +38,7 @@ class Transfer:
     curvature: Callable[[Array], Array]
     brian: str
     about: str
+    inverse: Callable[[Array], Array] | None = None
 
     def __call__(self, x: npt.ArrayLike) -> Array:
         """Return the function of x."""
@@ -44,6 +48,16 @@ class Transfer:
 def _capped(x: Array) -> Array:
     values: Array = np.exp(np.minimum(x, EXP_MOST))
     return values
+
+
+def _within(low: float, high: float) -> Callable[[Array], Array]:
+    """Return the inverse of a straight line that is cut off at both ends."""
+    return lambda a: np.where((a >= low) & (a <= high), a, np.nan)
+
+
+def _log(a: Array) -> Array:
+    some = a > 0
+    return np.where(some, np.log(np.where(some, a, 1.0)), np.nan)
 
 
 def _s_minus_log_s(s: Array) -> Array:
@@ -63,13 +77,16 @@ def _s_minus_log_s_curvature(s: Array) -> Array:
 
 
 TRANSFERS: dict[str, Transfer] = {
-    "linear": Transfer(lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "as it is"),
+    "linear": Transfer(
+        lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "as it is", lambda a: a + 0.0
+    ),
     "rectified": Transfer(
         lambda x: np.maximum(x, 0.0),
         lambda x: (x > 0).astype(np.float64),
         np.zeros_like,
         "clip({x}, 0, inf)",
         "no less than zero",
+        _within(0.0, np.inf),
     ),
     "saturating": Transfer(
         lambda x: np.clip(x, 0.0, MOST_NATS),
@@ -77,6 +94,7 @@ TRANSFERS: dict[str, Transfer] = {
         np.zeros_like,
         f"clip({{x}}, 0, {MOST_NATS:g})",
         "no less than zero, no more than 5.5 nats; assumed",
+        _within(0.0, MOST_NATS),
     ),
     "ramp": Transfer(
         lambda x: np.clip(x, 0.0, 1.0),
@@ -84,6 +102,7 @@ TRANSFERS: dict[str, Transfer] = {
         np.zeros_like,
         "clip({x}, 0, 1)",
         "no less than zero, no more than one; Gurney, Prescott & Redgrave 2001",
+        _within(0.0, 1.0),
     ),
     "exp": Transfer(
         _capped,
@@ -91,6 +110,7 @@ TRANSFERS: dict[str, Transfer] = {
         _capped,
         f"exp(clip({{x}}, -inf, {EXP_MOST:g}))",
         "exponential f-I of STN; Bogacz & Gurney 2007 after Hallworth 2003, Wilson 2004",
+        _log,
     ),
     "s_minus_log_s": Transfer(
         _s_minus_log_s,

@@ -1,0 +1,254 @@
+"""Homeostasis: biases that bring each population back to its own rate at rest."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circuits import anatomy
+from circuits.engines import run
+from circuits.fixed_point import rest_rates, solve, wired
+from circuits.homeostasis import biases, recovery
+from circuits.laws.mean_field import own_rates
+from circuits.rows import Population
+from circuits.transfer import TRANSFERS
+from tests.circuits.helpers import CLOSE, evidence, state
+
+RATE_CELLS = ("bogacz_gurney", "appendix_b", "linear_gpe", "macaque")
+CHANNELS = (2, 4, 8)
+
+
+def rest_hz(circuit):
+    return rest_rates(wired(circuit))
+
+
+def own_biases(circuit):
+    return {row.name: row.bias_nats for row in circuit.populations}
+
+
+@pytest.mark.parametrize("channels", CHANNELS)
+@pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
+def test_a_circuit_that_was_not_edited_is_left_as_it_is(name, channels):
+    circuit = anatomy.circuit(name, channels)
+    assert biases(circuit, circuit) == pytest.approx(own_biases(circuit), abs=1e-12)
+    assert circuit.recovered(circuit) == circuit
+
+
+@given(
+    name=st.sampled_from(RATE_CELLS),
+    channels=st.sampled_from(CHANNELS),
+    lesion=st.floats(0, 0.99),
+    row=st.integers(0, 100),
+    factor=st.floats(0.8, 1.2),
+    gain=st.floats(0.8, 1.2),
+    level=st.floats(0.6, 1.4),
+)
+@settings(max_examples=60, deadline=None)
+def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
+    name, channels, lesion, row, factor, gain, level
+):
+    circuit = anatomy.circuit(name, channels)
+    path = circuit.projections[row % len(circuit.projections)]
+    cells = circuit.populations[row % len(circuit.populations)]
+    edited = circuit.without("STN", lesion).scaled(path.source, path.target, factor)
+    edited = edited.with_population(cells.name, gain_hz_per_nat=cells.gain_hz_per_nat * gain)
+    edited = edited.dopamine(level)
+    np.testing.assert_allclose(rest_hz(edited.recovered(circuit)), rest_hz(circuit), atol=CLOSE)
+
+
+@pytest.mark.parametrize("name", ["bogacz_gurney", "macaque"])
+@given(change=st.floats(-0.3, 0.3), row=st.integers(0, 100))
+@settings(max_examples=20, deadline=None)
+def test_a_bias_that_was_edited_is_undone(name, change, row):
+    circuit = anatomy.circuit(name, 4)
+    cells = circuit.populations[row % len(circuit.populations)]
+    edited = circuit.with_population(cells.name, bias_nats=cells.bias_nats + change)
+    assert own_biases(edited.recovered(circuit)) == pytest.approx(own_biases(circuit), abs=1e-12)
+
+
+@pytest.mark.parametrize("channels", CHANNELS)
+@pytest.mark.parametrize("lost", [0.1, 0.5, 0.9])
+def test_what_is_lost_of_stn_does_not_show_in_out_once_rates_have_recovered(lost, channels):
+    """With s the part of Sigma that is left, SNr hears w s + (1 - w) ln s, which moves with S.
+
+    The loop gives ``ln s + w (s - ln s) = S + constant``: at every S, whatever was lost. Where
+    losers' D1 or cortex is silent something of the common mode, which moves otherwise, is left.
+    """
+    circuit = anatomy.macaque(channels)
+    recovered = circuit.without("STN", lost).recovered()
+    for scale, off in ((0.1, CLOSE), (0.4, 3e-3)):
+        drive = scale * evidence(channels)
+        wirings = wired(circuit), wired(recovered)
+        rates = [wiring.rates(solve(wiring, drive)) for wiring in wirings]
+        fire = rates[0][:, wirings[0].blocks_of("D1")].min(axis=1) > 0
+        assert scale > 0.1 or fire.mean() > 0.7
+        out = [wirings[0].activity(hz[:, wirings[0].blocks_of("SNr")], "SNr") for hz in rates]
+        np.testing.assert_allclose(out[1][fire], out[0][fire], rtol=0, atol=CLOSE)
+        np.testing.assert_allclose(out[1].min(axis=1), out[0].min(axis=1), rtol=0, atol=off)
+
+
+def test_without_recovery_a_loss_of_stn_lowers_out():
+    circuit = anatomy.macaque(4)
+    readout = wired(circuit).blocks_of("SNr")
+    assert (rest_hz(circuit.without("STN", 0.1))[readout] < rest_hz(circuit)[readout] - 3).all()
+
+
+@pytest.mark.parametrize("channels", CHANNELS)
+@pytest.mark.parametrize("lost", [0.5, 1.0])
+def test_a_rebound_lifts_one_population_by_so_many_nats_of_its_activity(lost, channels):
+    circuit = anatomy.macaque(channels)
+    found = circuit.without("STN", lost).recovered(rebound_nats={"SNr": 0.5})
+    change = rest_hz(found) - rest_hz(circuit)
+    readout = wired(circuit).blocks_of("SNr")
+    expected = np.zeros_like(change)
+    expected[readout] = 0.5 * circuit.population("SNr").gain_hz_per_nat
+    np.testing.assert_allclose(change, expected, atol=CLOSE)
+
+
+def test_what_others_get_from_a_rebound_is_made_good():
+    circuit = anatomy.macaque(2)
+    found = circuit.recovered(circuit, rebound_nats={"GPe": 0.2})
+    change = rest_hz(found) - rest_hz(circuit)
+    expected = np.zeros_like(change)
+    expected[wired(circuit).blocks_of("GPe")] = 10
+    np.testing.assert_allclose(change, expected, atol=CLOSE)
+
+
+@pytest.mark.parametrize("engine", ["rate", "population"])
+@pytest.mark.parametrize("lost", [0.5, 1.0])
+def test_a_chronic_lesion_starts_at_its_own_rest_and_stays_there(lost, engine):
+    """The slow cells of GPe take seconds: from the intact rest they would be far off."""
+    circuit = anatomy.macaque(4).without("STN", lost).recovered()
+    options = {"noise": False, "seed": 1} if engine == "population" else {}
+    silence = np.zeros((1, 4, 4))
+    out = run(circuit, silence, engine=engine, step_ms=250.0, **options).output_nats
+    np.testing.assert_allclose(out, np.log(4), atol=0.02)
+    assert circuit.chronic
+    assert not circuit.unlesioned.chronic
+
+
+@pytest.mark.parametrize("channels", CHANNELS)
+@pytest.mark.parametrize(
+    ("name", "edit"),
+    [
+        ("bogacz_gurney", lambda c: c.without("STN", 0.3)),
+        ("bogacz_gurney", lambda c: c.scaled("ctx", "STN", 0.8)),
+        ("macaque", lambda c: c.without("STN", 0.3)),
+        ("macaque", lambda c: c.scaled("ctx", "D1", 0.8)),
+        ("macaque", lambda c: c.scaled("STN", "SNr", 1.2)),
+        ("spiking_msprt", lambda c: c.scaled("STN", "SNr", 1.2)),
+    ],
+)
+def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
+    circuit = anatomy.circuit(name, channels)
+    edited = edit(circuit)
+    course = recovery(edited, circuit).set_index("population")
+    end = course[course["time"] == course["time"].max()]
+    assert dict(end["bias_nats"]) == pytest.approx(biases(edited, circuit), abs=1e-4)
+    first = course[course["time"] == 0]
+    assert dict(first["bias_nats"]) == pytest.approx(own_biases(edited))
+
+
+def test_channels_that_differ_have_a_rule_and_no_closed_form():
+    circuit = anatomy.macaque(2)
+    edited = circuit.scaled("ctx", "D1", 1.1, channel=0)
+    with pytest.raises(ValueError, match=r"^D1 gets another input at rest in each channel"):
+        edited.recovered(circuit)
+    end = recovery(edited, circuit).groupby("population").last()["rate_hz"]
+    wiring = wired(circuit)
+    for name, hz in end.items():
+        assert hz == pytest.approx(rest_hz(circuit)[wiring.blocks_of(name)].mean(), abs=1e-3)
+
+
+def test_biases_that_all_move_at_one_speed_oscillate():
+    """Cortex, STN and the slow cells of GPe are a loop of three with a gain above 8."""
+    circuit = anatomy.macaque(4)
+    same = {row.name: 1.0 for row in circuit.populations}
+    with pytest.raises(ValueError, match=r"^macaque does not recover: after 60 time constants"):
+        recovery(circuit.without("STN", 0.1), circuit, speed=same, until=60)
+
+
+def test_a_rate_that_a_population_cannot_have_is_one_sentence():
+    circuit = anatomy.macaque(2)
+    sentence = r"^ctx cannot rest at 69 Hz: no input to its transfer 'saturating' is known"
+    with pytest.raises(ValueError, match=sentence):
+        circuit.recovered(circuit, rebound_nats={"ctx": 4.0})
+    with pytest.raises(ValueError, match=r"does not recover: after 5 time constants .* is not"):
+        recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, until=5)
+
+
+def test_cells_silent_in_the_reference_keep_their_bias_or_just_fall_silent():
+    """``D1`` of ``spiking_msprt`` is silent at rest."""
+    circuit = anatomy.spiking_msprt(4)
+    edited = circuit.scaled("ctx", "D1", 1.5)
+    recovered = edited.recovered(circuit)
+    assert rest_hz(edited)[wired(edited).blocks_of("D1")].min() > 0
+    np.testing.assert_allclose(rest_hz(recovered), rest_hz(circuit), atol=CLOSE)
+    state_nats = wired(recovered).inputs(
+        wired(recovered).deliver @ rest_hz(circuit) + wired(recovered).constant
+    )
+    np.testing.assert_allclose(state_nats[wired(circuit).blocks_of("D1")], 0, atol=CLOSE)
+    less = circuit.scaled("ctx", "D1", 0.8)
+    assert less.recovered(circuit) == less
+
+
+def test_lif_cells_come_back_as_near_as_their_line_comes_to_their_law():
+    circuit = anatomy.spiking_msprt(4)
+    recovered = circuit.without("STN", 0.3).recovered()
+    hz = []
+    for table in (circuit, recovered):
+        wiring, x = state(table)
+        hz.append(own_rates(wiring, x[None])[0])
+    off = np.abs(hz[1] - hz[0]) / wired(circuit).gain_hz_per_nat
+    assert off.max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        (lambda c: c.recovered(), "macaque has no lesion: recovered needs a reference"),
+        (lambda c: c.scaled("STN", "GPe", 0.9).recovered(), "has no lesion"),
+        (lambda c: c.recovered(anatomy.macaque(4)), "the reference must have 2 channels, got 4"),
+        (lambda c: c.without("GPe", replaced=True).recovered(), "GPe: its lost output is replaced"),
+        (lambda c: c.recovered(c, rebound_nats={"GPi": 1}), "macaque has no nucleus 'GPi'"),
+        (lambda c: c.recovered(c, rebound_nats={"SNr": np.nan}), "the rebound of SNr must be"),
+        (lambda c: c.with_rows("TRN like=STN").recovered(c), "macaque has no nucleus 'TRN'"),
+        (lambda c: recovery(c, c, speed={"GPi": 1}), "macaque has no nucleus 'GPi'"),
+        (lambda c: recovery(c, c, speed={"GPe": -1}), "the speed of GPe must be >= 0"),
+        (lambda c: recovery(c, c, step=0), "step must be > 0"),
+    ],
+)
+def test_what_makes_no_sense_is_one_sentence(asked, sentence):
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        asked(anatomy.macaque(2))
+
+
+def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
+    bent = "s_minus_log_s"
+    circuit = anatomy.bogacz_gurney(2).with_population("GPe", transfer=bent)
+    circuit = circuit.with_projection("STN", "GPe", transfer="linear")
+    edited = circuit.scaled("STN", "GPe", 0.9)
+    np.testing.assert_allclose(rest_hz(edited.recovered(circuit)), rest_hz(circuit), atol=CLOSE)
+    with pytest.raises(ValueError, match=f"no input to its transfer '{bent}' is known"):
+        edited.recovered(circuit, rebound_nats={"GPe": 0.1})
+
+
+@pytest.mark.parametrize("name", [name for name, law in TRANSFERS.items() if law.inverse])
+def test_an_inverse_gives_the_input_back(name):
+    law = TRANSFERS[name]
+    x = np.linspace(0.01, 0.99, 9)
+    np.testing.assert_allclose(law.inverse(law(x)), x, atol=1e-12)
+    if name != "linear":
+        assert np.isnan(law.inverse(np.array([-1.0]))).all()
+
+
+def test_a_pooled_population_must_be_so_in_both():
+    circuit = anatomy.macaque(2)
+    cell = circuit.population("FSI").cell
+    apart = circuit.with_population("FSI", pooled=False)
+    assert isinstance(apart.population("FSI"), Population)
+    assert cell == apart.population("FSI").cell
+    with pytest.raises(ValueError, match=r"^FSI is pooled in the circuit or in the reference"):
+        apart.recovered(circuit)
