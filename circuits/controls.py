@@ -91,8 +91,9 @@ def linear_stn(circuit: Circuit) -> Circuit:
     edited = circuit.with_population(
         "STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias
     )
-    for target in ("common", "GPe", "SNr"):
-        edited = edited.scaled("STN", target, rest)
+    for p in circuit.projections:
+        if p.source == "STN":
+            edited = edited.scaled("STN", p.target, rest)
     return edited.with_population("SNr", bias_nats=spare)
 
 

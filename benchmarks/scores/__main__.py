@@ -7,13 +7,25 @@ from benchmarks.scores import (
     lesions,
     levels,
     limits,
+    parts,
     population,
     raw,
     sensitivity,
 )
 from benchmarks.scores.pieces import main
 
-MODULES = (raw, agreement, limits, lesions, levels, learning, experiments, sensitivity, population)
+MODULES = (
+    raw,
+    parts,
+    agreement,
+    limits,
+    lesions,
+    levels,
+    learning,
+    experiments,
+    sensitivity,
+    population,
+)
 
 if __name__ == "__main__":
     main(*(module.SCORE for module in MODULES))

@@ -19,14 +19,14 @@ import pandas as pd
 from scipy.signal import welch
 from scipy.stats import ks_2samp
 
-from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main
+from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.activity import Activity
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 from circuits.engines import run
 from circuits.spec import Circuit
 
@@ -41,26 +41,40 @@ EDITS: dict[str, Callable[[Circuit], Circuit]] = {
     "STN -10 %": lambda table: table.without("STN", 0.1),
     "STN -20 %": lambda table: table.without("STN", 0.2),
     "GPe -10 %": lambda table: table.without("GPe", 0.1),
+    "dopamine .5": lambda table: table.dopamine(0.5),
     "dopamine .9": lambda table: table.dopamine(0.9),
     "dopamine 1.2": lambda table: table.dopamine(1.2),
-    "100 cells": lambda table: table.with_neurons(100),
-    "3000 cells": lambda table: table.with_neurons(3000),
+    "a third of the cells": lambda table: sized(table, 1 / 3),
+    "three times the cells": lambda table: sized(table, 3),
 }
 EDITED, EDITED_AT, EDITED_D_PRIME = (2, 4), 0.9, 0.5
 """Alternatives, posterior and d' of the edits."""
 BANDS_HZ = ((4, 8), (8, 13), (13, 20), (20, 30), (30, 45), (45, 70), (70, 100))
-SIZES = (30, 100, 300, 1000, 3000)
+SIZES = (0.1, 0.3, 1.0, 3.0)
+"""Numbers of cells whose scatter is told, over the table's."""
 HELD_NATS = (0.0, 0.6, 1.2)
 SPIKES, AGAIN, POPULATION = "spikes", "spikes, another seed", "population"
 TIMES = ("mean_ms", "sd_ms")
-TRIALS = {"decisions": 5000, "edits": 2000, "rates": 100}
-SECONDS = {2: 0.04, 4: 0.1, 8: 0.2}
+DECISIONS = {2: 600, 4: 300, 8: 100}
+EDIT_TRIALS = {2: 300, 4: 150}
+HELD_TRIALS = 60
+"""Trials, by alternatives: as many as half an hour allows, for a spiking trial is of 7 000 cells a
+channel."""
+SECONDS = {2: 0.3, 4: 0.4, 8: 0.8}
 """CPU time of a trial of decisions on three engines, about, by alternatives."""
 ENGINES = {
     SPIKES: ("ensemble", SCORING_SEED),
     AGAIN: ("ensemble", OTHER_SEED),
     POPULATION: ("population", POPULATION_SEED),
 }
+
+
+def sized(table: Circuit, factor: float) -> Circuit:
+    """Return the circuit with so many times the cells of every population that spikes."""
+    for row in table.populations:
+        if row.spiking:
+            table = table.with_population(row.name, neurons=round(row.neurons * factor))
+    return table
 
 
 def evidence(channels: int, d_prime: float, trials: int) -> Evidence:
@@ -108,7 +122,7 @@ def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.Da
     """Return accuracy and times of each engine, and how far each lies from spikes."""
     rows, shown = [], evidence(channels, d_prime, trials)
     assert shown.truth is not None
-    found = {name: decided(circuit(TABLE, channels), shown, name, workers) for name in ENGINES}
+    found = {name: decided(circuit(DEFAULT, channels), shown, name, workers) for name in ENGINES}
     for k, threshold in enumerate(found[SPIKES].settings):
         for name, own in found.items():
             of = {"channels": channels, "d_prime": d_prime}
@@ -120,7 +134,7 @@ def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.Da
 
 def edits(channels: int, trials: int, workers: int) -> pd.DataFrame:
     """Return the change of accuracy and time by each edit, in spikes and by populations."""
-    rows, table = [], circuit(TABLE, channels)
+    rows, table = [], circuit(DEFAULT, channels)
     shown = evidence(channels, EDITED_D_PRIME, trials)
     k = sorted(POSTERIORS).index(EDITED_AT)
     for name in (SPIKES, POPULATION):
@@ -159,18 +173,18 @@ def rates(trials: int, workers: int) -> pd.DataFrame:
     for channels in (2, 4):
         for nats in HELD_NATS:
             for name in ENGINES:
-                table = circuit(TABLE, channels)
+                table = circuit(DEFAULT, channels)
                 activity = _held(table, nats, trials, name, workers)
-                of = {"channels": channels, "nats": nats, "engine": name, "neurons": 300}
+                of = {"channels": channels, "nats": nats, "engine": name, "size": 1.0}
                 rows += [of | one for one in _spectra(activity, table)]
                 scatter = float(activity.output_nats[:, 500:].std(axis=(0, 1))[0])
                 rows.append(of | {"what": "OUT", "measure": "sd_nats", "value": scatter})
-    for neurons in SIZES:
+    for size in SIZES:
         for name in ENGINES:
-            few = max(6, round(trials * min(1, 300 / neurons)))
-            activity = _held(circuit(TABLE, 2).with_neurons(neurons), 0.0, few, name, workers)
+            few = max(6, round(trials * min(1, 1 / size)))
+            activity = _held(sized(circuit(DEFAULT, 2), size), 0.0, few, name, workers)
             scatter = float(activity.output_nats[:, 500:].std(axis=(0, 1))[0])
-            of = {"channels": 2, "nats": 0.0, "engine": name, "neurons": neurons}
+            of = {"channels": 2, "nats": 0.0, "engine": name, "size": size}
             rows.append(of | {"what": "OUT by size", "measure": "sd_nats", "value": scatter})
     return pd.DataFrame(rows)
 
@@ -206,7 +220,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     edited = made["edits"].pivot(index=["channels", "edit"], columns="engine")
     edited.columns = [f"{column}_{engine}" for column, engine in edited.columns]
     order = [(n, edit) for n in sorted(set(made["edits"]["channels"])) for edit in EDITS]
-    index = ["channels", "nats", "neurons", "what", "measure"]
+    index = ["channels", "nats", "size", "what", "measure"]
     wide = made["rates"].set_index([*index, "engine"])["value"].unstack("engine").reset_index()
     wide = wide.rename(columns={AGAIN: "again"})
     bands = wide[wide["measure"].str.contains("-") & (wide[SPIKES] > 1e-4)]
@@ -214,12 +228,12 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     power = {"pairs": len(bands)}
     for name, values in off.items():
         power |= {f"{name}_median": values.median(), f"{name}_most": values.max()}
-    scatter = wide[wide["what"] == "OUT by size"].sort_values("neurons")
+    scatter = wide[wide["what"] == "OUT by size"].sort_values("size")
     return {
         "decisions": ("decisions", pd.DataFrame(rows)),
         "edits": ("edits", edited.loc[order].reset_index()),
         "power": ("rates", pd.DataFrame([power])),
-        "scatter": ("rates", scatter[["neurons", SPIKES, "again", POPULATION]]),
+        "scatter": ("rates", scatter[["size", SPIKES, "again", POPULATION]]),
     }
 
 
@@ -282,11 +296,11 @@ def _draw_rates(found: pd.DataFrame, spectra: Any, sizes: Any) -> None:
     spectra.set_ylim(0.5, 1.5)
     grown = found[found["what"] == "OUT by size"]
     for name in ENGINES:
-        own = grown[grown["engine"] == name].sort_values("neurons")
+        own = grown[grown["engine"] == name].sort_values("size")
         sizes.loglog(
-            own["neurons"], own["value"], "o-", ms=4, color=COLOURS.get(name, "k"), label=name
+            own["size"], own["value"], "o-", ms=4, color=COLOURS.get(name, "k"), label=name
         )
-    sizes.set_xlabel("cells a channel")
+    sizes.set_xlabel("cells, over the table's")
     sizes.set_ylabel("sd of OUT at rest, nats")
     sizes.legend(frameon=False, fontsize=8)
 
@@ -299,20 +313,20 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     if fast:
         return
     for channels, d_primes in D_PRIMES.items():
-        many = TRIALS["decisions"]
+        many = DECISIONS[channels]
         for d_prime in d_primes:
             made = partial(decisions, channels, d_prime, many, workers)
             name = f"N = {channels}, d' {d_prime:g}"
             yield Piece("decisions", name, many, SECONDS[channels] * many, made)
     for channels in EDITED:
-        many = TRIALS["edits"]
+        many = EDIT_TRIALS[channels]
         made = partial(edits, channels, many, workers)
-        yield Piece("edits", f"N = {channels}", many, 10 * SECONDS[channels] * many, made)
-    many = TRIALS["rates"]
-    yield Piece("rates", "held evidence", many, 10 * many, partial(rates, many, workers))
+        yield Piece("edits", f"N = {channels}", many, 5 * SECONDS[channels] * many, made)
+    many = HELD_TRIALS
+    yield Piece("rates", "held evidence", many, 3 * many, partial(rates, many, workers))
 
 
-SCORE = Score("population", SCORING_SEED, tuple(D_PRIMES), pieces, tables, draw)
+SCORE = Score("population", SCORING_SEED, tuple(D_PRIMES), pieces, tables, draw, circuit=DEFAULT)
 
 if __name__ == "__main__":
     main(SCORE)

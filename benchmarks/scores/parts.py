@@ -1,0 +1,92 @@
+"""What each part of the default circuit is for, on raw evidence: make score.
+
+The circuit without a part that computes (controls: the test must fail) and without one that cancels
+what channels share, by populations, beside itself on the same trials: the change of each measure of
+agreement with the MSPRT at equal accuracy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.scores.pieces import Made, Piece, Score, main, wide
+from bgmodel import stream
+from bgmodel.comparison.circuits import compare_edits
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.anatomy import DEFAULT, circuit
+from circuits.controls import linear_stn, shuffled_stn
+from circuits.spec import Circuit
+
+SCORING_SEED = 40_008
+TRIALS, COARSE_TRIALS = 3000, 600
+CASES = ((2, 0.5, 80, 0.0), (4, 1.0, 40, 0.0), (2, 0.5, 80, 0.5), (4, 1.0, 40, 0.5))
+"""Alternatives, d', readings of a trial, and sd, nats, of what a reading adds to all channels."""
+ACCURACIES = (0.9, 0.95)
+MEASURES = ("agreement", "within_50_ms", "pearson_r", "extra_ms")
+
+
+def _held(name: str) -> Callable[[Circuit], Circuit]:
+    return lambda table: table.without(name, replaced=True)
+
+
+EDITS: dict[str, tuple[str, Callable[[Circuit], Circuit]]] = {
+    "a linear STN": ("control", linear_stn),
+    "GPe held at its rest": ("control", _held("GPe")),
+    "STN's sum to the wrong channel": ("control", shuffled_stn),
+    "slow common mode held (GPe to cortex)": ("part", _held("GPe_ctx")),
+    "fast inhibition held (FSI)": ("part", _held("FSI")),
+    "indirect pathway held (D2)": ("part", _held("D2")),
+}
+"""What is held stands still at its rate at rest: what it sends is there, and tells nothing."""
+
+
+def changes(
+    channels: int, d_prime: float, readings: int, shared_nats: float, trials: int, workers: int
+) -> pd.DataFrame:
+    """Return the change by each edit, and the circuit itself."""
+    table = circuit(DEFAULT, channels)
+    rng = stream(SCORING_SEED, "parts", str(channels), str(d_prime))
+    evidence = gaussian_evidence(
+        trials, readings, d_prime / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
+    )
+    shared = shared_nats * rng.standard_normal((trials, readings, 1))
+    evidence = replace(evidence, log_likelihood=evidence.log_likelihood + shared)
+    options = {"workers": workers}
+    model = BasalGanglia(table, "population", gain_of(table), SCORING_SEED, options)
+    edited = {name: edit(table) for name, (_, edit) in EDITS.items()}
+    found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=ACCURACIES)
+    return found.assign(
+        alternatives=channels, d_prime=d_prime, shared_nats=shared_nats, trials=trials
+    )
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield the comparison of all edits, case by case."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for channels, d_prime, readings, shared_nats in CASES:
+        make = partial(changes, channels, d_prime, readings, shared_nats, trials, workers)
+        name = f"N = {channels}, d' {d_prime:g}, shared {shared_nats:g}"
+        yield Piece("changes", name, trials, 0.07 * trials, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the changes, one row a case, an edit and an accuracy."""
+    found = made["changes"]
+    shown = found[(found["kind"] == "change") & found["measure"].isin(MEASURES)]
+    shown = shown[shown["variant"] != "intact"]
+    kinds = {name: kind for name, (kind, _) in EDITS.items()}
+    shown = shown.assign(role=shown["variant"].map(kinds))
+    by = ["alternatives", "d_prime", "shared_nats", "trials", "variant", "role", "accuracy"]
+    return {"changes": ("changes", wide(shown, by))}
+
+
+SCORE = Score("parts", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
