@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -12,6 +12,8 @@ OF_SPIKES = ("neurons", "probability", "spread")
 """Fields of rows that act in spikes alone."""
 OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
 """Fields that a fixed point does not depend on."""
+REBOUND = "rebound "
+"""How an edit by itself begins that lets a nucleus rebound."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,8 @@ class Edits:
     """Differences from the table: the hypothesis.
 
     Edits are made in this order: first every row, then new and single rows, then factors on what
-    is there. Examples are those of an experiment's file. At the terminal they are written
+    is there; what recovers, recovers from all of them. Examples are those of an experiment's file.
+    At the terminal they are written
     `--edits.change "STN->GPe.delay_ms=4" "STN.bias_nats=-0.2"`.
     """
 
@@ -45,6 +48,12 @@ class Edits:
     """
     dopamine: float = 1.0
     """Dopamine level, 0..2; 1 is normal: `dopamine = 1.1`."""
+    recovered: bool = False
+    """Whether every nucleus comes back to its own rate at rest, by its bias, as it does long after:
+    `without = ["STN"]`, `recovered = true`."""
+    rebound: tuple[str, ...] = ()
+    """Nuclei that recover to rest above their old rate, by so many nats of their activity:
+    `without = ["STN"]`, `rebound = ["SNr=0.5"]`."""
 
     def used(self) -> dict[str, Any]:
         """Return the edits that change something, by name: for provenance.
@@ -88,6 +97,7 @@ class Edits:
         ValueError
             One sentence with the edit as it was written and what is allowed.
         """
+        table = circuit
         if self.neurons is not None:
             circuit = circuit.with_neurons(self.neurons)
         if self.connections is not None:
@@ -100,14 +110,24 @@ class Edits:
             circuit = circuit.without(name, fraction, replaced=self.replaced)
         for edit in self.scale:
             circuit = _scaled(circuit, edit)
-        return circuit.dopamine(self.dopamine)
+        circuit = circuit.dopamine(self.dopamine)
+        if not (self.recovered or self.rebound):
+            return circuit
+        rebound_nats: dict[str, float] = {}
+        for edit in self.rebound:
+            name, nats = _value(edit, None)
+            if name in rebound_nats:
+                raise ValueError(f"{edit!r}: the rebound of {name} is given twice")
+            rebound_nats[name] = nats
+        return circuit.recovered(table, rebound_nats=rebound_nats)
 
 
-def written(edit: str, *, replaced: bool = False) -> Edits:
+def written(edit: str, *, replaced: bool = False, recovered: bool = False) -> Edits:
     """Return the one edit that a text says, told by its form.
 
     ``D1->GPe weight=-0.1`` adds, ``STN->GPe.delay_ms=4`` changes, ``STN->GPe=0.5`` scales,
-    ``dopamine=0.9`` is the level, and ``STN`` or ``STN=0.5`` lesions.
+    ``dopamine=0.9`` is the level, ``rebound SNr=0.5`` lets a nucleus recover to rest above its old
+    rate, and ``STN`` or ``STN=0.5`` lesions.
 
     Parameters
     ----------
@@ -115,8 +135,16 @@ def written(edit: str, *, replaced: bool = False) -> Edits:
         The text.
     replaced : bool
         Whether a lesion's lost output is given back as a constant.
+    recovered : bool
+        Whether every nucleus comes back to its rate at rest.
     """
+    return replace(_written(edit, replaced), recovered=recovered)
+
+
+def _written(edit: str, replaced: bool) -> Edits:
     place = edit.replace(" ->", "->").replace("-> ", "->").partition("=")[0].strip()
+    if place.startswith(REBOUND):
+        return Edits(rebound=(edit.strip().removeprefix(REBOUND),))
     if " " in place:
         return Edits(add=(edit,))
     if "." in place:

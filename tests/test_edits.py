@@ -3,7 +3,7 @@
 import inspect
 import re
 import tomllib
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pytest
 from hypothesis import given
@@ -102,6 +102,7 @@ def test_no_edits_leave_the_circuit_and_say_nothing():
         (PATHWAY, Edits(add=(PATHWAY,))),
         (NUCLEUS, Edits(add=(NUCLEUS,))),
         ("dopamine=0.9", Edits(dopamine=0.9)),
+        ("rebound SNr=0.2", Edits(rebound=("SNr=0.2",))),
     ],
 )
 def test_the_form_of_a_text_says_which_edit_it_is(text, edits):
@@ -142,6 +143,44 @@ def test_one_channel_is_edited_as_written():
     circuit = anatomy.spiking_msprt(4)
     edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).apply(circuit)
     assert edited == circuit.scaled("ctx", "D1", 1.1, channel=2).scaled("STN", "GPe", 0.5)
+
+
+def test_what_recovers_does_so_from_every_edit_that_is_told():
+    """Lesion, weight, field and level, written in a file as at the terminal."""
+    told = {"without": ["STN=0.3"], "scale": ["STN->SNr=0.8"], "dopamine": 0.9, "recovered": True}
+    told |= {"change": [BIAS], "rebound": ["SNr=0.2"]}
+    file = toml_files.decoded(told, Edits, "mine.toml")
+    typed = at_the_terminal(
+        *("--edits.without", "STN=0.3", "--edits.scale", "STN->SNr=0.8", "--edits.dopamine", "0.9"),
+        *("--edits.change", BIAS, "--edits.recovered", "--edits.rebound", "SNr=0.2"),
+    )
+    assert file == typed
+    by_hand = TABLE.edited(BIAS).without("STN", 0.3).scaled("STN", "SNr", 0.8).dopamine(0.9)
+    assert file.apply(TABLE) == by_hand.recovered(TABLE, rebound_nats={"SNr": 0.2})
+    assert file.text().endswith("dopamine 0.9; recovered; rebound SNr=0.2")
+
+
+def test_a_rebound_recovers_the_others_too():
+    edits = Edits(without=("STN",), rebound=("SNr=0.5",))
+    assert edits.apply(TABLE) == replace(edits, recovered=True).apply(TABLE)
+    assert Edits(recovered=True).apply(TABLE) == TABLE
+
+
+@pytest.mark.parametrize(
+    ("told", "sentence"),
+    [
+        (("GPi=0.5",), "spiking_msprt has no nucleus 'GPi': ctx"),
+        (("SNr",), "an edit is a name, =, and a number; got 'SNr'"),
+        (("SNr=0.5", "SNr=0.2"), "'SNr=0.2': the rebound of SNr is given twice"),
+    ],
+)
+def test_a_rebound_that_makes_no_sense_is_one_sentence(told, sentence):
+    with pytest.raises(ValueError, match=f"^{re.escape(sentence)}"):
+        Edits(rebound=told).apply(TABLE)
+
+
+def test_an_edit_that_is_written_by_itself_may_recover():
+    assert written("STN=0.5", recovered=True) == Edits(without=("STN=0.5",), recovered=True)
 
 
 def test_replaced_gives_back_what_a_lesion_took():

@@ -116,7 +116,8 @@ class CircuitLesion(Comparison):
     Each edit is a circuit of its own: a nucleus to lesion, whole ("STN") or by a fraction
     ("STN=0.2"), a pathway to scale ("D1->SNr=0.9"), a field to change ("STN->GPe.delay_ms=4"), a
     new row ("D1->GPe weight=-0.1") or a level of dopamine ("dopamine=0.9"); --edits are made
-    before, in all of them. Behaviour is shown at the intact circuit's threshold, and with
+    before, in all of them; with --edits.recovered each nucleus comes back to its rate at rest after
+    each edit. Behaviour is shown at the intact circuit's threshold, and with
     thresholds tuned anew. No experiment says that this is what happens: what a lesion does here is
     the model's prediction.
 
@@ -134,7 +135,8 @@ class CircuitLesion(Comparison):
         model, evidence = _model(self)
         edited = {}
         for edit in self.lesions:
-            one = written(edit, replaced=self.edits.replaced)
+            of_all = {"replaced": self.edits.replaced, "recovered": self.edits.recovered}
+            one = written(edit, **of_all)
             one.check_engine(self.engine)
             edited[edit] = one.apply(model.circuit)
         if self.lesions == LESIONS:

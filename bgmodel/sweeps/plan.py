@@ -32,7 +32,7 @@ BLOCK = 10_000
 TASK = "task."
 HELD_OUT = Path(str(resources("bgmodel.data") / "held_out_taps.parquet"))
 """The taps behind tactile tasks."""
-ROWS = ("add", "change", "without", "scale")
+ROWS = ("add", "change", "without", "scale", "rebound")
 """Edits of which there can be several."""
 Value = bool | int | float | str
 
@@ -193,7 +193,8 @@ class Plan(Setting):
 
     A key of ``grid`` or ``points`` is a field of ``Setting``, a field of its task as
     ``task.d_prime``, or the left side of an edit as everywhere else: ``STN`` is lesioned by a
-    fraction, ``STN->GPe`` scaled, ``STN.bias_nats`` changed, ``dopamine`` set.
+    fraction, ``STN->GPe`` scaled, ``STN.bias_nats`` changed, ``dopamine`` set; ``rebound SNr``
+    lets SNr recover to rest above its old rate.
     """
 
     name: str = ""

@@ -39,6 +39,8 @@ def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
         ("STN.bias_nats", -0.2, lambda table: table.with_population("STN", bias_nats=-0.2)),
         ("dopamine", 0.9, lambda table: table.dopamine(0.9)),
         ("neurons", 100, lambda table: table.with_neurons(100)),
+        ("recovered", True, lambda table: table),
+        ("rebound SNr", 0.2, lambda table: table.recovered(table, rebound_nats={"SNr": 0.2})),
         (
             "D1->GPe delay_ms=4 weight",
             -0.1,
