@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -41,13 +41,17 @@ class Evidence(Facts):
         Constant taken from every reading of a hypothesis where each channel of a circuit gets its
         own evidence: what a reading says on the whole, for instance its mean over all readings
         (``mean_reading``). It must not depend on the reading. Tests don't need one.
+    expectancy_nats : array (trials, foreperiod steps), nats, optional
+        What all hypotheses have in common before the onset, one value per ``step_ms`` of the
+        foreperiod; the last one stays on. It says nothing about which is true, and a test does not
+        hear it; channels of a circuit that get their own evidence do.
 
     Raises
     ------
     ValueError
         On wrong shapes, an empty set, fewer than two hypotheses, values that are not finite, a
-        truth outside the hypotheses, a prior that does not sum to 1, times that make no sense, or
-        readings after the last of a trial.
+        truth outside the hypotheses, a prior that does not sum to 1, times that make no sense,
+        readings after the last of a trial, or an expectancy that does not fill the foreperiod.
     """
 
     log_likelihood: npt.NDArray[np.floating]
@@ -58,6 +62,7 @@ class Evidence(Facts):
     lengths: npt.NDArray[np.integer] | None = None
     numbers: npt.NDArray[np.integer] | None = None
     baseline: npt.NDArray[np.float64] | None = None
+    expectancy_nats: npt.NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Check once, here, so that nothing downstream has to."""
@@ -86,6 +91,10 @@ class Evidence(Facts):
             raise ValueError(f"onset_ms must be >= 0 and at most {MOST_MS:g}, got {self.onset_ms}")
         if not 0 < self.step_ms <= MOST_MS:
             raise ValueError(f"step_ms must be > 0 and at most {MOST_MS:g}, got {self.step_ms}")
+        if self.expectancy_nats is not None:
+            steps = whole_steps(self.onset_ms, self.step_ms)
+            expected = _checked_expectancy(self.expectancy_nats, (len(values), steps))
+            object.__setattr__(self, "expectancy_nats", expected)
 
     def facts(self) -> dict[str, str]:
         """Return shape, clock, truth and the mean evidence for it."""
@@ -97,6 +106,8 @@ class Evidence(Facts):
         }
         if self.onset_ms:
             found["onset_ms"] = f"{self.onset_ms:g}"
+        if self.expectancy_nats is not None:
+            found["expectancy_nats"] = f"up to {self.expectancy_nats.max():.3g}"
         if np.ptp(self.prior):
             found["prior"] = " ".join(f"{p:.3g}" for p in self.prior)
         if self.truth is None:
@@ -105,6 +116,11 @@ class Evidence(Facts):
         others = (self.log_likelihood.sum(axis=2) - true) / (self.hypotheses - 1)
         mean = float((true - others).sum() / self.readings.sum())
         return found | {"truth": f"known, favoured by {mean:.3g} nats per reading"}
+
+    @property
+    def foreperiod_steps(self) -> int:
+        """Number of steps before the onset in which something is expected."""
+        return 0 if self.expectancy_nats is None else int(self.expectancy_nats.shape[1])
 
     @property
     def trials(self) -> int:
@@ -180,7 +196,7 @@ class Evidence(Facts):
     def __getitem__(self, trials: slice | npt.NDArray[Any]) -> Evidence:
         """Return the evidence of some trials (a slice, a mask or indices)."""
         part = object.__new__(Evidence)  # checked already
-        of_trials = ("log_likelihood", "truth", "lengths", "numbers")
+        of_trials = ("log_likelihood", "truth", "lengths", "numbers", "expectancy_nats")
         for name in (field.name for field in fields(self)):
             value = self.trial_numbers if name == "numbers" else getattr(self, name)
             chosen = value[trials] if name in of_trials and value is not None else value
@@ -243,6 +259,48 @@ def gaussian_evidence(
     return Evidence(separation * samples, truth, step_ms=step_ms, baseline=np.zeros(hypotheses))
 
 
+def expecting(
+    evidence: Evidence, most_nats: float, foreperiod_ms: float, *, rng: np.random.Generator
+) -> Evidence:
+    """Return evidence with a foreperiod over which expectancy rises in a straight line.
+
+    By the onset it comes to R nats, drawn anew for each trial, evenly from 0 to ``most_nats``.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What follows the foreperiod.
+    most_nats : float
+        Highest R, in nats of evidence.
+    foreperiod_ms : float
+        Length of the foreperiod, a multiple of the evidence's ``step_ms``.
+    rng : numpy.random.Generator
+        The source of every R.
+
+    Raises
+    ------
+    ValueError
+        If ``most_nats`` is negative, or the foreperiod is not made of whole steps.
+    """
+    if not 0 <= most_nats < np.inf:
+        raise ValueError(f"most_nats must be >= 0 and finite, got {most_nats}")
+    steps = whole_steps(foreperiod_ms, evidence.step_ms)
+    top = rng.uniform(0, most_nats, evidence.trials)
+    ramp = top[:, None] * np.arange(1, steps + 1) / steps
+    return replace(evidence, onset_ms=foreperiod_ms, expectancy_nats=ramp)
+
+
+def whole_steps(foreperiod_ms: float, step_ms: float) -> int:
+    """Return the number of steps of a foreperiod; ValueError unless they are one or more."""
+    steps = round(foreperiod_ms / step_ms) if np.isfinite(foreperiod_ms) else 0
+    if steps < 1 or abs(steps * step_ms - foreperiod_ms) > 1e-9 * step_ms:
+        raise ValueError(
+            f"expectancy needs a foreperiod of one or more whole steps of {step_ms:g} ms, got "
+            f"{foreperiod_ms:g} ms"
+        )
+    return steps
+
+
 def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[np.float64]:
     """Return a prior as an array (hypotheses,), equal if ``None``; ValueError if it is none."""
     if prior is None:
@@ -264,6 +322,18 @@ def _checked_baseline(
     if values.shape != (hypotheses,) or not np.isfinite(values).all():
         raise ValueError(
             f"baseline must hold {hypotheses} finite numbers, nats, got {values.tolist()}"
+        )
+    return values
+
+
+def _checked_expectancy(
+    expectancy: npt.ArrayLike, shape: tuple[int, int]
+) -> npt.NDArray[np.float64]:
+    values = np.asarray(expectancy, dtype=np.float64)
+    if values.shape != shape or not np.isfinite(values).all():
+        raise ValueError(
+            f"expectancy_nats must hold finite nats (trials, steps of the foreperiod), {shape}, "
+            f"got shape {values.shape}"
         )
     return values
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from bgmodel import toml_files
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import expecting, gaussian_evidence, whole_steps
 from bgmodel.memory import check_evidence_memory
 from bgmodel.seeds import stream
 from bgmodel.tables.trials import Trials
@@ -43,6 +43,11 @@ class Stimuli:
     """Most readings in a trial."""
     step_ms: float = 50.0
     """Time between readings, ms."""
+    expectancy_nats: float = 0.0
+    """Most that is expected by the end of a foreperiod, common to all channels, nats of evidence;
+    what is expected rises from 0 to a value that each trial draws evenly up to this."""
+    expectancy_ms: float = 0.0
+    """Length of that foreperiod, ms."""
 
     def check(self, default: Stimuli | None = None) -> None:
         """Refuse what makes no sense, before long work starts.
@@ -61,6 +66,7 @@ class Stimuli:
             raise ValueError(f"d_prime must be > 0 and finite, got {self.d_prime}")
         if not 0 < self.step_ms < np.inf:
             raise ValueError(f"step_ms must be > 0 and finite, got {self.step_ms}")
+        self._check_expectancy()
         if not 0 <= self.conflict < 1:
             raise ValueError(f"conflict must lie in 0..1, below 1, got {self.conflict}")
         if self.evidence is not None:
@@ -68,6 +74,14 @@ class Stimuli:
         self._check_task(default or Stimuli())
         if self.task == "same-different" and self.channels != 2:
             raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
+
+    def _check_expectancy(self) -> None:
+        if not 0 <= self.expectancy_nats < np.inf:
+            raise ValueError(f"expectancy_nats must be >= 0 and finite, got {self.expectancy_nats}")
+        if self.expectancy_nats:
+            whole_steps(self.expectancy_ms, self.step_ms)
+        elif self.expectancy_ms:
+            raise ValueError("expectancy_ms is for a task with expectancy_nats > 0, got 0 nats")
 
     def _check_task(self, default: Stimuli) -> None:
         """Refuse what is said of gratings beside Gaussian evidence, and the other way round."""
@@ -99,6 +113,8 @@ class Stimuli:
         }[self.task]
         names = ("task", *names, "trials", "t_max")
         names = ("evidence", "step_ms") if self.evidence is not None else (*names, "step_ms")
+        if self.expectancy_nats:
+            names = (*names, "expectancy_nats", "expectancy_ms")
         return {name: getattr(self, name) for name in names}
 
     def draw(self, seed: int, name: str) -> Trials:
@@ -108,6 +124,16 @@ class Stimuli:
 
             return read_trials(self.evidence, step_ms=self.step_ms)
         check_evidence_memory(self.trials, self.t_max, self.channels)
+        drawn = self._drawn(seed, name)
+        if not self.expectancy_nats:
+            return drawn
+        # A stream of its own: the evidence is the same with and without.
+        rng = stream(seed, name, "expectancy")
+        ahead = expecting(drawn.evidence, self.expectancy_nats, self.expectancy_ms, rng=rng)
+        return replace(drawn, evidence=ahead)
+
+    def _drawn(self, seed: int, name: str) -> Trials:
+        """Return the evidence of a task, from its onset on."""
         rng = stream(seed, name)
         if self.task == "gaussian":
             drawn = gaussian_evidence(

@@ -1,10 +1,14 @@
 """Evidence: drawn alike for any number of trials, and refused where it makes no sense."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bgmodel import Evidence, stream
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.comparison.compare import tradeoff
+from bgmodel.evidence import expecting, gaussian_evidence
+from bgmodel.integrators.sprt import Msprt
 from tests.helpers import some_evidence
 
 
@@ -39,3 +43,33 @@ def test_gaussian_trials_do_not_depend_on_those_after_them(trials):
 def test_evidence_without_sense_is_refused(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+def test_expectancy_rises_over_the_foreperiod_and_tells_a_test_nothing():
+    drawn = gaussian_evidence(400, 6, 0.5, rng=stream(3, "x"), step_ms=50.0)
+    ahead = expecting(drawn, 3.0, 200.0, rng=stream(3, "r"))
+    assert ahead.onset_ms == 200
+    assert ahead.foreperiod_steps == 4
+    assert drawn.foreperiod_steps == 0
+    top = ahead.expectancy_nats[:, -1]
+    np.testing.assert_allclose(ahead.expectancy_nats, top[:, None] * [0.25, 0.5, 0.75, 1])
+    assert 0 <= top.min() < 0.05 < 2.95 < top.max() <= 3
+    np.testing.assert_array_equal(ahead.posterior, drawn.posterior)
+    assert ahead[10:20].expectancy_nats.shape == (10, 4)
+    late = tradeoff(Msprt().run(ahead), ahead, [0.3])
+    plain = tradeoff(Msprt().run(drawn), drawn, [0.3])
+    for name in ("choice", "time_ms", "posterior", "premature"):
+        np.testing.assert_array_equal(getattr(late, name), getattr(plain, name))
+
+
+@pytest.mark.parametrize("foreperiod_ms", [0.0, 120.0, -50.0, np.nan, np.inf])
+def test_expectancy_needs_a_foreperiod(foreperiod_ms):
+    drawn = gaussian_evidence(4, 6, 0.5, rng=stream(3, "x"), step_ms=50.0)
+    with pytest.raises(ValueError, match=r"^expectancy needs a foreperiod of one or more whole"):
+        expecting(drawn, 3.0, foreperiod_ms, rng=stream(3, "r"))
+    with pytest.raises(ValueError, match=r"^expectancy needs a foreperiod"):
+        replace(drawn, expectancy_nats=np.zeros((4, 2)))
+    with pytest.raises(ValueError, match=r"^expectancy_nats must hold finite nats"):
+        replace(drawn, onset_ms=100.0, expectancy_nats=np.zeros((3, 2)))
+    with pytest.raises(ValueError, match=r"^most_nats must be >= 0 and finite, got -1"):
+        expecting(drawn, -1.0, 100.0, rng=stream(3, "r"))

@@ -365,7 +365,8 @@ def behaviour_of(
     threshold_nats : float, nats
         OUT at which it decides.
     foreperiod_ms : float, ms
-        Length of the foreperiod, a run of its own beside each trial.
+        Length of the foreperiod, a run of its own beside each trial, unless the evidence has one
+        in which something is expected: then that one counts.
 
     Returns
     -------
@@ -378,11 +379,13 @@ def behaviour_of(
         If the evidence does not fit the circuit, or a run is impossible (its rates run away).
     """
     whole = decide_at_thresholds(model, evidence, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
+    truth = np.asarray(evidence.truth)
+    if evidence.foreperiod_steps:
+        return Behaviour(whole, whole.time_ms[0] < 0, truth, evidence.hypotheses)
     responded = []
     for first in range(0, evidence.trials, BATCH):
         silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
         # Trials of their own: their noise is no other trial's.
         waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
         responded.append(any_crossing(waited, threshold_nats))
-    truth = np.asarray(evidence.truth)
     return Behaviour(whole, np.concatenate(responded), truth, evidence.hypotheses)

@@ -95,7 +95,7 @@ class BasalGanglia(Facts):
         """Return OUT (trials, ticks, hypotheses) in kappa-nats, from the onset of evidence.
 
         Readings come at ``onset_ms + k step_ms``; each is held, and the last one for a step more,
-        so that the circuit can answer it.
+        so that the circuit can answer it. A foreperiod in which something is expected is run too.
         """
         return self.trace(self.activity(evidence), evidence)
 
@@ -105,11 +105,22 @@ class BasalGanglia(Facts):
         Raises
         ------
         ValueError
-            If each channel gets its own evidence and that has no baseline.
+            If each channel gets its own evidence and that has no baseline, or if something is
+            expected where the mean over channels is taken off.
         """
-        if self.raw:
-            return self.gain * evidence.own_totals
-        return drive_of(evidence, self.gain, self.circuit.reach_nats)
+        expected = evidence.expectancy_nats
+        if not self.raw:
+            if expected is not None:
+                raise ValueError(
+                    "what is expected is common to all channels, and their mean is taken off what "
+                    f"{self.circuit.name} gets: nothing of it would arrive"
+                )
+            return drive_of(evidence, self.gain, self.circuit.reach_nats)
+        totals = evidence.own_totals
+        if expected is not None:
+            before = totals[:, :1] + expected[:, :, None]
+            totals = np.concatenate([before, totals + expected[:, -1:, None]], axis=1)
+        return self.gain * totals
 
     @property
     def raw(self) -> bool:
@@ -122,8 +133,10 @@ class BasalGanglia(Facts):
 
         A trial ends a step after its last reading, as it would if no other were longer.
         """
-        time_ms = evidence.onset_ms + activity.time_ms
-        ends = len(time_ms) * (evidence.readings + 1) // (evidence.steps + 1)
+        foreperiod = evidence.foreperiod_steps
+        time_ms = activity.time_ms + (0.0 if foreperiod else evidence.onset_ms)
+        steps = foreperiod + 1
+        ends = len(time_ms) * (evidence.readings + steps) // (evidence.steps + steps)
         return Trace(
             activity.output_nats,
             time_ms,

@@ -218,3 +218,16 @@ def test_a_file_without_a_circuit_says_which_one_it_runs_on(experiment_file):
     experiment_file.write_text(GOOD.replace('circuit = "spiking_msprt"\n', ""))
     with pytest.warns(UserWarning, match=r"small.toml names no circuit and runs on macaque"):
         assert read_experiment(experiment_file).circuit == anatomy.DEFAULT
+
+
+def test_where_something_is_expected_its_foreperiod_counts(experiment_file):
+    """Written in a file: a lesion, the rebound, and the ramp of expectancy."""
+    text = experiment_file.read_text().replace('["STN=0.2"]', '["STN"]\nrebound = ["SNr=0.3"]')
+    text = text.replace("[task]", "[task]\nexpectancy_nats = 5.5\nexpectancy_ms = 800.0")
+    experiment_file.write_text(text)
+    experiment = replace(
+        read_experiment(experiment_file), engine="population", circuit="macaque", gain=None
+    )
+    found = run_experiment(experiment).trials.groupby("condition")["anticipatory"].mean()
+    assert found["control"] <= 0.01
+    assert found["manipulation"] >= 0.2

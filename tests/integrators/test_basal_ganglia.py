@@ -11,12 +11,12 @@ from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.comparison.circuits import decide_at_thresholds
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, expecting, gaussian_evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of, gain_of
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import anatomy
-from circuits.anatomy import circuit
+from circuits.anatomy import circuit, macaque
 
 SEED, GAIN = 51, 0.5
 TABLE = circuit("spiking_msprt", 4)
@@ -129,3 +129,44 @@ def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
     found = model.run_drive(np.zeros((10, 4, 2)), 50.0)
     held = found.output_nats.nbytes + sum(rates.nbytes for rates in found.rates_hz.values())
     assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
+
+
+def test_what_is_expected_reaches_all_channels_before_the_onset():
+    drawn = gaussian_evidence(3, 4, 0.5, rng=stream(1, "x"), step_ms=50.0)
+    ahead = expecting(drawn, 3.0, 100.0, rng=stream(1, "r"))
+    model = BasalGanglia(macaque(2), "population", 0.5, seed=1)
+    before, after = np.split(model.drive(ahead), [2], axis=1)
+    top = ahead.expectancy_nats[:, -1, None, None]
+    np.testing.assert_allclose(before[:, :, 0], 0.5 * ahead.expectancy_nats)
+    np.testing.assert_allclose(after - 0.5 * top, model.drive(drawn))
+    trace = model.run(ahead)
+    assert trace.time_ms[[0, -1]].tolist() == [1, 350]
+    assert trace.onset_ms == 100
+    whole, part = replace(ahead, lengths=np.array([4, 4, 4])), ahead[1:2]
+    np.testing.assert_array_equal(model.run(whole).of_trials()[0], [350] * 3)
+    np.testing.assert_array_equal(
+        model.trace(model.activity(part, 1), part).out_nats, trace.out_nats[1:2]
+    )
+
+
+def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
+    ahead = expecting(
+        gaussian_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
+    )
+    with pytest.raises(ValueError, match=r"^what is expected is common to all channels"):
+        BasalGanglia(macaque(2), gain=0.5, centred=True).run(ahead)
+
+
+def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_no_other():
+    """STN holds all channels back; without it each races to a bound of its own."""
+    drawn = gaussian_evidence(300, 4, 0.5, rng=stream(2, "x"), step_ms=50.0)
+    intact = macaque(2)
+    gain = gain_of(intact)
+    ahead = expecting(drawn, 3 / gain, 800.0, rng=stream(2, "r"))
+    half, none = intact.without("STN", 0.5), intact.without("STN")
+    shares = []
+    for table in (intact, half.recovered(), none.recovered(rebound_nats={"SNr": 0.3})):
+        model = BasalGanglia(table, "population", gain, seed=2, options={"rates": False})
+        shares.append((first_crossing(model.run(ahead), 0.33).time_ms < 0).mean())
+    assert max(shares[:2]) <= 0.01
+    assert shares[2] >= 0.2
