@@ -30,6 +30,8 @@ PLACES = {
     "STN": (2.8, 2.0),
     "GPe": (1.3, 1.2),
     "SNr": (0.5, 0.0),
+    "FSI": (0.0, 3.0),
+    "GPe_ctx": (2.4, 0.6),
 }
 COLOURS = {"glutamate": "#b2182b", GABA: "#2166ac"}
 

@@ -411,14 +411,29 @@ class Circuit:
         """
         return self._everywhere(neurons=neurons)
 
+    def with_neurons_times(self, factor: float) -> Circuit:
+        """Return the circuit with so many times the cells of every spiking population, rounded."""
+        check_number("factor", factor)
+        if not 0 < factor < math.inf:
+            raise ValueError(f"factor must be > 0 and finite, got {factor}")
+        rows = tuple(
+            replace(p, neurons=max(1, round(p.neurons * factor))) if p.spiking else p
+            for p in self.populations
+        )
+        return replace(self, populations=rows)
+
     def with_spread(self, spread: float) -> Circuit:
         """Return the circuit with cells that differ by a fraction in every spiking population."""
         return self._everywhere(spread=spread)
 
     def with_connections(self, probability: float) -> Circuit:
-        """Return the circuit with sparse connections, of fixed in-degree, between spiking cells."""
+        """Return the circuit with sparse connections, of fixed in-degree, between spiking cells.
+
+        A pathway that bends stays as it is: it is the sum of all that bends.
+        """
         between = [
-            all(self.population(end).spiking for end in (p.source, p.target))
+            p.transfer == "linear"
+            and all(self.population(end).spiking for end in (p.source, p.target))
             for p in self.projections
         ]
         if not any(between):

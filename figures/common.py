@@ -49,7 +49,8 @@ class Settings:
     varied_trials: int = 100
     # So many changes of the circuit's numbers: those that move its fixed point most.
     varied: int = 40
-    most_neurons: int = 3000
+    # Cells of figure C4, over those of the table.
+    most_cells: float = 3.0
     lesioned_trials: int = 14
     dopamine_trials: int = 40
     # Of the experiments, every so-many-th is run in spikes too.
@@ -81,7 +82,7 @@ FAST = Settings(
     circuit_trials=120,
     varied_trials=100,
     varied=14,
-    most_neurons=1000,
+    most_cells=1.0,
     lesioned_trials=8,
     dopamine_trials=8,
     held_to_spikes=5,

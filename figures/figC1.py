@@ -1,7 +1,8 @@
-"""Figure C1: the circuit of spiking cells, and its two laws: STN's exponential, GPe's S - ln S.
+"""Figure C1: the circuit of spiking cells, and its two laws: STN's exponential, GPe's bent answer.
 
-STN's exponential is written in the table: what is measured is whether its cells keep to it. GPe's
-cells integrate and fire: what they make of Sigma is up to their membrane.
+STN's exponential is written in the table: what is measured is whether its cells keep to it. GPe
+bends what STN's sum Sigma delivers, so that what SNr hears of both follows S, the logarithm of the
+sum of what cortex says, wherever all channels rise or fall together.
 """
 
 from __future__ import annotations
@@ -16,37 +17,67 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy.printed_rates import at_rest
+from circuits.engines import run as run_engine
 from circuits.engines.ensemble import run as ensemble
-from circuits.laws.firing import lif_rate_hz
 from circuits.show import COLOURS
 from circuits.show import draw as draw_circuit
 from circuits.spec import Circuit
 from figures.common import Settings, letter, run
 
-CIRCUIT = circuit("spiking_msprt")
-STN, GPE = CIRCUIT.population("STN"), CIRCUIT.population("GPe")
-SIGMA = CIRCUIT.projection("STN", "GPe")
-S0 = -GPE.bias_nats / SIGMA.weight
+CIRCUIT = circuit(DEFAULT)
+STN, GPE, SNR = (CIRCUIT.population(name) for name in ("STN", "GPe", "SNr"))
 STN_NATS = np.linspace(-3.5, 3.2, 17)
-SIGMA_NATS = np.linspace(0.5, 5, 37)
-JUDGED_NATS = (2.0, 4.0)
-CELLS = 2000
+SIGMA_AT_REST = CIRCUIT.channels * (at_rest(CIRCUIT)["STN"] / STN.gain_hz_per_nat)
+COMMON_NATS = np.linspace(-1.5, 3.5, 11)
+"""Drives of all channels alike."""
+CELLS, HELD_S = 2000, 4
 
 
 def compute(settings: Settings, *, output: Path) -> None:
-    """Clamp the input of STN's and of GPe's cells, D2 at its baseline, and count their spikes."""
-    gpe_input = SIGMA.weight * SIGMA_NATS + GPE.bias_nats
-    mean_mv = GPE.cell.rest_mv + GPE.cell.mv_per_nat * gpe_input
-    table = pd.concat(
-        [
-            clamped("STN", STN_NATS, settings).assign(law_hz=_stn_hz(STN_NATS)),
-            clamped("GPe", gpe_input, settings).assign(
-                sigma_nats=SIGMA_NATS, law_hz=lif_rate_hz(GPE.cell, mean_mv)
-            ),
-        ]
-    )
+    """Clamp the input of STN's cells, drive all channels of the circuit alike, and count spikes."""
+    stn = clamped("STN", STN_NATS, settings).assign(law_hz=_stn_hz(STN_NATS), what="alone")
+    table = pd.concat([stn, driven_alike("ensemble", settings), driven_alike("algebra", settings)])
     write_table(table, output, seed=settings.seed, settings=settings)
+
+
+def driven_alike(engine: str, settings: Settings) -> pd.DataFrame:
+    """Return what GPe and SNr make of Sigma when all channels are driven alike.
+
+    Held at their rest are GPe_ctx, which would take the drive away, and D2, whose part D1 undoes.
+
+    Returns
+    -------
+    DataFrame
+        Columns what (the engine), s_nats, sigma_nats, gpe_nats, heard_nats (what SNr hears of STN
+        and GPe), all above rest but Sigma, and their standard errors over trials.
+    """
+    held = CIRCUIT.without("GPe_ctx", replaced=True).without("D2", replaced=True)
+    drive = np.repeat(COMMON_NATS[:, None, None], HELD_S, axis=1) * np.ones(CIRCUIT.channels)
+    trials = settings.repeats if engine == "ensemble" else 1
+    given = {"seed": settings.seed} if engine == "ensemble" else {}
+    done = run_engine(held, np.repeat(drive, trials, 0), engine=engine, step_ms=1000.0, **given)
+    late = slice(1000, None) if engine == "ensemble" else slice(None)
+
+    def mean(name: str) -> npt.NDArray[np.float64]:
+        values = done.decoded_nats(name)[:, late].mean(axis=1)
+        return np.asarray(values.reshape(len(drive), trials, -1), dtype=np.float64)
+
+    sigma, gpe, cortex = mean("STN").sum(axis=2), mean("GPe").mean(axis=2), mean("ctx").mean(axis=2)
+    onto_stn, onto_snr = (
+        CIRCUIT.projection(*ends).weight for ends in (("ctx", "STN"), ("GPe", "SNr"))
+    )
+    columns = {
+        "s_nats": onto_stn * (cortex - CIRCUIT.rest_drive),
+        "sigma_nats": sigma,
+        "gpe_nats": gpe,
+        "heard_nats": sigma - SIGMA_AT_REST + onto_snr * gpe,
+    }
+    found = {name: values.mean(axis=1) for name, values in columns.items()}
+    root = np.sqrt(trials)
+    errors = {f"{name}_se": values.std(axis=1) / root for name, values in columns.items()}
+    return pd.DataFrame(found | errors).assign(nucleus="GPe", what=engine)
 
 
 def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) -> pd.DataFrame:
@@ -84,12 +115,12 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     letter(_circuit(figure.add_subplot(grid[:, 0])), "a  circuit of the table")
     laws = (
         (1, "STN", _stn, "b  STN cells alone"),
-        (2, "GPe", _gpe, "c  GPe cells alone"),
+        (2, "GPe", _gpe, "c  all channels alike"),
     )
     for column, name, panel, title in laws:
         above = figure.add_subplot(grid[0, column])
-        below = figure.add_subplot(grid[1, column], sharex=above)
-        above.tick_params(labelbottom=False)
+        below = figure.add_subplot(grid[1, column], sharex=above if name == "STN" else None)
+        above.tick_params(labelbottom=name != "STN")
         panel(above, below, table[table["nucleus"] == name])
         letter(above, title)
     return figure
@@ -130,31 +161,25 @@ def _stn(ax: Any, below: Any, table: pd.DataFrame) -> None:
 
 
 def _gpe(ax: Any, below: Any, table: pd.DataFrame) -> None:
-    sigma = table["sigma_nats"]
-    law = sigma - np.log(sigma) - (S0 - np.log(S0))
-    curves = {"exact": table["law_hz"], "cells": table["rate_hz"]}
-    nats = {k: (hz - GPE.baseline_hz) / GPE.gain_hz_per_nat for k, hz in curves.items()}
-    line = table["input_nats"]
-    ax.plot(sigma, line, color="C0", lw=1, ls="--", label="line of the table")
-    ax.plot(sigma, law, color="0.6", lw=1, label=f"Σ − ln Σ, 0 at s₀ = {S0:.1f}")
-    ax.plot(sigma, nats["exact"], color="C1", lw=1, label="GPe cells, theory")
-    ax.plot(sigma, nats["cells"], "o", ms=2, mfc="none", color="C1", label="GPe cells, counted")
-    judged = sigma.between(*JUDGED_NATS)
-    for where in (ax, below):
-        where.axvspan(*JUDGED_NATS, color="0.93", lw=0, zorder=0)
-    worst = {name: (y - law)[judged].abs().max() for name, y in (nats | {"line": line}).items()}
-    ax.text(
-        0.98, 0.04,
-        f"Σ = 2..4: cells off by {worst['cells']:.2f},\nline by {worst['line']:.2f} nats",
-        transform=ax.transAxes, ha="right", fontsize=7,
+    counted, exact = (table[table["what"] == name] for name in ("ensemble", "algebra"))
+    sigma = np.linspace(counted["sigma_nats"].min(), counted["sigma_nats"].max(), 100)
+    law = sigma - np.log(sigma) - (SIGMA_AT_REST - np.log(SIGMA_AT_REST))
+    tangent = (1 - 1 / SIGMA_AT_REST) * (sigma - SIGMA_AT_REST)
+    ax.plot(sigma, tangent, color="C0", lw=1, ls="--", label="straight line")
+    ax.plot(sigma, law, color="0.6", lw=1, label="Σ − ln Σ, 0 at rest")
+    ax.plot(
+        counted["sigma_nats"], counted["gpe_nats"], "o", ms=3, mfc="none", color="C1",
+        label="GPe, counted",
     )  # fmt: skip
-    ax.set(ylabel="GPe activity (nats)", ylim=(-1.9, 3.2))
+    ax.set(xlabel="Σ, what STN delivers (nats)", ylabel="GPe activity (nats)")
     ax.legend(loc="upper left")
     below.axhline(0, color="0.6", lw=1)
-    below.plot(sigma, line - law, color="C0", lw=1, ls="--")
-    below.plot(sigma, nats["exact"] - law, color="C1", lw=1)
-    below.plot(sigma, nats["cells"] - law, "o", ms=2, mfc="none", color="C1")
-    below.set(xlabel="Σ, what STN delivers (nats)", ylabel="off (nats)")
+    below.plot(exact["s_nats"], exact["heard_nats"] - exact["s_nats"], color="C1", lw=1)
+    below.errorbar(
+        counted["s_nats"], counted["heard_nats"] - counted["s_nats"], counted["heard_nats_se"],
+        fmt="o", ms=2, lw=0.8, color="C1",
+    )  # fmt: skip
+    below.set(xlabel="S above rest (nats)", ylabel="heard by\nSNr − S")
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import MaxVsAverage, Race
 from bgmodel.tactile.task import Folds, SameDifferent, folds
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 from figures.common import Settings, letter, run
 
 AT = 0.95
@@ -60,7 +60,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     read = read_table(taps)
     for name, evidence in conditions(settings, read):
         groups = tactile(read).groups(evidence.trials) if name == TACTILE else None
-        table = circuit("spiking_msprt", evidence.hypotheses)
+        table = circuit(DEFAULT, evidence.hypotheses)
         gain = gain_of(table)
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
         swept = msprt_tradeoffs(evidence, gain)

@@ -23,13 +23,14 @@ from bgmodel.comparison.compare import compare
 from bgmodel.comparison.steady import out_shift, steady_out
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.anatomy import circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.anatomy import DEFAULT, circuit
 from circuits.controls import correlated, linear_stn, perturbed, shuffled_stn
 from circuits.laws.spectra import out_variance
-from figures.common import BRIEF, GAIN, Settings, letter, run
+from figures.common import BRIEF, Settings, letter, run
 
-NEURONS = (30, 100, 300, 1000, 3000)
+SIZES = (0.1, 0.3, 1.0, 3.0)
+"""Cells of every population, over the table's."""
 AT, HIGHEST = 0.95, 0.96
 SHOWN = 14
 SPIKING = 5
@@ -52,40 +53,40 @@ def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: fl
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
     evidence = gaussian(settings, "neurons", 2 * settings.varied_trials, 2, 0.5)
-    test = msprt_tradeoffs(evidence, GAIN)[MSPRT_AT_GAIN]
+    gain = gain_of(circuit(DEFAULT))
+    test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
     parts = []
-    for count in (n for n in NEURONS if n <= settings.most_neurons):
-        table = circuit("spiking_msprt").with_neurons(count)
-        model = BasalGanglia(table, "ensemble", GAIN, settings.seed)
+    for size in (one for one in SIZES if one <= settings.most_cells):
+        table = circuit(DEFAULT).with_neurons_times(size)
+        model = BasalGanglia(table, "ensemble", gain, settings.seed)
         for name, found in decide_at_thresholds(
             model, evidence, thresholds_about(test, HIGHEST)
         ).items():
             rng = stream(settings.seed, "bootstrap")
             measured = compare(test, found, rng=rng, truth=evidence.truth, accuracies=(AT,))
-            parts.append(measured.assign(model=name, neurons=count))
+            parts.append(measured.assign(model=name, size=size))
         found = steady_out(table, [ODDS], seed=settings.seed, trials=60, mean_ms=int(SPAN_MS))
         whose = out_variance(table, [ODDS / 2, -ODDS / 2], mean_ms=SPAN_MS)
         law = np.sqrt(sum(part[0] for part in whose.values()))
-        row = {"measure": "sd_nats", "value": found.std(ddof=1), "exact": law, "neurons": count}
+        row = {"measure": "sd_nats", "value": found.std(ddof=1), "exact": law, "size": size}
         parts.append(pd.DataFrame([row]))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
 def wiring(settings: Settings, *, output: Path) -> None:
-    """Compare circuits whose cells differ, are sparsely connected or share noise, N = 4."""
+    """Compare circuits of other noise, or without a part, by populations, N = 4."""
     evidence = gaussian(settings, "wiring", settings.varied_trials, 4, 1.0)
-    table = circuit("spiking_msprt", 4)
+    table = circuit(DEFAULT, 4)
     edited = {
         "Poisson cortex": table.with_cell("ctx", cv=1.0),
-        "10 % spread": table.with_spread(0.1),
-        "and 25 % connections": table.with_spread(0.1).with_connections(0.25),
+        "cells alike": table.with_spread(0.0),
         "shared noise .05 nats": correlated(table, 0.05),
         "shared noise .1 nats": correlated(table, 0.1),
         "GPe at its rest": table.without("GPe", replaced=True),
         "linear STN": linear_stn(table),
         "STN-SNr shuffled": shuffled_stn(table),
     }
-    model = BasalGanglia(table, "ensemble", GAIN, settings.seed, BRIEF)
+    model = BasalGanglia(table, "population", gain_of(table), settings.seed, BRIEF)
     given = {"accuracies": (AT,), "highest": HIGHEST}
     found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
@@ -97,7 +98,7 @@ def numbers(settings: Settings, *, output: Path) -> None:
     By populations with noise; those that move it most of all in spikes too.
     """
     evidence = gaussian(settings, "numbers", settings.varied_trials, 2, 1.0)
-    table = circuit("spiking_msprt")
+    table = circuit(DEFAULT)
     every = perturbed(table)
     moved = [np.abs(out_shift(table, edit, OUTS, laws="cells")).max() for edit in every.values()]
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]
@@ -105,7 +106,7 @@ def numbers(settings: Settings, *, output: Path) -> None:
     parts = []
     for engine, count in (("population", len(names)), ("ensemble", SPIKING)):
         edited = {name: every[name] for name in names[:count]}
-        model = BasalGanglia(table, engine, GAIN, settings.seed, BRIEF)
+        model = BasalGanglia(table, engine, gain_of(table), settings.seed, BRIEF)
         found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
         parts.append(found.assign(of=len(every), engine=engine))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
@@ -127,12 +128,13 @@ def draw(settings: Settings, *data: Path, output: Path) -> Figure:
 
 def _noise(ax, table: pd.DataFrame) -> None:
     rows = table[table["measure"] == "sd_nats"]
-    n, sd, law = (rows[name].to_numpy(float) for name in ("neurons", "value", "exact"))
+    n, sd, law = (rows[name].to_numpy(float) for name in ("size", "value", "exact"))
     ax.loglog(n, sd, "o", ms=4, label="measured")
     each = float(law[-1] * np.sqrt(n[-1]))
-    ax.loglog(n, law, color="k", lw=0.8, label=f"linear theory, {each:.2f}/√n")
-    ax.set(xlabel="cells per channel n", ylabel="sd of OUT (nats)")
+    ax.loglog(n, law, color="k", lw=0.8, label=f"linear theory, {each:.3f}/√n")
+    ax.set(xlabel="cells n, over the table's", ylabel="sd of OUT (nats)")
     ax.set(ylim=(sd.min() / 4, sd.max() * 1.5))
+    _size_ticks(ax)
     ax.legend(loc="lower left")
     letter(ax, "a  noise of OUT, N = 2")
 
@@ -143,12 +145,19 @@ def _correlation(ax, table: pd.DataFrame) -> None:
         here = rows[rows["model"] == name]
         off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
         ax.errorbar(
-            here["neurons"], here["value"], np.maximum(off, 0), ms=4, lw=0.8, label=name, **style
+            here["size"], here["value"], np.maximum(off, 0), ms=4, lw=0.8, label=name, **style
         )
-    ax.set(xscale="log", xlabel="cells per channel n", ylabel=f"r of times, at accuracy {AT}")
+    ax.set(xscale="log", xlabel="cells n, over the table's", ylabel=f"r of times, at accuracy {AT}")
     ax.set(ylim=(0.3, 1.02))
+    _size_ticks(ax)
     ax.legend(loc="lower left", handlelength=1.2, fontsize="small")
     letter(ax, "b  beside the MSPRT, N = 2")
+
+
+def _size_ticks(ax) -> None:
+    ax.set(xlim=(0.7 * SIZES[0], SIZES[-1] / 0.7))
+    ax.set_xticks(SIZES, [f"{size:g}" for size in SIZES])
+    ax.set_xticks([], minor=True)
 
 
 def _edits(ax, table: pd.DataFrame) -> None:

@@ -14,9 +14,9 @@ from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.steady import lesions, steady_shifts
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.anatomy import circuit
-from figures.common import BRIEF, GAIN, Settings, letter, run
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.anatomy import DEFAULT, circuit
+from figures.common import BRIEF, Settings, letter, run
 
 CHANNELS = 4
 AT, HIGHEST = 0.95, 0.96
@@ -27,7 +27,7 @@ SPIKING_EVERY = 3
 
 def steady(settings: Settings, *, output: Path) -> None:
     """Measure what lesions add to OUT under constant evidence."""
-    table = circuit("spiking_msprt", CHANNELS)
+    table = circuit(DEFAULT, CHANNELS)
     given = {"seed": settings.seed, "trials": settings.lesioned_trials}
     found = steady_shifts(table, lesions(table), LOG_ODDS, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
@@ -35,7 +35,7 @@ def steady(settings: Settings, *, output: Path) -> None:
 
 def behaviour(settings: Settings, *, output: Path) -> None:
     """Let lesioned circuits decide by populations, some in spikes, thresholds kept and tuned."""
-    table = circuit("spiking_msprt", CHANNELS)
+    table = circuit(DEFAULT, CHANNELS)
     evidence = gaussian_evidence(
         settings.varied_trials,
         40,
@@ -47,7 +47,7 @@ def behaviour(settings: Settings, *, output: Path) -> None:
     given = {"accuracies": (AT,), "highest": HIGHEST}
     every, parts = lesions(table), []
     for engine, names in (("population", list(every)), ("ensemble", list(every)[::SPIKING_EVERY])):
-        model = BasalGanglia(table, engine, GAIN, settings.seed, BRIEF)
+        model = BasalGanglia(table, engine, gain_of(table), settings.seed, BRIEF)
         edited = {name: every[name] for name in names}
         found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
         parts.append(found.assign(engine=engine))
@@ -117,7 +117,7 @@ def _shifts(ax, table: pd.DataFrame) -> None:
     ax.plot([], [], "o", c="0.4", mfc="w", ms=3, mew=0.5, label="fixed point of the table's lines")
     ends = [table["value"].min() - 0.02, table["value"].max() + 0.02]
     ax.plot(ends, ends, color="0.7", lw=0.8, zorder=0, label="equality")
-    ax.set(xlabel="fixed point of 300 cells (nats)", ylabel="change of OUT, spikes (nats)")
+    ax.set(xlabel="fixed point of so many cells (nats)", ylabel="change of OUT, spikes (nats)")
     letter(ax, "a  shift of OUT")
 
 

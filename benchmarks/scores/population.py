@@ -44,8 +44,8 @@ EDITS: dict[str, Callable[[Circuit], Circuit]] = {
     "dopamine .5": lambda table: table.dopamine(0.5),
     "dopamine .9": lambda table: table.dopamine(0.9),
     "dopamine 1.2": lambda table: table.dopamine(1.2),
-    "a third of the cells": lambda table: sized(table, 1 / 3),
-    "three times the cells": lambda table: sized(table, 3),
+    "a third of the cells": lambda table: table.with_neurons_times(1 / 3),
+    "three times the cells": lambda table: table.with_neurons_times(3),
 }
 EDITED, EDITED_AT, EDITED_D_PRIME = (2, 4), 0.9, 0.5
 """Alternatives, posterior and d' of the edits."""
@@ -67,14 +67,6 @@ ENGINES = {
     AGAIN: ("ensemble", OTHER_SEED),
     POPULATION: ("population", POPULATION_SEED),
 }
-
-
-def sized(table: Circuit, factor: float) -> Circuit:
-    """Return the circuit with so many times the cells of every population that spikes."""
-    for row in table.populations:
-        if row.spiking:
-            table = table.with_population(row.name, neurons=round(row.neurons * factor))
-    return table
 
 
 def evidence(channels: int, d_prime: float, trials: int) -> Evidence:
@@ -182,7 +174,7 @@ def rates(trials: int, workers: int) -> pd.DataFrame:
     for size in SIZES:
         for name in ENGINES:
             few = max(6, round(trials * min(1, 1 / size)))
-            activity = _held(sized(circuit(DEFAULT, 2), size), 0.0, few, name, workers)
+            activity = _held(circuit(DEFAULT, 2).with_neurons_times(size), 0.0, few, name, workers)
             scatter = float(activity.output_nats[:, 500:].std(axis=(0, 1))[0])
             of = {"channels": 2, "nats": 0.0, "engine": name, "size": size}
             rows.append(of | {"what": "OUT by size", "measure": "sd_nats", "value": scatter})
