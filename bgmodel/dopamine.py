@@ -52,11 +52,15 @@ def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Arra
 
 
 def _odds(circuit: Circuit) -> Array:
-    """Return log odds from none to the most that the circuit takes: its reach, or its range."""
+    """Return log odds from none to the most that the circuit takes: its reach, or its range.
+
+    Rivals are silent from ``reference_nats`` behind on, and more evidence tells them nothing.
+    """
     circuit.check_nats("a criterion that dopamine sets")
     n = circuit.channels
     most = (circuit.range_nats[1] - circuit.reference_nats + np.log(n)) * n / (n - 1)
-    return np.linspace(0.0, min(circuit.reach_nats, most), 201)
+    silent = np.inf if circuit.centred else circuit.reference_nats
+    return np.linspace(0.0, min(circuit.reach_nats, most, silent), 201)
 
 
 def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from bgmodel.dopamine import (
     usable_range,
     working_range,
 )
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import circuit
 from tests.levels import GAIN, LEVELS, MODEL, SEED
 
@@ -42,24 +42,39 @@ def test_normal_dopamine_decides_at_the_posterior_of_the_threshold(channels):
     assert criterion(table, 1.0, 0.3, GAIN) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 @pytest.mark.parametrize(
     ("channels", "threshold"), [(2, THRESHOLD_NATS), (4, THRESHOLD_NATS), (4, 0.34)]
 )
-def test_the_fixed_point_spans_posteriors_from_75_to_99(channels, threshold):
-    table = circuit("spiking_msprt", channels)
+def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshold):
+    table = circuit(name, channels)
+    gain = GAIN if name == "spiking_msprt" else gain_of(table)
     low, high = working_range(table, threshold)
     found = [
-        criterion(table, level, threshold, GAIN)
+        criterion(table, level, threshold, gain)
         for level in levels_between(1.01 * low, 0.99 * high, 12)
     ]
     assert np.all(np.diff(found) < 0)
     assert found[-1] < 0.75
     assert found[0] > 0.99
     # The edges are where they are said to be.
-    lowest = decided_out(table, low, np.linspace(0, table.reach_nats, 500)).min()
+    most = table.reach_nats if table.centred else table.reference_nats
+    lowest = decided_out(table, low, np.linspace(0, most, 500)).min()
     assert lowest == pytest.approx(threshold, abs=1e-3)
     if high < 2:
         assert decided_out(table, high, 0.0) == pytest.approx(threshold, abs=1e-3)
+
+
+def test_more_evidence_tells_the_default_circuit_next_to_nothing_once_its_rivals_are_silent():
+    """Below its lowest level the fixed point never decides, however far the leader is ahead."""
+    table = circuit("macaque")
+    low, _ = working_range(table, THRESHOLD_NATS)
+    far = table.reference_nats * np.array([1.0, 1.5, 2.0, 3.0])
+    out = decided_out(table, 0.95 * low, far)
+    assert np.all(out > THRESHOLD_NATS)
+    assert out == pytest.approx(out[0], abs=4e-3)
+    with pytest.raises(ValueError, match=r"macaque decides by evidence at levels 0\.68 to 2\.00"):
+        criterion(table, 0.5, THRESHOLD_NATS, gain_of(table))
 
 
 def test_a_learner_plays_what_evidence_decides_and_less_of_it_in_spikes():

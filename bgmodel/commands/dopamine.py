@@ -21,7 +21,7 @@ from bgmodel.commands.checks import (
     say,
     say_before,
 )
-from bgmodel.commands.names import RATE, SPIKING_MSPRT, CircuitName, TimedEngineName
+from bgmodel.commands.names import MACAQUE, RATE, CircuitName, TimedEngineName
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import criterion_from_posterior
@@ -56,15 +56,14 @@ class CircuitLearn(Writes):
 
     output: Positional[Path]
     """Where the table of trials goes, .parquet or .csv."""
-    circuit: CircuitName = SPIKING_MSPRT
+    circuit: CircuitName = MACAQUE
     """Name of the table, or the path of a .toml file."""
     engine: TimedEngineName = RATE
     """How the circuit is run: rates, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
     gain: float | None = None
-    """Nats in the circuit per nat of evidence, kappa; unless given, .5 for spiking_msprt, and else
-    the table's default."""
+    """Nats in the circuit per nat of evidence, kappa; the table's default unless given."""
     posterior: float = 0.74
     """Posterior, in the circuit's nats, at which it decides at a level of 1."""
     xi: float = 50.0

@@ -58,7 +58,6 @@ class TimedEngineName(EngineName):
 
 
 MACAQUE = CircuitName("macaque")
-SPIKING_MSPRT = CircuitName("spiking_msprt")
 ENSEMBLE = EngineName("ensemble")
 RATE = TimedEngineName("rate")
 """What commands take unless another one is named."""

@@ -14,9 +14,7 @@ def test_the_command_says_before_it_starts_how_long_it_takes(tmp_path, monkeypat
     monkeypatch.setattr("bgmodel.learning.level.level_outcomes", stop)
     assert main(["circuit", "learn", str(tmp_path / "a.csv")]) == 2
     said = capsys.readouterr().err
-    assert (
-        "learning in spiking_msprt on rate, 16 circuits, 500 trials of up to 1.6 s: about" in said
-    )
+    assert "learning in macaque on rate, 16 circuits, 500 trials of up to 1.6 s: about" in said
     assert said.index("about") < said.index("started")
 
 
@@ -30,11 +28,16 @@ def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
     table = read_table(path)
     assert list(table) == ["run", "episode", "tonic", "level", "reward", "phasic"]
     assert len(table) == 1200
-    assert main(["circuit", "learn", str(path), *small, "--start-level", "3", "--force"]) == 2
-    assert (
-        "start_level must lie where spiking_msprt decides by evidence, 0.837..1.696, got 3"
-        in capsys.readouterr().err
-    )
+
+
+def test_levels_are_those_of_the_circuit_that_is_named(tmp_path, capsys):
+    asked = ["circuit", "learn", str(tmp_path / "a.csv"), "--trials", "40", "--start-level", "3"]
+    for given, said in (
+        ([], "where macaque decides by evidence, 0.692..2.000, got 3"),
+        (["--circuit", "spiking_msprt"], "where spiking_msprt decides by evidence, 0.837..1.696,"),
+    ):
+        assert main([*asked, *given]) == 2
+        assert f"start_level must lie {said}" in capsys.readouterr().err
 
 
 def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp_path, monkeypatch):

@@ -7,13 +7,16 @@ import pytest
 from scipy.stats import chisquare, norm
 
 from bgmodel import stream
+from bgmodel.dopamine import playable_levels
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import gain_of
 from bgmodel.learning import level
 from bgmodel.learning.level import after_errors, learn_level, level_outcomes, regret, scored_runs
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from circuits.anatomy import DEFAULT, circuit
 from tests.levels import LEVELS, MODEL, PLAYED, SEED, XI, synthetic
 
 
@@ -128,16 +131,32 @@ def test_credit_to_a_foreign_perturbation_teaches_nothing():
     assert np.median(regret(learned.learned, made, XI)) > 0.3
 
 
-@pytest.fixture(scope="module")
-def tactile():
+def touched(model, levels):
     readings = source(held_out_taps(), SameDifferent(), period_mm=1.5, fold=0)
     drawn = readings.draw(1500, 30, rng=stream(SEED, "tactile"), step_ms=50.0)
-    model = replace(MODEL, options={"dt_ms": 0.5, "sample_ms": 5.0})
-    return level_outcomes(model, drawn, LEVELS)
+    model = replace(model, options={"dt_ms": 0.5, "sample_ms": 5.0})
+    return level_outcomes(model, drawn, levels)
 
 
-@pytest.mark.parametrize("start", [0.86, 1.69])
-def test_dopamine_learns_the_level_of_a_circuit_that_touches(tactile, start):
+@pytest.fixture(scope="module")
+def tactile():
+    return touched(MODEL, LEVELS)
+
+
+@pytest.fixture(scope="module")
+def tactile_default():
+    """Return the outcomes of the default circuit, each channel with its own evidence."""
+    table = circuit(DEFAULT)
+    model = replace(MODEL, circuit=table, gain=gain_of(table))
+    return touched(model, playable_levels(model, 9))
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "start"),
+    [("tactile", 0.86), ("tactile", 1.69), ("tactile_default", 0.75), ("tactile_default", 1.1)],
+)
+def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, start):
+    tactile = request.getfixturevalue(outcomes)
     learned = learn_level(
         tactile,
         xi=XI,
