@@ -19,19 +19,19 @@ from matplotlib.lines import Line2D
 from bgmodel import stream
 from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.level import LevelOutcomes, learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
-from circuits.anatomy import circuit
-from figures.common import COLOUR, GAIN, Settings, letter, run
+from circuits.anatomy import DEFAULT, circuit
+from figures.common import BRIEF, COLOUR, Settings, letter, run
 
 STEP_MS = 50.0
 STARTS = (1, -2)
 """Where tonic dopamine starts, of the levels played: too careful, too hasty."""
-TRIALS = {"rate": 3.0, "population": 3.0, "ensemble": 1.0}
+TRIALS = {"rate": 3.0, "population": 3.0, "ensemble": 0.75}
 """Trials of a circuit, as a share of what the figures of circuits have."""
-LEVELS, SCORED = 16, 6
+LEVELS, SCORED = 16, 4
 """Levels that are played; quantiles of the learned ones at which spikes score, beside the starts
 and the best."""
 RUNS = 20
@@ -71,8 +71,9 @@ def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> No
 
 
 def _model(settings: Settings, engine: str) -> BasalGanglia:
-    options = COARSE if engine == "rate" else {}
-    return BasalGanglia(circuit("spiking_msprt"), engine, GAIN, settings.seed, options)
+    options = COARSE if engine == "rate" else BRIEF
+    table = circuit(DEFAULT)
+    return BasalGanglia(table, engine, gain_of(table), settings.seed, options)
 
 
 def _outcomes(

@@ -9,15 +9,18 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.comparison.circuits import MSPRT
-from bgmodel.comparison.levels import GAIN, THRESHOLDS_NATS, levels_against_msprt
-from bgmodel.dopamine import criterion, levels_between, working_range
+from bgmodel.comparison.levels import levels_against_msprt
+from bgmodel.dopamine import THRESHOLD_NATS, criterion, levels_between, working_range
 from bgmodel.files import read_table, write_table
-from circuits.anatomy import circuit
+from bgmodel.integrators.basal_ganglia import gain_of
+from circuits.anatomy import DEFAULT, circuit
 from figures.common import Settings, letter, run
 
 COLOURS = {2: "C0", 4: "C1"}
-SPIKING_EVERY = 3
+SPIKING_EVERY = 5
 """Spikes are held beside populations at every so-many-th level."""
+EARLY = 0.02
+"""Share of responses before the first reading above which noise is said to decide."""
 ENGINES = (("rate", "o", "rates"), ("population", "d", "with noise"), ("ensemble", "s", "spikes"))
 
 
@@ -42,10 +45,11 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         _gap(axes[2], rows, colour)
     axes[0].axhspan(0.75, 0.99, color="0.95", zorder=0)
     axes[0].set(xlabel="dopamine (1: normal)", ylabel="posterior of what is chosen", xscale="log")
-    axes[0].set_xticks([0.8, 1, 1.25, 1.6, 2], ["0.8", "1", "1.25", "1.6", "2"])
+    axes[0].set_xticks([0.6, 0.8, 1, 1.25, 1.6, 2], ["0.6", "0.8", "1", "1.25", "1.6", "2"])
     axes[0].minorticks_off()
-    axes[0].plot([], [], "kx", ms=6, mew=0.8, label="noise decides")
-    axes[1].set(xlabel="mean time (s)", ylabel="expected accuracy", ylim=(0.5, 1.0))
+    if (table.loc[table["measure"] == "premature", "value"] > EARLY).any():
+        axes[0].plot([], [], "kx", ms=6, mew=0.8, label="noise decides")
+    axes[1].set(xlabel="mean time (s)", ylabel="expected accuracy", xlim=(0, 5), ylim=(0.5, 1.0))
     axes[2].axhspan(-0.01, 0.01, color="0.93", zorder=0)
     axes[2].axhline(0, lw=0.8, color="0.6")
     axes[2].set(
@@ -66,10 +70,10 @@ def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
 
 
 def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
-    table, threshold = circuit("spiking_msprt", channels), THRESHOLDS_NATS[channels]
-    low, high = working_range(table, threshold)
+    table = circuit(DEFAULT, channels)
+    low, high = working_range(table, THRESHOLD_NATS)
     levels = levels_between(low * 1.001, high * 0.999, 40)
-    exact = [criterion(table, level, threshold, GAIN) for level in levels]
+    exact = [criterion(table, level, THRESHOLD_NATS, gain_of(table)) for level in levels]
     ax.plot(
         levels, exact, lw=0.8, color=colour, label=f"N = {channels}: fixed point (a), MSPRT (b)"
     )
@@ -87,7 +91,7 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
             mfc=colour if mark == "s" else "w",
             label=name if channels == 2 else None,
         )
-        early = _points(rows, engine, "premature")["value"] > 0.02
+        early = _points(rows, engine, "premature")["value"] > EARLY
         ax.plot(points.index[early], points["value"][early], "x", ms=6, color="k", mew=0.8)
 
 

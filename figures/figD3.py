@@ -19,7 +19,7 @@ from bgmodel import stream
 from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.evidence import Evidence
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.gap import increments
 from bgmodel.learning.level import after_errors, learn_level, level_outcomes
 from bgmodel.learning.policies import GaussianPolicy
@@ -27,8 +27,8 @@ from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smo
 from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
 from bgmodel.tactile.task import SameDifferent, Source, source
 from bgmodel.theory.sprt import optimal_delta
-from circuits.anatomy import circuit
-from figures.common import GAIN, Settings, letter, run
+from circuits.anatomy import DEFAULT, circuit
+from figures.common import Settings, letter, run
 
 STEP_MS = 50.0
 RUNS = 20
@@ -46,7 +46,8 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     read = read_table(taps)
     periods = {period for world in WORLDS.values() for period, _ in world}
     sources = {p: source(read, SameDifferent(), period_mm=p, fold=0) for p in periods}
-    model = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options=COARSE)
+    table = circuit(DEFAULT)
+    model = BasalGanglia(table, "rate", gain_of(table), options=COARSE)
     levels = playable_levels(model, 22)
     outcomes = {
         period: level_outcomes(model, _drawn(readings, settings, period), levels)

@@ -1,106 +1,265 @@
-"""Figure D5: spectra of STN and GPe, beside the frequency at which the delayed loop turns.
+"""Figure D5: less dopamine, a stronger loop of STN and GPe: spectra in spikes and in closed form.
 
-What dopamine does to striatum hardly reaches the loop. What does is its coupling, and losing the
-common mode that holds S: both are shown as edits, each with the rightmost turning root of the
-linearised rates, and all of it is the model's prediction. Spikes turn faster than those rates: a
-noisy cell that integrates and fires answers before its membrane has settled.
+Dopamine acts at the terminals of STN in GPe and of GPe in STN: the less of it, the more both weigh.
+Spectra are counted from spikes and stand beside the linear theory of noise about the fixed point,
+which has no number that was fitted to them. Monkeys that lost their dopamine oscillate lower, at
+8-15 Hz: beside it stands by how much the loop would have to be slower for that.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from scipy.signal import welch
 
+from bgmodel.dopamine import THRESHOLD_NATS, criterion, working_range
 from bgmodel.files import read_table, write_table
-from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.anatomy import circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.activity import Activity
+from circuits.anatomy import DEFAULT, circuit
+from circuits.laws.spectra import rate_spectrum
 from circuits.laws.stability import roots
 from circuits.spec import Circuit
-from figures.common import Settings, letter, run
+from figures.common import BRIEF, Settings, letter, run
 
-NUCLEI = ("STN", "GPe")
-DRIVE = (1.0, -1.0)
+NUCLEI, MSN = ("STN", "GPe"), ("D1", "D2")
+LEVELS = (1.2, 1.0, 0.85, 0.7, 0.5)
+COLOUR = dict(zip(LEVELS, ("C5", "k", "C2", "C4", "C1"), strict=True))
+DRIVES = {"rest": (0.0, 0.0), "evidence": (1.0, -1.0)}
 """Steady evidence, nats."""
-SECONDS = 4
-DASHES = {"dopamine 0.8": (0, (4, 3)), "dopamine 1.6": (0, (1, 2))}
-"""What lies on the line of dopamine 1 leaves it to be seen."""
-
-
-def edits(table: Circuit) -> dict[str, Circuit]:
-    """Return what is compared: dopamine in striatum, coupling of the loop, the common mode."""
-    both = table.scaled("STN", "GPe", 1.6).scaled("GPe", "STN", 1.6)
-    return {
-        "dopamine 1": table,
-        "dopamine 0.8": table.dopamine(0.8),
-        "dopamine 1.6": table.dopamine(1.6),
-        "loop x 1.6 each": both,
-        "no common mode, S = 4.5": _freed(table, 4.5),
-        "no common mode, S = 5.5": _freed(table, 5.5),
-    }
-
-
-def _freed(table: Circuit, total_nats: float) -> Circuit:
-    """Return the circuit without its common mode, driven to some S at rest."""
-    bias = total_nats - table.reference_nats
-    return table.without("common").with_population("ctx", bias_nats=bias)
+BEGIN_MS, SECONDS = 1000.0, 4
+BAND_HZ = (13.0, 30.0)
+PARKINSONIAN_HZ = (8.0, 15.0)
+"""Oscillations of GPe, GPi and STN of monkeys that lost their dopamine; Nambu & Tachibana 2014."""
+FOUND_HZ = np.arange(4.0, 60.5, 0.5)
+LINE = np.round(np.arange(0.45, 1.26, 0.05), 2)
+"""Levels of the closed form's lines."""
+LOW = 0.5
+"""The level whose frequency is looked at."""
+FACTORS = np.round(np.arange(0.8, 2.41, 0.1), 1)
+SLOWED = {"both": (1, 1), "delays": (1, 0), "time constants": (0, 1)}
+"""What the factor multiplies."""
 
 
 def compute(settings: Settings, *, output: Path) -> None:
-    """Run each edit under steady evidence, count spikes every millisecond, and find its root."""
-    trials = settings.dopamine_trials
-    drive = np.broadcast_to(DRIVE, (trials, SECONDS + 1, 2))
-    parts = []
-    for name, table in edits(circuit("spiking_msprt")).items():
-        model = BasalGanglia(table, "ensemble", seed=settings.seed)
-        activity = model.run_drive(drive, step_ms=1000.0)
-        root = _root(table)
-        for nucleus in NUCLEI:
-            frequency, power = activity.spectrum(nucleus, from_ms=1000.0)
-            parts.append(
-                pd.DataFrame({"frequency_hz": frequency, "power": power}).assign(
-                    edit=name,
-                    nucleus=nucleus,
-                    mean_hz=float(np.mean(activity.rates_hz[nucleus][:, 1000:])),
-                    root_hz=abs(root.imag) / (2 * np.pi),
-                    growth_per_s=root.real,
-                )
+    """Count spikes at each level, at rest and under evidence; add the closed forms."""
+    table = circuit(DEFAULT)
+    parts = [closed(table), frequencies(table.dopamine(LOW))]
+    for level in LEVELS:
+        for name, drive in DRIVES.items():
+            model = BasalGanglia(
+                table.dopamine(level), "ensemble", seed=settings.seed, options=BRIEF
             )
+            held = np.broadcast_to(drive, (settings.dopamine_trials, SECONDS + 1, len(drive)))
+            counted = measured(model.run_drive(held, step_ms=1000.0))
+            parts.append(pd.DataFrame(counted).assign(level=level, drive=name, by="spikes"))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
-def _root(table: Circuit) -> complex:
-    turning = [root for root in roots(table, DRIVE) if abs(root.imag) > 2 * np.pi]
-    return turning[0] if turning else complex(np.nan, np.nan)
+def measured(activity: Activity) -> Iterator[dict[str, object]]:
+    """Yield means over trials with 95 % intervals: spectra, power in the band, rates of MSN.
+
+    Rates are those of channel 0, which the evidence favours, and of the others.
+    """
+    late = activity.time_ms > BEGIN_MS
+    for name in NUCLEI:
+        mean_hz = np.asarray(activity.rates_hz[name], np.float64)[:, late].mean(axis=2)
+        frequency, power = welch(mean_hz, fs=1000.0, nperseg=1000, axis=1)
+        seen = (frequency >= FOUND_HZ[0]) & (frequency <= FOUND_HZ[-1])
+        for hz, each in zip(frequency[seen], power[:, seen].T, strict=True):
+            yield {"measure": "power", "nucleus": name, "at": hz, **_interval(each)}
+        yield {"measure": "band", "nucleus": name, **_interval(band(frequency, power))}
+    for name in MSN:
+        each = np.asarray(activity.rates_hz[name], np.float64)[:, late].mean(axis=1)
+        yield {"measure": "rate", "nucleus": f"{name} leader", **_interval(each[:, 0])}
+        yield {"measure": "rate", "nucleus": f"{name} rival", **_interval(each[:, 1:].mean(axis=1))}
+
+
+def _interval(each: np.ndarray) -> dict[str, float]:
+    off = 1.96 * each.std(ddof=1) / np.sqrt(len(each))
+    return {"value": each.mean(), "low": each.mean() - off, "high": each.mean() + off}
+
+
+def band(frequency: np.ndarray, power: np.ndarray) -> np.ndarray:
+    """Return the power in ``BAND_HZ`` along the last axis, Hz^2."""
+    inside = (frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1])
+    return np.asarray(np.trapezoid(power[..., inside], frequency[inside], axis=-1))
+
+
+def closed(table: Circuit) -> pd.DataFrame:
+    """Return spectra, power in the band, the loop's decay and the criterion of the closed forms."""
+    low, high = working_range(table, THRESHOLD_NATS)
+    rows: list[tuple[object, ...]] = []
+    for level in sorted({*LEVELS, *LINE.tolist()}):
+        edited = table.dopamine(level)
+        for name in NUCLEI:
+            for of, drive in DRIVES.items():
+                power = rate_spectrum(edited, name, FOUND_HZ, drive)
+                rows.append(("band", name, np.nan, float(band(FOUND_HZ, power)), level, of))
+                rows += [
+                    ("power", name, *pair, level, of) for pair in zip(FOUND_HZ, power, strict=True)
+                ]
+        inside, gain = low < level < high, gain_of(table)
+        posterior = criterion(table, level, THRESHOLD_NATS, gain) if inside else np.nan
+        rows.append(("criterion", "", low, posterior, level, ""))
+        root = turning(edited)
+        rows.append(("growth", "", root.imag, root.real, level, ""))
+    names = ["measure", "nucleus", "at", "value", "level", "drive"]
+    return pd.DataFrame(rows, columns=names).assign(by="closed form")
+
+
+def turning(table: Circuit) -> complex:
+    """Return growth (1/s, below 0: decay) and frequency (Hz) of the slowest root above 5 Hz."""
+    root = next(root for root in roots(table) if root.imag > 2 * np.pi * 5)
+    return complex(root.real, root.imag / (2 * np.pi))
+
+
+def slowed(table: Circuit, delays: float, taus: float) -> Circuit:
+    """Return the circuit with delays and time constants of STN->GPe and GPe->STN multiplied."""
+    for pair in (NUCLEI, NUCLEI[::-1]):
+        row = table.projection(*pair)
+        table = table.with_projection(
+            *pair, delay_ms=delays * row.delay_ms, tau_ms=taus * row.tau_ms
+        )
+    return table
+
+
+def frequencies(table: Circuit) -> pd.DataFrame:
+    """Return the frequency at which STN's power is highest, for each factor."""
+    fine = np.arange(4.0, 40.0, 0.1)
+    rows = []
+    for name, (of_delays, of_taus) in SLOWED.items():
+        for factor in FACTORS:
+            edited = slowed(table, factor if of_delays else 1.0, factor if of_taus else 1.0)
+            peak = fine[rate_spectrum(edited, "STN", fine).argmax()]
+            rows.append({"measure": "peak", "nucleus": name, "at": factor, "value": peak})
+    return pd.DataFrame(rows).assign(level=LOW, by="closed form")
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw the spectra, and beside each the frequency and growth of the loop's root."""
+    """Draw spectra, their power and MSN's rate at each level, and what sets the frequency."""
     table = read_table(data)
-    table = table[(table["frequency_hz"] >= 3) & (table["frequency_hz"] <= 100)]
-    figure, axes = plt.subplots(1, 2, figsize=(7.2, 2.8), sharex=True)
+    figure, axes = plt.subplots(2, 3, figsize=(7.4, 4.8))
     for ax, nucleus, title in zip(
-        axes, NUCLEI, ("a  power of STN", "b  power of GPe"), strict=True
+        axes[0], NUCLEI, ("a  STN at rest", "b  GPe at rest"), strict=False
     ):
-        rows = table[table["nucleus"] == nucleus]
-        for k, (name, one) in enumerate(rows.groupby("edit", sort=False)):
-            first = one.iloc[0]
-            text = f"{name}: {first['root_hz']:.0f} Hz, {first['growth_per_s']:+.0f} /s"
-            style = {"color": f"C{k}", "ls": DASHES.get(str(name), "-"), "label": text}
-            ax.plot(one["frequency_hz"], one["power"], lw=1, **style)
-        ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)")
-        ax.set_xticks([3, 10, 30, 100], ["3", "10", "30", "100"])
+        _spectra(ax, table[table["nucleus"] == nucleus])
         letter(ax, title)
-    axes[0].set(ylabel="power (Hz$^2$/Hz)")
-    axes[1].legend(
-        loc="upper left",
-        bbox_to_anchor=(1.0, 1.0),
-        title="edit: frequency and growth\nof the linear rates' root",
-    )
+    lowest = float(table.loc[table["measure"] == "criterion", "at"].iloc[0])
+    _power(axes[0, 2], table[table["measure"] == "band"])
+    _striatum(axes[1, 0], table[table["measure"] == "rate"])
+    for ax in (axes[0, 2], axes[1, 0]):
+        ax.axvspan(0.45, lowest, color="0.92", lw=0, zorder=0)
+        ax.set(xlabel="dopamine (1: normal)", xlim=(0.45, 1.25))
+    _frequency(axes[1, 1], table[table["measure"] == "peak"])
+    axes[1, 2].axis("off")
+    title = "dopamine: fixed point's\nposterior, decay of the loop"
+    key = axes[1, 2].legend(handles=_key(table), loc="center left", title=title, alignment="left")
+    key.set_in_layout(False)
     return figure
+
+
+def _spectra(ax, rows: pd.DataFrame) -> None:
+    rows = rows[(rows["measure"] == "power") & (rows["drive"] == "rest")]
+    ax.axvspan(*PARKINSONIAN_HZ, color="0.88", lw=0, zorder=0)
+    for level, colour in COLOUR.items():
+        one = rows[rows["level"] == level]
+        theory, spikes = (one[one["by"] == name] for name in ("closed form", "spikes"))
+        ax.plot(theory["at"], theory["value"], lw=1, color=colour)
+        ax.fill_between(spikes["at"], spikes["low"], spikes["high"], color=colour, alpha=0.25, lw=0)
+        ax.plot(spikes["at"], spikes["value"], ".", ms=2.5, color=colour)
+    ax.set(xscale="log", yscale="log", xlabel="frequency (Hz)", ylabel="power (Hz$^2$/Hz)")
+    ax.set_xticks([5, 10, 20, 40], ["5", "10", "20", "40"])
+    ax.minorticks_off()
+
+
+def _power(ax, rows: pd.DataFrame) -> None:
+    for nucleus, colour in zip(NUCLEI, ("C0", "C3"), strict=True):
+        one = rows[rows["nucleus"] == nucleus]
+        for drive, face, line in (("rest", colour, "-"), ("evidence", "w", ":")):
+            of = one[one["drive"] == drive]
+            theory, spikes = (of[of["by"] == name] for name in ("closed form", "spikes"))
+            ax.plot(theory["level"], theory["value"], lw=1, ls=line, color=colour)
+            off = [spikes["value"] - spikes["low"], spikes["high"] - spikes["value"]]
+            style = {"fmt": "o", "ms": 3, "lw": 0.8, "color": colour, "mfc": face}
+            ax.errorbar(spikes["level"], spikes["value"], off, **style)
+        end = theory.iloc[-1]
+        ax.text(1.25, 1.25 * end["value"], nucleus, color=colour, ha="right", va="bottom")
+    low, high = BAND_HZ
+    ax.set(yscale="log", ylabel=f"power of {low:g}-{high:g} Hz (Hz$^2$)")
+    ax.set_yticks([2, 5, 10, 20, 50, 100], ["2", "5", "10", "20", "50", "100"])
+    ax.minorticks_off()
+    letter(ax, "c  power against the level")
+
+
+def _striatum(ax, rows: pd.DataFrame) -> None:
+    for name, colour in zip(MSN, ("k", "0.55"), strict=True):
+        one = rows[rows["nucleus"] == f"{name} leader"]
+        for drive, face in (("rest", colour), ("evidence", "w")):
+            spikes = one[one["drive"] == drive].sort_values("level")
+            normal = float(spikes.loc[spikes["level"] == 1, "value"].iloc[0])
+            off = [spikes["value"] - spikes["low"], spikes["high"] - spikes["value"]]
+            style = {"fmt": "o-", "ms": 3, "lw": 0.8, "color": colour, "mfc": face}
+            ax.errorbar(spikes["level"], spikes["value"] / normal, np.array(off) / normal, **style)
+        first = (LOW, spikes["value"].iloc[0] / normal)
+        ax.annotate(name, first, (-4, 6), textcoords="offset points", color=colour)
+    ax.axhline(1.3, ls=":", lw=0.8, color="k")
+    ax.set(ylabel="rate of MSN (at normal: 1)")
+    letter(ax, "d  striatum")
+
+
+def _frequency(ax, rows: pd.DataFrame) -> None:
+    ax.axhspan(*PARKINSONIAN_HZ, color="0.88", lw=0, zorder=0)
+    for k, (name, one) in enumerate(rows.groupby("nucleus", sort=False)):
+        ax.plot(one["at"], one["value"], lw=1, color="k", ls=("-", "--", ":")[k], label=name)
+    both = rows[rows["nucleus"] == "both"]
+    for hz in (PARKINSONIAN_HZ[1], 12.0):
+        factor = float(np.interp(-hz, -both["value"], both["at"]))
+        ax.plot(factor, hz, "ko", ms=3)
+        ax.annotate(
+            f"x {factor:.2f}",
+            (factor, hz),
+            (-3, -3),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=7,
+        )
+    ax.axvline(1, lw=0.6, color="0.6")
+    ax.set(xlabel="factor on the loop of STN and GPe", ylabel=f"peak of STN at {LOW:g} (Hz)")
+    ax.set_xlim(0.8, 2.4)
+    ax.legend(loc="upper right")
+    letter(ax, "e  what sets the frequency")
+
+
+def _key(table: pd.DataFrame) -> list[Line2D | Patch]:
+    """Return the levels with the posterior at which each decides, and the marks."""
+    known, growth = (
+        table[table["measure"] == name].set_index("level")["value"]
+        for name in ("criterion", "growth")
+    )
+    handles: list[Line2D | Patch] = []
+    for level, colour in COLOUR.items():
+        decides = "none" if pd.isna(known[level]) else f"{known[level]:.2f}"
+        text = f"{level:g}: {decides}, {-1000 / growth[level]:.0f} ms"
+        handles.append(Line2D([], [], color=colour, lw=1, label=text))
+    grey = {"color": "0.3", "lw": 0}
+    handles += [
+        Line2D([], [], color="0.3", lw=1, label="closed form, at rest"),
+        Line2D([], [], color="0.3", lw=1, ls=":", label="closed form, under evidence"),
+        Line2D([], [], **grey, marker="o", ms=3, label="spikes at rest"),
+        Line2D([], [], **grey, marker="o", ms=3, mfc="w", label="spikes under evidence"),
+        Patch(color="0.88", lw=0, label="a, b, e: 8-15 Hz, monkeys\nthat lost their dopamine"),
+        Patch(color="0.92", lw=0, label="c, d: fixed point decides\nnothing"),
+    ]
+    return handles
 
 
 if __name__ == "__main__":

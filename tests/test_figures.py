@@ -13,7 +13,8 @@ from bgmodel import stream
 from bgmodel.files import read_table, write_table
 from bgmodel.tactile.edges import sources
 from bgmodel.tactile.task import Source
-from figures import fig2b, figC1, figC2, figR1
+from circuits.anatomy import DEFAULT, circuit
+from figures import fig2b, figC1, figC2, figD5, figR1
 from figures.common import FAST
 from tests.helpers import ROOT
 
@@ -134,7 +135,7 @@ def test_figure_r1_scores_every_tap_in_one_half(monkeypatch):
     assert accuracy.iloc[-1] > 0.9
 
 
-TINY = replace(FAST, repeats=1, circuit_trials=12)
+TINY = replace(FAST, repeats=1, circuit_trials=12, dopamine_trials=4)
 
 
 def computed_and_drawn(script, folder):
@@ -174,3 +175,29 @@ def test_figure_c2_sets_the_chosen_channel_against_the_mean_of_the_others():
     rates = np.array([[[1.0, 4.0, 7.0]], [[1.0, 4.0, 7.0]]])
     pairs = figC2.chosen_and_others(rates, np.array([0, 2]))
     assert pairs.tolist() == [[[1.0, 5.5]], [[7.0, 2.5]]]
+
+
+def test_figure_d5_counts_what_its_closed_form_says(tmp_path):
+    """Less dopamine, more power of 13-30 Hz: doubled at .5; nothing that was fitted."""
+    table, figure = computed_and_drawn(figD5, tmp_path)
+    assert len(figure.axes) == 6
+    power = table[(table["measure"] == "band") & table["level"].isin(figD5.LEVELS)]
+    by = power.pivot(index=["nucleus", "drive", "level"], columns="by", values="value")
+    assert by["spikes"].to_numpy() == pytest.approx(by["closed form"].to_numpy(), rel=0.2)
+    for _, one in by["spikes"].groupby(level=["nucleus", "drive"]):
+        # Levels rise from .5 on.
+        assert one.is_monotonic_decreasing
+        assert one.iloc[0] > 1.8 * one.xs(1.0, level="level").iloc[0]
+    rates = table[table["measure"] == "rate"].pivot(
+        index=["nucleus", "drive"], columns="level", values="value"
+    )
+    leader = rates.filter(like="leader", axis=0)
+    assert (leader[0.5] < 1.3 * leader[1.0]).all()
+
+
+def test_figure_d5_lowers_the_frequency_by_a_slower_loop():
+    table = figD5.frequencies(circuit(DEFAULT).dopamine(figD5.LOW))
+    by = table.pivot(index="at", columns="nucleus", values="value")
+    assert (by.diff().iloc[1:] < 0).all(axis=None)
+    assert np.ptp(by.loc[1.0]) == 0
+    assert (by.loc[2.0, "both"] < by.loc[2.0, ["delays", "time constants"]]).all()

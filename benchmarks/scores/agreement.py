@@ -27,7 +27,6 @@ from bgmodel.comparison.circuits import (
     compare_with_msprt,
     sample_ms,
 )
-from bgmodel.comparison.levels import GAIN
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import RIVALS, rivals_on
@@ -36,6 +35,8 @@ from circuits.anatomy import circuit
 from circuits.spec import Circuit
 
 SCORING_SEED = 40_001
+GAIN = 0.5
+"""Another gain that is scored, nats in the circuit per nat of evidence."""
 TRIALS, COARSE_TRIALS, SLOW_TRIALS = 2000, 200, 200
 MORE_TRIALS = {
     "Gaussian, d' 1, N = 2": 10_000,

@@ -16,20 +16,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main
+from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.comparison.compare import tradeoff
-from bgmodel.comparison.levels import GAIN
 from bgmodel.comparison.levels import LATENCY_MS as LATENCIES_MS
 from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.level import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.reward import reward_of
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 
 SCORING_SEED = 40_006
 XI, T_MAX, STEP_MS = 50.0, 30, 50.0
@@ -39,7 +38,9 @@ faster than that: where it comes out ahead of the test, its latency is shorter, 
 better."""
 STARTS = (1, -2)
 """Where learning starts: the lowest but one and the highest but one of the levels."""
-LEVELS = {"rate": 31, "ensemble": 16}
+LEVELS = {"rate": 31, "ensemble": 12}
+BRIEF = {"settle_ms": 100.0}
+"""The circuit starts at its own rest: a third of the usual time to settle will do."""
 TRIALS = {"rate": (10_000, 100_000), "ensemble": (2000, 5000)}
 """Trials learned on, drawn again and again, and others that are scored on."""
 COARSE_TRIALS = {"rate": (2000, 4000)}
@@ -78,7 +79,7 @@ def drawn(draw: Draw, trials: int, name: str) -> Evidence:
 
 def best_of_test(evidence: Evidence) -> float:
     """Return the highest mean reward of the MSPRT, the circuit's non-decision time added."""
-    test = tradeoff(Msprt(GAIN).run(evidence), evidence)
+    test = tradeoff(Msprt(gain_of(circuit(DEFAULT))).run(evidence), evidence)
     steps = (np.maximum(test.time_ms, 0) + LATENCY_MS) / STEP_MS
     steps = np.minimum(steps, T_MAX + 1)
     return float(reward_of(test.choice != evidence.truth, steps, XI).mean(axis=1).max())
@@ -86,8 +87,9 @@ def best_of_test(evidence: Evidence) -> float:
 
 def runs(engine: str, kind: str, draw: Draw, trials: tuple[int, int]) -> pd.DataFrame:
     """Learn on some trials, score on others; one row per start and run."""
-    options: dict[str, Any] = COARSE if engine == "rate" else {"workers": 1}
-    model = BasalGanglia(circuit(TABLE), engine, GAIN, SCORING_SEED, options)
+    options: dict[str, Any] = COARSE if engine == "rate" else {"workers": 1, **BRIEF}
+    table = circuit(DEFAULT)
+    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options)
     levels = playable_levels(model, LEVELS[engine])
     learned_on = level_outcomes(model, drawn(draw, trials[0], f"{kind} learned"), levels)
     # Fresh trials, and fresh noise.
@@ -143,7 +145,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return {"runs": ("runs", ends.reset_index())}
 
 
-SCORE = Score("learning", SCORING_SEED, (2,), pieces, tables)
+SCORE = Score("learning", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
 
 if __name__ == "__main__":
     main(SCORE)

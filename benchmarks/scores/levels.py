@@ -16,6 +16,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN
 from bgmodel.comparison.compare import MARGIN
 from bgmodel.comparison.levels import LATENCY_MS, levels_against_msprt
+from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 40_007
 TRIALS, COARSE_TRIALS, COARSE_EVERY = 2000, 200, 2
@@ -60,7 +61,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return {"gaps": ("levels", pd.DataFrame(rows))}
 
 
-SCORE = Score("levels", SCORING_SEED, (2, 4), pieces, tables)
+SCORE = Score("levels", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
 
 if __name__ == "__main__":
     main(SCORE)
