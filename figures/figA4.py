@@ -1,0 +1,156 @@
+"""Figure A4: loss of STN, acute, recovered, and with a rebound of SNr; drawn from the score."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from benchmarks.scores.loss import ACUTE, CONFLICT, INTACT, REBOUND_NATS, RECOVERED, TASKS
+from bgmodel.files import read_table
+from figures.common import Settings, letter, run
+
+COLOUR = {0.0: "C0", CONFLICT: "C1"}
+RAMPS = {3.0: "C2", 5.0: "C3"}
+CHANGES = (
+    ("mean_ms", 1000, "change of mean time (s)"),
+    ("accuracy", 1, "change of accuracy"),
+)
+"""A measure, what it is divided by, and its axis."""
+CAVANAGH = {
+    "mean_ms": {0.0: (-74, 57), CONFLICT: (-126, 71)},
+    "accuracy": {0.0: (-0.034, 0.038), CONFLICT: (-0.013, 0.041)},
+}
+"""Stimulation of STN on minus off, mean and standard error over 14 people.
+
+Computed from the trials of Cavanagh et al. 2011 (conflict: two good or two bad items).
+"""
+T_OF_14 = 2.16
+"""Half a 95 % interval of 14 people, in standard errors."""
+AT_NATS = 0.93
+"""Where what people did is drawn, right of all rebounds."""
+SHOWN = TASKS[1]
+"""The task of the lower panels."""
+
+
+def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Figure:
+    """Draw time and accuracy against the rebound, by what is lost, and early responses."""
+    behaviour, anticipation = read_table(behaved), read_table(ahead)
+    figure = plt.figure(figsize=(7.4, 6.6))
+    above, below = figure.add_gridspec(2, 1, height_ratios=[1.9, 1])
+    grid = above.subgridspec(2, len(TASKS)).subplots(sharex=True, sharey="row")
+    for column, task in zip(grid.T, TASKS, strict=True):
+        rows = behaviour[behaviour["evidence"] == task.name]
+        for ax, (measure, unit, _) in zip(column, CHANGES, strict=True):
+            _against_rebound(ax, rows, measure, unit)
+            ax.axvline(REBOUND_NATS[task.count], color="0.6", lw=0.8, ls=":", zorder=0)
+        column[0].set_title(task.name, loc="right", fontweight="normal")
+    for ax, (measure, unit, _) in zip(grid[:, 0], CHANGES, strict=True):
+        _people(ax, measure, unit)
+    for row, name, (*_, label) in zip(grid, ("a  ", "b  "), CHANGES, strict=True):
+        row[0].set_ylabel(label)
+        letter(row[0], name)
+    grid[1, 1].set_xlabel("rebound of SNr after a loss of all of STN (nats)")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    lower = below.subgridspec(1, 3).subplots()
+    rows = behaviour[behaviour["evidence"] == SHOWN.name]
+    for ax, (measure, unit, label) in zip(lower, CHANGES, strict=False):
+        _by_loss(ax, rows, measure, unit)
+        ax.set(ylabel=label, xlabel="part of STN lost (%)")
+    letter(lower[0], f"c  time, {SHOWN.name}")
+    letter(lower[1], f"d  accuracy, {SHOWN.name}")
+    more = lower[0].get_legend_handles_labels()
+    figure.legend(
+        handles + more[0], labels + more[1], loc="outside lower center", ncols=3, columnspacing=1.5
+    )
+    _early(lower[2], anticipation)
+    letter(lower[2], "e  before the onset")
+    return figure
+
+
+def _off(rows: pd.DataFrame, name: str, unit: float) -> np.ndarray:
+    """Return how far the ends of the interval lie from a value, (2, rows)."""
+    ends = [rows[name] - rows[f"{name}_low"], rows[f"{name}_high"] - rows[name]]
+    return np.maximum(np.stack(ends), 0) / unit
+
+
+def _against_rebound(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> None:
+    """Show the change after a loss of all of STN, recovered, by conflict."""
+    ax.axhline(0, color="0.8", lw=0.8, zorder=0)
+    name = f"{measure}_change"
+    for conflict, colour in COLOUR.items():
+        part = rows[rows["conflict"] == conflict]
+        part = part[(part["lost"] == 1) & (part["state"] == RECOVERED)]
+        part = part.sort_values("rebound_nats")
+        label = "with conflict" if conflict else "without conflict"
+        ax.errorbar(
+            part["rebound_nats"], part[name] / unit, _off(part, name, unit),
+            fmt="o-", ms=3, lw=1, color=colour, label=label,
+        )  # fmt: skip
+
+
+def _people(ax: Any, measure: str, unit: float) -> None:
+    """Show what stimulation of STN did to people, beside the curves."""
+    for conflict, (mean, error) in CAVANAGH[measure].items():
+        where = AT_NATS + (0.03 if conflict else -0.03)
+        ax.errorbar(
+            [where], [mean / unit], [T_OF_14 * error / unit], fmt="D", ms=4, mfc="w", lw=1,
+            color=COLOUR[conflict],
+        )  # fmt: skip
+    ax.plot([], [], "D", ms=4, mfc="w", color="0.4", label="people, STN stimulated")
+
+
+def _by_loss(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> None:
+    """Show the change by the part that is lost: acute, recovered, with the rebound of that part."""
+    ax.axhline(0, color="0.8", lw=0.8, zorder=0)
+    name, parts = f"{measure}_change", sorted(set(rows["lost"]) - {0.0})
+    for i, lost in enumerate(parts):
+        rebound = round(lost * REBOUND_NATS[SHOWN.count], 2)
+        states = (
+            (ACUTE, 0.0, "s", "acute"),
+            (RECOVERED, 0.0, "o", "recovered"),
+            (RECOVERED, rebound, "^", "recovered, with a rebound"),
+        )
+        for k, (state, nats, mark, label) in enumerate(states):
+            for conflict, colour in COLOUR.items():
+                at = rows[(rows["lost"] == lost) & (rows["state"] == state)]
+                at = at[(at["conflict"] == conflict) & np.isclose(at["rebound_nats"], nats)]
+                where = i + 0.25 * (k - 1) + (0.05 if conflict else -0.05)
+                ax.errorbar(
+                    [where], at[name] / unit, _off(at, name, unit), fmt=mark, ms=3.5, lw=0.8,
+                    color=colour, mfc="w" if state == ACUTE else colour,
+                )  # fmt: skip
+            if not i:
+                fill = "w" if state == ACUTE else "0.4"
+                ax.plot([], [], mark, color="0.4", mfc=fill, ms=3.5, label=label)
+    ax.set_xticks(range(len(parts)), [f"{100 * lost:g}" for lost in parts])
+
+
+def _early(ax: Any, table: pd.DataFrame) -> None:
+    """Show the share of responses before the onset against the rebound."""
+    for task, style in zip(TASKS, ("-", "--"), strict=False):
+        for most, colour in RAMPS.items():
+            rows = table[(table["evidence"] == task.name) & (table["most_nats"] == most)]
+            whole = rows[rows["lost"] == 1].sort_values("rebound_nats")
+            label = f"N = {task.count}, up to {most:g} nats"
+            off = _off(whole, "anticipatory", 1)
+            ax.errorbar(
+                whole["rebound_nats"], whole["anticipatory"], off, fmt="o", ms=3, lw=1, ls=style,
+                color=colour, label=label, mfc="w" if task.count > 2 else colour,
+            )  # fmt: skip
+    partly = table[(table["lost"] < 1) & (table["state"] != INTACT)]["anticipatory"].max()
+    intact = table[table["state"] == INTACT]["anticipatory"].max()
+    # One line for all of them, at the highest.
+    level = max(partly, intact)
+    ax.axhline(level, color="0.6", lw=0.8, zorder=0, label="intact, or a part lost: at most")
+    ax.set(xlabel="rebound of SNr (nats)", ylabel="share of responses", ylim=(-0.03, 1.75))
+    ax.set_yticks(np.arange(0, 1.1, 0.25))
+    ax.legend(loc="upper right", ncols=1)
+
+
+if __name__ == "__main__":
+    run(draw=draw)
