@@ -35,7 +35,7 @@ import pandas as pd
 from circuits import transfer
 from circuits.arrays import Array
 from circuits.checks import check_number
-from circuits.fixed_point import rest, rest_rates, wired
+from circuits.fixed_point import rest, rest_rates, solve, wired
 from circuits.wiring import Wiring, wire
 
 if TYPE_CHECKING:
@@ -45,8 +45,37 @@ SAME_NATS = 1e-12
 """What is nearer to its reference than this, in nats, is left as it is: rounding."""
 ALIKE_NATS = 1e-9
 """How far the biases that a population's channels need may lie apart."""
+STEP_NATS = 1e-4
+"""How far all channels are driven alike for a slope."""
 SETTLED_NATS = 1e-6
 """How near to their references the rates must come for the dynamics to have settled."""
+
+
+def balanced_weight(circuit: Circuit, source: str = "STN") -> float:
+    """Return the weight from a nucleus onto the read-out at which its mean does not follow cortex.
+
+    Use ``Circuit.balanced`` for the circuit that has it: arguments and errors are its own.
+
+    Notes
+    -----
+    Where an anti-Hebbian rule ends: the synapse is weakened while the read-out's mean over channels
+    rises with what all channels share, and strengthened while it falls. The read-out sends nothing
+    back, so its mean input is ``a + w b`` with neither a nor b depending on the weight w: at rest
+    and to first order ``w = - da / db``.
+    """
+    row = circuit.projection(source, circuit.readout)
+    if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
+        raise ValueError(f"{row.name} must be linear, diffuse and of a weight other than 0")
+    wiring = wired(circuit)
+    both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
+    units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
+    blocks = wiring.blocks_of(circuit.readout)
+    own = [u for u in range(wiring.units) if wiring.projection(u) is row]
+    whole = float(np.diff(wiring.inputs(units)[:, blocks].mean(axis=1))[0])
+    part = float(np.diff((units[:, own] @ wiring.weight[np.ix_(blocks, own)].T).mean(axis=1))[0])
+    if abs(part) < SAME_NATS:
+        raise ValueError(f"{row.name} carries nothing of what all channels share: there is no rule")
+    return row.weight * (1 - whole / part)
 
 
 def biases(

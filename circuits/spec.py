@@ -327,6 +327,28 @@ class Circuit:
         found = self._with(*rows)
         return found if found == found.unlesioned else replace(found, chronic=True)
 
+    def balanced(self, source: str = "STN") -> Circuit:
+        """Return the circuit whose read-out does not follow what all channels share.
+
+        The weight from a nucleus that sums them onto the read-out is what changes; recover rates at
+        rest afterwards. ``circuits.homeostasis`` has the rule.
+
+        Parameters
+        ----------
+        source : str
+            The nucleus.
+
+        Raises
+        ------
+        ValueError
+            If there is no such pathway, it is none that a rule could act on, or no weight of its
+            sign will do.
+        """
+        from circuits.homeostasis import balanced_weight  # reads this module
+
+        weight = balanced_weight(self, source)
+        return self.with_projection(source, self.readout, weight=weight)
+
     def scaled(
         self, source: str, target: str, factor: float, channel: int | None = None
     ) -> Circuit:

@@ -252,3 +252,34 @@ def test_a_pooled_population_must_be_so_in_both():
     assert cell == apart.population("FSI").cell
     with pytest.raises(ValueError, match=r"^FSI is pooled in the circuit or in the reference"):
         apart.recovered(circuit)
+
+
+@pytest.mark.parametrize("channels", [2, 4, 8])
+def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_back(channels):
+    """OUT is ln N whatever all channels share, so the table is balanced as it stands."""
+    table = anatomy.macaque(channels)
+    weight = table.projection("STN", "SNr").weight
+    for factor in (0.5, 0.8, 1.0, 1.3):
+        found = table.scaled("STN", "SNr", factor).balanced()
+        assert found.projection("STN", "SNr").weight == pytest.approx(weight, abs=1e-6)
+
+
+@given(st.sampled_from(["ctx->D1", "D1->SNr", "STN->GPe", "GPe->STN"]), st.floats(0.85, 1.15))
+def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor):
+    table = anatomy.macaque(4)
+    edited = table.scaled(*name.split("->"), factor).recovered(table)
+    found = edited.balanced().recovered(table)
+
+    def moved(circuit):
+        drive = np.array([-0.05, 0.05])[:, None, None] * np.ones(4)
+        out = run(circuit, drive, engine="algebra", step_ms=1.0).output_nats.mean(axis=(1, 2))
+        return abs(float(np.diff(out)[0]))
+
+    assert moved(found) <= 1e-4 + 0.05 * moved(edited)
+
+
+def test_a_weight_that_no_rule_could_find_is_refused():
+    with pytest.raises(ValueError, match="D1->SNr must be linear, diffuse and of a weight other"):
+        anatomy.macaque().balanced("D1")
+    with pytest.raises(ValueError, match="has no pathway FSI->SNr"):
+        anatomy.macaque().balanced("FSI")
