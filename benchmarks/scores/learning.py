@@ -45,7 +45,7 @@ TRIALS = {"rate": (10_000, 100_000), "ensemble": (2000, 5000)}
 """Trials learned on, drawn again and again, and others that are scored on."""
 COARSE_TRIALS = {"rate": (2000, 4000)}
 """Without spikes: on the few trials that there is time for, the best level is not known."""
-SECONDS = {"rate": 0.004, "ensemble": 0.18}
+SECONDS = {"rate": 0.004, "ensemble": 0.16}
 """CPU time of a trial at all levels, about; learning itself takes ten seconds more."""
 SPIKING = ("1.5 mm", "2 mm")
 """What spikes learn too."""

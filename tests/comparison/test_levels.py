@@ -3,6 +3,7 @@
 import numpy as np
 
 from bgmodel import Msprt, stream
+from bgmodel.comparison import levels
 from bgmodel.comparison.compare import Tradeoff, tradeoff
 from bgmodel.comparison.levels import level_table
 from tests.levels import GAIN, MODEL, SEED
@@ -40,3 +41,22 @@ def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
     assert np.abs(gaps[1.0, 0.0]).max() < 0.005
     assert gaps[1.5, 0.0].max() < -0.01
     assert gaps[1.0, 100.0].max() < -0.005
+
+
+def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeypatch):
+    """200 trials of populations, each channel with its own evidence: .75 to .98 and further."""
+    monkeypatch.setattr(levels, "ENGINES", ("population",))
+    table = levels.levels_against_msprt(SEED, 200)
+    for channels, part in table[table["engine"] == "population"].groupby("channels"):
+        known = part[part["measure"] == "criterion"].set_index("level")["value"].sort_index()
+        assert np.all(np.diff(known) < 0.005)
+        assert known.iloc[0] > 0.98
+        assert known.iloc[-1] < 0.76
+        exact = part[part["measure"] == "fixed_point"].set_index("level")["value"].sort_index()
+        # Levels below the fixed point's are played too, and decided by swings and noise.
+        assert exact.isna().tolist() == sorted(exact.isna(), reverse=True)
+        assert 1 <= exact.isna().sum() <= 3
+        gaps = part[part["measure"] == "accuracy_gap"]
+        own = gaps.loc[gaps["reference"] == "MSPRT at its gain", "value"]
+        assert own.abs().max() < 0.03, channels
+    assert set(table["channels"]) == {2, 4}
