@@ -110,12 +110,17 @@ class ExperimentRun(Shows):
 
     @staticmethod
     def _outcomes(experiment: Experiment, done: Outcome) -> pd.DataFrame:
-        """Return the measures, and beside each that was predicted what came of it."""
-        from bgmodel.experiments.outcomes import outcomes
+        """Return the measures, and what came of each that was predicted or published."""
+        from bgmodel.experiments.outcomes import beside_published, outcomes
 
         found = outcomes(experiment, done.measures).assign(condition="change")
         kept = ["condition", "measure", "direction", "at_least", "outcome"]
-        return done.measures.merge(found[kept], how="left", on=["condition", "measure"])
+        rows = done.measures.merge(found[kept], how="left", on=["condition", "measure"])
+        if not experiment.effects:
+            return rows
+        held = beside_published(experiment, done.measures)
+        held = held.drop(columns=["value", "low", "high"])
+        return rows.merge(held, how="left", on=["condition", "measure"])
 
     def _write(self, experiment: Experiment, done: Outcome, rows: pd.DataFrame) -> None:
         """Write measures and trials."""

@@ -21,7 +21,7 @@ from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_
 from bgmodel.decision import any_crossing
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
-from bgmodel.experiments.measures import MEASURES, Behaviour
+from bgmodel.experiments.measures import MEASURES, OF_DECIDED, Behaviour
 from bgmodel.facts import Facts
 from bgmodel.integrators.basal_ganglia import (
     BATCH,
@@ -52,6 +52,15 @@ FEWEST_DECIDED = 20
 MANY_MISSED = 0.05
 """Share of trials without a decision in time above which a run warns of it."""
 CONDITIONS = ("control", "manipulation", "change")
+PERCENT = "percent"
+"""The change in per cent of the control's value: a condition more, for measures of decisions."""
+RENAMED = {
+    "stn_bound": "stn_no_conflict",
+    "stn_no_conflict_two": "stn_no_conflict",
+    "stn_lesion_replaced": "stn_lesion_chronic",
+    "stn_lesion_whole": "stn_lesion_chronic",
+}
+"""Names of experiments that shipped once: where their question is asked now."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +96,44 @@ class Prediction:
 
 
 @dataclass(frozen=True)
+class Effect:
+    """What was published of one measure, as a number: manipulation minus control."""
+
+    measure: str
+    """A name in ``measures.MEASURES``."""
+    value: float
+    """The change."""
+    source: str
+    """Where it was published, and what was made of it here."""
+    low: float | None = None
+    """Lower end of its 95 % interval; none where none was published."""
+    high: float | None = None
+    """Upper end."""
+    unit: Literal["own", "percent"] = "own"
+    """The measure's own unit, or per cent of the control's value, where time scales differ."""
+
+    def __post_init__(self) -> None:
+        if self.measure not in MEASURES:
+            raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {self.measure!r}")
+        if self.unit == PERCENT and self.measure not in OF_DECIDED:
+            raise ValueError(
+                f"a change in percent is of one of {', '.join(OF_DECIDED)}, got {self.measure!r}"
+            )
+        if (self.low is None) != (self.high is None):
+            raise ValueError("an effect's interval needs both low and high, got one of them")
+        low, high = self.interval
+        if not (np.isfinite(self.value) and (np.isnan(low) or low <= self.value <= high)):
+            raise ValueError(f"value must lie between low and high, got {self.value:g}")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Its 95 % interval; NaN where none was published."""
+        if self.low is None or self.high is None:
+            return np.nan, np.nan
+        return self.low, self.high
+
+
+@dataclass(frozen=True)
 class Condition(Edits):
     """What a condition edits; nothing unless it is said."""
 
@@ -112,6 +159,8 @@ class Experiment:
     predictions: tuple[Prediction, ...]
     task: Stimuli
     control: Condition = Condition()
+    effects: tuple[Effect, ...] = ()
+    """What was found, as numbers, where there are any."""
     circuit: str = DEFAULT
     """Name of the table, or the path of a .toml file, as seen from the experiment's."""
     engine: str = "ensemble"
@@ -130,6 +179,9 @@ class Experiment:
     def __post_init__(self) -> None:
         if not self.predictions:
             raise ValueError("predictions must hold one or more, got none")
+        told = [(effect.measure, effect.unit) for effect in self.effects]
+        if len(set(told)) < len(told):
+            raise ValueError("effects must give a measure in one unit once, got it twice")
         check_engine(self.engine)
         if not 0 < self.foreperiod_ms < np.inf:
             raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
@@ -204,6 +256,8 @@ def read_experiment(file: str | Path) -> Experiment:
         warn_of_default(path)
         return found
     inside = SHIPPED / f"{file}.toml"
+    if str(file) in RENAMED:
+        raise ValueError(f"the experiment {str(file)!r} is {RENAMED[str(file)]!r} now")
     if not inside.is_file():
         names = ", ".join(_names())
         raise ValueError(f"an experiment is a .toml file or one of {names}; got {str(file)!r}")
@@ -227,7 +281,8 @@ class Outcome(Facts):
     measures : DataFrame
         One row per condition ("control", "manipulation", and "change", the second minus the first)
         and measure of ``MEASURES``: condition, measure, value, low, high, the last two the 95 %
-        interval, a bootstrap over trials that keeps the two conditions of a trial together.
+        interval, a bootstrap over trials that keeps the two conditions of a trial together. For
+        measures of decisions a condition "percent" too, the change over the control's value.
     trials : DataFrame
         One row per trial and condition, as from ``tables.trial_table``, and anticipatory: whether
         the foreperiod before it, a run of its own, ended in a response.
@@ -267,7 +322,7 @@ class Outcome(Facts):
         """
         from bgmodel.plots import conditions
 
-        return conditions(self.measures[self.measures["condition"] != "change"], ax)
+        return conditions(self.measures[self.measures["condition"].isin(CONDITIONS[:2])], ax)
 
 
 def run_experiment(
@@ -314,10 +369,14 @@ def run_experiment(
         table = trial_table(decided, given, seed=experiment.seed, model=about, condition=name)
         trials.append(table.assign(anticipatory=behaviour.anticipatory))
     found.append({name: found[1][name] - found[0][name] for name in MEASURES})
+    # A control that is at 0 has no change in per cent.
+    of_control = {name: np.where(found[0][name] == 0, np.nan, found[0][name]) for name in MEASURES}
+    found.append({name: 100 * found[2][name] / of_control[name] for name in OF_DECIDED})
     rows = [
         (condition, measure, *interval(values[measure]))
-        for condition, values in zip(CONDITIONS, found, strict=True)
+        for condition, values in zip((*CONDITIONS, PERCENT), found, strict=True)
         for measure in MEASURES
+        if measure in values
     ]
     columns = ["condition", "measure", "value", "low", "high"]
     measures = pd.DataFrame(rows, columns=columns)

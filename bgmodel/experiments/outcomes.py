@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
 from bgmodel.comparison.compare import reads_nothing, shown
@@ -11,6 +12,7 @@ from bgmodel.experiments.experiment import (
     DISAGREES,
     FEWEST_DECIDED,
     OPEN,
+    PERCENT,
     WITHOUT,
     Experiment,
 )
@@ -23,6 +25,8 @@ VERDICTS = {
     WITHOUT: "decides without evidence, which is no agreement",
 }
 """What a page says of the model."""
+COMPATIBLE, DIFFERS, NO_INTERVAL = "compatible", "differs", "no interval to compare"
+"""What is said of a published effect and the model's: their difference holds 0, or does not."""
 UNITS = (
     (("mean_ms",), "_ms: ms"),
     (("decided",), "decided: trials"),
@@ -53,11 +57,7 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
         first reading or most foreperiods end in a response within half a second. Where fewer than
         ``FEWEST_DECIDED`` trials are decided, what is said of decisions is not decidable.
     """
-    manipulated = table[table["condition"] == "manipulation"].set_index("measure")["value"]
-    blind = reads_nothing(
-        manipulated["premature"], manipulated["anticipatory"], experiment.foreperiod_ms
-    )
-    few = manipulated["decided"] < FEWEST_DECIDED
+    blind, few = _blind(experiment, table), _few(table)
     change = table[table["condition"] == "change"].set_index("measure")
     change = change[["value", "low", "high"]]
     rows = []
@@ -68,6 +68,66 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
             verdict = OPEN
         rows.append((p.measure, p.direction, p.at_least, value, low, high, verdict))
     names = ["measure", "direction", "at_least", "value", "low", "high", "outcome"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _blind(experiment: Experiment, table: pd.DataFrame) -> bool:
+    """Whether the manipulated circuit decides without evidence."""
+    shares = table[table["condition"] == "manipulation"].set_index("measure")["value"]
+    return bool(
+        reads_nothing(shares["premature"], shares["anticipatory"], experiment.foreperiod_ms)
+    )
+
+
+def _few(table: pd.DataFrame) -> bool:
+    """Whether the manipulated circuit decides too few trials to speak of."""
+    chosen = (table["condition"] == "manipulation") & (table["measure"] == "decided")
+    return bool(table.loc[chosen, "value"].item() < FEWEST_DECIDED)
+
+
+def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
+    """Hold what was found to the numbers that were published.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With its effects.
+    table : DataFrame
+        The measures, as from ``run_experiment``.
+
+    Returns
+    -------
+    DataFrame
+        One row per effect: condition ("change" or "percent"), measure, published, published_low,
+        published_high, value, low, high (the model's), effect_source, and comparison:
+        "compatible" if the 95 % interval of the model's minus the published one holds 0, else
+        "differs"; "decides without evidence" and "not decidable" as in ``outcomes``. Both
+        samples are independent: the ends of the interval are those of Zou & Donner 2008,
+        ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``,
+        ``d = m - p``.
+    """
+    blind, few = _blind(experiment, table), _few(table)
+    rows = []
+    for effect in experiment.effects:
+        condition = PERCENT if effect.unit == PERCENT else CONDITIONS[2]
+        chosen = (table["condition"] == condition) & (table["measure"] == effect.measure)
+        value, low, high = map(float, table.loc[chosen, ["value", "low", "high"]].to_numpy()[0])
+        p_low, p_high = effect.interval
+        apart = value - effect.value
+        lower = apart - np.hypot(value - low, p_high - effect.value)
+        upper = apart + np.hypot(high - value, effect.value - p_low)
+        if blind:
+            said = WITHOUT
+        elif not np.isfinite(value) or (few and effect.measure in OF_DECIDED):
+            said = OPEN
+        elif np.isnan(p_low):
+            said = NO_INTERVAL
+        else:
+            said = COMPATIBLE if lower <= 0 <= upper else DIFFERS
+        numbers = (effect.value, p_low, p_high, value, low, high)
+        rows.append((condition, effect.measure, *numbers, effect.source, said))
+    names = ["condition", "measure", "published", "published_low", "published_high"]
+    names += ["value", "low", "high", "effect_source", "comparison"]
     return pd.DataFrame(rows, columns=names)
 
 
@@ -93,7 +153,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
     for measure in table["measure"].unique():
         rows = table[table["measure"] == measure]
         if rows["value"].notna().any():
-            cells = rows[["value", "low", "high"]].to_numpy()
+            cells = rows.loc[rows["condition"] != PERCENT, ["value", "low", "high"]].to_numpy()
             lines.append(f"{measure:<16}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
     lines += ["", _units(table), *_withheld(experiment, table), "", "predicted before the run:"]
     for measure, direction, at_least, *found, outcome in outcomes(experiment, table).to_numpy():
@@ -102,7 +162,27 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
             f"{measure} {direction}, {by} {at_least:g}: the model {VERDICTS[outcome]} "
             f"({_cell(measure, *found)})"
         )
-    return "\n".join(line.rstrip() for line in lines)
+    return "\n".join(line.rstrip() for line in [*lines, *_effects(experiment, table)])
+
+
+def _effects(experiment: Experiment, table: pd.DataFrame) -> list[str]:
+    """Return each published effect beside the model's, a line per effect."""
+    lines = ["", "published, as a number, and the model's:"] if experiment.effects else []
+    for row in beside_published(experiment, table).to_dict("records"):
+        relative = row["condition"] == PERCENT
+        whole = row["measure"].endswith("_ms") and not relative
+        form = "+.1f" if relative else "+.0f" if whole else "+.3f"
+        published = f"{row['published']:{form}}"
+        if np.isfinite(row["published_low"]):
+            ends = (row["published_low"], row["published_high"])
+            published = shown(row["published"], *ends, form)
+        model = shown(row["value"], row["low"], row["high"], form)
+        told = " ".join(row["effect_source"].split())
+        unit = " in %" if relative else ""
+        lines.append(
+            f"{row['measure']}{unit}: {published}, the model {model}: {row['comparison']} ({told})"
+        )
+    return lines
 
 
 def _units(table: pd.DataFrame) -> str:

@@ -47,7 +47,7 @@ def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, cap
 def test_what_nobody_named_is_written_over_only_where_it_is_a_result(tmp_path, capsys):
     out, beside = tmp_path / "out.csv", tmp_path / "out_trials.csv"
     beside.write_text("mine")
-    assert run("experiment", "stn_bound", out, "--force", "--trials", 100) == 2
+    assert run("experiment", "stn_no_conflict", out, "--force", "--trials", 100) == 2
     assert "out_trials.csv' is there already" in capsys.readouterr().err
     assert beside.read_text() == "mine"
 

@@ -83,9 +83,7 @@ def test_an_experiment_says_before_it_starts_how_long_it_takes(capsys, monkeypat
     monkeypatch.setattr("bgmodel.experiments.experiment.run_experiment", stop)
     assert run("experiment", "stn_conflict") == 2
     said = capsys.readouterr().err
-    form = (
-        r"an experiment on spiking_msprt on ensemble, 2 circuits, 1000 trials of up to .* s: about"
-    )
+    form = r"an experiment on macaque on population, 2 circuits, 2000 trials of up to .* s: about"
     assert re.search(form, said)
     assert said.index("about") < said.index("started")
 

@@ -12,6 +12,7 @@ from bgmodel.experiments.experiment import (
     AGREES,
     DISAGREES,
     OPEN,
+    RENAMED,
     WITHOUT,
     Condition,
     Prediction,
@@ -25,6 +26,15 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
 from tests.helpers import GOOD, run
+
+EFFECT = """[[effects]]
+measure = "{}"
+unit = "{}"
+value = {}
+low = -1
+high = 1
+source = "nobody"
+[[pred"""
 
 
 def test_a_file_says_what_is_run(experiment_file):
@@ -84,6 +94,20 @@ def test_a_file_says_what_is_run(experiment_file):
             "'STN->GPe.delay_ms=4' says nothing to the algebra engine",
         ),
         ("trials = 120", "trials = 90", "an interval needs 100 trials or more, got 90"),
+        ("[[pred", EFFECT.format("mean", "own", 0), "measure must be one of accuracy, mean_ms, "),
+        ("[[pred", EFFECT.format("missed", "percent", 0), "percent is of one of .*got 'missed'"),
+        ("[[pred", EFFECT.format("mean_ms", "s", 0), "unit should be 'own' or 'percent', got 's'"),
+        ("[[pred", EFFECT.format("mean_ms", "own", 2), "value must lie between low and high"),
+        (
+            "[[pred",
+            EFFECT.format("mean_ms", "own", 0).replace("low = -1\n", ""),
+            "an effect's interval needs both low and high, got one of them",
+        ),
+        (
+            "[[pred",
+            EFFECT.format("mean_ms", "own", 0).removesuffix("[[pred") * 2 + "[[pred",
+            "effects must give a measure in one unit once",
+        ),
         ("[manipulation]", "[control]\nwithout = ['STN=0.9']\n[manipulation]", "decide without"),
     ],
 )
@@ -163,7 +187,8 @@ def test_more_alternatives_have_no_diffusion(experiment_file):
 
 def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
     """It responds before anything is read: no prediction, right or wrong, is met by that."""
-    experiment = read_experiment("stn_lesion_whole")
+    acute = Condition(without=("STN",))
+    experiment = replace(read_experiment("stn_lesion_chronic"), manipulation=acute)
     task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
     experiment_file = replace(experiment, task=task)
     found = run_experiment(experiment_file).measures
@@ -192,12 +217,14 @@ def test_foreperiods_have_noise_of_their_own(monkeypatch):
 
 
 SHIPPED = shipped()
+READ = ("abstract only", "read", "from the data", "a model's prediction", "no experiment")
+"""What was read of a source."""
 
 
 def test_what_is_shipped_names_its_source():
     assert len(SHIPPED) >= 10
     for name, one in SHIPPED.items():
-        assert one.source.endswith(("abstract only", "a model's prediction", "no experiment")), name
+        assert one.source.endswith(READ), name
         assert "our choice" in " ".join(one.note.split())
         assert one.task.trials >= 1000
 
@@ -218,6 +245,13 @@ def test_a_file_without_a_circuit_says_which_one_it_runs_on(experiment_file):
     experiment_file.write_text(GOOD.replace('circuit = "spiking_msprt"\n', ""))
     with pytest.warns(UserWarning, match=r"small.toml names no circuit and runs on macaque"):
         assert read_experiment(experiment_file).circuit == anatomy.DEFAULT
+
+
+@pytest.mark.parametrize("old", RENAMED)
+def test_an_experiment_that_moved_says_where_it_is(old):
+    assert RENAMED[old] in SHIPPED
+    with pytest.raises(ValueError, match=f"'{old}' is '{RENAMED[old]}' now"):
+        read_experiment(old)
 
 
 def test_where_something_is_expected_its_foreperiod_counts(experiment_file):

@@ -11,13 +11,21 @@ from bgmodel.experiments.experiment import (
     DISAGREES,
     OPEN,
     WITHOUT,
+    Effect,
     Prediction,
     read_experiment,
     run_experiment,
     shipped,
 )
 from bgmodel.experiments.measures import MEASURES
-from bgmodel.experiments.outcomes import outcomes, page
+from bgmodel.experiments.outcomes import (
+    COMPATIBLE,
+    DIFFERS,
+    NO_INTERVAL,
+    beside_published,
+    outcomes,
+    page,
+)
 
 
 def changes(table):
@@ -56,9 +64,11 @@ def test_a_page_says_why_a_diffusion_is_withheld():
 
 def judged(shares, foreperiod_ms=500.0, decided=100, measure="mean_ms"):
     """Return the outcome of a change of -100 +- 10 that was predicted, for shares of responses."""
-    experiment = shipped()["stn_bound"]
+    experiment = shipped()["stn_no_conflict"]
     prediction = Prediction(measure, "down", 20.0)
-    experiment = replace(experiment, predictions=(prediction,), foreperiod_ms=foreperiod_ms)
+    experiment = replace(
+        experiment, predictions=(prediction,), effects=(), foreperiod_ms=foreperiod_ms
+    )
     values = dict.fromkeys(MEASURES, 0.5) | {"decided": decided} | shares
     rows = [("manipulation", name, value, value, value) for name, value in values.items()]
     rows += [("change", name, -100.0, -110.0, -90.0) for name in MEASURES]
@@ -89,18 +99,11 @@ SHIPPED = shipped()
 
 
 def quick(experiment):
-    """Return an experiment cut short: few cells, evidence that is soon enough."""
-    control, manipulation = (
-        replace(c, neurons=40) for c in (experiment.control, experiment.manipulation)
-    )
-    trials = 100 if experiment.truth is None else 200
-    task = replace(experiment.task, trials=trials, t_max=8, d_prime=1.5)
-    return replace(
-        experiment, control=control, manipulation=manipulation, task=task, foreperiod_ms=10.0
-    )
+    """Return an experiment of fewer trials."""
+    trials = 120 if experiment.truth is None else 240
+    return replace(experiment, task=replace(experiment.task, trials=trials))
 
 
-@pytest.mark.filterwarnings("ignore:.*decides in time")
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_edit_alone_makes_the_outcome(name):
     """Without it every measure is the control's to the last bit; with it some measure is not."""
@@ -116,3 +119,39 @@ def test_the_edit_alone_makes_the_outcome(name):
         else:
             assert row.outcome == (AGREES if row.direction == "none" else DISAGREES)
     assert (changes(run_experiment(experiment).measures)["value"].fillna(0) != 0).any()
+    held = beside_published(without, none)
+    assert (held["value"] == 0).all()
+
+
+def held_to(effect, low, high):
+    """Return what is said of a model's change of 0 in an interval, beside an effect."""
+    experiment = replace(shipped()["stn_no_conflict"], effects=(effect,))
+    rows = [("manipulation", name, 0.1, 0.1, 0.1) for name in MEASURES]
+    rows += [("manipulation", "decided", 100.0, 100.0, 100.0)]
+    rows = [row for row in rows if row[1:3] != ("decided", 0.1)]
+    rows += [(c, "mean_ms", 0.0, low, high) for c in ("change", "percent")]
+    table = pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
+    row = beside_published(experiment, table).iloc[0]
+    return row["condition"], row["comparison"]
+
+
+def test_an_effect_is_compatible_where_the_difference_of_both_holds_0():
+    """Half-widths of 3 and 4 make one of 5, as of independent samples."""
+    for value, said in ((4.9, COMPATIBLE), (5.1, DIFFERS), (-4.9, COMPATIBLE), (-5.1, DIFFERS)):
+        effect = Effect("mean_ms", value, "nobody", value - 4, value + 4, "percent")
+        assert held_to(effect, -3, 3) == ("percent", said)
+    assert held_to(Effect("mean_ms", 5.0, "nobody"), -3, 3) == ("change", NO_INTERVAL)
+    # Each end of an interval has its own width: what counts is the one that points to the other.
+    assert held_to(Effect("mean_ms", 5.1, "nobody", -30.0, 9.1), -3, 3) == ("change", COMPATIBLE)
+
+
+def test_percent_are_those_of_the_control():
+    experiment = quick(shipped()["stn_no_conflict"])
+    table = run_experiment(experiment).measures
+    value = table.set_index(["condition", "measure"])["value"]
+    shown = page(experiment, table)
+    for measure in ("mean_ms", "accuracy", "bound"):
+        of = 100 * value["change", measure] / value["control", measure]
+        assert value["percent", measure] == pytest.approx(of)
+    assert "mean_ms in %: -6.8 [-18.0, +4.4], the model " in shown
+    assert "accuracy: -0.034 [-0.117, +0.048], the model " in shown
