@@ -1,0 +1,371 @@
+"""Figure A2: conflict: a rival with nearly the evidence of the true channel, and what STN shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel import stream
+from bgmodel.comparison.circuits import (
+    CIRCUIT,
+    MSPRT_AT_GAIN,
+    decide_at_thresholds,
+    msprt_tradeoffs,
+    thresholds_about,
+)
+from bgmodel.comparison.compare import RESAMPLES, compare, interval, resampled
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.files import read_table, write_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy.printed_rates import at_rest
+from circuits.spec import Circuit
+from figures.common import BRIEF, Settings, letter, run
+
+CHANNELS, CONFLICT = 4, 0.9
+D_PRIMES = {1.0: "C0", 0.5: "C1"}
+NUCLEI = {"STN": "C0", "GPe": "C1", "SNr": "C2"}
+STEP_MS, SAMPLE_MS, READINGS = 50.0, 5.0, 12
+WINDOW_MS = (150.0, 600.0)
+"""After the onset: when rates are averaged."""
+OLD = "spiking_msprt"
+"""The circuit that gets evidence without its mean over channels."""
+GAINS = (0.0, 0.4, 0.8, 1.25)
+"""Of the fast inhibition of cortex; at 0 its cells are held at their rest."""
+DEFAULT_GAIN = GAINS[-1]
+AT = 0.90
+DECIDED = {2: (0.5, 120), 4: (1.0, 40)}
+"""By alternatives: d' of the evidence whose decisions are compared, and its readings."""
+FALL_NATS, FALL_STEPS, BEFORE_STEPS = -1.0, 30, 10
+LINEAR, EXACT = "linear", "exact"
+
+
+def with_fast(gain: float, channels: int = CHANNELS) -> Circuit:
+    """Return the default circuit with a gain of FSI onto cortex, all rates at rest kept."""
+    table = circuit(DEFAULT, channels)
+    if not gain:
+        return table.without("FSI", replaced=True)
+    tone = table.population("ctx").bias_nats
+    tone += (gain + table.projection("FSI", "ctx").weight) * table.rest_drive
+    return table.with_projection("FSI", "ctx", weight=-gain).with_population("ctx", bias_nats=tone)
+
+
+def circuits() -> dict[str, Circuit]:
+    """Return the circuits by name: the default one by the gain of its FSI, and the old one."""
+    return {f"{gain:g}": with_fast(gain) for gain in GAINS} | {OLD: circuit(OLD, CHANNELS)}
+
+
+SHOWN = {f"{DEFAULT_GAIN:g}": "default", "0": "FSI held", OLD: OLD}
+"""Circuits that are run in spikes too, and drawn in time."""
+COLOURS = dict(zip(SHOWN, ("C0", "C4", "C3"), strict=True))
+
+
+def conflicting(settings: Settings, conflict: float, d_prime: float, trials: int) -> Evidence:
+    """Draw evidence; that with conflict differs from that without in one mean alone."""
+    return gaussian_evidence(
+        trials,
+        READINGS,
+        d_prime / np.sqrt(2),
+        rng=stream(settings.seed, "figA2", f"{d_prime:g}"),
+        hypotheses=CHANNELS,
+        step_ms=STEP_MS,
+        conflict=conflict,
+    )
+
+
+def rates(settings: Settings, *, output: Path) -> None:
+    """Measure what conflict adds to rates, by populations and in spikes, beside the theory."""
+    parts = []
+    for d_prime in D_PRIMES:
+        for name, table in circuits().items():
+            parts.append(rise(settings, name, table, "population", d_prime))
+            if d_prime == 1 and name in SHOWN:
+                parts.append(rise(settings, name, table, "ensemble", d_prime))
+        parts.append(ceiling(settings, d_prime))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def rise(
+    settings: Settings, name: str, table: Circuit, engine: str, d_prime: float
+) -> pd.DataFrame:
+    """Return the rise of each nucleus' mean rate with conflict, in per cent.
+
+    Returns
+    -------
+    DataFrame
+        Columns circuit, engine, d_prime, nucleus, time_ms (NaN for the mean of the window),
+        mean_ms (over which the rate is a mean), value, low, high (the rise and its 95 % interval
+        over trials), and both rates, plain_hz and conflict_hz. In time STN alone.
+    """
+    trials = 2 * settings.circuit_trials if engine == "population" else settings.circuit_trials // 2
+    weights = resampled(trials, RESAMPLES, stream(settings.seed, "bootstrap"))
+    options = BRIEF | {"sample_ms": SAMPLE_MS}
+    model = BasalGanglia(table, engine, gain_of(table), settings.seed, options)
+    found: list[dict[str, npt.NDArray[np.float64]]] = []
+    for conflict in (0.0, CONFLICT):
+        shown = conflicting(settings, conflict, d_prime, trials)
+        seen: dict[str, list[npt.NDArray[np.float64]]] = {nucleus: [] for nucleus in NUCLEI}
+        for _, activity, _ in model.batches(shown):
+            time_ms = activity.time_ms
+            for nucleus, hz in seen.items():
+                # Channels make up the nucleus; the course is that of single trials.
+                hz.append(activity.rates_hz[nucleus].mean(axis=2).astype(np.float64))
+        found.append({nucleus: np.concatenate(hz) for nucleus, hz in seen.items()})
+    window = (time_ms >= WINDOW_MS[0]) & (time_ms <= WINDOW_MS[1])
+    rows = []
+    for nucleus in NUCLEI:
+        plain, with_rival = (one[nucleus] for one in found)
+        means = [weights @ hz[:, window].mean(axis=1) / trials for hz in (plain, with_rival)]
+        pairs = [(np.nan, np.ptp(WINDOW_MS), *means)]
+        if nucleus == "STN" and d_prime == 1:
+            for mean_ms in (SAMPLE_MS, STEP_MS):
+                pairs += course(plain, with_rival, weights, mean_ms)
+        for t, mean_ms, before, after in pairs:
+            ends = interval(100 * (after / before - 1))
+            rows.append((name, engine, d_prime, nucleus, t, mean_ms, *ends, before[0], after[0]))
+    columns = ["circuit", "engine", "d_prime", "nucleus", "time_ms", "mean_ms"]
+    columns += ["value", "low", "high"]
+    return pd.DataFrame(rows, columns=[*columns, "plain_hz", "conflict_hz"])
+
+
+def course(
+    plain: npt.NDArray[np.float64],
+    with_rival: npt.NDArray[np.float64],
+    weights: npt.NDArray[np.float64],
+    mean_ms: float,
+) -> list[tuple[float, float, npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+    """Return the middle of each span, its length, and both rates for weights of trials (B,)."""
+    pairs = []
+    for k, first in enumerate(range(0, plain.shape[1], per := round(mean_ms / SAMPLE_MS))):
+        means = [hz[:, first : first + per].mean(axis=1) for hz in (plain, with_rival)]
+        both = [weights @ hz / len(hz) for hz in means]
+        pairs.append(((k + 0.5) * mean_ms, mean_ms, *both))
+    return pairs
+
+
+def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
+    """Return what STN would rise by if nothing of the common mode were cancelled, per cent.
+
+    S is the log of the channels' mean exponential. STN's sum answers ``ln Sigma = S - w G`` with
+    ``G = Sigma - ln Sigma``: a nat of S raises it by 1 / (1 + L) at rest, L = w (Sigma - 1)
+    (linear), and by less where Sigma is above its rest (exact). No delays, no noise.
+    """
+    table, trials = circuit(DEFAULT, CHANNELS), 2 * settings.circuit_trials
+    share = -table.projection("GPe", "STN").weight
+    stn = table.population("STN").gain_hz_per_nat
+    rest = CHANNELS * at_rest(table)["STN"] / stn
+    sigma = np.linspace(0.01, 20 * rest, 20_000)
+    needed = np.log(sigma) + share * (sigma - np.log(sigma))
+    needed -= np.interp(rest, sigma, needed)
+    # Each reading is held until the next one.
+    held = (np.arange(*WINDOW_MS, SAMPLE_MS) // STEP_MS).astype(int)
+    nats, sums = [], []
+    for conflict in (0.0, CONFLICT):
+        y = gain_of(table) * conflicting(settings, conflict, d_prime, trials).own_totals[:, held]
+        s = np.log(np.exp(y).mean(axis=2))
+        nats.append(s.mean(axis=1))
+        sums.append(np.interp(s, needed, sigma).mean(axis=1))
+    weights = resampled(trials, RESAMPLES, stream(settings.seed, "bootstrap")) / trials
+    loop = share * (rest - 1)
+    values = {
+        LINEAR: weights @ (nats[1] - nats[0]) / (1 + loop),
+        EXACT: weights @ sums[1] / (weights @ sums[0]) - 1,
+    }
+    rows = [(kind, "theory", d_prime, "STN", *interval(100 * v)) for kind, v in values.items()]
+    columns = ["circuit", "engine", "d_prime", "nucleus", "value", "low", "high"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def frontier(settings: Settings, *, output: Path) -> None:
+    """Measure what each gain of FSI does to OUT after a common fall, and to decision times."""
+    rows: list[tuple[object, ...]] = []
+    for gain in GAINS:
+        fall = fall_of_out(with_fast(gain))
+        rows.append((gain, CHANNELS, "fall_nats", fall, fall, fall))
+        for channels, (d_prime, readings) in DECIDED.items():
+            shown = gaussian_evidence(
+                4 * settings.circuit_trials,
+                readings,
+                d_prime / np.sqrt(2),
+                rng=stream(settings.seed, "figA2", "decisions", channels),
+                hypotheses=channels,
+                step_ms=STEP_MS,
+            )
+            table = with_fast(gain, channels)
+            kappa = gain_of(table)
+            options = BRIEF | {"sample_ms": 2.0}
+            model = BasalGanglia(table, "population", kappa, settings.seed, options)
+            test = msprt_tradeoffs(shown, kappa)[MSPRT_AT_GAIN]
+            levels = thresholds_about(test, 0.95)
+            own = decide_at_thresholds(model, shown, levels, decoder_tau_ms=None)[CIRCUIT]
+            rng = stream(settings.seed, "bootstrap")
+            found = compare(test, own, rng=rng, accuracies=(AT,)).set_index("measure")
+            row = found.loc["pearson_r", ["value", "low", "high"]]
+            rows.append((gain, channels, "pearson_r", *row))
+    table = pd.DataFrame(rows, columns=["gain", "channels", "measure", "value", "low", "high"])
+    write_table(table, output, seed=settings.seed, settings=settings)
+
+
+def fall_of_out(table: Circuit) -> float:
+    """Return the lowest OUT after all channels fall by a nat at rest, above rest, without noise."""
+    drive = np.zeros((1, FALL_STEPS, table.channels))
+    drive[0, BEFORE_STEPS:] = FALL_NATS
+    model = BasalGanglia(table, "population", 1.0, options={"noise": False})
+    found = model.run_drive(drive, STEP_MS)
+    out, after = found.output_nats[0, :, 0], found.time_ms >= BEFORE_STEPS * STEP_MS
+    return float(out[after].min() - out[~after][-1])
+
+
+def draw(settings: Settings, rated: Path, decided: Path, *, output: Path) -> Figure:
+    """Draw the rise by gain of FSI and by nucleus, in time, and what it is traded for."""
+    table, traded = read_table(rated), read_table(decided)
+    figure = plt.figure(figsize=(7.4, 5.0))
+    axes = figure.subplots(2, 3)
+    window = table[table["time_ms"].isna()]
+    _gains(axes[0, 0], window)
+    _nuclei(axes[0, 1], window[window["d_prime"] == 1])
+    courses = table[table["time_ms"].notna() & (table["engine"] == "population")]
+    _courses(axes[0, 2], courses)
+    _added(axes[1, 0], courses)
+    _fall(axes[1, 1], window, traded)
+    _times(axes[1, 2], window, traded)
+    letter(axes[0, 0], "a  STN, by fast inhibition")
+    letter(axes[0, 1], "b  nuclei, d' = 1")
+    letter(axes[0, 2], "c  STN in time, d' = 1")
+    letter(axes[1, 0], "d  rise of STN in time, d' = 1")
+    letter(axes[1, 1], "e  beside a common fall")
+    letter(axes[1, 2], "f  beside decision times")
+    return figure
+
+
+def _off(rows: pd.DataFrame) -> npt.NDArray[np.float64]:
+    """Return how far the ends of the interval lie from each value, (2, rows)."""
+    ends = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
+    return np.maximum(ends.astype(np.float64), 0)
+
+
+def _gains(ax: Any, table: pd.DataFrame) -> None:
+    """Show STN's rise against the gain of FSI, and in the old circuit right of it."""
+    stn, old = table[table["nucleus"] == "STN"], GAINS[-1] + 0.4
+    ax.axhline(0, color="0.8", lw=0.8, zorder=0)
+    for d_prime, colour in D_PRIMES.items():
+        rows = stn[(stn["d_prime"] == d_prime) & (stn["engine"] == "population")]
+        fast = rows[rows["circuit"] != OLD]
+        given = {"fmt": "o", "ms": 3.5, "color": colour, "lw": 1}
+        x = fast["circuit"].astype(float)
+        ax.errorbar(x, fast["value"], _off(fast), **given, ls="-", label=f"d' = {d_prime:g}")
+        rest = rows[rows["circuit"] == OLD]
+        ax.errorbar([old], rest["value"], _off(rest), **given)
+        spikes = stn[(stn["d_prime"] == d_prime) & (stn["engine"] == "ensemble")]
+        x = [old if name == OLD else float(name) for name in spikes["circuit"]]
+        given |= {"fmt": "s", "mfc": "w", "ms": 4}
+        ax.errorbar(np.add(x, 0.06), spikes["value"], _off(spikes), **given)
+        theory = stn[(stn["d_prime"] == d_prime) & (stn["engine"] == "theory")]
+        for kind, style, label in ((LINEAR, "--", "rise of S / (1 + L)"), (EXACT, ":", "exact")):
+            level = theory.loc[theory["circuit"] == kind, "value"].item()
+            ax.plot([-0.1, old + 0.1], [level, level], color=colour, lw=0.9, ls=style)
+            if d_prime == 1:
+                ax.text(old + 0.1, level + 0.7, label, fontsize=7, ha="right", color=colour)
+    ax.plot([], [], "o", ms=3.5, color="0.4", label="populations")
+    ax.plot([], [], "s", ms=4, color="0.4", mfc="w", label="spikes")
+    ax.set_xticks([*GAINS, old], [*(f"{gain:g}" for gain in GAINS), "old"])
+    ax.set(xlabel="gain of FSI onto cortex", ylabel="rise of rate with conflict (%)")
+    ax.set_ylim(top=1.4 * stn["high"].max())
+    ax.legend(loc="upper right", ncols=2, columnspacing=1, handlelength=1.4)
+
+
+def _nuclei(ax: Any, table: pd.DataFrame) -> None:
+    """Show the rise of each nucleus, by circuit and engine."""
+    ax.axhline(0, color="0.8", lw=0.8, zorder=0)
+    for k, (nucleus, colour) in enumerate(NUCLEI.items()):
+        for engine, mark, fill in (("population", "o", colour), ("ensemble", "s", "w")):
+            rows = table[(table["nucleus"] == nucleus) & (table["engine"] == engine)]
+            rows = rows.set_index("circuit").loc[list(SHOWN)]
+            where = np.arange(len(SHOWN)) + 0.2 * (k - 1) + (0.07 if engine == "ensemble" else 0)
+            label = nucleus if engine == "population" else None
+            ax.errorbar(
+                where, rows["value"], _off(rows), fmt=mark, ms=3.5, lw=0.8, color=colour,
+                mfc=fill, label=label,
+            )  # fmt: skip
+    ax.set_xticks(range(len(SHOWN)), [name.replace("_", "_\n") for name in SHOWN.values()])
+    ax.set(ylabel="rise of rate with conflict (%)")
+    ax.legend(loc="upper right")
+
+
+def _courses(ax: Any, table: pd.DataFrame) -> None:
+    """Show STN's rate in time, without and with conflict."""
+    for name, label in SHOWN.items():
+        for mean_ms, lw in ((SAMPLE_MS, 0.4), (STEP_MS, 1.4)):
+            rows = table[(table["circuit"] == name) & (table["mean_ms"] == mean_ms)]
+            for column, style in (("plain_hz", "-"), ("conflict_hz", "--")):
+                ax.plot(rows["time_ms"], rows[column], color=COLOURS[name], lw=lw, ls=style)
+        ax.plot([], [], color=COLOURS[name], label=label)
+    for style, label in (("-", "no conflict"), ("--", f"conflict {CONFLICT:g}")):
+        ax.plot([], [], color="0.4", ls=style, lw=1, label=label)
+    ax.set(xlabel="time from the onset (ms)", ylabel="mean rate of STN (Hz)")
+    ax.set_ylim(top=ax.get_ylim()[0] + 1.5 * np.ptp(ax.get_ylim()))
+    ax.legend(loc="upper left", ncols=1)
+
+
+def _added(ax: Any, table: pd.DataFrame) -> None:
+    """Show in time what conflict adds to STN, with its interval; shaded, the window."""
+    ax.axvspan(*WINDOW_MS, color="0.93", lw=0, zorder=0)
+    ax.axhline(0, color="0.7", lw=0.8, zorder=0)
+    for name, label in SHOWN.items():
+        rows = table[(table["circuit"] == name) & (table["mean_ms"] == STEP_MS)]
+        ax.plot(rows["time_ms"], rows["value"], color=COLOURS[name], lw=1, label=label)
+        ax.fill_between(
+            rows["time_ms"], rows["low"], rows["high"], color=COLOURS[name], lw=0, alpha=0.25
+        )
+    ax.set(xlabel="time from the onset (ms)", ylabel="rise of rate with conflict (%)")
+    ax.set_ylim(top=1.5 * table.loc[table["mean_ms"] == STEP_MS, "high"].max())
+    ax.legend(loc="upper left")
+
+
+def _rises(window: pd.DataFrame) -> pd.DataFrame:
+    """Return STN's rise by populations, d' 1, a row per gain of FSI in the order of ``GAINS``."""
+    rows = window[(window["nucleus"] == "STN") & (window["d_prime"] == 1)]
+    rows = rows[(rows["engine"] == "population") & (rows["circuit"] != OLD)]
+    return rows.set_index(rows["circuit"].astype(float)).loc[list(GAINS)]
+
+
+def _fall(ax: Any, window: pd.DataFrame, traded: pd.DataFrame) -> None:
+    """Show STN's rise against how far OUT falls with all channels."""
+    rises = _rises(window)
+    fall = traded[traded["measure"] == "fall_nats"].set_index("gain").loc[list(GAINS)]
+    ax.errorbar(fall["value"], rises["value"], _off(rises), fmt="o-", ms=3.5, lw=1, color="k")
+    _named(ax, fall["value"], rises["value"])
+    ax.set(xlabel="lowest OUT after -1 nat (nats)", ylabel="rise of STN (%)")
+
+
+def _times(ax: Any, window: pd.DataFrame, traded: pd.DataFrame) -> None:
+    """Show STN's rise against the correlation of decision times with the MSPRT's."""
+    rises = _rises(window)
+    times = traded[traded["measure"] == "pearson_r"]
+    for (channels, (d_prime, _)), colour in zip(DECIDED.items(), ("C2", "C5"), strict=True):
+        r = times[times["channels"] == channels].set_index("gain").loc[list(GAINS)]
+        ax.errorbar(
+            r["value"], rises["value"], _off(rises), _off(r), fmt="o-", ms=3.5, lw=1,
+            color=colour, label=f"N = {channels}, d' = {d_prime:g}",
+        )  # fmt: skip
+    # Both have the same rises.
+    _named(ax, r["value"], rises["value"])
+    ax.set(xlabel="r of decision times", ylabel="rise of STN (%)")
+    ax.set_ylim(top=1.35 * rises["high"].max())
+    ax.legend(loc="upper right")
+
+
+def _named(ax: Any, x: pd.Series, y: pd.Series) -> None:
+    """Write the gain beside each point."""
+    for gain in GAINS:
+        ax.annotate(f"{gain:g}", (x[gain], y[gain]), (4, 3), textcoords="offset points", fontsize=7)
+
+
+if __name__ == "__main__":
+    run(rates=rates, frontier=frontier, draw=draw)
