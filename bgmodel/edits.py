@@ -33,8 +33,9 @@ class Edits:
     spread: float | None = None
     """Spread of cell constants, as a fraction: `spread = 0.1`."""
     add: tuple[str, ...] = ()
-    """New pathways and nuclei, as they are or like others:
-    `add = ["D1->GPe weight=-0.1 delay_ms=4", "TRN like=STN bias_nats=-1"]`."""
+    """New pathways and nuclei, as they are or like others, and what changes within a trial:
+    `add = ["D1->GPe weight=-0.1 delay_ms=4", "TRN like=STN bias_nats=-1",
+    "dopamine amount=0.2 to_ms=300"]`."""
     change: tuple[str, ...] = ()
     """Fields of a pathway, a nucleus or its cells, all changed at once:
     `change = ["STN->GPe.delay_ms=4", "STN.bias_nats=-0.2", "STN.cell.cv=0.2"]`."""

@@ -8,12 +8,14 @@ A change names one field of one row, and a value of the type that the field decl
     STN->GPe.delay_ms=4                 a field of a pathway
 
 A new row is its name and its fields; what is not given is the default, or that of the row which
-it is like. A value with blanks stands in quotes::
+it is like; a row with an amount is a course. A value with blanks stands in quotes::
 
     D1->GPe weight=-0.1 delay_ms=4      a pathway
     D1->GPe like=D1->SNr weight=-0.1    a pathway like another
     TRN like=STN bias_nats=-1           a population like another
     TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20
+    dopamine amount=0.5 to_ms=300       a course: of dopamine
+    STN amount=0.2 from_ms=100          or of the input of a population
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from dataclasses import MISSING, fields, replace
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from circuits.cells import CELLS, Cell
+from circuits.courses import DOPAMINE, Course
 from circuits.rows import Population, Projection
 
 if TYPE_CHECKING:
@@ -39,6 +42,8 @@ A_ROW = 'a new row is its name and FIELD=VALUE, such as "D1->GPe weight=-0.1 del
 NAMES = ("name", "source", "target")
 """Fields that say which row it is: no edit changes them."""
 OF_CELL = "cell."
+OF_COURSES = ("amount", "from_ms", "to_ms", "rise_ms", "decay_ms")
+"""Fields by which a new row is told to be a course."""
 
 
 def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited:
@@ -91,7 +96,7 @@ def _changed(row: Row, texts: Sequence[str]) -> Row:
         return _row(type(row), row, given, {})
 
 
-def new_row(circuit: Circuit, text: str) -> Row:
+def new_row(circuit: Circuit, text: str) -> Row | Course:
     """Return the row that a text adds to a circuit.
 
     Raises
@@ -101,6 +106,8 @@ def new_row(circuit: Circuit, text: str) -> Row:
     """
     with naming(text):
         name, given = _new(text)
+        if name == DOPAMINE or any(field in OF_COURSES for field in given):
+            return _course(name, given)
         if name in {p.name for p in circuit.populations} | {p.name for p in circuit.projections}:
             raise ValueError(f"{name} is there already; {A_CHANGE}")
         source, arrow, target = name.partition("->")
@@ -110,6 +117,14 @@ def new_row(circuit: Circuit, text: str) -> Row:
             raise ValueError(f"{name} can't be like {like.name}: one of them is a pathway")
         identity = {"source": source, "target": target} if arrow else {"name": name}
         return _row(kind, like, given, identity)
+
+
+def _course(what: str, given: Mapping[str, str]) -> Course:
+    """Return the course of something from the texts of its fields."""
+    owner = f"a course of {what}"
+    _check_names(given, [f.name for f in fields(Course) if f.name != "what"], owner)
+    found: Course = _made(Course, None, {"what": what, **_typed(Course, given)}, owner)
+    return found
 
 
 @contextmanager

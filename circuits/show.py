@@ -14,7 +14,7 @@ import pandas as pd
 from circuits.anatomy.printed_rates import at_rest, outside
 from circuits.cells import Cell
 from circuits.laws.posterior import off_nats
-from circuits.spec import GABA, NATS, Circuit, Population
+from circuits.spec import DOPAMINE, GABA, NATS, Circuit, Population
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,17 +83,40 @@ def pathways(circuit: Circuit) -> pd.DataFrame:
     return _dropping(pd.DataFrame(rows), probability=1.0, by_channel="", f="linear", receptor="")
 
 
+def courses(circuit: Circuit) -> pd.DataFrame:
+    """Return what changes within a trial as a table: one row per course."""
+    rows = [
+        {
+            "course": row.what,
+            "amount": row.amount,
+            "of": "level" if row.what == DOPAMINE else circuit.unit,
+            "from_ms": row.from_ms,
+            "to_ms": row.to_ms,
+            "rise_ms": row.rise_ms,
+            "decay_ms": row.decay_ms,
+            "source": row.cite,
+        }
+        for row in circuit.courses
+    ]
+    return pd.DataFrame(rows)
+
+
+def _tables(circuit: Circuit) -> list[pd.DataFrame]:
+    """Return the tables that have rows."""
+    return [nuclei(circuit), pathways(circuit), *([courses(circuit)] if circuit.courses else [])]
+
+
 def text(circuit: Circuit) -> str:
     """Return the whole circuit on one page."""
-    tables = [_text(table) for table in (nuclei(circuit), pathways(circuit))]
+    tables = [_text(table) for table in _tables(circuit)]
     return "\n\n".join([_head(circuit), *tables, constants(circuit)])
 
 
 def html(circuit: Circuit) -> str:
-    """Return the page of ``text`` as HTML: a table of populations and one of pathways."""
+    """Return the page of ``text`` as HTML, its tables as tables."""
     tables = [
         table.to_html(index=False, border=0, float_format="{:.4g}".format)
-        for table in (nuclei(circuit), pathways(circuit))
+        for table in _tables(circuit)
     ]
     head, foot = (
         f"<p>{escape(part).replace(chr(10), '<br>')}</p>"

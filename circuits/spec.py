@@ -1,4 +1,4 @@
-"""The declaration: a circuit is two tables, populations and projections, and edits of them.
+"""The declaration: a circuit is tables, populations, projections and courses, and edits of them.
 
 Nothing about a pathway is written anywhere else. An edit returns a new circuit.
 """
@@ -8,12 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from circuits.arrays import Array
 from circuits.checks import check_number, check_types
+from circuits.courses import DOPAMINE, Course, extremes
 from circuits.edits import changed_rows, naming, new_row, with_fields
 from circuits.rows import GABA, GLUTAMATE, PATTERNS, RECEPTORS, SIGNS, Population, Projection
 
@@ -24,7 +26,13 @@ NATS = "nats"
 UNITS = (NATS, "salience")
 """Units of a circuit's drive and OUT."""
 
-__all__ = ["GABA", "GLUTAMATE", "NATS", "PATTERNS", "UNITS", "Circuit", "Population", "Projection"]
+__all__ = [
+    "DOPAMINE", "GABA", "GLUTAMATE", "NATS", "PATTERNS", "UNITS", "Circuit", "Course", "Population",
+    "Projection",
+]  # fmt: skip
+
+Level = TypeVar("Level", float, Array)
+"""A level of dopamine, or one per tick."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +81,8 @@ class Circuit:
         Key of what differs from cell to cell: connections and spread.
     chronic : bool
         Whether lesions are old: the circuit starts at its own rest, not at that of the intact one.
+    courses : tuple
+        The third table: what changes within a trial. Most circuits have none.
     about : str
         One sentence with its source.
     """
@@ -93,6 +103,7 @@ class Circuit:
     reach_nats: float = math.inf
     most_channels: int = 1000
     wiring_seed: int = 0
+    courses: tuple[Course, ...] = ()
     about: str = ""
     unit: str = NATS
     default_gain: float | None = None
@@ -130,6 +141,7 @@ class Circuit:
                     f"channels, got {len(p.factors)}"
                 )
         self._reaches()
+        self._check_courses()
 
     def __repr__(self) -> str:
         """Return one line: the tables are long, ``circuits.show.text`` prints them."""
@@ -139,6 +151,7 @@ class Circuit:
         return (
             f"Circuit({self.name}: {self.channels} channels in {self.unit}, "
             f"{len(self.populations)} populations, {len(self.projections)} pathways, "
+            f"{f'{len(self.courses)} courses, ' if self.courses else ''}"
             f"{sum(row.neurons for row in own)} cells per channel, sha256 {digest(self)[:8]})"
         )
 
@@ -149,7 +162,12 @@ class Circuit:
         return html(self)
 
     def _check_rows(self) -> None:
-        for kind, rows in ((Population, self.populations), (Projection, self.projections)):
+        tables: tuple[tuple[type, tuple[object, ...]], ...] = (
+            (Population, self.populations),
+            (Projection, self.projections),
+            (Course, self.courses),
+        )
+        for kind, rows in tables:
             for row in rows:
                 if not isinstance(row, kind):
                     raise ValueError(f"{self.name}: a row must be a {kind.__name__}, got {row!r}")
@@ -175,6 +193,42 @@ class Circuit:
             self.check_nats("exact, OUT = -ln P,")
         if self.default_gain is not None and not 0 < self.default_gain < math.inf:
             raise ValueError(f"default_gain must be > 0 and finite, got {self.default_gain}")
+
+    def _check_courses(self) -> None:
+        """Refuse a course of nothing, and one that takes dopamine out of its range."""
+        for row in self.courses:
+            if row.what not in (DOPAMINE, *self._known):
+                names = ", ".join(self._known)
+                raise ValueError(
+                    f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of "
+                    f"{DOPAMINE}, {names}"
+                )
+        rows = [row for row in self.courses if row.what == DOPAMINE]
+        if not rows:
+            return
+        if DOPAMINE in self._known:
+            raise ValueError(f"{rows[0].name}: a nucleus of {self.name} has that name too")
+        if not self.receptors():
+            raise ValueError(
+                f"{rows[0].name}: no row of {self.name} has a receptor, it would change nothing"
+            )
+        self.dopamine_changes(1.0)
+        for moved, time_ms in extremes(rows):
+            if not -1 <= moved <= 1:
+                at = np.array([time_ms])
+                there = [row for row in rows if float(row.at(at)[0]) * moved > 0]
+                raise ValueError(
+                    f"{max(there, key=lambda row: row.from_ms).name}: the level of dopamine must "
+                    f"lie in 0..2, with this row it is {1 + moved:.3g} at {time_ms:.4g} ms"
+                )
+
+    def check_steady(self, what: str) -> None:
+        """Raise ValueError, in a circuit with courses, for what knows no time."""
+        if self.courses:
+            raise ValueError(
+                f"{self.name} has courses, and {what} knows no time: take circuit.steady, the "
+                "circuit without them, or circuit.dopamine(level) for a level that stays"
+            )
 
     def check_nats(self, what: str, instead: str = "") -> None:
         """Raise ValueError, in a circuit of another unit, for what has a meaning in nats alone."""
@@ -402,24 +456,47 @@ class Circuit:
     def dopamine(self, level: float) -> Circuit:
         """Return the circuit at a dopamine level relative to this one; the range is 0..2.
 
-        The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
-        ``2 - level``; see ``receptors``. What it adds at the ``pivot_nats`` stays what it was.
+        See ``dopamine_changes``. Courses of dopamine stay, relative to what is now the circuit's
+        own level: the level 1.2 and a course of +0.5 multiply a weight with D1 receptors by 1.2
+        and 1.5.
         """
         check_number("dopamine level", level)
         if not 0 <= level <= 2:
             raise ValueError(f"dopamine level must lie in 0..2, got {level}")
         circuit = self
-        for p, row in self.receptors() if level != 1 else ():
+        for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
+            bias = circuit.population(p.target).bias_nats + nats
+            circuit = circuit.scaled(p.source, p.target, 1 + change)
+            circuit = circuit.with_population(p.target, bias_nats=bias)
+        return circuit
+
+    def dopamine_changes(self, level: Level) -> list[tuple[Projection, Level, Level]]:
+        """Return what a level of dopamine changes, relative to this circuit's; 1 changes nothing.
+
+        The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
+        ``2 - level``; see ``receptors``. What it adds at the ``pivot_nats`` stays what it was.
+
+        Parameters
+        ----------
+        level : float or array
+            The level, or one per tick.
+
+        Returns
+        -------
+        list of (Projection, change, nats)
+            Each pathway, what is added to the factor 1 of its weight, and nats that are added to
+            its target's bias.
+        """
+        found = []
+        for p, row in self.receptors():
             if p.factors and row.pivot_nats:
                 raise ValueError(
                     f"{p.name} differs from channel to channel: dopamine about a pivot would "
                     "need a bias for each"
                 )
             change = RECEPTORS[row.receptor] * (level - 1)
-            bias = circuit.population(p.target).bias_nats - change * p.weight * row.pivot_nats
-            circuit = circuit.scaled(p.source, p.target, 1 + change)
-            circuit = circuit.with_population(p.target, bias_nats=bias)
-        return circuit
+            found.append((p, change, -(change * p.weight * row.pivot_nats)))
+        return found
 
     def with_channels(self, channels: int) -> Circuit:
         """Return the circuit for another number of alternatives, for which no gain was found."""
@@ -466,20 +543,29 @@ class Circuit:
         )
         return replace(self, projections=rows)
 
-    def with_rows(self, *rows: Population | Projection | str) -> Circuit:
-        """Return the circuit with rows added: a nucleus or a pathway of your own.
+    def with_rows(self, *rows: Population | Projection | Course | str) -> Circuit:
+        """Return the circuit with rows added: a nucleus, a pathway or a course of your own.
 
-        A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``, ``"TRN like=STN bias_nats=-1"``.
+        A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``, ``"TRN like=STN bias_nats=-1"``,
+        ``"dopamine amount=0.5 to_ms=300"``.
         """
         for row in rows:
-            if not isinstance(row, (Population, Projection, str)):
-                raise ValueError(f"a row is a Population, a Projection or text, got {row!r}")
+            if not isinstance(row, (Population, Projection, Course, str)):
+                raise ValueError(
+                    f"a row is a Population, a Projection, a Course or text, got {row!r}"
+                )
         new = [new_row(self, row) if isinstance(row, str) else row for row in rows]
         with naming(*(row for row in rows if isinstance(row, str))):
             return self._with_tables(
                 self.populations + tuple(row for row in new if isinstance(row, Population)),
                 self.projections + tuple(row for row in new if isinstance(row, Projection)),
+                self.courses + tuple(row for row in new if isinstance(row, Course)),
             )
+
+    @property
+    def steady(self) -> Circuit:
+        """The circuit without courses: what it is while it settles, before the drive begins."""
+        return replace(self, courses=()) if self.courses else self
 
     @property
     def unlesioned(self) -> Circuit:
@@ -496,17 +582,25 @@ class Circuit:
         )
 
     def _with_tables(
-        self, populations: tuple[Population, ...], projections: tuple[Projection, ...]
+        self,
+        populations: tuple[Population, ...],
+        projections: tuple[Projection, ...],
+        courses: tuple[Course, ...] | None = None,
     ) -> Circuit:
         """Return the circuit with other tables; itself if they are the same.
 
-        It stays exact if they differ in nothing that a fixed point depends on.
+        It stays exact if they differ in nothing that a fixed point depends on. Courses stay unless
+        others are given.
         """
-        if (populations, projections) == (self.populations, self.projections):
+        tables = populations, projections, self.courses if courses is None else courses
+        if tables == (self.populations, self.projections, self.courses):
             return self
         old, new = self.populations + self.projections, populations + projections
         exact = self.exact and [*map(_computes, old)] == [*map(_computes, new)]
-        return replace(self, populations=populations, projections=projections, exact=exact)
+        exact = exact and tables[2] == self.courses
+        return replace(
+            self, populations=populations, projections=projections, courses=tables[2], exact=exact
+        )
 
     def _everywhere(self, **values: Any) -> Circuit:
         if not any(row.spiking for row in self.populations):

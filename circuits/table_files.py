@@ -17,15 +17,18 @@ from typing import Any
 
 from circuits.cells import CELLS
 from circuits.checks import is_bool
-from circuits.spec import Circuit, Population, Projection
+from circuits.spec import Circuit, Course, Population, Projection
 
 FORMAT = 1
 """Version of the form of these files."""
 SUFFIX = ".toml"
-TABLES: dict[str, type[Population] | type[Projection]] = {
+TABLES: dict[str, type[Population] | type[Projection] | type[Course]] = {
     "populations": Population,
     "projections": Projection,
+    "courses": Course,
 }
+SPARE = ("courses",)
+"""Tables that a file leaves out if they are empty."""
 LARGE = 1e15
 """Floats from here on are not written as whole numbers."""
 TYPE = "type"
@@ -41,7 +44,9 @@ def plain(circuit: Circuit) -> dict[str, Any]:
     """Return a circuit as plain data: of every row and cell what differs from its default."""
     found = {"name": circuit.name, "channels": circuit.channels, **_changed(circuit)}
     for table in TABLES:
-        found[table] = [_plain_row(row) for row in getattr(circuit, table)]
+        rows = getattr(circuit, table)
+        if rows or table not in SPARE:
+            found[table] = [_plain_row(row) for row in rows]
     return found
 
 
@@ -55,7 +60,7 @@ def text(circuit: Circuit) -> str:
     """Return a circuit as the text of a file."""
     data = plain(circuit)
     data.setdefault("reference_nats", circuit.reference_nats)
-    tables = {name: data.pop(name) for name in TABLES}
+    tables = {name: data.pop(name) for name in TABLES if name in data}
     lines = [
         f"# The circuit {json.dumps(circuit.name)}, sha256 {digest(circuit)} when it was written.",
         "# Each row stands under its columns; a column that is left out has its default.",
@@ -96,7 +101,7 @@ def _changed(row: Any) -> dict[str, Any]:
     return {f.name: value for f, value in values if value != f.default}
 
 
-def _plain_row(row: Population | Projection) -> dict[str, Any]:
+def _plain_row(row: Population | Projection | Course) -> dict[str, Any]:
     found = _changed(row)
     if isinstance(row, Population):
         found["cell"] = {TYPE: type(row.cell).__name__, **_changed(row.cell)}

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from circuits.cells import CELLS
-from circuits.spec import Circuit, Population
-from circuits.table_files import FORMAT, TABLES, TYPE
+from circuits.spec import Circuit, Course, Population
+from circuits.table_files import FORMAT, SPARE, TABLES, TYPE
 
 KEYS = ("format", *(f.name for f in fields(Circuit) if f.init), "cells")
-NEEDED = ("format", "channels", "reference_nats", *TABLES)
+NEEDED = ("format", "channels", "reference_nats", *(name for name in TABLES if name not in SPARE))
 """Keys that every file says for itself: another table's input at rest would mean nothing."""
 
 
@@ -78,7 +78,7 @@ class _Reader:
         if (form := data.pop("format")) != FORMAT:
             raise ValueError(f"{self._at('', 'format')}: the format must be {FORMAT}, got {form!r}")
         cells = self._cells(data.pop("cells", {}))
-        tables = {name: self._rows(name, data.pop(name), cells) for name in TABLES}
+        tables = {name: self._rows(name, data.pop(name), cells) for name in TABLES if name in data}
         self._check_ends(tables)
         given = {key: _hashable(value) for key, value in data.items()}
         try:
@@ -153,7 +153,7 @@ class _Reader:
             values["cell"] = self._cell_of(values["cell"], cells, where)
         with _placed(where):
             found = kind(**values)
-        if found.name in self.places:
+        if found.name in self.places and kind is not Course:
             raise ValueError(f"{where}: there is a row {found.name!r} already")
         self.places[found.name] = where
         return found

@@ -3,8 +3,9 @@
 At tick k, with every rate of earlier ticks known:
 
 1. units: ``u = D u + (1 - D) deliver r[k - delay]``; the filtered activity is ``u + constant``;
-2. blocks: ``input = bias + weight g(u + constant) + drive``, then ``x = A x + (1 - A) input``; a
-   cell that hears nats filters in its membrane instead;
+2. blocks: ``input = bias + factor weight g(u + constant) + drive + course``, then
+   ``x = A x + (1 - A) input``; a cell that hears nats filters in its membrane instead; the factor
+   is 1 and the course 0 but where the circuit has courses (``timed``);
 3. cells: populations without spikes pass ``r[k] = rates(x)`` on, spiking ones
    ``r[k] = spikes / (neurons dt)``;
 4. read-out: ``o = R o + (1 - R) r[k]``.

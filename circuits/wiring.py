@@ -111,9 +111,13 @@ class Wiring:
         x[..., self.blocks_of(self.circuit.input)] = self.circuit.drive_gain * drive
         return x
 
-    def inputs(self, units: Array) -> Array:
-        """Return the input (..., blocks), nats, from the filtered activity (..., units)."""
-        return self._by_name(units, self._unit_transfers) @ self.weight.T + self.bias
+    def inputs(self, units: Array, factors: Array | float = 1.0) -> Array:
+        """Return the input (..., blocks), nats, from the filtered activity (..., units).
+
+        Weights are multiplied by ``factors`` (units,).
+        """
+        passed = self._by_name(units, self._unit_transfers) * factors
+        return np.asarray(passed @ self.weight.T + self.bias)
 
     def units_slope(self, units: Array) -> Array:
         """Return the slope (..., units) of the units' transfer."""

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from bgmodel import toml_files
 from bgmodel.cli import parsed
 from bgmodel.edits import Edits, written
+from bgmodel.integrators.basal_ganglia import rest_out
 from circuits import anatomy
+from circuits.spec import Course
 
 TABLE = anatomy.spiking_msprt()
 DELAY, BIAS = "STN->GPe.delay_ms=4", "STN.bias_nats=-2.3"
@@ -51,6 +53,16 @@ def test_a_file_the_terminal_and_python_say_the_same():
     assert file == typed == python
     assert python.apply(TABLE) == TABLE.with_rows(PATHWAY, NUCLEUS).edited(DELAY, BIAS)
     assert python.apply(TABLE).projection("STN", "GPe").delay_ms == 4
+
+
+def test_a_course_is_a_row_wherever_rows_are_added_and_is_relative_to_the_level_of_the_edits():
+    text = "dopamine amount=0.2 to_ms=300 decay_ms=50"
+    edits = Edits(add=(text,), dopamine=1.1, without=("STN=0.1",))
+    assert written(text) == Edits(add=(text,))
+    assert at_the_terminal("--edits.add", text) == Edits(add=(text,))
+    course = Course("dopamine", 0.2, 0, 300, decay_ms=50)
+    assert edits.apply(TABLE) == TABLE.without("STN", 0.1).dopamine(1.1).with_rows(course)
+    assert rest_out(edits.apply(TABLE)) == rest_out(TABLE.without("STN", 0.1).dopamine(1.1))
 
 
 def test_edits_are_made_in_the_order_of_their_fields():

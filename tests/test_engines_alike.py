@@ -1,12 +1,14 @@
 """One table, all engines: the same answer where the theory gives one, the same spikes where not."""
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.testing as npt
 import pytest
 from scipy.special import log_softmax
 
 from circuits import anatomy
-from circuits.cells import Phase
+from circuits.cells import Phase, Rate
 from circuits.engines import DROPPING, ENGINES, NOISY, SPIKING, run
 from circuits.spec import Projection
 
@@ -77,14 +79,26 @@ def growing(trials, steps):
     return drive - drive.mean(axis=2, keepdims=True)
 
 
+COURSES = (
+    "dopamine amount=0.4 from_ms=20.05 to_ms=80 rise_ms=15 decay_ms=30",
+    "STN amount=-0.2 from_ms=5 to_ms=60",
+    "D1 amount=0.2 rise_ms=20",
+)
+
+
+@pytest.mark.parametrize(
+    ("circuit", "level"),
+    [(TABLE, 0.3), (TABLE.with_rows(*COURSES), 0.1)],
+    ids=["as it is", "courses"],
+)
 @pytest.mark.parametrize("engine", DROPPING)
-def test_a_dropped_trial_is_the_whole_one_cut_short(engine):
+def test_a_dropped_trial_is_the_whole_one_cut_short(engine, circuit, level):
     drive = growing(6, 5)
-    whole = all_of(TABLE, drive, engine)
-    cut = all_of(TABLE, drive, engine, drop_below=0.3)
+    whole = all_of(circuit, drive, engine)
+    cut = all_of(circuit, drive, engine, drop_below=level)
     ends = []
     for full, short in zip(whole.output_nats, cut.output_nats, strict=True):
-        over = np.flatnonzero(full.min(axis=1) < 0.3)
+        over = np.flatnonzero(full.min(axis=1) < level)
         ends.append(over[0] + 1 if len(over) else len(full))
         npt.assert_array_equal(short[: ends[-1]], full[: ends[-1]])
         assert np.isnan(short[ends[-1] :]).all()
@@ -115,6 +129,19 @@ def test_an_unknown_engine_lists_those_that_there_are():
         run(anatomy.spiking_msprt(), np.zeros((1, 1, 2)), engine="nest", step_ms=10)
 
 
+@pytest.mark.parametrize("engine", DROPPING)
+def test_a_trial_with_courses_does_not_depend_on_those_beside_it(engine):
+    """More trials than run side by side, some of them over early: others take their place."""
+    circuit = TABLE.with_rows(*COURSES)
+    drive = np.tile(growing(6, 2), (12, 1, 1))
+    whole = all_of(circuit, drive, engine, drop_below=0.9, settle_ms=50)
+    for trial in (0, 65, 71):
+        given = {"first_trial": trial} if engine in NOISY else {}
+        alone = all_of(circuit, drive[trial : trial + 1], engine, settle_ms=50, **given)
+        kept = np.isfinite(whole.output_nats[trial])
+        npt.assert_array_equal(whole.output_nats[trial][kept], alone.output_nats[0][kept])
+
+
 ONE = TABLE.scaled("ctx", "D1", 0.8, 1).scaled("STN", "SNr", 1.2, 0).scaled("D2", "GPe", 0, 2)
 
 
@@ -128,7 +155,17 @@ def test_an_edit_of_one_channel_acts_on_every_engine(engine):
     npt.assert_allclose(out, exact, atol=CLOSE[engine], rtol=0)
 
 
-@pytest.mark.parametrize("circuit", [TABLE, ONE], ids=["as it is", "one channel"])
+@pytest.mark.parametrize(
+    "circuit",
+    [
+        TABLE,
+        ONE,
+        TABLE.with_rows(*COURSES),
+        anatomy.macaque(3).with_neurons(20).with_rows(*COURSES),
+        TABLE.with_rows(*COURSES).without("GPe", 0.3, replaced=True).with_spread(0.1),
+    ],
+    ids=["as it is", "one channel", "courses", "courses at terminals", "courses and a lesion"],
+)
 @pytest.mark.parametrize("engine", SPIKING)
 def test_same_input_same_noise_same_spikes(engine, circuit):
     from circuits.engines.plain import run as run_plain
@@ -169,8 +206,14 @@ def edited(number):
 
 @pytest.mark.parametrize(
     "circuit",
-    [FULL, FULL.with_rows(LOOP), FULL.dopamine(1.1), *map(edited, range(4))],
-    ids=["shipped", "GPe->D2", "dopamine", "loop", "lesion", "irregular", "spread"],
+    [
+        FULL,
+        FULL.with_rows(LOOP),
+        FULL.dopamine(1.1),
+        FULL.with_rows(*COURSES),
+        *map(edited, range(4)),
+    ],
+    ids=["shipped", "GPe->D2", "dopamine", "courses", "loop", "lesion", "irregular", "spread"],
 )
 def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
     walk = np.random.default_rng(2).normal(0, 0.4, (8, 3, circuit.channels)).cumsum(axis=1)
@@ -183,3 +226,42 @@ def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
         a, b = (each.spikes[name].sort_values(order)[order] for each in (fast, plain))
         npt.assert_array_equal(a.round(6).to_numpy(), b.round(6).to_numpy(), err_msg=name)
     npt.assert_allclose(fast.output_nats, plain.output_nats, rtol=0, atol=1e-12)
+
+
+def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
+    """Sparse inputs are summed in another order by the compiled engine: now and then a spike."""
+    sparse = TABLE.with_connections(0.5).with_rows(*COURSES)
+    drive = np.repeat(CENTRED[:1, None], 1, axis=1)
+    names = ("D1", "D2", "SNr")
+    given = {"settle_ms": 20, "spikes": names}
+    plain, brian2, fast = (
+        all_of(sparse, drive, engine, **given) for engine in ("plain", "brian2", "ensemble")
+    )
+    order = ["channel", "time_ms", "neuron"]
+    for name in names:
+        one, two, three = (
+            set(map(tuple, ran.spikes[name][order].round(6).to_numpy()))
+            for ran in (plain, brian2, fast)
+        )
+        assert one == two
+        assert len(one ^ three) <= 0.02 * len(one)
+    without = all_of(sparse.steady, drive, "plain", **given)
+    assert len(plain.spikes["D1"]) > 1.1 * len(without.spikes["D1"])
+    # Synapses each for itself add up to the blocks' sums.
+    whole, each = (
+        all_of(TABLE.with_rows(*COURSES), drive, "brian2", explicit=explicit, **given)
+        for explicit in (False, True)
+    )
+    npt.assert_allclose(whole.output_nats, each.output_nats, atol=1e-9)
+
+
+@pytest.mark.parametrize("circuit", [anatomy.bogacz_gurney(3), TABLE], ids=["exact", "spiking"])
+def test_rates_under_courses_are_alike(circuit):
+    """What passes rates on alone, and the spiking engines' rates where the tick is short."""
+    circuit = circuit.with_rows("STN amount=-0.2 from_ms=20 to_ms=120 rise_ms=15 decay_ms=30")
+    drive = np.repeat(CENTRED[:1, None], 3, axis=1)
+    rows = tuple(replace(p, cell=Rate(signed=p.cell.lowest_hz < 0)) for p in circuit.populations)
+    circuit = replace(circuit, populations=rows)
+    found = all_of(circuit, drive, "rate", dt_ms=0.1).output_nats
+    for engine in SPIKING:
+        npt.assert_allclose(all_of(circuit, drive, engine).output_nats, found, atol=0.02)

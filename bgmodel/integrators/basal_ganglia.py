@@ -297,10 +297,13 @@ def identity(circuit: Circuit) -> dict[str, str]:
 
 
 def rest_out(circuit: Circuit) -> float:
-    """Return the lowest OUT at the fixed point of rest; infinity where there is none."""
+    """Return the lowest OUT at the fixed point of rest; infinity where there is none.
+
+    Courses begin with the drive: before it there is none.
+    """
     try:
         silence = np.zeros((1, 1, circuit.channels))
-        found = run_engine(circuit, silence, engine="algebra", step_ms=1.0).output_nats.min()
+        found = run_engine(circuit.steady, silence, engine="algebra", step_ms=1.0).output_nats.min()
     except ValueError:
         return np.inf  # Without a state of rest there is nothing to compare with.
     return float(found)

@@ -22,7 +22,7 @@ def tables(name: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If it does not work in nats, or lacks a nucleus that has a slider.
+        If it does not work in nats, has courses, or lacks a nucleus that has a slider.
     """
     return {str(n): plain(circuit(name, n)) for n in ALTERNATIVES}
 
@@ -30,6 +30,7 @@ def tables(name: str) -> dict[str, Any]:
 def plain(table: Circuit) -> dict[str, Any]:
     """Return the numbers behind the fixed point of one circuit, as plain JSON values."""
     table.check_nats("the page's -ln P")
+    table.check_steady("the page")
     for name in LESIONED:
         table.population(name)
     wiring = wired(table)

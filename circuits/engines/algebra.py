@@ -39,11 +39,13 @@ def run(
     Raises
     ------
     ValueError
-        If the drive does not fit the circuit, the circuit has no fixed point, or a law is unknown.
+        If the drive does not fit the circuit, the circuit has courses or no fixed point, or a law
+        is unknown.
     """
     if laws not in LAWS:
         raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {laws!r}")
     check_time("step_ms", step_ms)
+    circuit.check_steady("the algebra engine")
     drive = checked_drive(circuit, drive)
     warn_beyond_range(circuit, drive)
     wiring = wired(circuit)

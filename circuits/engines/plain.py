@@ -21,6 +21,7 @@ from circuits.cells.cell import tick_constants
 from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
+from circuits.timed import Timed, timed
 from circuits.wiring import fan_in
 
 Fired = dict[int, Truths]
@@ -70,10 +71,11 @@ def run(
     warn_beyond_range(circuit, drive)
     scheme = Scheme(wired(circuit), dt_ms)
     kept = np.concatenate([[], *(scheme.wiring.blocks_of(name) for name in names)]).astype(int)
+    courses = timed(scheme.wiring, clock)
     rates, outputs, tables = [], [], []
     channel = scheme.wiring.channel
     for t, given in enumerate(drive):
-        trial = _Trial(scheme, clock, seed, first_trial + t)
+        trial = _Trial(scheme, clock, courses, seed, first_trial + t)
         ticks = (trial.tick(k, given) for k in range(clock.ticks))
         fired = [[now[b] for b in kept] for now in ticks]
         late, every = clock.settle_ticks, clock.sample_ticks
@@ -102,9 +104,9 @@ def run(
 class _Trial:
     """The state of one trial; ``tick`` moves it on by the four lines of the scheme."""
 
-    def __init__(self, scheme: Scheme, clock: Clock, seed: int, trial: int) -> None:
+    def __init__(self, scheme: Scheme, clock: Clock, courses: Timed, seed: int, trial: int) -> None:
         w = scheme.wiring
-        self.scheme, self.clock, self.w = scheme, clock, w
+        self.scheme, self.clock, self.courses, self.w = scheme, clock, courses, w
         self.cells = {
             b: _Cells(scheme, b, noise.stream_key(seed, trial, w.names[b]))
             for b in range(w.blocks)
@@ -130,13 +132,14 @@ class _Trial:
         # 2. blocks
         step = self.clock.step_of(k)
         reading = drive[step] if step >= 0 else np.zeros(w.circuit.channels)
-        nats = self.common.inputs(self.units + w.constant) + w.drive(reading)
+        factors, added = self.courses.at(k)
+        nats = self.common.inputs(self.units + w.constant, factors) + w.drive(reading) + added
         self.x = scheme.block_decay * self.x + (1 - scheme.block_decay) * nats
         self.rates[k] = w.rates(self.x)
         # 3. cells
         fired: Fired = {}
         for b, cells in self.cells.items():
-            own = sum((path.tick(k, self.fired) for path in self.own[b]), np.float64(0.0))
+            own = sum((path.tick(k, self.fired, factors) for path in self.own[b]), np.float64(0.0))
             fired[b] = cells.tick(k, nats[b] + own)
             self.rates[k, b] = fired[b].sum() * spike_hz(cells.neurons, self.clock.dt_ms)
         self.fired.append(fired)
@@ -191,7 +194,7 @@ class _OwnInputs:
         p = w.circuit.projections[path]
         place = np.unique(w.circuit.pattern(p), axis=0, return_inverse=True)[1].ravel()
         unit = np.flatnonzero(w.path == path)[place[channel]]
-        self.weight, self.constant = p.weight, w.constant[unit]
+        self.unit, self.weight, self.constant = unit, p.weight, w.constant[unit]
         self.delay, self.decay = scheme.unit_delay[unit], scheme.unit_decay[unit]
         self.jump = w.deliver[unit] / (scheme.dt_ms / 1000)
         self.rest = scheme.start[0][unit]
@@ -199,15 +202,18 @@ class _OwnInputs:
         sources = np.flatnonzero(w.deliver[unit])
         self.fan = {int(b): fan_in(w.circuit, p, channel, int(w.channel[b])) for b in sources}
 
-    def tick(self, k: int, fired: list[Fired]) -> Array:
-        """Return the input (neurons,), nats, at tick k, given who fired in all earlier ones."""
+    def tick(self, k: int, fired: list[Fired], factors: Array) -> Array:
+        """Return the input (neurons,), nats, at tick k, given who fired in all earlier ones.
+
+        Weights are multiplied by ``factors`` (units of the wiring,).
+        """
         arrived = np.full(len(self.u), self.rest)
         if k >= self.delay:
             arrived = np.zeros(len(self.u))
             for b, fan in self.fan.items():
                 arrived += self.jump[b] * fired[k - self.delay][b][fan].mean(axis=1)
         self.u = self.decay * self.u + (1 - self.decay) * arrived
-        return np.asarray(self.weight * (self.u + self.constant))
+        return np.asarray(self.weight * factors[self.unit] * (self.u + self.constant))
 
 
 def _own_inputs(scheme: Scheme) -> tuple[dict[int, list[_OwnInputs]], Array]:

@@ -37,8 +37,8 @@ def rate_spectrum(
     Raises
     ------
     ValueError
-        If the circuit has no fixed point or it is unstable, or if noise is not known: see
-        ``fluctuation.extra``.
+        If the circuit has courses, it has no fixed point or that is unstable, or if noise is not
+        known: see ``fluctuation.extra``.
     """
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     lowest = FREQUENCIES_HZ[0]
@@ -90,6 +90,7 @@ def out_variance(
 
 def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:
     """Return the state (1, blocks), nats, of a finite number of cells, and its extra rates, Hz."""
+    wiring.circuit.check_steady("its noise in closed form")
     channels = wiring.circuit.channels
     held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
     if held.shape != (channels,) or not np.isfinite(held).all():

@@ -58,7 +58,7 @@ def growth(circuit: Circuit, drive: npt.ArrayLike | None = None) -> complex:
     Raises
     ------
     ValueError
-        If there is no fixed point.
+        If there is no fixed point, or the circuit has courses.
     """
     found = roots(circuit, drive)
     return complex(found[0]) if len(found) else complex(-math.inf)
@@ -125,7 +125,7 @@ def ringing(circuit: Circuit, drive: npt.ArrayLike | None = None) -> tuple[float
     Raises
     ------
     ValueError
-        If there is no fixed point, or the drive does not fit the circuit.
+        If there is no fixed point, the drive does not fit the circuit, or that has courses.
     """
     wiring = wired(circuit)
     x = _held(wiring, drive)
@@ -150,6 +150,7 @@ def stability_limit_nats(circuit: Circuit) -> float:
 
 def _held(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
     """Return the state (1, blocks), nats, at a held drive, or at rest."""
+    wiring.circuit.check_steady("stability")
     channels = wiring.circuit.channels
     held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
     if held.shape != (channels,):

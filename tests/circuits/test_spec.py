@@ -214,7 +214,7 @@ def test_numbers_without_sense_are_refused(row, values, message):
     ("edit", "says"),
     [
         (lambda c: c.with_rows("STN"), "'STN': STN is there already; a change is"),
-        (lambda c: c.with_rows(None), "a row is a Population, a Projection or text, got None"),
+        (lambda c: c.with_rows(None), "a row is a Population, a Projection, a Course or text, got"),
         (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
         (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
         (lambda c: c.without("STN", "a"), "fraction must be a number, got 'a'"),

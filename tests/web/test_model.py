@@ -131,3 +131,5 @@ def test_a_script_with_a_wrong_sign_is_seen(js):
 def test_a_table_without_nats_or_a_slid_nucleus_is_refused():
     with pytest.raises(ValueError, match="not nats"):
         plain(circuit("gpr", 3))
+    with pytest.raises(ValueError, match="macaque has courses, and the page knows no time"):
+        plain(circuit("macaque", 2).with_rows("STN amount=0.1"))

@@ -19,6 +19,7 @@ from circuits.cells.cell import tick_constants
 from circuits.engines.brian2 import text as brian_text
 from circuits.spec import Projection
 from circuits.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
+from circuits.timed import Timed
 from circuits.wiring import Wiring, fan_in
 
 Values = dict[tuple[str, str], Array]
@@ -39,11 +40,14 @@ class Layout:
         Trials in one network.
     explicit : bool
         Whether connections of probability 1 become synapses too.
+    courses : Timed, optional
+        What changes from tick to tick; none if nothing does.
     """
 
     scheme: Scheme
     trials: int
     explicit: bool = False
+    courses: Timed | None = None
 
     @property
     def wiring(self) -> Wiring:
@@ -257,6 +261,8 @@ class Layout:
             }
             if group == "own_inputs":
                 one |= {"at_rest": scheme.start[0][of], "wait": scheme.unit_delay[of]}
+            if self.courses:
+                one["course"] = self.courses.of_unit[of]
             values |= {(group, name): np.tile(value, self.trials) for name, value in one.items()}
         return values
 
@@ -276,6 +282,8 @@ class Layout:
             "spiking": np.array([row.spiking for row in rows]) * 1.0,
             **brian_text.law_marks(self.block_laws),
         }
+        if self.courses:
+            one["course"] = self.courses.of_block
         return {("blocks", name): np.tile(value, self.trials) for name, value in one.items()}
 
 

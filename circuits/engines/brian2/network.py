@@ -19,7 +19,7 @@ from circuits.activity import Activity, spike_table
 from circuits.arrays import Array
 from circuits.engines.brian2 import text as brian_text
 from circuits.engines.brian2.layout import Columns, Layout, Values
-from circuits.engines.brian2.noise import functions, load_brian
+from circuits.engines.brian2.noise import functions, load_brian, looked_up
 from circuits.ticks import Clock
 
 ORDER = {"line": -6, "shared_inputs": -4, "own_inputs": -4, "blocks": -2}
@@ -66,6 +66,9 @@ class Network:
             "dt_s": clock.dt_ms / 1000,
             "word_ticks": noise.TICKS_A_WORD,
         }
+        if layout.courses:
+            self.names["factors"] = looked_up(layout.courses.factors)
+            self.names["added"] = looked_up(layout.courses.nats)
         self.objects: list[Any] = []
         self.groups: dict[str, Any] = {}
         self.spikes: dict[str, Any] = {}
@@ -143,16 +146,21 @@ class Network:
 
     def _units(self, name: str) -> None:
         laws = self.layout.unit_laws(name)
-        state = brian_text.UNIT_STATE + brian_text.law_state(laws)
-        tick = brian_text.UNIT_TICK.format(law=brian_text.law(laws))
+        state, tick = brian_text.UNIT_STATE + brian_text.law_state(laws), brian_text.UNIT_TICK
+        if self.layout.courses:
+            state, tick = state + brian_text.COURSE_STATE, brian_text.TIMED_UNIT_TICK
+        tick = tick.format(law=brian_text.law(laws))
         if name == "own_inputs":
             state, tick = state + brian_text.OWN_INPUT_STATE, brian_text.OWN_INPUT_HEAR + tick
         self._every_tick(self._group(name, state), tick)
 
     def _blocks(self) -> None:
         laws = self.layout.block_laws
-        blocks = self._group("blocks", brian_text.BLOCK_STATE + brian_text.law_state(laws))
-        self._every_tick(blocks, brian_text.BLOCK_TICK.format(law=brian_text.law(laws)))
+        state, tick = brian_text.BLOCK_STATE + brian_text.law_state(laws), brian_text.BLOCK_TICK
+        if self.layout.courses:
+            state, tick = state + brian_text.COURSE_STATE, brian_text.TIMED_BLOCK_TICK
+        blocks = self._group("blocks", state)
+        self._every_tick(blocks, tick.format(law=brian_text.law(laws)))
         if self.layout.shared_inputs:
             self._connect(
                 "shared_inputs", "blocks", self.layout.shared_to_blocks(), "nats_post = sent_pre"

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from circuits import noise
 from circuits import single as arithmetic
-from circuits.arrays import Integers
+from circuits.arrays import Array, Integers
 
 
 def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
@@ -88,15 +88,25 @@ def load_brian() -> ModuleType:
 
 def functions() -> dict[str, Any]:
     """Return what the texts call, as Brian2 functions by name."""
-    made = {}
-    for name, (function, arguments, result) in FUNCTIONS.items():
-        f = load_brian().Function(
-            function,
-            arg_units=[1] * len(arguments),
-            return_unit=1,
-            arg_types=list(arguments),
-            return_type=result,
-        )
-        f.implementations.add_implementation("numpy", function)
-        made[name] = f
+    return {name: _function(*given) for name, given in FUNCTIONS.items()}
+
+
+def looked_up(table: Array) -> Any:
+    """Return a table (rows, ticks) as a Brian2 function of row and tick; its last tick holds on."""
+
+    def at(row: Integers, tick: Integers) -> Array:
+        return np.asarray(table[row, np.minimum(tick, table.shape[1] - 1)])
+
+    return _function(at, (_INT, _INT), _FLOAT)
+
+
+def _function(function: Any, arguments: tuple[str, ...], result: str) -> Any:
+    made = load_brian().Function(
+        function,
+        arg_units=[1] * len(arguments),
+        return_unit=1,
+        arg_types=list(arguments),
+        return_type=result,
+    )
+    made.implementations.add_implementation("numpy", function)
     return made

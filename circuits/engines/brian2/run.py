@@ -30,6 +30,7 @@ from circuits.engines.brian2.noise import load_brian
 from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import Clock, Scheme
+from circuits.timed import timed
 
 
 def run(
@@ -77,7 +78,9 @@ def run(
     trials, steps, _ = drive.shape
     clock = Clock(steps, step_ms, dt_ms, sample_ms, settle_ms)
     warn_beyond_range(circuit, drive)
-    layout = Layout(Scheme(wired(circuit), dt_ms), trials, explicit)
+    scheme = Scheme(wired(circuit), dt_ms)
+    courses = timed(scheme.wiring, clock)
+    layout = Layout(scheme, trials, explicit, None if courses.still else courses)
     with _in_numpy():
         network = Network(layout, clock, spikes)
         network.reading.values[:] = network.readings(drive)

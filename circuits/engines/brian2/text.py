@@ -42,6 +42,11 @@ x = u + constant_nats
 sent = weight*({law})
 """
 
+# What a course of dopamine does to units, and courses to blocks: rows of tables, 0 for none.
+COURSE_STATE = "course : integer (constant)\n"
+
+TIMED_UNIT_TICK = UNIT_TICK.replace("({law})", "(({law})*factors(course, t_in_timesteps))")
+
 # A variable called delay would hide the delay of the synapses that end here.
 OWN_INPUT_STATE = """
 arrived : 1
@@ -85,6 +90,10 @@ hz = line_hz*int(line_hz > lowest_hz)
 rate_hz = (1 - spiking)*hz
 key = tick_key(stream, t_in_timesteps // word_ticks)
 """
+
+TIMED_BLOCK_TICK = BLOCK_TICK.replace(
+    "bias + evidence", "bias + evidence + added(course, t_in_timesteps)"
+)
 
 # ---- cells
 

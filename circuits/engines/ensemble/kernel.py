@@ -68,7 +68,14 @@ def _most(work):
 
 
 @compiled
-def _arrivals(first, window, units, sources, ring, state, passed):
+def _scale(first, window, factors, row):
+    """Multiply what a unit passes on in the ticks of a window by its factors."""
+    for t in range(window):
+        row[t] *= factors[first + t]
+
+
+@compiled
+def _arrivals(first, window, units, sources, factors, ring, state, passed):
     """Filter what arrives at each unit in the ticks of a window (line 1 of the scheme)."""
     mask = ring.shape[1] - 1
     for q in range(len(units)):
@@ -90,11 +97,13 @@ def _arrivals(first, window, units, sources, ring, state, passed):
         if unit.law != LINEAR:
             for t in range(window):
                 row[t] = _law(unit.law, row[t])
+        if unit.course:
+            _scale(first, window, factors[unit.course], row)
         state[q] = u
 
 
 @compiled
-def _common(block, first, window, clock, inputs, passed, drive, common):
+def _common(block, first, window, clock, inputs, passed, drive, nats, common):
     """Sum up what all cells of a block receive, nats, in the ticks of a window (line 2).
 
     The order is that of the Brian2 engine: another one would round otherwise.
@@ -116,6 +125,9 @@ def _common(block, first, window, clock, inputs, passed, drive, common):
             while t < last:
                 common[t] += given
                 t += 1
+    if block.course:
+        for t in range(window):
+            common[t] += nats[block.course, first + t]
 
 
 @numba.njit(inline="always")
@@ -197,19 +209,28 @@ def _filter(p, work, s, k, cells):
 
 
 @numba.njit(inline="always")
+def _weight(p, work, s, k):
+    """Return the weight of an own input at tick k, of what its filters hold."""
+    own_input = p.own_inputs[s]
+    weight = own_input.weight * work.scale[s]
+    if own_input.course:
+        weight *= p.factors[own_input.course, k]
+    return np.float32(weight)
+
+
+@numba.njit(inline="always")
 def _cell_inputs(p, work, block, common, k, x):
     """Fill x with what all cells of a block receive, and each through its own connections."""
     first, last, u = block.own_input, block.own_inputs - 1, work.own_input
     for s in range(first, last + 1):
         _filter(p, work, s, k, block.filled)
     second = min(first + 1, last)
-    weight = np.float32(p.own_inputs[first].weight * work.scale[first])
-    other = np.float32(p.own_inputs[second].weight * work.scale[second] if second > first else 0.0)
+    weight = _weight(p, work, first, k)
+    other = _weight(p, work, second, k) if second > first else lanes.ZERO
     one, two = p.own_inputs[first].start, p.own_inputs[second].start
     lanes.inputs(x, block.filled, common, u, one, weight, two, other)
     for s in range(second + 1, last + 1):
-        weight = np.float32(p.own_inputs[s].weight * work.scale[s])
-        lanes.more_inputs(x, block.filled, u, p.own_inputs[s].start, weight)
+        lanes.more_inputs(x, block.filled, u, p.own_inputs[s].start, _weight(p, work, s, k))
 
 
 @compiled
@@ -358,7 +379,7 @@ def _fire(p, work, block, b, t, k, stream):
 def _advance(p, work, b, first, window, drive, stream):
     """Take a block through the ticks of a window (line 3 of the scheme)."""
     clock, block = p.clock[0], p.blocks[b]
-    _common(block, first, window, clock, p.inputs, work.passed, drive, work.common)
+    _common(block, first, window, clock, p.inputs, work.passed, drive, p.nats, work.common)
     _receive(block, b, first, window, clock.dt_s, work)
     if block.kind == RATE:
         return
@@ -460,7 +481,7 @@ def trial(
     _at_rest(p, work, streams)
     for first in range(0, clock.ticks, clock.window):
         window = min(clock.window, clock.ticks - first)
-        _arrivals(first, window, p.units, p.sources, ring, work.unit, work.passed)
+        _arrivals(first, window, p.units, p.sources, p.factors, ring, work.unit, work.passed)
         for b in range(len(p.blocks)):
             _advance(p, work, b, first, window, drive, streams[b])
         k = first

@@ -17,6 +17,7 @@ from circuits.engines.ensemble import kernel, lanes, records
 from circuits.engines.ensemble.cells import GENERAL, Entry, entry
 from circuits.spec import Circuit, Population, Projection
 from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz
+from circuits.timed import Timed, rows, timed
 from circuits.wiring import Wiring, fan_in
 
 
@@ -37,8 +38,9 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     ValueError
         If a cell type lacks what the compiled engine needs, or it knows no such transfer.
     """
-    places = _Places(Scheme(wiring, clock.dt_ms))
+    places = _Places(Scheme(wiring, clock.dt_ms), timed(wiring, clock))
     own_inputs, own_sources, connections, needs = _own_inputs(places)
+    of_block, nats = _added(places)
     window, ring = _window(places.scheme)
     # Ticks taken one by one are rare: to list their spikes saves compiling more loops.
     listing = bool((kept | needs).any() or window == 1)
@@ -46,7 +48,7 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     input_from, inputs = edges(records.EDGE, places.weight)
     return records.Plan(
         clock=_clock(places, clock, window, ring, listing),
-        blocks=_blocks(places, kept, input_from, own_inputs),
+        blocks=_blocks(places, kept, input_from, own_inputs, of_block),
         units=_units(places, source_from),
         sources=sources,
         inputs=inputs,
@@ -57,6 +59,8 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
         ticks=lanes.SINGLE if window == 1 else lanes.FOUR,
         constants=_constants(places),
         tick_constants=_tick_constants(places),
+        factors=places.courses.factors,
+        nats=nats,
     )
 
 
@@ -65,6 +69,7 @@ class _Places:
     """Where blocks and cells lie, and what they are."""
 
     scheme: Scheme
+    courses: Timed
 
     @property
     def wiring(self) -> Wiring:
@@ -162,7 +167,7 @@ def _clock(places: _Places, clock: Clock, window: int, ring: int, listing: bool)
     )
 
 
-def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any) -> Any:
+def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_block: Any) -> Any:
     """Return one record per block; fields that its cell type leaves out are 0."""
     wiring, circuit, scheme = places.wiring, places.circuit, places.scheme
     _, rest_x, rest_hz = scheme.start
@@ -190,6 +195,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any) -> Any
         filled=places.filled,
         variation=places.variation,
         kept=kept,
+        course=of_block,
         baseline=wiring.baseline_hz,
         gain=wiring.gain_hz_per_nat,
         floor=wiring.floor_hz,
@@ -215,7 +221,21 @@ def _units(places: _Places, source_from: Any) -> Any:
         decay=places.scheme.unit_decay,
         constant=places.wiring.constant,
         rest=places.scheme.start[0],
+        course=places.courses.of_unit,
     )
+
+
+def _added(places: _Places) -> tuple[npt.NDArray[np.intp], Array]:
+    """Return each block's row, and what courses add: also to what a sparse unit always delivers."""
+    wiring, courses = places.wiring, places.courses
+    sparse = places.sparse & (courses.of_unit > 0)
+    if not sparse.any():
+        return courses.of_block, courses.nats
+    always = (wiring.weight * wiring.constant)[:, sparse]
+    beyond = courses.factors[courses.of_unit[sparse]] - 1
+    pairs = zip(courses.of_block, always, strict=True)
+    added = [courses.nats[row] + each @ beyond for row, each in pairs]
+    return rows(added, courses.nats[0])
 
 
 def _law(name: str) -> int:
@@ -279,7 +299,8 @@ def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
                 size += len(connections[-1])
             decay = scheme.unit_decay[q]
             jump = (1 - decay) * gains.sum() / max(len(gains), 1) / (degree * scheme.dt_ms / 1000)
-            at = (b, cells, scheme.unit_delay[q], first, len(own_sources))
+            course = places.courses.of_unit[q]
+            at = (b, cells, scheme.unit_delay[q], first, len(own_sources), course)
             own_inputs.append((*at, decay, jump, wiring.weight[b, q], scheme.start[0][q]))
             cells += int(filled[b])
     own_inputs.sort(key=lambda own_input: own_input[0])

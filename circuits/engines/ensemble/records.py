@@ -12,7 +12,7 @@ CLOCK = record(
 )
 BLOCK = record(
     i8="kind variables nats law drive input inputs own_input own_inputs start cells filled "
-    "variation kept advance place",
+    "variation kept advance place course",
     f8="spike_hz baseline gain floor decay filter_gain bias drive_gain rest_x rest_hz",
     f4="membrane_decay rest slope noise_step threshold jitter refractory begin begin_span",
 )
@@ -21,9 +21,11 @@ OF_TYPE = (
     "begin", "begin_span", "advance", "place",
 )  # fmt: skip
 """Fields of a block that its cell type sets; see ``cells.Entry``."""
-UNIT = record(i8="law delay source sources", f8="decay constant rest")
+UNIT = record(i8="law delay source sources course", f8="decay constant rest")
 EDGE = record(i8="index", f8="weight")
-OWN_INPUT = record(i8="target start delay own_source own_sources", f4="decay jump weight rest")
+OWN_INPUT = record(
+    i8="target start delay own_source own_sources course", f4="decay jump weight rest"
+)
 OWN_SOURCE = record(i8="source connections")
 
 
@@ -57,6 +59,8 @@ class Plan(NamedTuple):
         Phase, cv times the root of half of it.
     tick_constants : array (most constants, cells) float32
         Constants of the ticks of types without loops of their own.
+    factors, nats : arrays (rows, ticks)
+        Tables of ``circuits.timed``: ``course`` is the row that a unit or a block has, 0 none.
     """
 
     clock: Any
@@ -71,6 +75,8 @@ class Plan(NamedTuple):
     ticks: Any
     constants: Any
     tick_constants: Any
+    factors: Any
+    nats: Any
 
 
 class Work(NamedTuple):

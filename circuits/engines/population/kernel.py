@@ -224,6 +224,57 @@ def _send(n, baseline, hz_per_nat, floor, noise, values, ring, place):
 
 
 @numba.njit(inline="always")
+def _place(places, i, t, table):
+    """Return the place of a lane's tick in a table; what is beyond the end has the last."""
+    return np.uint64(min(places[np.uint64(i)] + t, table.shape[1] - 1))
+
+
+@compiled
+def _scale(n, factors, row, places, t, passed, jumps):
+    """Multiply what a unit passes on by its factor; note by how much that jumps.
+
+    A factor holds for a tick: what jumps is no straight line to a filter.
+    """
+    if factors is None:
+        return
+    for i in range(n & WHOLE):
+        k = _place(places, i, t, factors)
+        factor, active, before = factors[row, k], passed[_at(t, i)], jumps[_at(WINDOW, i)]
+        jumps[_at(t, i)] = (factor - factors[row, k - np.uint64(1)]) * before
+        jumps[_at(WINDOW, i)] = active
+        passed[_at(t, i)] = factor * active
+
+
+@compiled
+def _jump(n, factors, p, jumps, b, t, state):
+    """Let a block's filter start from what it would have heard at the factors of this tick."""
+    if factors is None:
+        return
+    for e in range(p.blocks[b].input, p.blocks[b].inputs):
+        _add(n, p.inputs[e].weight, state, LAST, jumps[p.inputs[e].index], t)
+
+
+@compiled
+def _push(n, nats, row, places, t, values, state):
+    """Add what a course gives a block in a tick; it holds for the tick."""
+    if nats is None:
+        return
+    for i in range(n & WHOLE):
+        k = _place(places, i, t, nats)
+        values[_at(HEARD, i)] += nats[row, k]
+        state[_at(LAST, i)] += nats[row, k] - nats[row, k - np.uint64(1)]
+
+
+@compiled
+def _find_places(factors, places, begun, first):
+    """Find where the next tick of each lane lies in the tables of courses."""
+    if factors is None:
+        return
+    for lane in range(LANES):
+        places[lane] = first - begun[lane] + 1
+
+
+@numba.njit(inline="always")
 def _arrive(p, work, q, first):
     """Take a unit through a window: what its sources sent, filtered and transformed."""
     n, mask = len(work.keys), work.ring.shape[1] // LANES - 1
@@ -239,6 +290,7 @@ def _arrive(p, work, q, first):
             passed[_at(t, i)] += constant
         if unit.law != LINEAR:
             _apply(n, unit.law, passed, t, t, unit.lowest, unit.per, p.laws[unit.column])
+        _scale(n, p.factors, unit.course, work.places, t, passed, work.jumps[q])
 
 
 @numba.njit(inline="always")
@@ -250,6 +302,8 @@ def _hear(p, work, b, t):
         _add(n, p.inputs[e].weight, values, HEARD, work.passed[p.inputs[e].index], t)
     if block.drive >= 0:
         _add(n, ONE, values, HEARD, work.drive[block.drive], 0)
+    _jump(n, p.factors, p, work.jumps, b, t, work.states[b])
+    _push(n, p.nats, block.course, work.places, t, values, work.states[b])
     if block.gain < ONE:
         _low_pass(n, block.gain, block.before, values, HEARD, work.states[b], X, LAST)
 
@@ -323,6 +377,7 @@ def _load(p, work, lane, trial, first, streams):
     for q in range(len(p.units)):
         for k in range(UNIT_ROWS):
             work.units[q, k * LANES + lane] = p.units[q].rest
+        work.jumps[q, WINDOW * LANES + lane] = p.units[q].passed
     for c in range(len(p.readout)):
         work.low_pass[c, lane] = p.blocks[p.readout[c]].rest_hz
     for c in range(len(work.drive)):
@@ -378,6 +433,7 @@ def _sample(p, work, place, level, out, rates):
 def _hold(p, work, first, drive):
     """Hold the reading of each lane for a window; what jumps is no straight line to a filter."""
     clock = p.clock[0]
+    _find_places(p.factors, work.places, work.begun, first)
     for lane in range(LANES):
         late = first - work.begun[lane] - clock.settle
         if work.trial[lane] != EMPTY and late >= 0 and late % clock.step == 0:

@@ -26,6 +26,8 @@ from circuits.engines.population.answers import (
 )
 from circuits.spec import Population
 from circuits.ticks import Clock, Scheme
+from circuits.timed import Timed, timed
+from circuits.transfer import named
 from circuits.wiring import Wiring
 
 LINES, CELLS = "lines", "cells"
@@ -93,15 +95,15 @@ def plan(scheme: Scheme, clock: Clock, laws: Laws) -> records.Plan:
     wiring = scheme.wiring
     if laws.noise or laws.rates == CELLS:
         _check(wiring)
-    tables = _Tables(wiring, laws, clock.dt_ms)
+    tables, courses = _Tables(wiring, laws, clock.dt_ms), timed(wiring, clock)
     source_from, sources = edges(records.EDGE, wiring.deliver)
     input_from, inputs = edges(records.EDGE, wiring.weight)
-    blocks = _blocks(scheme, tables, input_from)
+    blocks = _blocks(scheme, tables, courses, input_from)
     for sentence in tables.rough:
         warnings.warn(sentence, stacklevel=3)
     return records.Plan(
         clock=_clock(scheme, clock),
-        units=_units(scheme, tables, source_from),
+        units=_units(scheme, tables, courses, source_from),
         blocks=blocks,
         sources=sources,
         inputs=inputs,
@@ -109,7 +111,14 @@ def plan(scheme: Scheme, clock: Clock, laws: Laws) -> records.Plan:
         readout=wiring.blocks_of(wiring.circuit.readout),
         laws=_together(tables.laws, 2),
         tables=_together(tables.rows, kernel.COEFFICIENTS),
+        factors=None if courses.still else _behind_rest(courses.factors, 1.0),
+        nats=None if courses.still else _behind_rest(courses.nats, 0.0),
     )
+
+
+def _behind_rest(rows: Array, rest: float) -> npt.NDArray[np.float32]:
+    """Return rows of ticks with a tick of rest before them."""
+    return np.pad(rows, ((0, 0), (1, 0)), constant_values=rest).astype(np.float32)
 
 
 def _together(tables: dict[Any, Array], least: int) -> npt.NDArray[np.float32]:
@@ -212,7 +221,7 @@ def _low_pass(tau_ms: Array, dt_ms: float) -> dict[str, Array]:
     return {"gain": np.where(some, gain, 1.0), "before": np.where(some, before, 0.0)}
 
 
-def _blocks(scheme: Scheme, tables: _Tables, input_from: Any) -> Any:
+def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) -> Any:
     """Return one record per block."""
     wiring, circuit = scheme.wiring, scheme.wiring.circuit
     drives = np.full(wiring.blocks, -1)
@@ -233,15 +242,18 @@ def _blocks(scheme: Scheme, tables: _Tables, input_from: Any) -> Any:
         bias=wiring.bias,
         rest_x=rest_x,
         rest_hz=rest_hz,
+        course=courses.of_block,
         **columns,
         **_low_pass(tau_ms, scheme.dt_ms),
     )
 
 
-def _units(scheme: Scheme, tables: _Tables, source_from: Any) -> Any:
+def _units(scheme: Scheme, tables: _Tables, courses: Timed, source_from: Any) -> Any:
     wiring = scheme.wiring
     paths = [wiring.projection(q) for q in range(wiring.units)]
     of_paths = [tables.transfer(p.transfer) for p in paths]
+    rest = scheme.start[0]
+    active = zip(paths, rest + wiring.constant, strict=True)
     return filled(
         records.UNIT,
         wiring.units,
@@ -249,7 +261,9 @@ def _units(scheme: Scheme, tables: _Tables, source_from: Any) -> Any:
         source=source_from[:-1],
         sources=source_from[1:],
         constant=wiring.constant,
-        rest=scheme.start[0],
+        rest=rest,
+        passed=[named(p.transfer)(np.array([x]))[0] for p, x in active],
+        course=courses.of_unit,
         **{name: [one[name] for one in of_paths] for name in of_paths[0]},
         **_low_pass(np.array([p.tau_ms for p in paths]), scheme.dt_ms),
     )
@@ -295,6 +309,7 @@ def workspace(p: records.Plan, *, kept: bool) -> records.Work:
         states=rows(kernel.STATE_ROWS, blocks),
         coefficients=rows(kernel.COEFFICIENTS, blocks),
         passed=rows(kernel.WINDOW, units),
+        jumps=rows(kernel.WINDOW + 1, units),
         totals=rows(1, blocks),
         values=rows(kernel.VALUE_ROWS),
         drive=rows(1, channels),
@@ -305,5 +320,6 @@ def workspace(p: records.Plan, *, kept: bool) -> records.Work:
         trial=np.zeros(kernel.LANES, np.int64),
         begun=np.zeros(kernel.LANES, np.int64),
         samples=np.zeros(kernel.LANES, np.int64),
+        places=np.zeros(kernel.LANES, np.int64),
         kept=kept,
     )

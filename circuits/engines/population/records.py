@@ -11,9 +11,12 @@ CLOCK = record(
     f4="follow_slowly readout_gain readout_before readout_baseline "
     "readout_hz_per_nat drive_gain runaway_hz",
 )
-UNIT = record(i8="law column delay source sources", f4="gain before constant rest lowest per")
+UNIT = record(
+    i8="law column delay source sources course",
+    f4="gain before constant rest passed lowest per",
+)
 BLOCK = record(
-    i8="law column drive input inputs table lags",
+    i8="law column drive input inputs table lags course",
     f4="bias gain before baseline hz_per_nat floor noise lowest per state_lowest state_per "
     "rest_x rest_hz",
 )
@@ -37,6 +40,9 @@ class Plan(NamedTuple):
         Laws that are looked up: values at even steps of the input.
     tables : array (tables, states * COEFFICIENTS) float32
         Coefficients of the blocks' filters, state by state.
+    factors, nats : arrays (rows, 1 + ticks) float32, or None
+        Tables of ``circuits.timed``, behind a tick of rest: ``course`` is the row that a unit or a
+        block has. None where nothing changes: what nothing needs is not compiled.
     """
 
     clock: Any
@@ -48,6 +54,8 @@ class Plan(NamedTuple):
     readout: Any
     laws: Any
     tables: Any
+    factors: Any
+    nats: Any
 
 
 class Work(NamedTuple):
@@ -63,6 +71,9 @@ class Work(NamedTuple):
         Filters of units; state of blocks; the coefficients of their filters.
     passed : array (units, WINDOW * LANES)
         Activity that each unit passes on, nats.
+    jumps : array (units, (WINDOW + 1) * LANES)
+        What it would have passed on more in the tick before at the factor of each tick, and behind
+        that its activity in the last tick before the factor.
     totals : array (blocks, LANES)
         Sums of rates over a sample.
     values : array (rows * LANES,)
@@ -73,6 +84,8 @@ class Work(NamedTuple):
         Keys of the noise.
     indices, trial, begun, samples : arrays (LANES,)
         Places in a table; each lane's trial, its first tick, and samples so far.
+    places : array (LANES,)
+        Where each lane's next tick lies in the tables of courses.
     kept : bool
         Whether rates are kept.
     """
@@ -82,6 +95,7 @@ class Work(NamedTuple):
     states: Any
     coefficients: Any
     passed: Any
+    jumps: Any
     totals: Any
     values: Any
     drive: Any
@@ -92,4 +106,5 @@ class Work(NamedTuple):
     trial: Any
     begun: Any
     samples: Any
+    places: Any
     kept: bool

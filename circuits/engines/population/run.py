@@ -167,7 +167,7 @@ def _trials(p: Any, arrays: tuple[Any, ...], level: float, workers: int) -> int:
 
 def _warn_of_ringing(circuit: Circuit) -> None:
     """Warn near an oscillation: cells fire together there, so their noise is not independent."""
-    amplified, hz = _ringing(circuit)
+    amplified, hz = _ringing(circuit.steady)
     if amplified > RINGING:
         warnings.warn(
             f"{circuit.name} is near an oscillation, or beyond, at {hz:.0f} Hz: its cells fire "

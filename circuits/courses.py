@@ -1,0 +1,147 @@
+"""The rows of a circuit's third table: what changes within a trial, and when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from circuits.arrays import Array
+from circuits.checks import check_types
+
+DOPAMINE = "dopamine"
+"""What a course says in place of a population's name if it is of the level of dopamine."""
+POINTS, TAILS = 400, 20.0
+"""Where sums of courses are looked at: so many points, as far as so many time constants."""
+NEAR = 1e-9
+"""How near an edge may lie to a tick's and count as that."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """A course in time: of dopamine, or of the input of a population, the same in every trial.
+
+    Time 0 is when the drive begins; before it, while the circuit settles, there is none. It rises
+    towards its amount from ``from_ms`` on, and decays from what it reached at ``to_ms`` on. Courses
+    of one thing add up.
+
+    Parameters
+    ----------
+    what : str
+        "dopamine", or the name of a population.
+    amount : float
+        What is added to the level of dopamine, which is 1 at the circuit's own; or nats that are
+        added to the input of every channel of the population, before its filter.
+    from_ms, to_ms : float
+        When it begins and ends, ms; without an end it holds until the trial is over.
+    rise_ms, decay_ms : float
+        Time constants with which it rises and decays, ms; 0 is a step.
+    cite : str
+        Where the numbers come from.
+    """
+
+    what: str
+    amount: float
+    from_ms: float = 0.0
+    to_ms: float = math.inf
+    rise_ms: float = 0.0
+    decay_ms: float = 0.0
+    cite: str = ""
+
+    def __post_init__(self) -> None:
+        check_types(self, f"the course of {self.what}")
+        for name in ("amount", "from_ms"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+        if self.from_ms < 0:
+            raise ValueError(
+                f"{self.name}: from_ms must be >= 0, when the drive begins, got {self.from_ms:g}"
+            )
+        if not self.from_ms < self.to_ms:
+            raise ValueError(
+                f"{self.name}: to_ms must lie after from_ms, {self.from_ms:g}, got {self.to_ms:g}"
+            )
+        for name in ("rise_ms", "decay_ms"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(
+                    f"{self.name}: {name} must be >= 0 and finite, got {getattr(self, name)}"
+                )
+        if self.decay_ms and math.isinf(self.to_ms):
+            raise ValueError(f"{self.name}: without an end, to_ms, there is no decay_ms")
+
+    @property
+    def name(self) -> str:
+        """``course of STN from 0 to 300 ms``."""
+        return f"course of {self.what} from {self.from_ms:g} to {self.to_ms:g} ms"
+
+    @property
+    def reached(self) -> float:
+        """What it reaches at its end."""
+        if not self.rise_ms:
+            return self.amount
+        return -self.amount * math.expm1(-(self.to_ms - self.from_ms) / self.rise_ms)
+
+    def at(self, time_ms: Array) -> Array:
+        """Return its values at times, ms from when the drive begins."""
+        on = np.full(len(time_ms), float(self.amount))
+        if self.rise_ms:
+            since = np.clip(time_ms - self.from_ms, 0, None)
+            on = -self.amount * np.expm1(-since / self.rise_ms)
+        off = np.zeros(len(time_ms))
+        if self.decay_ms:
+            since = np.clip(time_ms - self.to_ms, 0, None)
+            off = self.reached * np.exp(-since / self.decay_ms)
+        begun, over = time_ms >= self.from_ms, time_ms >= self.to_ms
+        return np.where(over, off, np.where(begun, on, 0.0))
+
+    def in_ticks(self, ticks: int, dt_ms: float) -> Array:
+        """Return its mean in each of the first ticks of the drive, (ticks,).
+
+        So a pulse shorter than a tick keeps its area, and what is not a step has no lag.
+        """
+        first, last = (_in_ticks(edge, dt_ms) for edge in (self.from_ms, self.to_ms))
+        begins = np.arange(ticks, dtype=np.float64)
+        ends = begins + 1
+        low, high = np.clip(begins, first, last), np.clip(ends, first, last)
+        mean = self.amount * (high - low)
+        if self.rise_ms:
+            tau = self.rise_ms / dt_ms
+            mean -= self.amount * _area(low - first, high - first, tau)
+        if self.decay_ms:
+            low, high = np.maximum(begins, last), np.maximum(ends, last)
+            mean += self.reached * _area(low - last, high - last, self.decay_ms / dt_ms)
+        return mean
+
+
+def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the least and the largest sum of courses, each with its time, ms.
+
+    Sums are looked at from each edge of a row on: what rises and decays with several time constants
+    may turn anywhere.
+    """
+    edges = sorted({edge for row in courses for edge in (row.from_ms, row.to_ms)} - {math.inf})
+    tau = [tau for row in courses for tau in (row.rise_ms, row.decay_ms) if tau] or [1.0]
+    since = np.geomspace(min(tau) / POINTS, TAILS * max(tau), POINTS)
+    # The end of a step belongs to what follows: it is reached just before.
+    before = np.nextafter(edges, -math.inf)
+    after = (np.array(edges)[:, None] + since).ravel()
+    even = np.linspace(edges[0], edges[-1], POINTS)
+    times = np.concatenate([[-1.0], edges, even, after, before])
+    found = np.sum([row.at(times) for row in courses], axis=0)
+    low, high = int(np.argmin(found)), int(np.argmax(found))
+    return (float(found[low]), float(times[low])), (float(found[high]), float(times[high]))
+
+
+def _in_ticks(time_ms: float, dt_ms: float) -> float:
+    """Return a time in ticks, whole if it is so but for rounding."""
+    count = time_ms / dt_ms
+    if math.isinf(count):
+        return count
+    return float(round(count)) if abs(count - round(count)) <= NEAR * max(1.0, count) else count
+
+
+def _area(low: Array, high: Array, tau: float) -> Array:
+    """Return the area below ``exp(-t / tau)`` between times, all in ticks."""
+    return np.asarray(-tau * np.exp(-low / tau) * np.expm1(-(high - low) / tau))
