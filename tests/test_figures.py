@@ -14,7 +14,8 @@ from bgmodel.files import read_table, write_table
 from bgmodel.tactile.edges import sources
 from bgmodel.tactile.task import Source
 from circuits.anatomy import DEFAULT, circuit
-from figures import fig2b, figC1, figC2, figD5, figR1
+from circuits.anatomy.printed_rates import at_rest
+from figures import fig2b, figA2, figC1, figC2, figD5, figR1
 from figures.common import FAST
 from tests.helpers import ROOT
 
@@ -201,3 +202,22 @@ def test_figure_d5_lowers_the_frequency_by_a_slower_loop():
     assert (by.diff().iloc[1:] < 0).all(axis=None)
     assert np.ptp(by.loc[1.0]) == 0
     assert (by.loc[2.0, "both"] < by.loc[2.0, ["delays", "time constants"]]).all()
+
+
+def test_figure_a2_changes_fast_inhibition_and_no_rate_at_rest():
+    table = circuit(DEFAULT, figA2.CHANNELS)
+    assert figA2.with_fast(figA2.DEFAULT_GAIN) == table
+    for gain in figA2.GAINS:
+        assert at_rest(figA2.with_fast(gain)) == pytest.approx(at_rest(table))
+
+
+def test_conflict_raises_stn_more_without_fast_inhibition_and_less_than_theory_allows():
+    few = replace(TINY, circuit_trials=60)
+    rises = {}
+    for name in figA2.SHOWN:
+        found = figA2.rise(few, name, figA2.circuits()[name], "population", 1.0)
+        rises[name] = found[(found["nucleus"] == "STN") & found["time_ms"].isna()]["value"].item()
+    default, held, old = rises.values()
+    ceiling = figA2.ceiling(few, 1.0).set_index("circuit")["value"]
+    assert 3 < default < held < ceiling[figA2.EXACT] < ceiling[figA2.LINEAR]
+    assert abs(old) < 2
