@@ -1,9 +1,8 @@
-"""Figure D4: every experiment that ships: who found what, and what the circuit does.
+"""Figure D4: every experiment that ships: what others found, as numbers, and what the circuit does.
 
-The predictions stand in the experiments' files and were written before the first run of any.
-Afterwards two things were set anew once, no prediction: the length of trials where drift and bound
-are fitted, and the levels of dopamine when its gain got a pivot. What is found is found by the
-population engine on all trials of a file; beside it stands what spikes give on fewer.
+Predictions and published numbers stand in the experiments' files and were committed before the
+first run. What is found is found by the population engine on all trials of a file; spikes decide
+fewer beside it.
 """
 
 from __future__ import annotations
@@ -12,28 +11,47 @@ from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from bgmodel.comparison.compare import shown
-from bgmodel.experiments.experiment import AGREES, DISAGREES, WITHOUT, run_experiment, shipped
-from bgmodel.experiments.outcomes import outcomes
+from bgmodel.experiments.experiment import (
+    AGREES,
+    DISAGREES,
+    OPEN,
+    PERCENT,
+    WITHOUT,
+    Experiment,
+    run_experiment,
+    shipped,
+)
+from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, outcomes
 from bgmodel.files import read_table, write_table
 from figures.common import FULL, Settings, run
 
-COLOUR = {AGREES: "C2", DISAGREES: "C1", WITHOUT: "C3"}
-HEAD = ("manipulation", "source", "predicted", "found", "in spikes", "the circuit")
-KEY = ["file", "measure", "direction"]
-COLUMNS = (0.0, 0.32, 0.45, 0.585, 0.735, 0.885)
+AGREE, NOT = "C2", "C1"
+COLOUR = {AGREES: AGREE, COMPATIBLE: AGREE, DISAGREES: NOT, DIFFERS: NOT, WITHOUT: "C3"}
+SHORT = {"mean_ms": "time", "anticipatory": "anticipation"}
+ARROWS = {"up": "↑", "down": "↓", "none": "="}
+PANELS = {
+    ("mean_ms", PERCENT): ("change of time, %", (-140.0, 420.0)),
+    ("accuracy", "change"): ("change of accuracy", (-0.29, 0.23)),
+}
+"""What is drawn of every experiment, and the ends of its axis."""
+LINEAR_PERCENT = 20.0
+"""Up to here the axis of times is linear, beyond it logarithmic."""
+TICKS_PERCENT = (-100, -20, -10, 0, 10, 20, 100, 300)
 SPIKING_SHARE = 0.5
 """Spiking trials, as a share of what the figures of circuits have; with all of an experiment's they
 would take as long as all other figures."""
-SIZE = 5.5
-ARROWS = {"up": "up", "down": "down", "none": "no change"}
+SIZE = 6.0
+PER_LINE = 2
+"""Predictions written in one line."""
 
 
 def compute(settings: Settings, *, output: Path) -> None:
-    """Run every experiment on both engines and hold it to its predictions."""
+    """Run every experiment on both engines and hold it to its predictions and to numbers."""
     parts = []
     for k, (file, experiment) in enumerate(shipped().items()):
         share = settings.circuit_trials / FULL.circuit_trials
@@ -44,63 +62,107 @@ def compute(settings: Settings, *, output: Path) -> None:
         for engine, trials in engines.items():
             task = replace(experiment.task, trials=trials)
             one = replace(experiment, task=task, engine=engine)
-            found = outcomes(one, run_experiment(one).measures)
-            about = {"file": file, "name": one.name, "source": one.source, "seed": one.seed}
-            parts.append(found.assign(trials=trials, engine=engine, **about))
+            source = one.source.rsplit(", ", 1)[0].removeprefix("derived from ")
+            about = {"file": file, "name": one.name, "by": source, "seed": one.seed}
+            parts.append(_rows(one).assign(trials=trials, engine=engine, **about))
     write_table(pd.concat(parts), output, settings=settings)
 
 
-def _both(data: Path) -> pd.DataFrame:
-    """Return the changes by populations, a row a prediction, beside those in spikes."""
-    by_engine = dict(list(read_table(data).groupby("engine")))
-    spikes = by_engine["ensemble"][[*KEY, "value", "low", "high", "trials"]]
-    return by_engine["population"].merge(spikes, on=KEY, how="left", suffixes=("", "_spikes"))
+def _rows(experiment: Experiment) -> pd.DataFrame:
+    """Return a row per panel, with the published number if there is one, and per prediction."""
+    measures = run_experiment(experiment).measures
+    said = outcomes(experiment, measures).assign(kind="prediction")
+    keys = pd.DataFrame(list(PANELS), columns=["measure", "condition"])
+    drawn = keys.merge(measures, how="left", on=["measure", "condition"]).assign(kind="effect")
+    held = beside_published(experiment, measures).drop(columns=["value", "low", "high"])
+    drawn = drawn.merge(held, how="left", on=["measure", "condition"])
+    return pd.concat([drawn.drop(columns="effect_source"), said])
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw the table: a row a prediction, the found change with its interval, the verdict."""
-    table = _both(data)
-    rows = len(table) + 3
-    figure, ax = plt.subplots(figsize=(8.2, 0.155 * rows))
-    ax.set(xlim=(0, 1.01), ylim=(rows, 0))
-    ax.axis("off")
-    for x, text in zip(COLUMNS, HEAD, strict=True):
-        ax.text(x, 0.5, text, fontsize=SIZE, fontweight="bold", va="center")
-    for k, row in enumerate(table.itertuples(index=False)):
-        new = k == 0 or row.file != table["file"].iloc[k - 1]
-        if new:
-            ax.axhline(k + 1, lw=0.4, color="0.7")
-        for x, text in zip(COLUMNS, _cells(row, new), strict=True):
-            colour = COLOUR.get(row.outcome, "0.5") if text is row.outcome else "k"
-            ax.text(x, k + 1.5, text, fontsize=SIZE, color=colour, va="center")
-    note = (
-        "* abstract only. In brackets the smallest change that counts; intervals are of 95 %. "
-        "Found, and the verdict: population engine; in spikes: "
-        f"{table['trials_spikes'].max():.0f} trials.\n"
-        "mean_ms in ms; criterion (posterior), accuracy, missed and anticipatory from 0 to 1; "
-        "drift (1/s) and bound by EZ-diffusion with s = 0.1."
+    """Draw a row per experiment: time, accuracy, and the predictions in words."""
+    table = read_table(data)
+    numbers = table["file"][table["published"].notna()].unique()
+    files = [*numbers, *(file for file in table["file"].unique() if file not in numbers)]
+    figure, axes = plt.subplots(
+        1,
+        2,
+        sharey=True,
+        figsize=(8.2, 0.34 * len(files) + 0.9),
+        width_ratios=(1.4, 1.0),
     )
-    ax.text(0, rows - 0.9, note, fontsize=SIZE, va="center")
+    drawn = table[table["kind"] == "effect"]
+    for ax, ((measure, condition), (label, ends)) in zip(axes, PANELS.items(), strict=True):
+        ax.axvline(0, lw=0.5, color="0.6", zorder=0)
+        for k in range(len(files)):
+            ax.axhline(k + 0.5, lw=0.3, color="0.85", zorder=0)
+        rows = drawn[(drawn["measure"] == measure) & (drawn["condition"] == condition)]
+        for row in rows.to_dict("records"):
+            _marks(ax, files.index(row["file"]), row)
+        ax.set(xlim=ends, ylim=(len(files) - 0.5, -0.5), yticks=[])
+        ax.set_xlabel(label, fontsize=SIZE + 1)
+        ax.tick_params(labelsize=SIZE)
+    axes[0].set_xscale("symlog", linthresh=LINEAR_PERCENT)
+    axes[0].set_xticks(TICKS_PERCENT, [f"{tick:+d}" if tick else "0" for tick in TICKS_PERCENT])
+    axes[0].minorticks_off()
+    for k, file in enumerate(files):
+        _words(axes, k, table[(table["file"] == file) & (table["engine"] == "population")])
+    axes[0].text(-0.02, -0.8, "experiment, source", **_at(axes[0], "right", weight="bold"))
+    axes[1].text(1.03, -0.8, "predicted", **_at(axes[1], "left", weight="bold"))
+    _key(figure)
     return figure
 
 
-def _cells(row, new: bool) -> tuple[str, ...]:
-    """Return the texts of a row; an experiment is named once."""
-    source = str(row.source).replace(", abstract only", " *").split(" from ")[0]
-    return (
-        row.name if new else "",
-        source.split(",")[0] if new else "",
-        f"{row.measure} {ARROWS[row.direction]} ({row.at_least:g})",
-        _found(row.measure, row.value, row.low, row.high),
-        _found(row.measure, row.value_spikes, row.low_spikes, row.high_spikes),
-        row.outcome,
-    )
+def _at(ax: plt.Axes, side: str, **more) -> dict:
+    """Return where a text goes: beside the panel, in its rows."""
+    across = ax.get_yaxis_transform()
+    return {"transform": across, "ha": side, "va": "center", "fontsize": SIZE, **more}
 
 
-def _found(measure: str, value: float, low: float, high: float) -> str:
-    if pd.isna(value):
-        return ""
-    return shown(value, low, high, "+.0f" if measure.endswith("_ms") else "+.3f")
+def _marks(ax: plt.Axes, k: int, row: dict) -> None:
+    """Draw the published number at the top of a row, the model's below it."""
+    spikes = row["engine"] == "ensemble"
+    if not spikes and np.isfinite(row["published"]):
+        _interval(ax, k - 0.22, row, "published", color="k", marker="s")
+    colour = COLOUR.get(row["comparison"], "0.45")
+    fill = {"markerfacecolor": "w"} if spikes else {}
+    _interval(ax, k + (0.28 if spikes else 0.06), row, "value", color=colour, marker="o", **fill)
+
+
+def _interval(ax: plt.Axes, y: float, row: dict, name: str, **style) -> None:
+    """Draw a value with its interval."""
+    prefix = "published_" if name == "published" else ""
+    value, low, high = row[name], row[f"{prefix}low"], row[f"{prefix}high"]
+    ax.errorbar(value, y, xerr=[[value - low], [high - value]], ms=3, lw=0.9, capsize=1.5, **style)
+
+
+def _words(axes, k: int, rows: pd.DataFrame) -> None:
+    """Write the name of an experiment at the left, its predictions at the right, coloured."""
+    first = rows.iloc[0]
+    axes[0].text(-0.02, k - 0.17, first["name"], **_at(axes[0], "right"))
+    axes[0].text(-0.02, k + 0.2, first["by"], **_at(axes[0], "right", color="0.4"))
+    said = rows[rows["kind"] == "prediction"].to_dict("records")
+    for n, row in enumerate(said):
+        line, place = divmod(n, PER_LINE)
+        lines = -(-len(said) // PER_LINE)
+        y = k + 0.37 * (line - (lines - 1) / 2)
+        word = f"{SHORT.get(row['measure'], row['measure'])} {ARROWS[row['direction']]}"
+        colour = COLOUR.get(row["outcome"], "0.45")
+        axes[1].text(1.03 + 0.42 * place, y, word, **_at(axes[1], "left", color=colour))
+
+
+def _key(figure: Figure) -> None:
+    """Draw the key below the panels."""
+    marks = [
+        Line2D([], [], ls="", marker="s", color="k", ms=3, label="published"),
+        Line2D([], [], ls="", marker="o", color="0.45", ms=3, label="model"),
+        Line2D([], [], ls="", marker="o", color="0.45", mfc="w", ms=3, label="model, spikes"),
+        Line2D([], [], color=AGREE, lw=3, label="agrees, compatible"),
+        Line2D([], [], color=NOT, lw=3, label="disagrees, differs"),
+        Line2D([], [], color=COLOUR[WITHOUT], lw=3, label=WITHOUT),
+        Line2D([], [], color="0.45", lw=3, label=f"no number; {OPEN}"),
+    ]
+    figure.legend(handles=marks, loc="outside lower center", ncols=7, fontsize=SIZE, frameon=False)
 
 
 if __name__ == "__main__":

@@ -10,20 +10,28 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.experiments.experiment import Experiment, run_experiment, shipped
-from bgmodel.experiments.outcomes import outcomes
+from bgmodel.experiments.outcomes import beside_published, outcomes
+from circuits.anatomy import DEFAULT
 
 COARSE_SHARE = 0.2
 """Of the trials in an experiment's file."""
-SECONDS = {2: 0.03, 4: 0.1}
-"""CPU time of a trial, about, by alternatives."""
+SECONDS = 0.0015
+"""CPU time of a trial, about, control, manipulation and bootstrap."""
+PREDICTION, EFFECT = "prediction", "effect"
+"""What a row of a piece is."""
 
 
 def predictions(experiment: Experiment, workers: int) -> pd.DataFrame:
-    """Return the outcome of each prediction, and what was published."""
-    found = outcomes(experiment, run_experiment(experiment, workers=workers).measures)
+    """Return the outcome of each prediction, and of each effect that was published as a number."""
+    measures = run_experiment(experiment, workers=workers).measures
+    found = [outcomes(experiment, measures).assign(row=PREDICTION)]
+    if experiment.effects:
+        found.append(beside_published(experiment, measures).assign(row=EFFECT))
     known = {"name": experiment.name, "published": experiment.published}
     known |= {"source": experiment.source, "trials": experiment.task.trials}
-    return found.assign(**known)
+    # A published number has a column of its own.
+    numbers = {"published": "published_value"}
+    return pd.concat([part.rename(columns=numbers) for part in found]).assign(**known)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -31,17 +39,23 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for name, experiment in shipped().items():
         trials = round(experiment.task.trials * (COARSE_SHARE if fast else 1))
         smaller = replace(experiment, task=replace(experiment.task, trials=trials))
-        seconds = SECONDS[experiment.task.channels] * trials
-        yield Piece("predictions", name, trials, seconds, partial(predictions, smaller, workers))
+        make = partial(predictions, smaller, workers)
+        yield Piece("predictions", name, trials, SECONDS * trials, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the outcomes of all."""
+    """Return the outcomes of all predictions, and the model's effects beside the published."""
     ends = {"low": "value_low", "high": "value_high"}
-    return {"predictions": ("predictions", made["predictions"].rename(columns=ends))}
+    ends |= {"published_low": "published_value_low", "published_high": "published_value_high"}
+    found = made["predictions"].rename(columns=ends)
+    parts = {name: part.drop(columns="row") for name, part in found.groupby("row")}
+    return {
+        f"{name}s": ("predictions", parts[name].dropna(axis="columns", how="all"))
+        for name in (PREDICTION, EFFECT)
+    }
 
 
-SCORE = Score("experiments", None, (2, 4), pieces, tables)
+SCORE = Score("experiments", None, (2,), pieces, tables, circuit=DEFAULT)
 
 if __name__ == "__main__":
     main(SCORE)
