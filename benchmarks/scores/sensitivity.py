@@ -1,81 +1,162 @@
-"""Every number of spiking_msprt 20 % up and down, on scoring seeds: make score.
+"""Every number of the default table up and down, acute and after homeostasis: make score.
 
 What a change does at the threshold that was kept, and what is left of the agreement with the MSPRT
-once the threshold is tuned anew to the same accuracy. The coarse form takes every fourth change.
-Figure C4 shows the same on fewer trials.
+once the threshold is tuned anew to the same accuracy. After homeostasis each population rests at
+its own old rate again (``Circuit.recovered``); the rule on the weight from STN onto SNr is that of
+``Circuit.balanced``. By populations, on raw evidence; figure A3 is drawn
+from the table.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
+from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import circuit
+from circuits.anatomy import DEFAULT, circuit
 from circuits.controls import perturbed
+from circuits.spec import Circuit
 
 SCORING_SEED = 40_004
-AT = 0.95
-TRIALS, COARSE_TRIALS, COARSE_EVERY = 1000, 200, 4
-SECONDS = 0.008
+ACCURACIES = (0.9, 0.95)
+TRIALS, COARSE_TRIALS = 1000, 200
+READINGS = {2: 80, 4: 40}
+D_PRIME = {2: 0.5, 4: 1.0}
+SECONDS = 0.0025
 """CPU time of a trial of a change, about."""
 MEASURES = ("pearson_r", "agreement", "extra_ms")
-MOST = 8
-"""So many changes are shown."""
+KEPT = ("expected_accuracy", "mean_ms")
+ACUTE, BIASES, BOTH = "acute", "homeostasis", "homeostasis and balance"
+SHORT = {ACUTE: "acute", BIASES: "biases", BOTH: "both"}
+SHOWN = (0.2, 0.9)
+"""The share and the accuracy at which each weight is shown."""
+STATIC = ("weight", "bias_nats", "gain_hz_per_nat", "baseline_hz")
+"""Numbers that act at rest; the others are times and the noise of cells."""
 
 
-def changes(trials: int, every: int, workers: int) -> pd.DataFrame:
+class Case(NamedTuple):
+    """So many alternatives, a change by so much, of static numbers or of the others, and when.
+
+    ``rules`` are ACUTE; BIASES, after homeostasis; or BOTH, after that and the rule on STN->SNr.
+    """
+
+    channels: int
+    fraction: float
+    static: bool
+    rules: str
+
+    @property
+    def name(self) -> str:
+        """What the case is called."""
+        kind = "static" if self.static else "times and cells"
+        return f"N = {self.channels}, {self.fraction:.0%}, {kind}, {self.rules}"
+
+    def edited(self) -> dict[str, Circuit]:
+        """Return the changed circuits by name, without the share."""
+        table = circuit(DEFAULT, self.channels)
+        found = {}
+        for name, changed in perturbed(table, self.fraction).items():
+            if any(f" {field} " in name for field in STATIC) == self.static:
+                found[name] = self._after(changed, table)
+        return found
+
+    def _after(self, changed: Circuit, table: Circuit) -> Circuit:
+        if self.rules == ACUTE:
+            return changed
+        recovered = changed.recovered(table)
+        return recovered if self.rules == BIASES else recovered.balanced().recovered(table)
+
+
+CASES = (
+    *(Case(n, f, True, rules) for n in (2, 4) for f in (0.1, 0.2) for rules in (BIASES, BOTH)),
+    *(Case(n, 0.2, static, ACUTE) for n in (2, 4) for static in (True, False)),
+)
+
+
+def evidence(channels: int, trials: int) -> Evidence:
+    """Draw the evidence of the cases of so many alternatives."""
+    return gaussian_evidence(
+        trials,
+        READINGS[channels],
+        D_PRIME[channels] / np.sqrt(2),
+        rng=stream(SCORING_SEED, "sensitivity", str(channels)),
+        hypotheses=channels,
+        step_ms=50.0,
+    )
+
+
+def changes(case: Case, trials: int, workers: int) -> pd.DataFrame:
     """Return the effect of each change on each measure; NaN where the accuracy is not reached.
 
-    ``lost_kept`` is the accuracy that is lost at the threshold that was kept.
+    ``expected_accuracy`` and ``mean_ms`` are changes at the threshold that was kept.
     """
-    rng = stream(SCORING_SEED, "sensitivity")
-    evidence = gaussian_evidence(trials, 25, 1 / np.sqrt(2), rng=rng, step_ms=50.0)
-    table = circuit(TABLE)
-    edited = dict(list(perturbed(table).items())[::every])
-    model = BasalGanglia(table, "ensemble", gain_of(table), SCORING_SEED, {"workers": workers})
+    table = circuit(DEFAULT, case.channels)
+    options = {"workers": workers}
+    model = BasalGanglia(table, "population", gain_of(table), SCORING_SEED, options)
     found = compare_edits(
-        model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,), resamples=500
+        model,
+        case.edited(),
+        evidence(case.channels, trials),
+        seed=SCORING_SEED,
+        accuracies=ACCURACIES,
+        resamples=200,
     )
-    change = found[(found["kind"] == "change") & found["measure"].isin(MEASURES)]
-    kept = found[(found["kind"] == "fixed") & (found["measure"] == "expected_accuracy")]
-    kept = kept.set_index("variant")["value"]
-    by = wide(change[change["variant"] != "intact"], ["variant"])
-    return by.assign(lost_kept=(kept["intact"] - kept.loc[by["variant"]]).to_numpy())
+    tuned = found[(found["kind"] == "change") & found["measure"].isin(MEASURES)]
+    tuned = wide(tuned[tuned["variant"] != "intact"], ["variant", "accuracy"])
+    kept = found[(found["kind"] == "fixed") & found["measure"].isin(KEPT)]
+    kept = kept.pivot_table(index=["variant", "accuracy"], columns="measure", values="value")
+    kept = kept - kept.loc["intact"].reindex(kept.index, level="accuracy")
+    both = tuned.merge(kept.reset_index(), how="left", on=["variant", "accuracy"])
+    return both.assign(trials=trials, **case._asdict())
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield the one piece."""
-    trials, every = (COARSE_TRIALS, COARSE_EVERY) if fast else (TRIALS, 1)
-    count = len(perturbed(circuit(TABLE))) / every
-    make = partial(changes, trials, every, workers)
-    yield Piece("changes", "all", trials, SECONDS * trials * count, make)
+    """Yield a piece for each case."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for case in CASES:
+        make = partial(changes, case, trials, workers)
+        seconds = SECONDS * trials * len(case.edited())
+        yield Piece("changes", case.name, trials, seconds, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return a summary in one row, the changes that move most, and those that never get there."""
-    found = made["changes"]
-    known = found["pearson_r"].notna()
-    summary = {"accuracy": AT, "changes": len(found), "reached": known.sum()}
-    summary |= {name: found[name].median() for name in MEASURES}
-    summary |= {"r_falls": (found["pearson_r_high"] < 0).sum()}
-    summary |= {"r_rises": (found["pearson_r_low"] > 0).sum()}
-    size = found["pearson_r"].abs().sort_values(ascending=False)
+    """Return a summary a case and accuracy, and what changes of weights do to r of times."""
+    found, by = made["changes"], ["channels", "fraction", "static", "rules", "accuracy"]
+    rows = []
+    for key, part in found.groupby(by, sort=False):
+        known = part["pearson_r"].notna()
+        row = dict(zip(by, key, strict=True)) | {"changes": len(part), "reached": known.sum()}
+        row |= {f"{name}_median": part[name].median() for name in MEASURES}
+        worst = part.loc[part["pearson_r"].idxmin()] if known.any() else part.iloc[0]
+        row |= {"worst": worst["variant"], "worst_r": worst["pearson_r"]}
+        row |= {"worst_low": worst["pearson_r_low"], "worst_high": worst["pearson_r_high"]}
+        row |= {"most_accuracy": part["expected_accuracy"].abs().max()}
+        row |= {"most_ms": part["mean_ms"].abs().max()}
+        row["not_reached"] = "; ".join(part.loc[~known, "variant"])
+        rows.append(row)
+    shown = found["variant"].str.contains(" weight ") & (found["fraction"] == SHOWN[0])
+    weights = found[shown & (found["accuracy"] == SHOWN[1])]
+    of_r = [f"pearson_r{end}" for end in ("", "_low", "_high")]
+    weights = weights.pivot(index="variant", columns=["channels", "rules"], values=of_r).round(4)
+    weights.columns = [
+        f"{SHORT[rules]}_{channels}{name.removeprefix('pearson_r')}"
+        for name, channels, rules in weights.columns
+    ]
     return {
-        "summary": ("changes", pd.DataFrame([summary])),
-        "most": ("changes", found.loc[size.index[:MOST]]),
-        "not_reached": ("changes", found.loc[~known, ["variant", "lost_kept"]]),
+        "summary": ("changes", pd.DataFrame(rows)),
+        "weights": ("changes", weights.reset_index()),
     }
 
 
-SCORE = Score("sensitivity", SCORING_SEED, (2,), pieces, tables)
+SCORE = Score("sensitivity", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
 
 if __name__ == "__main__":
     main(SCORE)
