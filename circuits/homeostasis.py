@@ -70,9 +70,10 @@ def balanced_weight(circuit: Circuit, source: str = "STN") -> float:
     both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
     units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
     blocks = wiring.blocks_of(circuit.readout)
-    own = [u for u in range(wiring.units) if wiring.projection(u) is row]
+    own = np.array([u for u in range(wiring.units) if wiring.projection(u) is row])
     whole = float(np.diff(wiring.inputs(units)[:, blocks].mean(axis=1))[0])
-    part = float(np.diff((units[:, own] @ wiring.weight[np.ix_(blocks, own)].T).mean(axis=1))[0])
+    carried = np.dot(units[:, own], wiring.weight[np.ix_(blocks, own)].T)
+    part = float(np.diff(carried.mean(axis=1))[0])
     if abs(part) < SAME_NATS:
         raise ValueError(f"{row.name} carries nothing of what all channels share: there is no rule")
     return row.weight * (1 - whole / part)
