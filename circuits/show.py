@@ -84,7 +84,7 @@ def pathways(circuit: Circuit) -> pd.DataFrame:
 
 
 def courses(circuit: Circuit) -> pd.DataFrame:
-    """Return what changes within a trial as a table: one row per course."""
+    """Return the courses as a table, one row each."""
     rows = [
         {
             "course": row.what,

@@ -471,7 +471,7 @@ class Circuit:
         return circuit
 
     def dopamine_changes(self, level: Level) -> list[tuple[Projection, Level, Level]]:
-        """Return what a level of dopamine changes, relative to this circuit's; 1 changes nothing.
+        """Return the changes by a level of dopamine, relative to this circuit's; 1 changes nothing.
 
         The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
         ``2 - level``; see ``receptors``. What it adds at the ``pivot_nats`` stays what it was.

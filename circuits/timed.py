@@ -42,7 +42,7 @@ class Timed:
 
 
 def timed(wiring: Wiring, clock: Clock) -> Timed:
-    """Return what a circuit's courses do at each tick of a run: their means in it."""
+    """Return the courses of a circuit, tick by tick of a run: their means in it."""
     circuit = wiring.circuit
     if not circuit.courses:
         still = np.zeros(wiring.units, dtype=np.intp), np.zeros(wiring.blocks, dtype=np.intp)
@@ -65,7 +65,7 @@ def timed(wiring: Wiring, clock: Clock) -> Timed:
 
 
 def rows(values: list[Array], first: Array) -> tuple[Index, Array]:
-    """Return which row of a table each has, and the table: each row once, a given one first."""
+    """Return the row of a table for each, and the table: each row once, a given one first."""
     found = {first.tobytes(): first}
     for row in values:
         # Adding 0 leaves one form of it.

@@ -110,7 +110,7 @@ def _mean(rates: npt.NDArray[Any], inside: npt.NDArray[np.bool_]) -> npt.NDArray
 
 
 def patterns() -> dict[str, npt.NDArray[np.float64]]:
-    """Return what three theories say of STN, (windows, choices, strengths), simplified.
+    """Return the patterns of three theories of STN, (windows, choices, strengths), simplified.
 
     The first is modulated by choice and strength, and positive before the response; the second
     early and the same for both choices; the third rises with time and strength, not choice.

@@ -150,7 +150,7 @@ def course(
 
 
 def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
-    """Return what STN would rise by if nothing of the common mode were cancelled, per cent.
+    """Return the rise of STN, per cent, if nothing of the common mode were cancelled.
 
     S is the log of the channels' mean exponential. STN's sum answers ``ln Sigma = S - w G`` with
     ``G = Sigma - ln Sigma``: a nat of S raises it by 1 / (1 + L) at rest, L = w (Sigma - 1)
@@ -245,7 +245,7 @@ def draw(settings: Settings, rated: Path, decided: Path, *, output: Path) -> Fig
 
 
 def _off(rows: pd.DataFrame) -> npt.NDArray[np.float64]:
-    """Return how far the ends of the interval lie from each value, (2, rows)."""
+    """Return the distances from each value to the ends of its interval, (2, rows)."""
     ends = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
     return np.maximum(ends.astype(np.float64), 0)
 

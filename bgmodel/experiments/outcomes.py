@@ -86,7 +86,7 @@ def _few(table: pd.DataFrame) -> bool:
 
 
 def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
-    """Hold what was found to the numbers that were published.
+    """Return the measures beside the published effects.
 
     Parameters
     ----------
