@@ -237,6 +237,8 @@ def _scale(n, factors, row, places, t, passed, jumps):
     """
     if factors is None:
         return
+    if row == 0:
+        return
     for i in range(n & WHOLE):
         k = _place(places, i, t, factors)
         factor, active, before = factors[row, k], passed[_at(t, i)], jumps[_at(WINDOW, i)]
@@ -251,13 +253,16 @@ def _jump(n, factors, p, jumps, b, t, state):
     if factors is None:
         return
     for e in range(p.blocks[b].input, p.blocks[b].inputs):
-        _add(n, p.inputs[e].weight, state, LAST, jumps[p.inputs[e].index], t)
+        if p.units[p.inputs[e].index].course:
+            _add(n, p.inputs[e].weight, state, LAST, jumps[p.inputs[e].index], t)
 
 
 @compiled
 def _push(n, nats, row, places, t, values, state):
     """Add what a course gives a block in a tick; it holds for the tick."""
     if nats is None:
+        return
+    if row == 0:
         return
     for i in range(n & WHOLE):
         k = _place(places, i, t, nats)
