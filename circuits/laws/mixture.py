@@ -26,6 +26,9 @@ def differing(cell: Cell, spread: float) -> tuple[tuple[Cell, float], ...]:
 
 def mean_rate_hz(cell: Cell, spread: float, x: Array, hz: Array) -> Array:
     """Return the mean rate at inputs x (S,), where the line is at ``hz`` (S,), Hz."""
+    alike = cell.rate_hz(x, hz)  # a type without a law says so, whether its cells differ or not
+    if not spread:
+        return alike
     every = [each.rate_hz(x, factor * hz) for each, factor in differing(cell, spread)]
     return np.asarray(np.mean(every, axis=0))
 
