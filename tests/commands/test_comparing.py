@@ -78,7 +78,8 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsy
     for command in (("compare",), ("circuit", "lesion")):
         assert run(*command, tmp_path / "a.csv", *task, *halved) == 2
         assert "it would decide without evidence, or never" in capsys.readouterr().err
-    assert run("circuit", "learn", tmp_path / "a.csv", "--edits.scale", "ctx->STN=0.5") == 2
+    learned = ("circuit", "learn", tmp_path / "a.csv", "--circuit", "spiking_msprt")
+    assert run(*learned, "--edits.scale", "ctx->STN=0.5") == 2
     assert "no level of dopamine" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     given = (*task[:-1], 40, "ctx->STN=0.5", "--engine", "rate", "--accuracies", 0.8)

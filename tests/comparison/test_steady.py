@@ -37,8 +37,8 @@ def test_what_lines_miss_of_a_lesion_is_in_the_cells_own_laws_and_their_number()
 
 
 def test_a_shift_that_is_not_known_is_nan():
-    """Neither that of cells that differ, by the laws of a finite number, nor 0 in its place."""
-    differ = TABLE.with_spread(0.1)
+    """Neither that of sparse connections, by the laws of a finite number, nor 0 in its place."""
+    differ = TABLE.with_connections(0.5)
     assert np.isnan(out_shift(differ, differ.without("STN", 0.1), 0.3, laws="finite"))
     assert np.isfinite(out_shift(differ, differ.without("STN", 0.1), 0.3, laws="cells"))
 

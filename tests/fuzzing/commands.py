@@ -217,7 +217,8 @@ def circuit_learn(rng: Rng, folder: Path) -> list:
     """Let dopamine learn."""
     given = ["--trials", rng.integers(2, 20), "--t-max", rng.integers(1, 6), "--levels", 2]
     given += ["--runs", rng.integers(1, 3), "--learner.episodes", 500, "--seed", rng.integers(9)]
-    return ["circuit", "learn", _out(rng, folder), *given]
+    # The default circuit decides too little in so few readings.
+    return ["circuit", "learn", _out(rng, folder), "--circuit", "spiking_msprt", *given]
 
 
 def experiment(rng: Rng, folder: Path) -> list:
