@@ -84,7 +84,7 @@ def tuned_rebound(rows: pd.DataFrame) -> float:
 
 
 def _off(rows: pd.DataFrame, name: str, unit: float) -> np.ndarray:
-    """Return how far the ends of the interval lie from a value, (2, rows)."""
+    """Return the distances from a value to the ends of its interval, (2, rows)."""
     ends = [rows[name] - rows[f"{name}_low"], rows[f"{name}_high"] - rows[name]]
     return np.maximum(np.stack(ends), 0) / unit
 

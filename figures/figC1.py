@@ -43,7 +43,7 @@ def compute(settings: Settings, *, output: Path) -> None:
 
 
 def driven_alike(engine: str, settings: Settings) -> pd.DataFrame:
-    """Return what GPe and SNr make of Sigma when all channels are driven alike.
+    """Return the answers of GPe and SNr to Sigma when all channels are driven alike.
 
     Held at their rest are GPe_ctx, which would take the drive away, and D2, whose part D1 undoes.
 

@@ -114,7 +114,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 
 def _at(ax: plt.Axes, side: str, **more) -> dict:
-    """Return where a text goes: beside the panel, in its rows."""
+    """Return the coordinates of a text beside the panel, in its rows."""
     across = ax.get_yaxis_transform()
     return {"transform": across, "ha": side, "va": "center", "fontsize": SIZE, **more}
 
