@@ -124,7 +124,7 @@ def test_the_edit_alone_makes_the_outcome(name):
 
 
 def held_to(effect, low, high):
-    """Return what is said of a model's change of 0 in an interval, beside an effect."""
+    """Return the verdict on a model's change of 0 with its interval, beside an effect."""
     experiment = replace(shipped()["stn_no_conflict"], effects=(effect,))
     rows = [("manipulation", name, 0.1, 0.1, 0.1) for name in MEASURES]
     rows += [("manipulation", "decided", 100.0, 100.0, 100.0)]
