@@ -1,0 +1,163 @@
+"""The shipped sets of choices and times, from the csv files that were published with code.
+
+``python -m benchmarks.behaviour_data FOLDER`` reads roitman_shadlen_2002.csv,
+palmer_huk_shadlen_2005.csv, cavanagh_2011_hddm.csv and the two licence texts in FOLDER. It writes
+parquet files of one convention of columns, and copies the licences, to ``bgmodel/data``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.files import checksum, write_table
+
+DATA = Path(__file__).parents[1] / "bgmodel" / "data"
+LICENCES = ("LICENSE.CoSMo2017.txt", "LICENSE.HDDM.txt")
+NOTE = "No repository states a licence for the data apart from its code."
+EVERYWHERE = {
+    "participant_id": "who decided",
+    "trial": "number of the trial of this participant, from 0",
+    "rt": "time from the onset of the stimulus to the response, s; NaN without a response",
+}
+MOTION: dict[str, Any] = {
+    "columns": {
+        **EVERYWHERE,
+        "response": "1 or 0: one direction of motion or the other; empty without a response",
+        "coherence": "fraction of dots that move together; positive speaks for response 1",
+        "correct": "1 or 0; empty where the coherence is 0",
+    },
+    "strength": "coherence",
+    "conditions": [],
+    "licence": "BSD-3-Clause",
+    "licence_file": LICENCES[0],
+    "note": NOTE,
+}
+ROITMAN = {
+    **MOTION,
+    "citation": "Roitman, J. D. & Shadlen, M. N. (2002). Response of neurons in the lateral "
+    "intraparietal area during a combined visual discrimination reaction time task. Journal of "
+    "Neuroscience 22, 9475-9489.",
+    "source": "https://github.com/DrugowitschLab/CoSMo2017, rs_b.mat and rs_n.mat",
+}
+PALMER = {
+    **MOTION,
+    "citation": "Palmer, J., Huk, A. C. & Shadlen, M. N. (2005). The effect of stimulus strength "
+    "on the speed and accuracy of a perceptual decision. Journal of Vision 5(5):1, 376-404.",
+    "source": "https://github.com/DrugowitschLab/CoSMo2017, phs_*.mat",
+}
+CAVANAGH = {
+    "columns": {
+        **EVERYWHERE,
+        "response": "1: the item that was rewarded more often; 0: the other; empty without one",
+        "conflict": "high: both items good or both bad; low: one of each",
+        "pair": "WW: both items good; LL: both bad; WL: one of each",
+        "stimulation": "on or off: deep brain stimulation of the subthalamic nucleus",
+        "theta": "power of mediofrontal theta in this trial, z-scored",
+    },
+    "strength": None,
+    "conditions": ["conflict", "stimulation"],
+    "licence": "BSD-2-Clause",
+    "licence_file": LICENCES[1],
+    "note": NOTE,
+    "citation": "Cavanagh, J. F., Wiecki, T. V., Cohen, M. X., Figueroa, C. M., Samanta, J., "
+    "Sherman, S. J. & Frank, M. J. (2011). Subthalamic nucleus stimulation reverses mediofrontal "
+    "influence over decision threshold. Nature Neuroscience 14, 1462-1467.",
+    "source": "https://github.com/hddm-devs/hddm, hddm/examples/cavanagh_theta_nn.csv",
+}
+
+
+def motion(raw: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per trial of a motion task; ValueError unless the signs are as they are said.
+
+    Parameters
+    ----------
+    raw : DataFrame
+        Columns participant_id, trial, rt (s), choice (0 or 1), signed_coherence, correct (NaN at
+        0).
+    """
+    # There is a -0 in the files, which is no other strength than 0.
+    coherence = raw["signed_coherence"].astype("float64") + 0.0
+    correct = raw["correct"].astype("Int8")
+    known = correct.notna()
+    if (coherence[known] == 0).any() or (coherence[~known] != 0).any():
+        raise ValueError("correct must be empty at a coherence of 0 and nowhere else")
+    if not ((raw["choice"] == (coherence > 0)) == (correct == 1))[known].all():
+        raise ValueError("a correct choice must be 1 where the coherence is positive, else 0")
+    shares = raw["choice"].groupby(coherence).mean()
+    # The strongest are at 0 and 1 alike.
+    if not (np.diff(shares) >= 0).all() or shares.iloc[0] == shares.iloc[-1]:
+        raise ValueError("choices of 1 must become more frequent with the signed coherence")
+    return pd.DataFrame(
+        {
+            "participant_id": raw["participant_id"].astype(str),
+            "trial": raw["trial"].astype("int64"),
+            "rt": raw["rt"].astype("float64"),
+            "response": raw["choice"].astype("Int8"),
+            "coherence": coherence,
+            "correct": correct,
+        }
+    )
+
+
+def learned_pairs(raw: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per trial of choices between learned items; ValueError if codes disagree.
+
+    Parameters
+    ----------
+    raw : DataFrame
+        Columns subj_idx, stim (WW, LL, WL), rt (s), response (0 or 1), theta, dbs (0 or 1), conf
+        (HC or LC).
+    """
+    high = raw["conf"].map({"HC": True, "LC": False}).astype(bool)
+    if not (high == raw["stim"].isin(["WW", "LL"])).all():
+        raise ValueError("conf must be HC where stim is WW or LL, and LC where it is WL")
+    if not raw["response"][~high].mean() > raw["response"][high].mean() > 0.5:
+        raise ValueError("response must be 1 for the better item: most often without conflict")
+    return pd.DataFrame(
+        {
+            "participant_id": raw["subj_idx"].astype(str),
+            "trial": raw.groupby("subj_idx").cumcount().astype("int64"),
+            "rt": raw["rt"].astype("float64"),
+            "response": raw["response"].astype("Int8"),
+            "conflict": np.where(high, "high", "low"),
+            "pair": raw["stim"].astype(str),
+            "stimulation": raw["dbs"].map({1: "on", 0: "off"}).astype(str),
+            "theta": raw["theta"].astype("float64"),
+        }
+    )
+
+
+SETS = {
+    "roitman_shadlen_2002": ("roitman_shadlen_2002.csv", motion, ROITMAN),
+    "palmer_huk_shadlen_2005": ("palmer_huk_shadlen_2005.csv", motion, PALMER),
+    "cavanagh_2011": ("cavanagh_2011_hddm.csv", learned_pairs, CAVANAGH),
+}
+
+
+def write_sets(folder: Path, to: Path = DATA) -> None:
+    """Write every set with what is known of it, and the licences beside them."""
+    for name, (file, table_of, about) in SETS.items():
+        raw = pd.read_csv(folder / file, dtype={"participant_id": str})
+        made = {"file": file, "sha256": checksum(folder / file)}
+        write_table(table_of(raw), to / f"{name}.parquet", **about, made_from=made)
+    for licence in LICENCES:
+        shutil.copyfile(folder / licence, to / licence)
+
+
+def main() -> None:
+    """Write the sets from the folder that is named."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, help="where the published files lie")
+    parser.add_argument("--to", type=Path, default=DATA, help="where the sets go")
+    asked_for = parser.parse_args()
+    write_sets(asked_for.folder, asked_for.to)
+
+
+if __name__ == "__main__":
+    main()
