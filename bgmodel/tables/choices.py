@@ -1,0 +1,246 @@
+"""Choices and times of people and animals, one row per trial."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.arrays import Array, Truths
+from bgmodel.facts import Facts, span
+from bgmodel.tables.columns import NO_RESPONSE, answers, participants, rows, strengths, texts
+from bgmodel.tables.shipped import SETS, shipped
+from bgmodel.tables.text_files import read_rows
+
+__all__ = ["Choices", "read_choices", "shipped"]
+
+FEWEST = 10
+"""Fewest trials of a participant in a condition."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Choices(Facts):
+    """Choices between two alternatives, and their times.
+
+    Parameters
+    ----------
+    participant : (trials,) text
+        Who decided.
+    rt_s : (trials,) float64
+        Time from onset to response, s; NaN without a response.
+    response : (trials,) int8
+        1 or 0; -1 without a response.
+    strength : (trials,) float64 or None
+        Signed strength of the evidence: positive speaks for response 1.
+    conditions : DataFrame
+        One row per trial, columns of text; possibly without columns.
+    deadline_s : float or None
+        Time at which a trial without a response ended, s.
+    source : str
+        What was read: a file's name, the name of a shipped set, or "a table".
+
+    Attributes
+    ----------
+    checksum : str
+        SHA-256, in hexadecimal, of all that is above but the source.
+
+    Raises
+    ------
+    ValueError
+        If columns differ in length, a response is none of these, or a time stands without a
+        response or the other way round.
+    """
+
+    participant: npt.NDArray[np.str_]
+    rt_s: Array
+    response: npt.NDArray[np.int8]
+    strength: Array | None
+    conditions: pd.DataFrame
+    deadline_s: float | None = None
+    source: str = "a table"
+    checksum: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
+        lengths += [] if self.strength is None else [len(self.strength)]
+        if len(set(lengths)) > 1:
+            raise ValueError(f"choices need one value per trial in each column, got {lengths}")
+        if not np.isin(self.response, (0, 1, NO_RESPONSE)).all():
+            raise ValueError(f"response must hold 1, 0 or -1, got {np.unique(self.response)}")
+        if not np.array_equal(np.isnan(self.rt_s), self.response == NO_RESPONSE):
+            raise ValueError("rt_s must be NaN where response is -1, and nowhere else")
+        object.__setattr__(self, "checksum", self._digest())
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return len(self.rt_s)
+
+    @property
+    def correct(self) -> Array:
+        """Whether a response is right, (trials,): 1, 0, or NaN where that is not known.
+
+        Right is the side of the strength; without strengths it is response 1.
+        """
+        side = np.ones(self.trials) if self.strength is None else np.sign(self.strength)
+        right = (self.response == 1) == (side > 0)
+        return np.where((self.response == NO_RESPONSE) | (side == 0), np.nan, right)
+
+    def where(self, mask: Truths) -> Choices:
+        """Return some of the trials.
+
+        Parameters
+        ----------
+        mask : (trials,) bool
+            Which.
+        """
+        return replace(
+            self,
+            participant=self.participant[mask],
+            rt_s=self.rt_s[mask],
+            response=self.response[mask],
+            strength=None if self.strength is None else self.strength[mask],
+            conditions=self.conditions.loc[mask].reset_index(drop=True),
+        )
+
+    def people(self) -> list[str]:
+        """Return the participants, sorted."""
+        return sorted({str(name) for name in self.participant})
+
+    def facts(self) -> dict[str, str]:
+        """Return the numbers of trials, participants and responses, and the range of times."""
+        known = {"source": self.source, "trials": f"{self.trials}"}
+        known["participants"] = f"{len(self.people())}"
+        for code in (1, 0, NO_RESPONSE):
+            count = np.sum(self.response == code)
+            known["no response" if code == NO_RESPONSE else f"responses {code}"] = f"{count}"
+        return {**known, "rt_s": span(self.rt_s)}
+
+    def summary(self) -> str:
+        """Return one sentence: trials, participants, responses and times."""
+        known, who = self.facts(), len(self.people())
+        end = "" if self.deadline_s is None else f" by {self.deadline_s:g} s"
+        return (
+            f"{self.source}: {self.trials} trials of {who} participant{'s' * (who != 1)}, response "
+            f"1 in {known['responses 1']}, 0 in {known['responses 0']}, none{end} in "
+            f"{known['no response']}, times {known['rt_s']} s"
+        )
+
+    def _digest(self) -> str:
+        texts = {name: self.conditions[name].tolist() for name in self.conditions}
+        digest = hashlib.sha256()
+        plain = [self.participant.tolist(), texts, self.deadline_s, self.strength is None]
+        digest.update(json.dumps(plain).encode())
+        for values in (self.rt_s, self.response, self.strength):
+            if values is not None:
+                # One NaN and one zero.
+                same = np.where(np.isnan(values), np.nan, values + 0.0)
+                digest.update(same.astype("<f8").tobytes())
+        return digest.hexdigest()
+
+
+def read_choices(
+    source: str | Path | pd.DataFrame,
+    *,
+    strength: str | None = None,
+    conditions: str | Sequence[str] = (),
+    participant: str | None = None,
+    deadline_s: float | None = None,
+    upper: str | None = None,
+) -> Choices:
+    """Read a table of choices and times; nothing in it is changed or left out.
+
+    Parameters
+    ----------
+    source : path, str or DataFrame
+        ``.csv``, ``.tsv`` or ``.parquet``, the name of a shipped set, or a table with one row per
+        trial: ``rt``, s from the onset of evidence, and ``response``, 1 or 0; optionally
+        ``participant_id``, without which all trials are of one participant, "all". A trial
+        without a response has neither ``rt`` nor ``response``; where ``rt`` is -999, as HSSM
+        writes it, ``response`` is not read.
+    strength : str, optional
+        Column of the signed strength of the evidence; positive speaks for response 1.
+    conditions : names
+        Columns of conditions; they are read as text.
+    participant : str, optional
+        The one whose trials are read; all if left out.
+    deadline_s : float, optional
+        Time at which a trial without a response ended, s.
+    upper : str, optional
+        The response that counts as 1, where responses are two names and not 1 and 0.
+
+    Returns
+    -------
+    Choices
+        The trials, in the order of the table.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the source's name, and where a value is wrong its column, value and row,
+        counted from 0.
+    """
+    name, table = _table(source)
+    wanted = [conditions] if isinstance(conditions, str) else list(conditions)
+    try:
+        table = rows(table, [*wanted, *([] if strength is None else [strength])], participant)
+        rt_s, response = answers(table, deadline_s, upper)
+        found = Choices(
+            participants(table),
+            rt_s,
+            response,
+            None if strength is None else strengths(table[strength]),
+            pd.DataFrame({c: texts(table[c]) for c in wanted}, index=range(len(table))),
+            deadline_s,
+            name,
+        )
+        _check_cells(found)
+        _check_both_chosen(found)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    return found
+
+
+def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
+    """Return the name of a source, and its table as it stands there."""
+    if isinstance(source, pd.DataFrame):
+        return "a table", source
+    if source in SETS:
+        return str(source), shipped()[str(source)].table
+    if not Path(source).suffix:
+        raise ValueError(
+            f"source must be a .csv, .tsv or .parquet or one of {', '.join(SETS)}, got "
+            f"{str(source)!r}"
+        )
+    return Path(source).name, read_rows(Path(source))
+
+
+def _check_cells(choices: Choices) -> None:
+    """Raise ValueError if a participant has too few trials in a condition."""
+    keys = pd.DataFrame({"participant": choices.participant}).join(choices.conditions)
+    for _, cell in keys.groupby(list(keys), sort=False):
+        if len(cell) < FEWEST:
+            named = (f"{name} {cell[name].iloc[0]!r}" for name in cell)
+            raise ValueError(
+                f"each participant needs at least {FEWEST} trials in each condition, got "
+                f"{len(cell)} of {', '.join(named)}"
+            )
+
+
+def _check_both_chosen(choices: Choices) -> None:
+    """Raise ValueError if a participant gave one of the two responses only, or none."""
+    for who in choices.people():
+        mine = choices.response[choices.participant == who]
+        given = sorted({int(code) for code in mine} - {NO_RESPONSE})
+        if len(given) < 2:
+            got = f"{given[0]} only" if given else "none"
+            raise ValueError(
+                f"both responses must occur, got {got} in the {len(mine)} trials of participant "
+                f"{who!r}"
+            )

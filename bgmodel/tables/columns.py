@@ -1,0 +1,232 @@
+"""Columns of a user's table of choices: arrays, or one sentence about what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.arrays import Array, Truths
+from bgmodel.tables.exports import MISSING_RT
+
+MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
+"""What a cell of numbers or responses holds where there is none."""
+MOST_MEDIAN_S = 50.0
+"""Longest median time that is taken for seconds."""
+NO_RESPONSE = -1
+EVERYONE = "all"
+"""The participant of a table that names none."""
+OURS = ("participant_id", "rt", "response")
+"""Columns that mean something by their name."""
+PEOPLE = ("subj_idx", "subj_id", "subj", "subject", "subject_id", "participant", "participantid")
+"""Names under which other tools keep ids of participants."""
+
+
+def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
+    """Raise ValueError if a column that is wanted is not there, is there twice, or misnamed.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A user's table.
+    wanted : names
+        Columns that it must have.
+    """
+    names = [str(name) for name in table.columns]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"a table has each column once, got {', '.join(map(repr, twice))} twice")
+    for name in names:
+        meant = name.strip().lower()
+        if meant in OURS and meant != name and meant not in names:
+            raise ValueError(f"column {name!r} is not {meant!r}: write it so, or call it otherwise")
+        if meant in PEOPLE and "participant_id" not in names:
+            raise ValueError(f"column {name!r} seems to hold participants: call it participant_id")
+    for name in wanted:
+        if name not in names:
+            raise ValueError(f"there is no column {name}: there are {', '.join(names)}")
+    if len(table) == 0:
+        raise ValueError("a table of choices needs at least one trial, got 0 rows")
+
+
+def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.DataFrame:
+    """Return the rows of one participant or of all, each with its number as the index."""
+    names = [str(name) for name in table.columns]
+    table = table.set_axis(names, axis=1).reset_index(drop=True)
+    check_columns(table, ["rt", "response", *wanted])
+    taken = sorted({name for name in wanted if name in OURS or wanted.count(name) > 1})
+    if taken:
+        raise ValueError(
+            "strength and conditions must be columns of their own, each named once, got "
+            f"{', '.join(taken)}"
+        )
+    if participant is None:
+        return table
+    who = participants(table)
+    if participant not in who:
+        known = ", ".join(sorted(set(who.tolist())))
+        raise ValueError(f"participant must be one of {known}, got {participant!r}")
+    return pd.DataFrame(table[who == participant])
+
+
+def participants(table: pd.DataFrame) -> npt.NDArray[np.str_]:
+    """Return who decided in each row, (rows,)."""
+    if "participant_id" not in table:
+        return np.full(len(table), EVERYONE)
+    return texts(table["participant_id"])
+
+
+def answers(
+    table: pd.DataFrame, deadline_s: float | None, upper: str | None
+) -> tuple[Array, npt.NDArray[np.int8]]:
+    """Return times, s, and responses; ValueError where one stands without the other, or late."""
+    rt, response = table["rt"], table["response"]
+    rt_s, told = times(rt)
+    chosen = responses(response, told, upper)
+    absent, silent = np.isnan(rt_s), chosen == NO_RESPONSE
+    refuse(absent & ~silent, rt, "given where there is a response")
+    refuse(silent & ~absent, response, "given where there is an rt")
+    if deadline_s is None:
+        hint = ": say when such a trial ended (deadline_s, s)"
+        refuse(absent, rt, "given unless trials have a deadline", hint)
+    elif not 0 < deadline_s < np.inf:
+        raise ValueError(f"deadline_s must be finite and above 0, got {deadline_s}")
+    else:
+        refuse(rt_s > deadline_s, rt, f"no later than deadline_s, {deadline_s:g} s")
+    return rt_s, chosen
+
+
+def strengths(column: pd.Series) -> Array:
+    """Return signed strengths; ValueError if one is missing or all are the same."""
+    values = numbers(column)
+    refuse(np.isnan(values), column, "given for every trial")
+    if (values == values[0]).all():
+        raise ValueError(
+            f"{column.name} must differ between trials, got {values[0]:g} in all {len(values)}: "
+            "leave strength out"
+        )
+    return values
+
+
+def refuse(wrong: Truths, column: pd.Series, must: str, hint: str = "") -> None:
+    """Raise ValueError if any row is wrong, with the first one's number and value.
+
+    Parameters
+    ----------
+    wrong : (rows,) bool
+        Which rows are.
+    column : Series
+        The column, its index the number of each row in the user's table, from 0.
+    must, hint : str
+        What its values must be, and what to do.
+    """
+    if wrong.any():
+        at = int(np.argmax(wrong))
+        count = f" ({wrong.sum()} such rows)" if wrong.sum() > 1 else ""
+        value = "nothing" if _is_missing(column)[at] else repr(str(column.iloc[at]))
+        raise ValueError(
+            f"{column.name} must be {must}, got {value} in row {column.index[at]}{count}{hint}"
+        )
+
+
+def texts(column: pd.Series) -> npt.NDArray[np.str_]:
+    """Return a column as text, (rows,); ValueError where a cell holds nothing."""
+    found = np.array([str(value) for value in column], dtype=np.str_)
+    refuse(column.isna().to_numpy() | (found == ""), column, "given for every trial")
+    return found
+
+
+def numbers(column: pd.Series) -> Array:
+    """Return a column of numbers, (rows,), NaN where a cell holds nothing.
+
+    Raises
+    ------
+    ValueError
+        If a value is no finite number.
+    """
+    if column.dtype.kind in "mMb":
+        raise ValueError(f"{column.name} must hold numbers, got {column.dtype}")
+    missing = _is_missing(column)
+    values = np.array(
+        [np.nan if m else _number(v) for v, m in zip(column, missing, strict=True)],
+        dtype=np.float64,
+    )
+    refuse(~missing & ~np.isfinite(values), column, "a finite number")
+    return values
+
+
+def times(column: pd.Series) -> tuple[Array, Truths]:
+    """Return response times, (rows,), s, NaN where there is none, and where HSSM says so.
+
+    Raises
+    ------
+    ValueError
+        If a time is no number above 0, or times seem to be in milliseconds.
+    """
+    values = numbers(column)
+    told = values == MISSING_RT
+    values[told] = np.nan
+    given = values[np.isfinite(values)]
+    if len(given) and np.median(given) > MOST_MEDIAN_S:
+        raise ValueError(
+            f"{column.name} must be in seconds, got a median of {np.median(given):g}: divide by "
+            "1000 if these are milliseconds"
+        )
+    refuse(values <= 0, column, "above 0 s")
+    return values, told
+
+
+def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDArray[np.int8]:
+    """Return 1, 0 or, without a response, -1 of each row, (rows,).
+
+    Parameters
+    ----------
+    column : Series
+        1 and 0, or two names.
+    missing : (rows,) bool
+        Rows whose response is not read.
+    upper : str, optional
+        The name that is 1.
+
+    Raises
+    ------
+    ValueError
+        If there are other values, more than two names, or none is ``upper``.
+    """
+    missing = missing | _is_missing(column)
+    names = np.array([_name(v) for v in column], dtype=object)
+    if upper is None:
+        wrong = ~missing & ~np.isin(names, ["0", "1"])
+        refuse(wrong, column, "1 or 0", ": name the response that counts as 1 (upper)")
+        upper = "1"
+    else:
+        found = list(dict.fromkeys(names[~missing]))
+        if len(found) > 2:
+            third = ~missing & ~np.isin(names, found[:2])
+            refuse(third, column, f"one of two names, as {found[0]} and {found[1]}")
+        if len(found) == 2 and upper not in found:
+            raise ValueError(f"upper must be one of {', '.join(found)}, got {upper!r}")
+    coded = np.where(missing, NO_RESPONSE, names == upper)
+    return coded.astype(np.int8)
+
+
+def _is_missing(column: pd.Series) -> Truths:
+    told = [str(value).strip() in MISSING for value in column]
+    return np.asarray(column.isna().to_numpy() | told)
+
+
+def _number(value: object) -> float:
+    """Return a cell as a number; NaN if it is none."""
+    try:
+        # Python would read 1_000 as a thousand.
+        return np.nan if "_" in str(value) else float(str(value))
+    except ValueError:
+        return np.nan
+
+
+def _name(value: object) -> str:
+    """Return a response's name; 1.0 is 1, as a column of whole numbers with a gap is read."""
+    number = _number(value)
+    return str(int(number)) if np.isfinite(number) and number == int(number) else str(value)

@@ -1,0 +1,74 @@
+"""Published sets of choices and times that ship with the package."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from importlib import resources
+
+import pandas as pd
+
+from bgmodel.files import read_provenance, read_table
+
+SETS = ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011")
+
+
+@dataclass(frozen=True, eq=False)
+class Shipped:
+    """A published set of choices and times, and what is known of it.
+
+    Parameters
+    ----------
+    name : str
+        Its name, as ``read_choices`` takes it.
+    table : DataFrame
+        One row per trial: participant_id, trial, rt (s), response (1 or 0), and its conditions.
+    columns : dict
+        What each column holds, by its name.
+    strength : str or None
+        The column of the signed strength of evidence, if there is one.
+    conditions : tuple of str
+        Columns of the conditions that were set by the experimenter.
+    citation, source, licence, licence_file, note : str
+        Publication; repository; licence of that, by its SPDX name; file of its text, in the
+        package's folder ``data``; what is to be known of the licence.
+    """
+
+    name: str
+    table: pd.DataFrame = field(repr=False)
+    columns: dict[str, str]
+    strength: str | None
+    conditions: tuple[str, ...]
+    citation: str
+    source: str
+    licence: str
+    licence_file: str
+    note: str
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return len(self.table)
+
+    @property
+    def people(self) -> int:
+        """Number of participants, be they people or monkeys."""
+        return int(self.table["participant_id"].nunique())
+
+
+def shipped() -> dict[str, Shipped]:
+    """Return the sets that ship with the package, by their names."""
+    return {name: _read(name) for name in SETS}
+
+
+def _read(name: str) -> Shipped:
+    """Return a set; what is known of it stands in its file."""
+    with resources.as_file(resources.files("bgmodel.data") / f"{name}.parquet") as path:
+        table, about = read_table(path), read_provenance(path)["parameters"]
+    kept = ("strength", "citation", "source", "licence", "licence_file", "note")
+    return Shipped(
+        name,
+        table,
+        columns={str(column): about["columns"][column] for column in table},
+        conditions=tuple(about["conditions"]),
+        **{field: about[field] for field in kept},
+    )

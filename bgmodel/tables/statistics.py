@@ -1,0 +1,52 @@
+"""Accuracy and times of choices, in each condition."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.tables.choices import Choices
+
+QUANTILES = (0.1, 0.5, 0.9)
+
+
+def statistics(choices: Choices) -> pd.DataFrame:
+    """Return accuracy and times of each participant in each condition.
+
+    Parameters
+    ----------
+    choices : Choices
+        The trials.
+
+    Returns
+    -------
+    DataFrame
+        One row per participant, condition and size of the strength: participant_id, the
+        conditions, strength (its absolute value, where there is one), trials, missing (trials
+        without a response), accuracy (share of right responses, as in ``Choices.correct``; NaN
+        where that is not known), mean_s, sd_s, q10_s, q50_s and q90_s: mean, standard deviation
+        and quantiles of the times of all responses, s.
+    """
+    table = pd.DataFrame({"participant_id": choices.participant}).join(choices.conditions)
+    if choices.strength is not None:
+        table["strength"] = np.abs(choices.strength)
+    keys = list(table.columns)
+    table = table.assign(_time=choices.rt_s, _right=choices.correct)
+    rows = [
+        dict(zip(keys, key, strict=True)) | _row(part)
+        for key, part in table.groupby(keys, sort=True)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _row(trials: pd.DataFrame) -> dict[str, float]:
+    """Return the numbers of one cell of the table."""
+    times, quantiles = trials["_time"].dropna(), trials["_time"].quantile(QUANTILES)
+    return {
+        "trials": len(trials),
+        "missing": len(trials) - len(times),
+        "accuracy": trials["_right"].mean(),
+        "mean_s": times.mean(),
+        "sd_s": times.std(),
+        **{f"q{100 * q:.0f}_s": quantiles[q] for q in QUANTILES},
+    }

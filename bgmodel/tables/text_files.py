@@ -1,0 +1,60 @@
+"""Tables of a user whose cells stay as they are written."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import pandas as pd
+
+from bgmodel.files import read_table
+
+SEPARATORS = {".csv": ",", ".tsv": "\t"}
+
+
+def read_rows(path: Path) -> pd.DataFrame:
+    """Read a table from .csv, .tsv or .parquet; cells of text files stay as they are written.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or it can't be read as what its name ends in.
+    """
+    if path.suffix == ".parquet":
+        return read_table(path)
+    if path.suffix not in SEPARATORS:
+        raise ValueError(f"a table is read from .csv, .tsv or .parquet, got {str(path)!r}")
+    if not path.is_file():
+        raise ValueError(f"there is no table {str(path)!r}")
+    try:
+        cells = _cells(path, SEPARATORS[path.suffix])
+    except UnicodeDecodeError:
+        raise ValueError(
+            f"{str(path)!r} can't be read as {path.suffix}: it is no text in UTF-8"
+        ) from None
+    except (OSError, ValueError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {reason}") from None
+    names = [str(name) for name in cells.iloc[0]]
+    other = [mark for mark in ";,\t|" if len(names) == 1 and mark in names[0]]
+    if other:
+        raise ValueError(
+            f"the columns of {str(path)!r} are separated by {other[0]!r}: a {path.suffix} has "
+            f"{SEPARATORS[path.suffix]!r} between columns, and a point as the decimal sign"
+        )
+    return cells.iloc[1:].set_axis(names, axis=1)
+
+
+def _cells(path: Path, separator: str) -> pd.DataFrame:
+    """Return all cells of a file as text; the first row holds the names of the columns."""
+    with warnings.catch_warnings():
+        # More cells in a row than in the first one would be lost.
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        return pd.read_csv(
+            path, sep=separator, header=None, dtype=str, keep_default_na=False, encoding="utf-8-sig"
+        )
