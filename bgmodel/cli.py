@@ -19,6 +19,7 @@ from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, Pri
 from bgmodel.commands.checks import Writes, check_outputs
 from bgmodel.commands.circuit import CircuitRun, CircuitShow
 from bgmodel.commands.comparing import CircuitLesion, Compare
+from bgmodel.commands.data import Data
 from bgmodel.commands.decisions import Decide, GapLearn
 from bgmodel.commands.demo import DemoRun
 from bgmodel.commands.designed import CircuitDesigned
@@ -59,6 +60,7 @@ COMMANDS: dict[str, Any] = {
         CIRCUIT,
     ),
     "compare": Compare,
+    "data": Data,
     "experiment": ExperimentRun,
     "sweep": SweepRun,
     "page": PageWrite,

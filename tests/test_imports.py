@@ -96,6 +96,7 @@ LEVELS = [
     },
     {
         "bgmodel.commands.circuit",
+        "bgmodel.commands.data",
         "bgmodel.commands.decisions",
         "bgmodel.commands.designed",
         "bgmodel.commands.figures",

@@ -1,0 +1,109 @@
+"""The command that lists, shows and writes the shipped sets of choices and times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, arg
+
+from bgmodel import files
+from bgmodel.commands.checks import Shows, check_ending
+
+if TYPE_CHECKING:
+    from bgmodel.tables.shipped import Shipped
+
+
+@dataclass(frozen=True)
+class Data(Shows):
+    """List published sets of choices and times that come with the package, or show one of them.
+
+    Of one set it prints accuracy and times of each participant in each condition.
+
+    Examples: bgmodel data; bgmodel data roitman_shadlen_2002;
+    bgmodel data cavanagh_2011 --out cavanagh.csv
+    """
+
+    name: Positional[str] = ""
+    """Name of a set."""
+    output: Annotated[Path | None, arg(name="out")] = None
+    """Where the set goes, one row per trial, .parquet or .csv."""
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.tables.shipped import shipped
+
+        sets = shipped()
+        if self.name and self.name not in sets:
+            raise ValueError(f"the name must be one of {', '.join(sets)}, got {self.name!r}")
+        if self.output is not None:
+            check_ending("out", self.output, ".parquet", ".csv")
+            if not self.name:
+                raise ValueError(f"out needs the name of a set: one of {', '.join(sets)}")
+        if not self.name:
+            self._list(sets)
+            return
+        self._show(sets[self.name])
+        if self.output is not None:
+            self._write(sets[self.name], self.output)
+
+    def _list(self, sets: dict[str, Shipped]) -> None:
+        """Show what there is."""
+        import pandas as pd
+
+        rows = [
+            {
+                "name": one.name,
+                "trials": one.trials,
+                "participants": one.people,
+                "strength": one.strength,
+                "conditions": ", ".join(one.conditions),
+                "citation": one.citation,
+                "source": one.source,
+                "licence": one.licence,
+                "note": one.note,
+            }
+            for one in sets.values()
+        ]
+        self.show("\n\n".join(_head(one) for one in sets.values()), pd.DataFrame(rows))
+
+    def _show(self, one: Shipped) -> None:
+        """Show accuracy and times of a set."""
+        from bgmodel.tables.choices import read_choices
+        from bgmodel.tables.statistics import statistics
+
+        choices = read_choices(one.name, strength=one.strength, conditions=one.conditions)
+        found = statistics(choices)
+        columns = "\n".join(f"{name:<16}{meaning}" for name, meaning in one.columns.items())
+        shown = found.to_string(index=False, float_format="{:.3f}".format)
+        text = f"{_head(one)}\n\n{columns}\n\n{shown}"
+        about = {"name": one.name, "citation": one.citation, "source": one.source}
+        about |= {"licence": one.licence, "note": one.note, "checksum": choices.checksum}
+        self.show(text, found, columns=one.columns, output=self.output, **about)
+
+    def _write(self, one: Shipped, output: Path) -> None:
+        """Write a set, with where it comes from."""
+        files.write_table(
+            one.table,
+            output,
+            name=one.name,
+            columns=one.columns,
+            citation=one.citation,
+            source=one.source,
+            licence=one.licence,
+            note=one.note,
+        )
+        self.note(f"{one.trials} trials -> {output}")
+
+
+def _head(one: Shipped) -> str:
+    """Return what a set is and where it comes from."""
+    signed = [] if one.strength is None else [f"{one.strength} (signed)"]
+    return (
+        f"{one.name}: {one.trials} trials of {one.people} participants, by "
+        f"{', '.join([*signed, *one.conditions])}\n"
+        f"  {one.citation}\n"
+        f"  {one.source}\n"
+        f"  {one.licence} (bgmodel/data/{one.licence_file}). {one.note}"
+    )
