@@ -207,7 +207,7 @@ def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDAr
             third = ~missing & ~np.isin(names, found[:2])
             refuse(third, column, f"one of two names, as {found[0]} and {found[1]}")
         if len(found) == 2 and upper not in found:
-            raise ValueError(f"upper must be one of {', '.join(found)}, got {upper!r}")
+            raise ValueError(f"upper must be one of {', '.join(sorted(found))}, got {upper!r}")
     coded = np.where(missing, NO_RESPONSE, names == upper)
     return coded.astype(np.int8)
 

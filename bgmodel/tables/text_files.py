@@ -41,17 +41,19 @@ def read_rows(path: Path) -> pd.DataFrame:
         reason = str(error).strip().splitlines()[0]
         raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {reason}") from None
     names = [str(name) for name in cells.iloc[0]]
-    other = [mark for mark in ";,\t|" if len(names) == 1 and mark in names[0]]
-    if other:
-        raise ValueError(
-            f"the columns of {str(path)!r} are separated by {other[0]!r}: a {path.suffix} has "
-            f"{SEPARATORS[path.suffix]!r} between columns, and a point as the decimal sign"
-        )
     return cells.iloc[1:].set_axis(names, axis=1)
 
 
 def _cells(path: Path, separator: str) -> pd.DataFrame:
     """Return all cells of a file as text; the first row holds the names of the columns."""
+    with path.open(encoding="utf-8-sig") as stream:
+        header = stream.readline()
+    other = [mark for mark in ";,\t|" if mark in header]
+    if other and separator not in header:
+        raise ValueError(
+            f"its columns are separated by {other[0]!r}: write {separator!r} between columns, and "
+            "a point as the decimal sign"
+        )
     with warnings.catch_warnings():
         # More cells in a row than in the first one would be lost.
         warnings.simplefilter("error", pd.errors.ParserWarning)

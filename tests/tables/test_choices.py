@@ -1,0 +1,320 @@
+"""Choices and times of a user: read as they are, or told what is wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bgmodel.tables.choices import Choices, read_choices
+from bgmodel.tables.exports import MISSING_RT, to_hssm
+from bgmodel.tables.statistics import statistics
+
+TRIALS = 60
+
+
+def people(seed=5, trials=TRIALS):
+    """Return a table of two participants whose ids are text that looks like numbers."""
+    rng = np.random.default_rng(seed)
+    coherence = rng.choice([-0.5, -0.1, 0.1, 0.5], trials)
+    return pd.DataFrame(
+        {
+            "participant_id": np.repeat(["007", "8"], trials // 2),
+            "trial": np.arange(trials),
+            "rt": rng.gamma(4, 0.15, trials) + 0.2,
+            "response": (rng.random(trials) < 0.5 + 0.9 * coherence).astype(int),
+            "coherence": coherence,
+            "cue": np.where(np.arange(trials) % 2, "speed", "accuracy"),
+        }
+    )
+
+
+def silent(table, rows, **more):
+    """Return the table without the responses of some rows."""
+    chosen = table.index.isin(rows)
+    response = table["response"].astype(object).where(~chosen, None)
+    return table.assign(rt=table["rt"].where(~chosen), response=response, **more)
+
+
+READ = {"strength": "coherence", "conditions": ("cue",)}
+
+
+def test_a_table_comes_back_row_by_row():
+    table = people()
+    found = read_choices(table, **READ)
+    assert found.participant.tolist() == table["participant_id"].tolist()
+    assert found.rt_s.tolist() == table["rt"].tolist()
+    assert found.response.dtype == np.int8
+    assert found.response.tolist() == table["response"].tolist()
+    assert found.strength.tolist() == table["coherence"].tolist()
+    assert found.conditions["cue"].tolist() == table["cue"].tolist()
+    assert (found.trials, found.people(), found.deadline_s) == (60, ["007", "8"], None)
+    ones = int(table["response"].sum())
+    low, high = table["rt"].min(), table["rt"].max()
+    assert found.summary() == (
+        f"a table: 60 trials of 2 participants, response 1 in {ones}, 0 in {60 - ones}, none in 0, "
+        f"times {low:.3g} to {high:.3g} s"
+    )
+    assert "array" not in repr(found)
+
+
+def test_one_participant_is_read_with_the_trials_of_no_other():
+    found = read_choices(people(), **READ, participant="8")
+    assert found.people() == ["8"]
+    assert found.rt_s.tolist() == people()["rt"][30:].tolist()
+    alone = read_choices(people().drop(columns="participant_id"))
+    assert alone.people() == ["all"]
+    assert alone.trials == 60
+    assert alone.strength is None
+    assert alone.conditions.shape == (60, 0)
+
+
+def test_some_of_the_trials_keep_what_belongs_to_them():
+    found, mask = read_choices(people(), **READ), np.arange(TRIALS) % 3 == 1
+    some = found.where(mask)
+    assert some.trials == 20
+    assert some.rt_s.tolist() == found.rt_s[mask].tolist()
+    assert some.strength.tolist() == found.strength[mask].tolist()
+    assert some.conditions["cue"].tolist() == people()["cue"][mask].tolist()
+    assert some.checksum != found.checksum
+    assert found.where(np.ones(TRIALS, bool)).checksum == found.checksum
+    assert read_choices(people()).where(mask).conditions.shape == (20, 0)
+
+
+def test_trials_without_a_response_are_values():
+    found = read_choices(silent(people(), [3, 40]), deadline_s=9.0)
+    assert np.flatnonzero(np.isnan(found.rt_s)).tolist() == [3, 40]
+    assert np.flatnonzero(found.response == -1).tolist() == [3, 40]
+    assert np.isnan(found.correct[[3, 40]]).all()
+    assert "none by 9 s in 2" in found.summary()
+
+
+def test_a_response_at_the_deadline_is_one():
+    table = people()
+    latest = float(table["rt"].max())
+    assert read_choices(table, deadline_s=latest).trials == TRIALS
+
+
+def test_what_hssm_writes_as_missing_is_missing_whatever_the_response():
+    table, known = people(), read_choices(silent(people(), [3, 40]), deadline_s=9.0)
+    table.loc[[3, 40], "rt"] = MISSING_RT
+    assert read_choices(table, deadline_s=9.0).checksum == known.checksum
+    decided = silent(people(), [3, 40], undecided=people().index.isin([3, 40]))
+    exported = to_hssm(
+        decided.assign(forced=False, correct=decided["response"]), conditions=("cue",)
+    )
+    assert (exported["rt"] == MISSING_RT).sum() == 2
+    assert read_choices(exported, upper="1", deadline_s=9.0).checksum == known.checksum
+
+
+@pytest.mark.parametrize(
+    ("names", "upper"), [(["left", "right"], "right"), ([-1, 1], "1"), ([2.0, 1.0], "1")]
+)
+def test_two_names_of_responses_are_as_good_as_0_and_1(names, upper):
+    table = people()
+    named = table.assign(response=np.array(names)[table["response"]])
+    assert read_choices(named, **READ, upper=upper).checksum == read_choices(table, **READ).checksum
+
+
+def test_right_is_the_side_of_the_strength():
+    table = people()
+    table.loc[:3, "coherence"] = [0.5, -0.5, 0.0, -0.0]
+    table.loc[:3, "response"] = [1, 1, 1, 0]
+    correct = read_choices(table, strength="coherence").correct
+    assert np.array_equal(correct[:4], [1, 0, np.nan, np.nan], equal_nan=True)
+    assert np.array_equal(read_choices(table).correct, table["response"])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"rt": lambda t: t["rt"] + 1e-9},
+        {"response": lambda t: 1 - t["response"]},
+        {"coherence": lambda t: -t["coherence"]},
+        {"cue": lambda t: t["cue"].str.upper()},
+        {"participant_id": lambda t: t["participant_id"].str.strip("0")},
+    ],
+)
+def test_the_checksum_tells_other_data_by_any_column(change):
+    assert read_choices(people(), **READ).checksum == read_choices(people(), **READ).checksum
+    assert (
+        read_choices(people().assign(**change), **READ).checksum
+        != read_choices(people(), **READ).checksum
+    )
+
+
+def test_choices_that_contradict_themselves_are_refused():
+    found = read_choices(people())
+    with pytest.raises(ValueError, match=r"one value per trial in each column, got \[60, 59"):
+        replace(found, rt_s=found.rt_s[1:])
+    with pytest.raises(ValueError, match="NaN where response is -1, and nowhere else"):
+        replace(found, rt_s=np.full(TRIALS, np.nan))
+    with pytest.raises(ValueError, match="response must hold 1, 0 or -1, got"):
+        replace(found, response=found.response * 2)
+
+
+def changed(**columns):
+    return lambda good: good.assign(**columns)
+
+
+def at(name, row, value):
+    return lambda good: good.assign(
+        **{name: good[name].astype(object).where(good.index != row, value)}
+    )
+
+
+BAD = {
+    "rt must be in seconds, got a median of [0-9.]+: divide by 1000": lambda good: good.assign(
+        rt=1000 * good["rt"]
+    ),
+    "rt must be above 0 s, got '-0.2' in row 7$": at("rt", 7, -0.2),
+    "rt must be above 0 s, got '0' in row 0$": at("rt", 0, 0),
+    "rt must be a finite number, got 'fast' in row 59$": at("rt", 59, "fast"),
+    "rt must be a finite number, got 'inf' in row 2$": at("rt", 2, np.inf),
+    "rt must be a finite number, got '1_0' in row 2$": at("rt", 2, "1_0"),
+    "rt must hold numbers, got bool": changed(rt=True),
+    "rt must be given where there is a response, got nothing in row 4$": at("rt", 4, None),
+    "response must be given where there is an rt, got nothing in row 4$": at("response", 4, None),
+    r"rt must be given unless trials have a deadline, got nothing in row 3 \(2 such rows\): say "
+    r"when such a trial ended \(deadline_s, s\)": lambda good: silent(good, [3, 40]),
+    "rt must be given unless trials have a deadline, got '-999.0' in row 3": at("rt", 3, -999.0),
+    r"response must be 1 or 0, got 'left' in row 0 \(60 such rows\): name .* \(upper\)": changed(
+        response="left"
+    ),
+    "response must be 1 or 0, got '2' in row 5: name": at("response", 5, 2),
+    "response must be 1 or 0, got '-1' in row 5: name": at("response", 5, -1),
+    "both responses must occur, got 1 only in the 30 trials of participant '007'": changed(
+        response=lambda good: good["response"].where(good.index >= 30, 1)
+    ),
+    "at least 10 trials in each condition, got 4 of participant '007', cue 'none'": changed(
+        cue=lambda good: good["cue"].where(good.index >= 4, "none")
+    ),
+    "at least 10 trials in each condition, got 9 of participant '007'": changed(
+        cue="speed", participant_id=lambda good: np.where(good.index < 9, "007", "8")
+    ),
+    "there is no column rt: there are participant_id, trial, response": lambda good: good.drop(
+        columns="rt"
+    ),
+    "there is no column coherence: there are": lambda good: good.drop(columns="coherence"),
+    "there is no column cue: there are": lambda good: good.rename(columns={"cue": "Cue"}),
+    "column 'RT' is not 'rt'": lambda good: good.rename(columns={"rt": "RT"}),
+    "column 'subj_idx' seems to hold participants: call it": lambda good: good.rename(
+        columns={"participant_id": "subj_idx"}
+    ),
+    "a table has each column once, got 'rt' twice": lambda good: good.rename(
+        columns={"trial": "rt"}
+    ),
+    "needs at least one trial, got 0 rows": lambda good: good.head(0),
+    "coherence must be a finite number, got 'strong' in row 1$": at("coherence", 1, "strong"),
+    "coherence must be given for every trial, got nothing in row 1$": at("coherence", 1, np.nan),
+    "coherence must differ between trials, got 0 in all 60: leave": changed(coherence=0),
+    "coherence must differ between trials, got 0.1 in all 60: leave": changed(coherence=0.1),
+    "cue must be given for every trial, got nothing in row 9": at("cue", 9, None),
+    "participant_id must be given for every trial, got nothing in row 9": at(
+        "participant_id", 9, ""
+    ),
+}
+
+
+@pytest.mark.parametrize("says", BAD)
+def test_bad_tables_get_one_sentence(says):
+    read_choices(people(), **READ)
+    with pytest.raises(ValueError, match=says) as raised:
+        read_choices(BAD[says](people()), **READ)
+    assert str(raised.value).startswith("a table: ")
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"participant": "9"}, "participant must be one of 007, 8, got '9'"),
+        ({"participant": 8}, "participant must be one of 007, 8, got 8"),
+        ({"deadline_s": 0.5}, "rt must be no later than deadline_s, 0.5 s, got '"),
+        ({"deadline_s": 0.0}, "deadline_s must be finite and above 0, got 0.0"),
+        ({"deadline_s": np.nan}, "deadline_s must be finite and above 0, got nan"),
+        ({"upper": "right"}, "upper must be one of 0, 1, got 'right'"),
+        ({"conditions": ("rt",)}, "columns of their own, each named once, got rt"),
+        ({"conditions": ("cue", "cue")}, "columns of their own, each named once, got cue"),
+        ({"conditions": ("coherence",), "strength": "coherence"}, "once, got coherence"),
+        ({"conditions": "block"}, "there is no column block"),
+    ],
+)
+def test_options_that_do_not_fit_the_table_get_one_sentence(options, says):
+    with pytest.raises(ValueError, match=says):
+        read_choices(people(), **options)
+
+
+def test_a_third_name_of_a_response_is_found():
+    table = people()
+    names = np.array(["left", "right"], dtype=object)[table["response"]]
+    names[50] = "Left"
+    with pytest.raises(ValueError, match=r"must be one of two names, as .* got 'Left' in row 50$"):
+        read_choices(table.assign(response=names), upper="left")
+    with pytest.raises(ValueError, match="upper must be one of left, right, got 'L'"):
+        read_choices(table.assign(response=np.where(table["response"], "left", "right")), upper="L")
+
+
+def test_the_row_of_an_error_is_that_of_the_users_table():
+    table = at("rt", 40, -1.0)(people())
+    with pytest.raises(ValueError, match=r"got '-1.0' in row 40$"):
+        read_choices(table.set_index(np.arange(TRIALS) + 1000), participant="8")
+    assert read_choices(table, participant="007").trials == 30
+
+
+seconds = st.floats(0.05, 40.0, allow_nan=False)
+names = st.text("aäb 0.,;\"'", min_size=1, max_size=4).filter(lambda text: text.strip())
+
+
+@st.composite
+def tables(draw):
+    """Return a valid table: two participants, two cells each, some trials without a response."""
+    who, cues = (draw(st.lists(names, min_size=2, max_size=2, unique=True)) for _ in range(2))
+    trials = 48
+    rt = np.array(draw(st.lists(seconds, min_size=trials, max_size=trials)))
+    missing = np.array(draw(st.lists(st.booleans(), min_size=trials, max_size=trials)))
+    missing &= np.arange(trials) % 24 >= 6
+    strength = st.floats(-1e6, 1e6).map(lambda x: x + 0.0)
+    return pd.DataFrame(
+        {
+            "participant_id": np.repeat(who, 24),
+            "rt": np.where(missing, np.nan, rt),
+            "response": pd.array(np.arange(trials) // 2 % 2, dtype="Int8"),
+            "coherence": [1.0, *draw(st.lists(strength, min_size=trials - 1, max_size=trials - 1))],
+            "cue": np.array(cues)[np.arange(trials) % 2],
+        }
+    ).assign(response=lambda table: table["response"].where(~missing))
+
+
+ALL = {**READ, "deadline_s": 50.0}
+
+
+@settings(max_examples=30, deadline=None)
+@given(table=tables(), ending=st.sampled_from([".csv", ".tsv", ".parquet"]))
+def test_a_file_gives_the_same_choices_as_the_table_that_it_was_made_of(
+    tmp_path_factory, table, ending
+):
+    path = tmp_path_factory.mktemp("choices") / f"mine{ending}"
+    if ending == ".parquet":
+        table.to_parquet(path)
+    else:
+        table.to_csv(path, index=False, sep="\t" if ending == ".tsv" else ",")
+    found, known = read_choices(path, **ALL), read_choices(table, **ALL)
+    assert found.source == f"mine{ending}"
+    assert found.checksum == known.checksum
+    assert np.array_equal(found.rt_s, known.rt_s, equal_nan=True)
+    assert found.strength.tolist() == table["coherence"].tolist()
+    assert found.participant.tolist() == table["participant_id"].tolist()
+
+
+@settings(max_examples=30, deadline=None)
+@given(table=tables(), seed=st.integers(0, 2**31))
+def test_the_order_of_rows_changes_no_statistic(table, seed):
+    shuffled = table.sample(frac=1, random_state=seed)
+    found, known = (statistics(read_choices(t, **ALL)) for t in (shuffled, table))
+    pd.testing.assert_frame_equal(found, known, rtol=1e-12)
+    one, other = read_choices(shuffled, **ALL), read_choices(table, **ALL)
+    assert one.summary() == other.summary()
+    assert isinstance(one, Choices)

@@ -1,0 +1,39 @@
+"""Accuracy and times in each condition."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.tables.choices import Choices
+from bgmodel.tables.statistics import statistics
+
+
+def test_each_cell_has_its_own_accuracy_and_times():
+    choices = Choices(
+        participant=np.array(["b", "a", "b", "b", "b"]),
+        rt_s=np.array([0.4, 0.9, 0.6, np.nan, 0.8]),
+        response=np.array([1, 0, 1, -1, 0], dtype=np.int8),
+        strength=np.array([0.5, 0.0, -0.5, 0.5, -0.5]),
+        conditions=pd.DataFrame({"cue": ["x"] * 5}),
+        deadline_s=1.0,
+    )
+    found = statistics(choices)
+    assert found["participant_id"].tolist() == ["a", "b"]
+    assert found["strength"].tolist() == [0, 0.5]
+    assert found["trials"].tolist() == [1, 4]
+    assert found["missing"].tolist() == [0, 1]
+    assert np.isnan(found["accuracy"][0])
+    assert found["accuracy"][1] == pytest.approx(2 / 3)
+    assert found["mean_s"].tolist() == pytest.approx([0.9, 0.6])
+    assert found["sd_s"][1] == pytest.approx(0.2)
+    assert found["q10_s"][1] == pytest.approx(0.44)
+    assert found["q90_s"][1] == pytest.approx(0.76)
+
+
+def test_a_cell_without_a_response_has_no_times():
+    silent = Choices(
+        np.array(["a"]), np.array([np.nan]), np.array([-1], np.int8), None, pd.DataFrame(index=[0])
+    )
+    (row,) = statistics(silent).to_dict("records")
+    assert (row["trials"], row["missing"]) == (1, 1)
+    assert np.isnan([row[name] for name in ("accuracy", "mean_s", "sd_s", "q50_s")]).all()
