@@ -1,0 +1,69 @@
+"""What makes the shipped sets: signs and codes are held to the choices themselves."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks.behaviour_data import LICENCES, SETS, learned_pairs, motion, write_sets
+from bgmodel.files import read_provenance
+
+
+def motion_file(trials=200):
+    rng = np.random.default_rng(2)
+    signed = rng.choice([-0.512, -0.0, 0.512], trials)
+    choice = (rng.random(trials) < 0.5 + 0.9 * signed).astype(int)
+    correct = np.where(signed == 0, np.nan, (choice == (signed > 0)).astype(float))
+    rows = {"participant_id": "01", "trial": np.arange(trials), "rt": rng.uniform(0.3, 1, trials)}
+    return pd.DataFrame({**rows, "choice": choice, "signed_coherence": signed, "correct": correct})
+
+
+def pairs_file():
+    stim = np.tile(["LL", "WW", "WL", "WL"], 50)
+    high = stim != "WL"
+    better = np.where(np.arange(200) % 10 < np.where(high, 6, 8), 1.0, 0.0)
+    rows = {"subj_idx": np.repeat([0, 1], 100), "stim": stim, "rt": 1.25, "response": better}
+    more = {"theta": 0.5, "dbs": np.arange(200) // 4 % 2, "conf": np.where(high, "HC", "LC")}
+    return pd.DataFrame({**rows, **more})
+
+
+def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
+    for file, table_of, _ in SETS.values():
+        (motion_file() if table_of is motion else pairs_file()).to_csv(tmp_path / file, index=False)
+    for licence in LICENCES:
+        (tmp_path / licence).write_text("as it is")
+    write_sets(tmp_path, tmp_path / "made")
+    for name in SETS:
+        table = pd.read_parquet(tmp_path / "made" / f"{name}.parquet")
+        assert table.shape[0] == 200
+        assert table["participant_id"][0] in ("01", "0")
+        about = read_provenance(tmp_path / "made" / f"{name}.parquet")["parameters"]
+        assert list(about["columns"]) == sorted(table.columns)
+        assert str(tmp_path) not in str(about)
+    assert (tmp_path / "made" / LICENCES[0]).read_text() == "as it is"
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"signed_coherence": lambda t: -t["signed_coherence"]}, "a correct choice must be 1 wh"),
+        ({"correct": lambda t: t["correct"].fillna(1)}, "correct must be empty at a coherence"),
+        (
+            {"choice": lambda t: 1 - t["choice"], "correct": lambda t: 1 - t["correct"]},
+            "must become more frequent",
+        ),
+    ],
+)
+def test_motion_whose_sign_is_another_is_refused(change, says):
+    assert motion(motion_file())["response"].sum() == motion_file()["choice"].sum()
+    with pytest.raises(ValueError, match=says):
+        motion(motion_file().assign(**change))
+
+
+def test_pairs_whose_codes_disagree_are_refused():
+    made = learned_pairs(pairs_file())
+    assert made["trial"].tolist() == [*range(100), *range(100)]
+    assert (made["conflict"] == np.where(pairs_file()["conf"] == "HC", "high", "low")).all()
+    with pytest.raises(ValueError, match="conf must be HC where stim is WW or LL"):
+        learned_pairs(pairs_file().assign(conf="LC"))
+    with pytest.raises(ValueError, match="response must be 1 for the better item"):
+        learned_pairs(pairs_file().assign(response=lambda t: 1 - t["response"]))
