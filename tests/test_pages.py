@@ -31,7 +31,7 @@ PARSED = {
     "bgmodel experiment stn_conflict outcome": "2 000 trials; mine.toml runs 200",
     "bgmodel experiment lesion.toml outcome": "the same; the next line runs it by populations",
 }
-TABLES = {"evidence.md": "mine.csv"}
+TABLES = {"evidence.md": "mine.csv", "your_trials.md": "trials.csv"}
 """The name of the table in CSV on a page. A block of TOML has its own name in its first line."""
 
 
