@@ -1,0 +1,308 @@
+"""A circuit as a model of choices and times: simulated once, read at any drift and threshold."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import files
+from bgmodel.arrays import Array
+from bgmodel.decision import Trace
+from bgmodel.edits import written
+from bgmodel.fitting.algorithms import SENSITIVITY
+from bgmodel.fitting.crossings import DRIFTS, Crossings, decided, simulated
+from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.responses import BIN_S, Grid
+from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, identity
+from bgmodel.version import __version__
+
+if TYPE_CHECKING:
+    from circuits.spec import Circuit
+
+NOISE_NATS = 2.0
+"""Noise of the evidence that reaches the circuit: its nats, after one second."""
+LEVELS = 40
+"""Thresholds at which crossings are stored."""
+LOWEST_LOG_ODDS, HIGHEST_LOG_ODDS = 0.15, 2.8
+"""Range of those thresholds, where the circuit reads and does not decide at rest."""
+TRIALS = 1500
+"""Trials at each drift."""
+SIMULATION_SEED = 24_001
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A number of the circuit that a fit may move: the circuit is simulated at several of it.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        Its name and bounds; at ``start`` it is what it is unless a fit moves it.
+    points : int
+        At how many values, evenly from bound to bound.
+    """
+
+    parameter: Parameter
+    points: int = 9
+
+    @cached_property
+    def values(self) -> Array:
+        """Where it is simulated, (points,)."""
+        return np.linspace(self.parameter.low, self.parameter.high, self.points)
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """Edits of a circuit with numbers left open, and the numbers.
+
+    Parameters
+    ----------
+    edits : tuple of str
+        As a person writes them, with names in braces: ``("dopamine={dopamine}",)``.
+    axes : tuple of Axis
+        One for each name.
+    about : str
+        What it is.
+    """
+
+    edits: tuple[str, ...]
+    axes: tuple[Axis, ...]
+    about: str = ""
+
+    def apply(self, circuit: Circuit, point: Sequence[float]) -> Circuit:
+        """Return the circuit at values of the axes."""
+        names = (axis.parameter.name for axis in self.axes)
+        values = {name: f"{value:.6g}" for name, value in zip(names, point, strict=True)}
+        for edit in self.edits:
+            circuit = written(edit.format(**values)).apply(circuit)
+        return circuit
+
+
+NONE = Criterion((), (), "the threshold alone")
+ONSET_ROWS = (
+    "STN_onset like=STN transfer=linear bias_nats=0 baseline_hz=15",
+    "STN_onset->SNr like=STN->SNr weight=1",
+)
+CRITERIA = {
+    "threshold": NONE,
+    "dopamine": Criterion(
+        ("dopamine={dopamine}",),
+        (Axis(Parameter("dopamine", 0.6, 1.4, 1.0, "level of dopamine; 1 is the table's")),),
+        "the level of dopamine",
+    ),
+    "stn_loss": Criterion(
+        ("STN={stn_loss}",),
+        (Axis(Parameter("stn_loss", 0.0, 0.4, 0.0, "share of STN that is lost")),),
+        "a share of STN that is lost",
+    ),
+    "gpe_loss": Criterion(
+        ("GPe={gpe_loss}",),
+        (Axis(Parameter("gpe_loss", 0.0, 0.4, 0.0, "share of GPe that is lost")),),
+        "a share of GPe that is lost",
+    ),
+    "rising_dopamine": Criterion(
+        ("dopamine amount={dopamine_rise} rise_ms={rise_ms}",),
+        (
+            Axis(Parameter("dopamine_rise", 0.0, 1.0, 0.0, "what dopamine rises by in a trial"), 7),
+            Axis(Parameter("rise_ms", 100.0, 2100.0, 900.0, "its time constant, ms"), 6),
+        ),
+        "dopamine that rises within a trial",
+    ),
+    "onset_stn": Criterion(
+        (*ONSET_ROWS, "STN_onset amount={onset_nats} to_ms=1 decay_ms={decay_ms}"),
+        (
+            Axis(Parameter("onset_nats", 0.0, 2.0, 0.0, "drive of STN_onset at onset, nats"), 9),
+            Axis(Parameter("decay_ms", 100.0, 1100.0, 500.0, "time constant of its decay, ms"), 6),
+        ),
+        "cells of STN that are driven at onset, decay, and excite SNr of all channels",
+    ),
+}
+"""What sets the criterion beside the threshold, by name."""
+THRESHOLD = "threshold_nats"
+
+
+@dataclass(frozen=True)
+class CircuitModel:
+    """A circuit of two channels as a model of choices and times.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    engine : str
+        A name in ``circuits.engines.ENGINES``.
+    criterion : Criterion
+        What else than sensitivity and threshold a fit may move.
+    noise_nats : float, nats
+        Noise of the accumulated evidence after one second, as the difference of the two channels
+        in the circuit's own nats. Only its ratio to the threshold can be told from choices and
+        times; it says which part of the circuit's range is used.
+    seconds : float, s
+        Length of the stored trials.
+    trials, seed : int
+        How many at each drift, and the key of their evidence and noise.
+    folder : path, optional
+        Where stored crossings are kept, so that none is computed twice.
+    """
+
+    circuit: Circuit
+    engine: str = "population"
+    criterion: Criterion = NONE
+    noise_nats: float = NOISE_NATS
+    seconds: float = 3.0
+    trials: int = TRIALS
+    seed: int = SIMULATION_SEED
+    folder: Path | None = None
+    _kept: dict[tuple[float, ...], Crossings] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.circuit.channels != 2:
+            raise ValueError(
+                f"choices and times are fitted with two channels, got {self.circuit.channels}"
+            )
+
+    @property
+    def name(self) -> str:
+        """The circuit's name."""
+        return self.circuit.name
+
+    @property
+    def criterion_name(self) -> str:
+        """``threshold_nats``."""
+        return THRESHOLD
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Those of the criterion."""
+        return self.criterion.axes
+
+    @cached_property
+    def thresholds_nats(self) -> Array:
+        """Thresholds at which crossings are stored, rising."""
+        odds = np.linspace(HIGHEST_LOG_ODDS, LOWEST_LOG_ODDS, LEVELS)
+        return np.asarray(np.log1p(np.exp(-odds)))
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Sensitivity, threshold, the axes', and those of responses."""
+        low, high = float(self.thresholds_nats[0]), float(self.thresholds_nats[-1])
+        about = "OUT at which it decides, in the circuit's nats"
+        threshold = Parameter(THRESHOLD, low, high, min(0.25, high), about)
+        return (SENSITIVITY, threshold, *(axis.parameter for axis in self.axes), *RESPONSE)
+
+    def identity(self) -> dict[str, object]:
+        """Return all that its numbers depend on."""
+        return {
+            "model": "circuit",
+            "circuit": identity(self.circuit),
+            "engine": self.engine,
+            "edits": list(self.criterion.edits),
+            "axes": {axis.parameter.name: axis.values.tolist() for axis in self.axes},
+            "noise_nats": self.noise_nats,
+            "seconds": self.seconds,
+            "trials": self.trials,
+            "seed": self.seed,
+            "drifts": list(DRIFTS),
+        }
+
+    def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
+        """Return the probability of a decision in each bin; see ``algorithms.Model``.
+
+        Between simulated values of an axis every trial decides between its times at these.
+        """
+        names = (THRESHOLD, *(axis.parameter.name for axis in self.axes))
+        settings = np.stack([values[name] for name in names], axis=1)
+        drift = values[SENSITIVITY.name] * strength
+        found = np.zeros((len(strength), 2, grid.bins))
+        for setting in np.unique(settings, axis=0):
+            cells = (settings == setting).all(axis=1)
+            near = [(self.stored(point), share) for point, share in self._corners(setting[1:])]
+            found[cells] = decided(near, float(setting[0]), drift[cells], grid)
+        return found
+
+    def points(self) -> list[tuple[float, ...]]:
+        """Return all values of the axes at which crossings are stored."""
+        return list(itertools.product(*(map(float, axis.values) for axis in self.axes)))
+
+    def _corners(self, values: Array) -> Iterator[tuple[tuple[float, ...], float]]:
+        """Go through the points that values of the axes lie between, with the share of each."""
+        sides = []
+        for axis, value in zip(self.axes, values, strict=True):
+            place = float(np.interp(value, axis.values, np.arange(axis.points)))
+            low = min(int(place), axis.points - 1)
+            both = ((low, low + 1 - place), (low + 1, place - low))
+            sides.append([(float(axis.values[k]), share) for k, share in both if share > 0])
+        for corner in itertools.product(*sides):
+            yield tuple(value for value, _ in corner), math.prod(share for _, share in corner)
+
+    def stored(self, point: tuple[float, ...]) -> Crossings:
+        """Return the crossings at values of the axes: from the folder, or simulated."""
+        if point not in self._kept:
+            self._kept[point] = self._read(point) or self._simulate(point)
+        return self._kept[point]
+
+    def at(self, point: tuple[float, ...]) -> Circuit:
+        """Return the circuit at values of its axes."""
+        return self.criterion.apply(self.circuit, point)
+
+    def _key(self, point: tuple[float, ...]) -> dict[str, Any]:
+        own = {
+            name: value for name, value in self.identity().items() if name not in ("axes", "edits")
+        }
+        return {**own, "circuit": identity(self.at(point)), "bgmodel": __version__}
+
+    def path(self, point: tuple[float, ...]) -> Path | None:
+        """Return the file of the crossings at values of the axes."""
+        if self.folder is None:
+            return None
+        text = json.dumps(self._key(point), sort_keys=True)
+        return Path(self.folder) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.parquet"
+
+    def _read(self, point: tuple[float, ...]) -> Crossings | None:
+        path = self.path(point)
+        if path is None or not path.exists():
+            return None
+        table = files.read_table(path)
+        kinds = ("bin", "choice", "evidence")
+        arrays = [table[[f"{kind}_{k}" for k in range(LEVELS)]].to_numpy().T for kind in kinds]
+        bins, choice, evidence = (np.ascontiguousarray(each) for each in arrays)
+        return Crossings(self.thresholds_nats, np.array(DRIFTS), bins, choice, evidence)
+
+    def _simulate(self, point: tuple[float, ...]) -> Crossings:
+        circuit = self.at(point)
+        model = BasalGanglia(circuit, self.engine, seed=self.seed)
+        if self.engine != "algebra":
+            model = model.until(float(self.thresholds_nats[0]) - ROUNDING_NATS)
+            model = replace(model, options={**model.options, "rates": False, "workers": 2})
+
+        def run(read: Array, first: int) -> Trace:
+            with warnings.catch_warnings():
+                # A random walk leaves any range: what that costs is in the crossings.
+                warnings.filterwarnings("ignore", message="(S|the input) runs from")
+                done = model.run_drive(self.noise_nats * read, 1000 * BIN_S, first)
+            time_ms = done.time_ms + (1000 * BIN_S if self.engine == "algebra" else 0.0)
+            return Trace(done.output_nats, time_ms, step_ms=1000 * BIN_S)
+
+        found = simulated(
+            run, self.thresholds_nats, seconds=self.seconds, trials=self.trials, seed=self.seed
+        )
+        path = self.path(point)
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            kinds = {"bin": found.bins, "choice": found.choice, "evidence": found.evidence}
+            columns = {
+                f"{kind}_{k}": rows[k] for kind, rows in kinds.items() for k in range(LEVELS)
+            }
+            files.write_table(pd.DataFrame(columns), path, seed=self.seed, stored=self._key(point))
+        return found

@@ -1,0 +1,81 @@
+"""Palmer's fit: accuracy and mean times by the closed form of a test with a constant gap."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bgmodel.arrays import Array
+from bgmodel.fitting import passage
+from bgmodel.fitting.design import Design
+
+
+class MeansFit(NamedTuple):
+    """The closed form that accuracy and mean times are nearest to.
+
+    ``bound``, sqrt(s); ``sensitivity``, 1/sqrt(s) per unit of strength; ``t0_s``, s; ``mean_s``,
+    ``sd_s`` and ``accuracy`` (cells,) are what it says, the spread that of its decisions alone.
+    """
+
+    bound: float
+    sensitivity: float
+    t0_s: float
+    mean_s: Array
+    sd_s: Array
+    accuracy: Array
+
+
+def fit_means(design: Design) -> MeansFit:
+    """Return the closed form under which choices and mean times are most likely.
+
+    Choices are binomial, and the mean time of each strength is Gaussian with the standard error
+    that the times there have (Palmer, Huk & Shadlen 2005). Times of both responses are taken
+    together: the closed form says that they are alike.
+
+    Parameters
+    ----------
+    design : Design
+        By strength alone: conditions would need criteria of their own.
+
+    Raises
+    ------
+    ValueError
+        If there are conditions, or trials without a response, which have no place in a mean.
+    """
+    from scipy.optimize import minimize
+
+    if design.conditions:
+        raise ValueError("the closed form of means knows strengths alone: leave conditions out")
+    seen = design.observed
+    if (seen.response < 0).any():
+        raise ValueError("the closed form of means has no place for trials without a response")
+    cells = [seen.cell == cell for cell in range(design.cells)]
+    mean = np.array([seen.rt_s[some].mean() for some in cells])
+    error = np.array([seen.rt_s[some].std() / np.sqrt(some.sum()) for some in cells])
+    right = np.array([seen.response[some].sum() for some in cells])
+    trials = design.trials
+
+    def cost(logs: Array) -> float:
+        sensitivity, bound, t0 = np.exp(logs)
+        drift = sensitivity * design.strength
+        said = np.clip(passage.accuracy(drift, bound), 1e-12, 1 - 1e-12)
+        off = (passage.mean_time_s(drift, bound) + t0 - mean) / error
+        speaks = design.strength > 0  # nothing is right without evidence
+        choices = right * np.log(said) + (trials - right) * np.log1p(-said)
+        return float((off**2).sum() / 2 - choices[speaks].sum())
+
+    found = minimize(
+        cost, np.log([10.0, 0.7, 0.3]), method="Nelder-Mead",
+        options={"xatol": 1e-7, "fatol": 1e-7, "maxiter": 5000},
+    )  # fmt: skip
+    sensitivity, bound, t0 = (float(value) for value in np.exp(found.x))
+    drift = sensitivity * design.strength
+    return MeansFit(
+        bound,
+        sensitivity,
+        t0,
+        passage.mean_time_s(drift, bound) + t0,
+        passage.sd_time_s(drift, bound),
+        passage.accuracy(drift, bound),
+    )

@@ -1,0 +1,164 @@
+"""The parameters under which the data are most likely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from bgmodel.arrays import Array, Truths
+from bgmodel.fitting.algorithms import Model
+from bgmodel.fitting.design import Design
+from bgmodel.fitting.parameters import Freedom, freedom
+from bgmodel.fitting.responses import moments, responded
+
+OPTIMUM_SEED = 24_101
+"""Of the search, which draws."""
+TOLERANCE_NATS = 0.01
+"""Change of the log likelihood below which the search ends."""
+AT_BOUND = 1e-3
+"""Share of the range within which a parameter counts as at its bound."""
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """How likely a model makes the data of a design.
+
+    Parameters
+    ----------
+    model : Model
+        What decides.
+    design : Design
+        Cells and trials.
+    freedom : Freedom
+        What a fit moves.
+    """
+
+    model: Model
+    design: Design
+    freedom: Freedom
+
+    def density(self, vector: Array) -> Array:
+        """Return the density of responses (cells, 2, bins), 1/s, at the numbers of a fit."""
+        values = self.freedom.values(vector)
+        grid = self.design.grid
+        decided = self.model.decided(values, self.design.strength, grid)
+        response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
+        return responded(decided, grid, **response)
+
+    def each(self, vector: Array) -> Array:
+        """Return the log likelihood of each trial, nats."""
+        return self.design.observed.each(self.density(vector))
+
+    def __call__(self, vector: Array) -> float:
+        """Return the log likelihood of the data, nats; -inf beyond the bounds."""
+        inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
+        return float(self.each(vector).sum()) if inside.all() else -np.inf
+
+
+def likelihood_of(
+    model: Model,
+    design: Design,
+    *,
+    free: list[str] | None = None,
+    fixed: dict[str, float] | None = None,
+    vary: dict[str, str] | None = None,
+) -> Likelihood:
+    """Return the likelihood of a design's data; arguments as of ``parameters.freedom``."""
+    given = {"free": free, "fixed": fixed, "vary": vary}
+    freed = freedom(model.parameters, design.conditions, design.cells, **given)  # type: ignore[arg-type]
+    return Likelihood(model, design, freed)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where the likelihood is largest.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        What was searched.
+    vector : array
+        The numbers of the fit.
+    log_likelihood : float
+        There, nats.
+    evaluations : int
+        What the search took.
+    """
+
+    likelihood: Likelihood
+    vector: Array
+    log_likelihood: float
+    evaluations: int
+
+    @cached_property
+    def density(self) -> Array:
+        """Density of responses there, (cells, 2, bins), 1/s."""
+        return self.likelihood.density(self.vector)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The numbers of the fit by name."""
+        return dict(zip(self.likelihood.freedom.names, self.vector.tolist(), strict=True))
+
+    @property
+    def moments(self) -> dict[str, Array]:
+        """Accuracy, mean and sd of each cell; see ``responses.moments``."""
+        return moments(self.density, self.likelihood.design.grid)
+
+    @property
+    def at_bound(self) -> Truths:
+        """Which numbers lie at a bound of theirs."""
+        low, high = self.likelihood.freedom.low, self.likelihood.freedom.high
+        near = AT_BOUND * (high - low)
+        return np.asarray((self.vector - low < near) | (high - self.vector < near))
+
+
+def optimum(
+    likelihood: Likelihood,
+    *,
+    start: Array | None = None,
+    seed: int = OPTIMUM_SEED,
+    tell: Callable[[int, float], None] | None = None,
+) -> Optimum:
+    """Return the optimum, by CMA-ES (Hansen 2016) from a start.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        What to search.
+    start : array, optional
+        Where to begin; the parameters' own starts if left out.
+    seed : int
+        Of the search.
+    tell : function, optional
+        Called with the number of evaluations and the best log likelihood so far.
+    """
+    import cma
+
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    first = np.clip(likelihood.freedom.start if start is None else start, low, high)
+    scale = _scales(likelihood, first)
+    options = {
+        "bounds": [(low / scale).tolist(), (high / scale).tolist()],
+        "seed": seed,
+        "tolfun": TOLERANCE_NATS,
+        "tolfunhist": TOLERANCE_NATS,
+        "verbose": -9,
+    }
+    search = cma.CMAEvolutionStrategy((first / scale).tolist(), 1.0, options)
+    while not search.stop():
+        asked = search.ask()
+        search.tell(asked, [-likelihood(np.clip(x * scale, low, high)) for x in asked])
+        if tell is not None:
+            tell(int(search.result.evaluations), -float(search.result.fbest))
+    best = np.clip(np.asarray(search.result.xbest) * scale, low, high)
+    return Optimum(likelihood, best, likelihood(best), int(search.result.evaluations))
+
+
+def _scales(likelihood: Likelihood, first: Array) -> Array:
+    """Return how far the search looks at first in each direction: a tenth of what it begins at."""
+    width = likelihood.freedom.high - likelihood.freedom.low
+    return np.asarray(np.minimum(np.maximum(0.15 * np.abs(first), 0.02 * width), 0.2 * width))

@@ -1,0 +1,194 @@
+"""Parameters of a model, and which of them a fit may move, over which conditions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bgmodel.arrays import Array, Integers
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that a fit may move.
+
+    Parameters
+    ----------
+    name : str
+        With its unit.
+    low, high : float
+        Its bounds.
+    start : float
+        What it is unless a fit moves it, and where a fit begins.
+    about : str
+        What it is.
+    free : bool
+        Whether a fit moves it unless it is told otherwise.
+    """
+
+    name: str
+    low: float
+    high: float
+    start: float
+    about: str = ""
+    free: bool = True
+
+    def __post_init__(self) -> None:
+        given = (self.low, self.start, self.high)
+        if not (all(map(math.isfinite, given)) and self.low <= self.start <= self.high):
+            raise ValueError(f"{self.name}: low <= start <= high must hold and be finite: {given}")
+
+
+RESPONSE = (
+    Parameter("t0_s", 0.05, 1.5, 0.3, "mean time that is not decision"),
+    Parameter("t0_sd_s", 0.01, 0.3, 0.05, "its standard deviation from trial to trial"),
+    Parameter("lapse", 0.001, 0.2, 0.01, "share of trials that are lapses"),
+)
+"""Parameters of responses, the same for every model."""
+
+
+@dataclass(frozen=True)
+class Moved:
+    """One number of a fit: a parameter, in all cells of a design or in some.
+
+    Parameters
+    ----------
+    name : str
+        ``t0_s``, or ``t0_s[stimulation=on]``.
+    parameter : Parameter
+        What it is.
+    cells : int array
+        Where it holds.
+    """
+
+    name: str
+    parameter: Parameter
+    cells: Integers
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What a fit moves: from a vector of numbers to the parameters of every cell, and back.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+        All of the model.
+    moved : tuple of Moved
+        Those that the fit moves, in order.
+    cells : int
+        Number of cells of the design.
+    """
+
+    parameters: tuple[Parameter, ...]
+    moved: tuple[Moved, ...]
+    cells: int
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the numbers of a fit."""
+        return [each.name for each in self.moved]
+
+    @property
+    def low(self) -> Array:
+        """Lower bounds."""
+        return np.array([each.parameter.low for each in self.moved])
+
+    @property
+    def high(self) -> Array:
+        """Upper bounds."""
+        return np.array([each.parameter.high for each in self.moved])
+
+    @property
+    def start(self) -> Array:
+        """Where a fit begins."""
+        return np.array([each.parameter.start for each in self.moved])
+
+    def values(self, vector: Array) -> dict[str, Array]:
+        """Return each parameter in every cell, (cells,), from the numbers of a fit."""
+        found = {each.name: np.full(self.cells, each.start) for each in self.parameters}
+        for each, value in zip(self.moved, vector, strict=True):
+            found[each.parameter.name][each.cells] = value
+        return found
+
+
+def freedom(
+    parameters: Sequence[Parameter],
+    conditions: Mapping[str, Sequence[str]],
+    cells: int,
+    *,
+    free: Sequence[str] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    vary: Mapping[str, str] | None = None,
+) -> Freedom:
+    """Return what a fit moves.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+        Of the model.
+    conditions : dict of str to sequence of str (cells,)
+        What each cell is called in each column of conditions.
+    cells : int
+        Number of cells.
+    free : sequence of str, optional
+        Parameters that the fit moves; those that say so themselves if left out.
+    fixed : dict of str to float, optional
+        Parameters that are held, and where.
+    vary : dict of str to str, optional
+        Parameters with a value of their own in each level of a column; ``column/level`` holds one
+        level where the parameter stands.
+
+    Raises
+    ------
+    ValueError
+        For a name that is none, a value beyond its bounds, or nothing to move.
+    """
+    fixed, vary = dict(fixed or {}), dict(vary or {})
+    known = {each.name: each for each in parameters}
+    for name in (*(free or ()), *fixed, *vary):
+        if name not in known:
+            raise ValueError(f"no parameter is called {name!r}; there are {', '.join(known)}")
+    for name, value in fixed.items():
+        if not known[name].low <= value <= known[name].high:
+            low, high = known[name].low, known[name].high
+            raise ValueError(f"{name} must lie between {low:g} and {high:g}, got {value:g}")
+        known[name] = Parameter(
+            name, known[name].low, known[name].high, value, known[name].about, free=False
+        )
+    chosen = {each.name for each in known.values() if each.free} if free is None else set(free)
+    held = (
+        sorted((chosen | set(vary)) & set(fixed))
+        if free is not None
+        else sorted(set(vary) & set(fixed))
+    )
+    if held:
+        raise ValueError(f"{', '.join(held)} can't be moved and held at once")
+    moved: list[Moved] = []
+    for each in known.values():
+        if each.name in vary:
+            moved += _levels(each, vary[each.name], conditions)
+        elif each.name in chosen:
+            moved.append(Moved(each.name, each, np.arange(cells)))
+    if not moved:
+        raise ValueError(f"nothing is free: name some of {', '.join(known)}")
+    return Freedom(tuple(known.values()), tuple(moved), cells)
+
+
+def _levels(each: Parameter, column: str, conditions: Mapping[str, Sequence[str]]) -> list[Moved]:
+    column, _, reference = column.partition("/")
+    if column not in conditions:
+        there = ", ".join(conditions) or "none"
+        raise ValueError(f"{each.name} can't vary with {column!r}: conditions are {there}")
+    names = np.asarray(conditions[column])
+    levels = sorted(set(names.tolist()))
+    if reference and reference not in levels:
+        raise ValueError(f"{column} has no level {reference!r}: {', '.join(levels)}")
+    return [
+        Moved(f"{each.name}[{column}={level}]", each, np.flatnonzero(names == level))
+        for level in levels
+        if level != reference
+    ]

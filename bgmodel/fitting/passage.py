@@ -1,0 +1,157 @@
+"""When a diffusion between two bounds decides: in closed form, and for bounds that fall with time.
+
+The difference of the evidence is X(t) = v t + W(t), W a Brownian motion of unit variance per
+second, decided at X = a(t) (response 1) or X = -a(t) (response 0). Drift enters by Girsanov's
+theorem alone: at the bound X is known, so the density at drift v is that at drift 0 times
+``exp(+-v a(t) - v^2 t / 2)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.arrays import Array
+
+TERMS = 12
+"""Terms of the series of a constant bound: modes for late times, images for early ones."""
+
+
+def accuracy(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
+    """Return the probability of the response that the drift speaks for.
+
+    Parameters
+    ----------
+    drift : array, 1/sqrt(s)
+        v.
+    bound : array, sqrt(s)
+        A, constant.
+
+    Notes
+    -----
+    ``1 / (1 + exp(-2 A |v|))`` (Palmer, Huk & Shadlen 2005).
+    """
+    odds = 2 * np.asarray(bound) * np.abs(drift)
+    return np.asarray(1 / (1 + np.exp(-odds)))
+
+
+def mean_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
+    """Return the mean time of a decision, s.
+
+    Arguments as of ``accuracy``. ``(A / v) tanh(A v)``, ``A^2`` without drift (Palmer, Huk &
+    Shadlen 2005).
+    """
+    v, a = np.broadcast_arrays(np.abs(np.asarray(drift, float)), np.asarray(bound, float))
+    still = v * a < 1e-6
+    safe = np.where(still, 1.0, v)
+    return np.asarray(np.where(still, a**2, a / safe * np.tanh(a * safe)))
+
+
+def sd_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
+    """Return the standard deviation of the times of decisions, s, the same for both responses.
+
+    Arguments as of ``accuracy``. From the cumulant ``ln(cosh(A v) / cosh(A sqrt(v^2 + 2 s)))`` of
+    the time: ``sqrt(2/3) A^2`` without drift.
+    """
+    v, a = np.broadcast_arrays(np.abs(np.asarray(drift, float)), np.asarray(bound, float))
+    x = np.maximum(a * v, 0.02)  # below it the difference that follows would be rounding
+    variance = a**4 * (np.tanh(x) / x**3 - 1 / (x * np.cosh(x)) ** 2)
+    near = a**4 * (2 / 3 - 8 / 15 * (a * v) ** 2)
+    return np.asarray(np.sqrt(np.where(a * v < 0.02, near, variance)))
+
+
+def constant_at_rest(bound: float, time_s: Array) -> Array:
+    """Return the density of a decision at times, for a constant bound and no drift, 1/s.
+
+    Both responses together. The two series of Navarro & Fuss (2009): modes for late times, images
+    for early ones.
+
+    Parameters
+    ----------
+    bound : float, sqrt(s)
+        A.
+    time_s : array (times,), s
+        Above 0.
+    """
+    scaled = np.asarray(time_s, float)[:, None] / (2 * bound) ** 2
+    k = np.arange(TERMS)
+    modes = (2 * k + 1) * (-1.0) ** k * np.exp(-(((2 * k + 1) * np.pi) ** 2) * scaled / 2)
+    late = 2 * np.pi * modes.sum(axis=1)
+    away = k - TERMS // 2 + 0.5
+    sign = (-1.0) ** (k - TERMS // 2)
+    images = sign * away * np.exp(-(away**2) / (2 * scaled))
+    early = images.sum(axis=1) / np.sqrt(2 * np.pi * scaled[:, 0] ** 3)
+    density = np.where(scaled[:, 0] > 0.15, late, early)
+    return np.asarray(np.maximum(density, 0.0) / (2 * bound) ** 2)
+
+
+def falling_at_rest(
+    bound: Callable[[Array], Array], slope: Callable[[Array], Array], time_s: Array
+) -> Array:
+    """Return the density of a decision at times, for bounds +-a(t) and no drift, 1/s.
+
+    Parameters
+    ----------
+    bound, slope : function
+        a(t), sqrt(s), above 0, and its derivative.
+    time_s : array (times,), s
+        Evenly spaced, from one interval on.
+
+    Notes
+    -----
+    The integral equation of Buonocore, Nobile & Ricciardi (1987), whose kernel is made to vanish
+    where two times meet; two bounds that are each other's mirror image leave one unknown. On even
+    times it is a triangular system.
+    """
+    from scipy.linalg import solve_triangular
+
+    times = np.asarray(time_s, float)
+    a, fall = bound(times), slope(times)
+
+    def flux(apart: Array, since: Array, falls: Array) -> Array:
+        return np.asarray(
+            0.5 * (falls - apart / since) * np.exp(-(apart**2) / (2 * since))
+            / np.sqrt(2 * np.pi * since)
+        )  # fmt: skip
+
+    first = -2 * flux(a, times, fall)
+    since = times[:, None] - times
+    before = since > 1e-12
+    since = np.where(before, since, 1.0)
+    kernel = flux(a[:, None] - a, since, fall[:, None]) + flux(a[:, None] + a, since, fall[:, None])
+    step = times[1] - times[0]
+    system = np.eye(len(times)) - np.where(before, 2 * step * kernel, 0.0)
+    return np.asarray(np.maximum(2 * solve_triangular(system, first, lower=True), 0.0))
+
+
+def exponential(bound: float, fall_s: float) -> tuple[Callable[[Array], Array], ...]:
+    """Return the bound that falls by a factor e in so many seconds, and its slope."""
+
+    def at(time_s: Array) -> Array:
+        return np.asarray(bound * np.exp(-time_s / fall_s))
+
+    return at, lambda time_s: -at(time_s) / fall_s
+
+
+def with_drift(at_rest: Array, bound: Array, time_s: Array, drift: npt.ArrayLike) -> Array:
+    """Return the densities of both responses at drifts.
+
+    Parameters
+    ----------
+    at_rest, bound, time_s : array (times,)
+        Density without drift, both responses together, 1/s; a(t); times, s.
+    drift : array (cells,), 1/sqrt(s)
+        v.
+
+    Returns
+    -------
+    array (cells, 2, times), 1/s
+        Responses 0 and 1.
+    """
+    v = np.asarray(drift, float)[:, None]
+    common = -(v**2) * time_s / 2 - math.log(2)
+    weights = np.stack([np.exp(common - v * bound), np.exp(common + v * bound)], axis=1)
+    return np.asarray(weights * at_rest)

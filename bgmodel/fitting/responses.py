@@ -1,0 +1,123 @@
+"""From decisions to responses: the time that is not decision, lapses, and how likely data are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from bgmodel.arrays import Array, Integers
+
+BIN_S = 0.01
+"""Width of a bin of time, s."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Times at which densities are kept: the middles of bins from 0 on.
+
+    Parameters
+    ----------
+    bins : int
+        How many, each ``BIN_S`` wide.
+    """
+
+    bins: int
+
+    @cached_property
+    def middles_s(self) -> Array:
+        """Their middles, (bins,), s."""
+        return np.asarray((np.arange(self.bins) + 0.5) * BIN_S, dtype=np.float64)
+
+
+def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse: Array) -> Array:
+    """Return the density of responses, 1/s.
+
+    Parameters
+    ----------
+    decided : array (cells, 2, bins)
+        Probability of a decision for response 0 and 1 in each bin of the grid.
+    grid : Grid
+        Of the decisions and of the responses.
+    t0_s, t0_sd_s : array (cells,), s
+        Mean and standard deviation of the time that is not decision; Gaussian.
+    lapse : array (cells,)
+        Probability of a lapse: either response, at any time of the grid.
+
+    Returns
+    -------
+    array (cells, 2, bins), 1/s
+    """
+    from scipy.special import ndtr
+
+    bins, width = grid.bins, BIN_S
+    # From the middle of one bin to another's edges: mass in the bin, whatever t0 is.
+    edges = (np.arange(-bins, bins + 1) - 0.5) * width
+    below = ndtr((edges - t0_s[:, None]) / t0_sd_s[:, None])
+    kernel = np.roll(np.diff(below, axis=1), -bins, axis=1)
+    size = 2 * bins
+    spectrum = np.fft.rfft(decided, size, axis=2) * np.fft.rfft(kernel, size, axis=1)[:, None]
+    density = np.fft.irfft(spectrum, size, axis=2)[:, :, :bins] / width
+    share = lapse[:, None, None]
+    return np.asarray((1 - share) * np.maximum(density, 0.0) + share * 0.5 / (bins * width))
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Responses laid on a grid, so that their likelihood is a few sums.
+
+    Parameters
+    ----------
+    cell, response : int array (trials,)
+        Which cell of the design a trial is of; 1 or 0, or -1 where there was none by the deadline.
+    rt_s : array (trials,), s
+        NaN where there was no response.
+    grid : Grid
+        That of the densities.
+    deadline_s : float, s, optional
+        When a trial is over. Responses after it do not exist, and no response is a value.
+    """
+
+    cell: Integers
+    response: Integers
+    rt_s: Array
+    grid: Grid
+    deadline_s: float | None = None
+
+    @cached_property
+    def _places(self) -> tuple[Integers, Array]:
+        """Bin below each time, and how far towards the next one it lies."""
+        place = np.clip(self.rt_s / BIN_S - 0.5, 0, self.grid.bins - 1.000001)
+        place = np.where(np.isnan(place), 0.0, place)
+        low = place.astype(np.int64)
+        return low, place - low
+
+    def each(self, density: Array) -> Array:
+        """Return the log likelihood of each trial under densities (cells, 2, bins), nats."""
+        low, toward = self._places
+        answer = np.maximum(self.response, 0)
+        found = (1 - toward) * density[self.cell, answer, low]
+        found += toward * density[self.cell, answer, low + 1]
+        if self.deadline_s is not None:
+            within = self.grid.middles_s < self.deadline_s
+            missing = 1 - density[:, :, within].sum(axis=(1, 2)) * BIN_S
+            found = np.where(self.response < 0, missing[self.cell], found)
+        return np.asarray(np.log(np.maximum(found, 1e-300)))
+
+
+def moments(density: Array, grid: Grid) -> dict[str, Array]:
+    """Return accuracy, mean time and sd of responses (cells,) under densities (cells, 2, bins).
+
+    Of trials that responded in time; ``answered`` is their share, times are in s.
+    """
+    mass = density * BIN_S
+    answered = mass.sum(axis=(1, 2))
+    times = mass.sum(axis=1) / answered[:, None]
+    mean = times @ grid.middles_s
+    return {
+        "answered": answered,
+        "accuracy": mass[:, 1].sum(axis=1) / answered,
+        "mean_s": mean,
+        "sd_s": np.sqrt(np.maximum(times @ grid.middles_s**2 - mean**2, 0.0)),
+    }
