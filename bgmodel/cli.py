@@ -26,6 +26,7 @@ from bgmodel.commands.designed import CircuitDesigned
 from bgmodel.commands.dopamine import CircuitLearn
 from bgmodel.commands.experiments import ExperimentRun
 from bgmodel.commands.figures import Figures
+from bgmodel.commands.fits import FitRun
 from bgmodel.commands.names import Name
 from bgmodel.commands.page import PageWrite
 from bgmodel.commands.sweeps import SweepRun
@@ -61,6 +62,7 @@ COMMANDS: dict[str, Any] = {
     ),
     "compare": Compare,
     "data": Data,
+    "fit": FitRun,
     "experiment": ExperimentRun,
     "sweep": SweepRun,
     "page": PageWrite,

@@ -74,11 +74,14 @@ class Criterion:
         One for each name.
     about : str
         What it is.
+    instead : bool
+        Whether it stands in place of the threshold, which is then held unless a fit frees it.
     """
 
     edits: tuple[str, ...]
     axes: tuple[Axis, ...]
     about: str = ""
+    instead: bool = False
 
     def apply(self, circuit: Circuit, point: Sequence[float]) -> Circuit:
         """Return the circuit at values of the axes."""
@@ -100,16 +103,19 @@ CRITERIA = {
         ("dopamine={dopamine}",),
         (Axis(Parameter("dopamine", 0.6, 1.4, 1.0, "level of dopamine; 1 is the table's")),),
         "the level of dopamine",
+        instead=True,
     ),
     "stn_loss": Criterion(
         ("STN={stn_loss}",),
         (Axis(Parameter("stn_loss", 0.0, 0.4, 0.0, "share of STN that is lost")),),
         "a share of STN that is lost",
+        instead=True,
     ),
     "gpe_loss": Criterion(
         ("GPe={gpe_loss}",),
         (Axis(Parameter("gpe_loss", 0.0, 0.4, 0.0, "share of GPe that is lost")),),
         "a share of GPe that is lost",
+        instead=True,
     ),
     "rising_dopamine": Criterion(
         ("dopamine amount={dopamine_rise} rise_ms={rise_ms}",),
@@ -122,8 +128,8 @@ CRITERIA = {
     "onset_stn": Criterion(
         (*ONSET_ROWS, "STN_onset amount={onset_nats} to_ms=1 decay_ms={decay_ms}"),
         (
-            Axis(Parameter("onset_nats", 0.0, 2.0, 0.0, "drive of STN_onset at onset, nats"), 9),
-            Axis(Parameter("decay_ms", 100.0, 1100.0, 500.0, "time constant of its decay, ms"), 6),
+            Axis(Parameter("onset_nats", 0.0, 1.2, 0.0, "drive of STN_onset at onset, nats"), 13),
+            Axis(Parameter("decay_ms", 200.0, 1000.0, 400.0, "time constant of its decay, ms"), 5),
         ),
         "cells of STN that are driven at onset, decay, and excite SNr of all channels",
     ),
@@ -179,8 +185,8 @@ class CircuitModel:
 
     @property
     def criterion_name(self) -> str:
-        """``threshold_nats``."""
-        return THRESHOLD
+        """``threshold_nats``, or what stands in its place."""
+        return self.axes[0].parameter.name if self.criterion.instead else THRESHOLD
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -198,7 +204,8 @@ class CircuitModel:
         """Sensitivity, threshold, the axes', and those of responses."""
         low, high = float(self.thresholds_nats[0]), float(self.thresholds_nats[-1])
         about = "OUT at which it decides, in the circuit's nats"
-        threshold = Parameter(THRESHOLD, low, high, min(0.25, high), about)
+        free = not self.criterion.instead
+        threshold = Parameter(THRESHOLD, low, high, 0.25, about, free=free)
         return (SENSITIVITY, threshold, *(axis.parameter for axis in self.axes), *RESPONSE)
 
     def identity(self) -> dict[str, object]:

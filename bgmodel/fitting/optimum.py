@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from bgmodel.arrays import Array, Truths
-from bgmodel.fitting.algorithms import Model
+from bgmodel.fitting.algorithms import SENSITIVITY, Model
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.parameters import Freedom, freedom
+from bgmodel.fitting.parameters import RESPONSE, Freedom, freedom
 from bgmodel.fitting.responses import moments, responded
 
 OPTIMUM_SEED = 24_101
 """Of the search, which draws."""
 TOLERANCE_NATS = 0.01
 """Change of the log likelihood below which the search ends."""
+DRIFTS = (0.02, 25.0, 4.0)
+"""Least and largest drift at the largest strength, 1/sqrt(s), and where a search begins."""
+POPULATION = 16
+"""Points that a generation of the search looks at."""
+RESPONSES = tuple(each.name for each in RESPONSE)
 AT_BOUND = 1e-3
 """Share of the range within which a parameter counts as at its bound."""
 
@@ -66,9 +71,17 @@ def likelihood_of(
     fixed: dict[str, float] | None = None,
     vary: dict[str, str] | None = None,
 ) -> Likelihood:
-    """Return the likelihood of a design's data; arguments as of ``parameters.freedom``."""
+    """Return the likelihood of a design's data; arguments as of ``parameters.freedom``.
+
+    Sensitivity may be anything that makes the drift at the largest strength ``DRIFTS``.
+    """
     given = {"free": free, "fixed": fixed, "vary": vary}
-    freed = freedom(model.parameters, design.conditions, design.cells, **given)  # type: ignore[arg-type]
+    low, high, start = (drift / design.strength.max() for drift in DRIFTS)
+    known = [
+        replace(each, low=low, high=high, start=start) if each.name == SENSITIVITY.name else each
+        for each in model.parameters
+    ]
+    freed = freedom(known, design.conditions, design.cells, **given)  # type: ignore[arg-type]
     return Likelihood(model, design, freed)
 
 
@@ -119,18 +132,18 @@ class Optimum:
 def optimum(
     likelihood: Likelihood,
     *,
-    start: Array | None = None,
+    starts: Sequence[Array] | None = None,
     seed: int = OPTIMUM_SEED,
     tell: Callable[[int, float], None] | None = None,
 ) -> Optimum:
-    """Return the optimum, by CMA-ES (Hansen 2016) from a start.
+    """Return the optimum, by CMA-ES (Hansen 2016) from several starts.
 
     Parameters
     ----------
     likelihood : Likelihood
         What to search.
-    start : array, optional
-        Where to begin; the parameters' own starts if left out.
+    starts : sequence of array, optional
+        Where to begin; those of ``starts_of`` if left out.
     seed : int
         Of the search.
     tell : function, optional
@@ -139,26 +152,51 @@ def optimum(
     import cma
 
     low, high = likelihood.freedom.low, likelihood.freedom.high
-    first = np.clip(likelihood.freedom.start if start is None else start, low, high)
-    scale = _scales(likelihood, first)
-    options = {
-        "bounds": [(low / scale).tolist(), (high / scale).tolist()],
-        "seed": seed,
-        "tolfun": TOLERANCE_NATS,
-        "tolfunhist": TOLERANCE_NATS,
-        "verbose": -9,
-    }
-    search = cma.CMAEvolutionStrategy((first / scale).tolist(), 1.0, options)
-    while not search.stop():
-        asked = search.ask()
-        search.tell(asked, [-likelihood(np.clip(x * scale, low, high)) for x in asked])
-        if tell is not None:
-            tell(int(search.result.evaluations), -float(search.result.fbest))
-    best = np.clip(np.asarray(search.result.xbest) * scale, low, high)
-    return Optimum(likelihood, best, likelihood(best), int(search.result.evaluations))
+    evaluations, best, value = 0, likelihood.freedom.start, -np.inf
+    for number, first in enumerate(starts_of(likelihood) if starts is None else starts):
+        first = np.clip(first, low, high)
+        scale = _scales(likelihood, first)
+        options = {
+            "bounds": [(low / scale).tolist(), (high / scale).tolist()],
+            "seed": seed + number,
+            "popsize": POPULATION,
+            "tolfun": TOLERANCE_NATS,
+            "tolfunhist": TOLERANCE_NATS,
+            "verbose": -9,
+        }
+        search = cma.CMAEvolutionStrategy((first / scale).tolist(), 1.0, options)
+        while not search.stop():
+            asked = search.ask()
+            search.tell(asked, [-likelihood(np.clip(x * scale, low, high)) for x in asked])
+            evaluations += len(asked)
+            if tell is not None:
+                tell(evaluations, max(value, -float(search.result.fbest)))
+        if -search.result.fbest > value:
+            value = -float(search.result.fbest)
+            best = np.clip(np.asarray(search.result.xbest) * scale, low, high)
+    return Optimum(likelihood, best, value, evaluations)
+
+
+def starts_of(likelihood: Likelihood) -> list[Array]:
+    """Return where a search begins: what is not decision from the fastest times, and two others.
+
+    One start has parameters where they stand unless a fit moves them. The other has those that
+    stand at a bound in the middle of their range: a likelihood may have a hill on either side.
+    """
+    freed = likelihood.freedom
+    fastest = float(np.nanquantile(likelihood.design.observed.rt_s, 0.02))
+    first = freed.start
+    for k, each in enumerate(freed.moved):
+        if each.parameter.name == "t0_s":
+            first[k] = np.clip(fastest - 0.05, freed.low[k], freed.high[k])
+    inner = np.array([each.parameter.name not in RESPONSES for each in freed.moved])
+    stuck = inner & ((first == freed.low) | (first == freed.high))
+    if not stuck.any():
+        return [first]
+    return [first, np.where(stuck, (freed.low + freed.high) / 2, first)]
 
 
 def _scales(likelihood: Likelihood, first: Array) -> Array:
-    """Return how far the search looks at first in each direction: a tenth of what it begins at."""
+    """Return how far the search looks at first in each direction: about a sixth of its place."""
     width = likelihood.freedom.high - likelihood.freedom.low
-    return np.asarray(np.minimum(np.maximum(0.15 * np.abs(first), 0.02 * width), 0.2 * width))
+    return np.asarray(np.clip(0.15 * np.abs(first), 0.02 * width, 0.2 * width))
