@@ -9,12 +9,13 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.arrays import Array, Truths
-from bgmodel.tables.exports import MISSING_RT
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
 """What a cell of numbers or responses holds where there is none."""
 MOST_MEDIAN_S = 50.0
 """Longest median time that is taken for seconds."""
+MISSING_RT = -999.0
+"""What HSSM takes for the time of a response that never came."""
 NO_RESPONSE = -1
 EVERYONE = "all"
 """The participant of a table that names none."""

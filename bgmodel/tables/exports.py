@@ -1,4 +1,4 @@
-"""Trial tables as PyDDM and HSSM read them.
+"""Trial tables, and choices and times of one's own, as PyDDM and HSSM read them.
 
 A choice that the deadline forced crossed no threshold: for these it counts as undecided.
 """
@@ -6,46 +6,68 @@ A choice that the deadline forced crossed no threshold: for these it counts as u
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-MISSING_RT = -999.0
-"""What HSSM takes for the time of a response that never came."""
+from bgmodel.tables.choices import Choices
+from bgmodel.tables.columns import MISSING_RT
+
+__all__ = ["MISSING_RT", "to_hssm", "to_pyddm"]
+
+CONDITIONS = ("condition",)
+"""Conditions of a trial table."""
 
 
 def to_pyddm(
-    table: pd.DataFrame, *, upper: str | None = None, conditions: Sequence[str] = ("condition",)
+    table: pd.DataFrame | Choices,
+    *,
+    upper: str | None = None,
+    conditions: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Return trials as ``pyddm.Sample.from_pandas_dataframe(table, "rt", "choice")`` reads them.
 
     Parameters
     ----------
-    table : DataFrame
-        As from ``tables.trial_table``, two alternatives.
+    table : DataFrame or Choices
+        As from ``tables.trial_table``, two alternatives; or as from ``tables.read_choices``.
     upper : str, optional
         Name of the response that is 1, the other one is 0; 1 for correct and 0 for an error if left
-        out.
-    conditions : names
+        out. Choices are coded already.
+    conditions : names, optional
         Columns that PyDDM shall take for conditions; those that are blank everywhere are left out.
+        Unless given, "condition", or all conditions of choices.
 
     Returns
     -------
     DataFrame
-        rt (seconds), choice (0 or 1; both NaN where undecided or forced), and the conditions.
+        rt (seconds), choice (0 or 1; both NaN where undecided or forced), and the conditions; of
+        choices also their strength, and participant_id where there are several participants.
 
     Raises
     ------
     ValueError
-        If a column is absent, ``upper`` is none of two responses, or nobody knows what is correct.
+        If a column is absent, ``upper`` is none of two responses or given with choices, or nobody
+        knows what is correct.
     """
-    choice = _coded(table, upper, conditions)
+    if isinstance(table, Choices):
+        own = _own(table, upper, conditions)
+        if len(table.people()) > 1:
+            own = {"participant_id": table.participant, **own}
+        coded = np.where(np.isnan(table.rt_s), np.nan, table.response)
+        return pd.DataFrame({"rt": table.rt_s, "choice": coded, **own})
+    names = CONDITIONS if conditions is None else conditions
+    choice = _coded(table, upper, names)
     columns = {"rt": table["rt"].where(choice.notna()), "choice": choice}
-    return pd.DataFrame(columns | _conditions(table, conditions))
+    return pd.DataFrame(columns | _conditions(table, names))
 
 
 def to_hssm(
-    table: pd.DataFrame, *, upper: str | None = None, conditions: Sequence[str] = ("condition",)
+    table: pd.DataFrame | Choices,
+    *,
+    upper: str | None = None,
+    conditions: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Return trials as ``hssm.HSSM(data=table)`` reads them.
 
@@ -57,23 +79,52 @@ def to_hssm(
     Returns
     -------
     DataFrame
-        participant_id, trial, rt (seconds), response (1 or -1), and the conditions. Where undecided
-        or forced rt is -999, which HSSM takes for missing with ``missing_data=True``, and response
-        is -1, which it then does not read.
+        participant_id, trial, rt (seconds), response (1 or -1), and the conditions; of choices also
+        their strength. Where undecided or forced, or without a response, rt is -999, which HSSM
+        takes for missing with ``missing_data=True``, and response is -1, which it then does not
+        read.
 
     Raises
     ------
     ValueError
         As ``to_pyddm``.
     """
-    choice = _coded(table, upper, ("participant_id", "trial", *conditions))
+    if isinstance(table, Choices):
+        own = _own(table, upper, conditions)
+        who = pd.Series(table.participant)
+        columns = {
+            "participant_id": who,
+            "trial": who.groupby(who).cumcount(),
+            "rt": np.where(np.isnan(table.rt_s), MISSING_RT, table.rt_s),
+            "response": np.where(table.response == 1, 1, -1),
+        }
+        return pd.DataFrame(columns | own)
+    names = CONDITIONS if conditions is None else conditions
+    choice = _coded(table, upper, ("participant_id", "trial", *names))
     columns = {
         "participant_id": table["participant_id"],
         "trial": table["trial"],
         "rt": table["rt"].where(choice.notna(), MISSING_RT),
         "response": np.where(choice == 1, 1, -1),
     }
-    return pd.DataFrame(columns | _conditions(table, conditions))
+    return pd.DataFrame(columns | _conditions(table, names))
+
+
+def _own(choices: Choices, upper: str | None, names: Sequence[str] | None) -> dict[str, Any]:
+    """Return strength and conditions of choices as columns."""
+    if upper is not None:
+        raise ValueError(f"choices say already which response is 1: leave upper={upper!r} out")
+    there = list(choices.conditions)
+    wanted = there if names is None else list(names)
+    absent = [name for name in wanted if name not in there]
+    if absent:
+        raise ValueError(f"the choices have no condition {', '.join(absent)}: {there}")
+    strength = {} if choices.strength is None else {"strength": choices.strength}
+    # A column of the same name would take the place of another.
+    taken = sorted({"participant_id", "trial", "rt", "response", "choice", *strength} & set(wanted))
+    if taken:
+        raise ValueError(f"conditions must be other columns than {', '.join(taken)}")
+    return strength | {name: choices.conditions[name].to_numpy() for name in wanted}
 
 
 def _conditions(table: pd.DataFrame, names: Sequence[str]) -> dict[str, pd.Series]:

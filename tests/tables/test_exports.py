@@ -1,11 +1,14 @@
 """Trial tables in the forms that PyDDM and HSSM read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.evidence import gaussian_evidence
+from bgmodel.tables.choices import read_choices
 from bgmodel.tables.exports import to_hssm, to_pyddm
 from bgmodel.tables.trials import Trials, trial_table
 
@@ -95,6 +98,67 @@ def test_tables_that_cannot_be_told_are_refused(table):
         "of two responses, got 'left' of": lambda: to_hssm(
             table.assign(stimulus="up"), upper="left"
         ),
+    }
+    for says, call in bad.items():
+        with pytest.raises(ValueError, match=says):
+            call()
+
+
+@pytest.fixture
+def choices():
+    """Two people with two cues, some trials without a response."""
+    rng = stream(5, "exports")
+    response = rng.integers(0, 2, 80)
+    table = pd.DataFrame(
+        {
+            "participant_id": np.repeat(["a", "b"], 40),
+            "rt": rng.uniform(0.3, 0.9, 80),
+            "response": response.astype(float),
+            "coherence": rng.choice([-0.1, 0.2], 80),
+            "cue": np.tile(["speed", "accuracy"], 40),
+        }
+    )
+    table.loc[[3, 50], ["rt", "response"]] = np.nan
+    return read_choices(table, strength="coherence", conditions=["cue"], deadline_s=1.0)
+
+
+def test_choices_are_missing_trials_to_hssm_and_come_back_from_it(choices):
+    given = to_hssm(choices)
+    assert list(given) == ["participant_id", "trial", "rt", "response", "strength", "cue"]
+    assert (given["rt"] == -999.0).to_numpy().nonzero()[0].tolist() == [3, 50]
+    assert set(given["response"]) == {-1, 1}
+    assert given["trial"].tolist() == [*range(40), *range(40)]
+    assert not given.isna().any(axis=None)
+    # HSSM's lower response is -1, that of a table of choices 0.
+    back = given.assign(response=(given["response"] == 1).astype(int))
+    same = read_choices(back, strength="strength", conditions=["cue"], deadline_s=1.0)
+    assert same.checksum == choices.checksum
+
+
+def test_choices_without_a_response_are_undecided_to_pyddm(choices):
+    pyddm = pytest.importorskip("pyddm")
+    given = to_pyddm(choices)
+    assert list(given) == ["rt", "choice", "participant_id", "strength", "cue"]
+    sample = pyddm.Sample.from_pandas_dataframe(given, "rt", "choice")
+    assert len(sample) == 80
+    assert sample.undecided == 2
+    mine = (choices.participant == "a") & (choices.conditions["cue"] == "speed")
+    part = sample.subset(participant_id="a", cue="speed")
+    assert sorted(part.choice_upper) == sorted(choices.rt_s[mine & (choices.response == 1)])
+
+
+def test_choices_of_one_participant_without_strength_have_no_such_columns(choices):
+    one = replace(choices.where(choices.participant == "a"), strength=None)
+    assert list(to_pyddm(one)) == ["rt", "choice", "cue"]
+    assert list(to_hssm(one, conditions=())) == ["participant_id", "trial", "rt", "response"]
+
+
+def test_conditions_of_choices_that_are_not_there_are_refused(choices):
+    column = pd.DataFrame({"strength": choices.conditions["cue"]})
+    bad = {
+        "choices say already which response is 1": lambda: to_hssm(choices, upper="right"),
+        "the choices have no condition block": lambda: to_pyddm(choices, conditions=["block"]),
+        "other columns than strength": lambda: to_hssm(replace(choices, conditions=column)),
     }
     for says, call in bad.items():
         with pytest.raises(ValueError, match=says):
