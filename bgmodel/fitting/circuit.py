@@ -21,7 +21,7 @@ from bgmodel.arrays import Array
 from bgmodel.decision import Trace
 from bgmodel.edits import written
 from bgmodel.fitting.algorithms import SENSITIVITY
-from bgmodel.fitting.crossings import DRIFTS, Crossings, decided, simulated
+from bgmodel.fitting.crossings import DRIFTS, Crossings, Run, decided, simulated
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, identity
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 NOISE_NATS = 2.0
 """Noise of the evidence that reaches the circuit: its nats, after one second."""
-LEVELS = 40
+LEVELS = 60
 """Thresholds at which crossings are stored."""
 LOWEST_LOG_ODDS, HIGHEST_LOG_ODDS = 0.15, 2.8
 """Range of those thresholds, where the circuit reads and does not decide at rest."""
-TRIALS = 1500
+TRIALS = 4000
 """Trials at each drift."""
 SIMULATION_SEED = 24_001
 
@@ -221,6 +221,7 @@ class CircuitModel:
             "trials": self.trials,
             "seed": self.seed,
             "drifts": list(DRIFTS),
+            "thresholds": [LEVELS, LOWEST_LOG_ODDS, HIGHEST_LOG_ODDS],
         }
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
@@ -286,11 +287,19 @@ class CircuitModel:
         bins, choice, evidence = (np.ascontiguousarray(each) for each in arrays)
         return Crossings(self.thresholds_nats, np.array(DRIFTS), bins, choice, evidence)
 
-    def _simulate(self, point: tuple[float, ...]) -> Crossings:
-        circuit = self.at(point)
-        model = BasalGanglia(circuit, self.engine, seed=self.seed)
+    def run(self, point: tuple[float, ...], lowest_nats: float) -> Run:
+        """Return what runs the circuit, at values of its axes, on evidence; see ``crossings.Run``.
+
+        Parameters
+        ----------
+        point : tuple of float
+            Values of the axes.
+        lowest_nats : float
+            The lowest threshold: below it a trial may be dropped.
+        """
+        model = BasalGanglia(self.at(point), self.engine, seed=self.seed)
         if self.engine != "algebra":
-            model = model.until(float(self.thresholds_nats[0]) - ROUNDING_NATS)
+            model = model.until(lowest_nats - ROUNDING_NATS)
             model = replace(model, options={**model.options, "rates": False, "workers": 2})
 
         def run(read: Array, first: int) -> Trace:
@@ -301,6 +310,10 @@ class CircuitModel:
             time_ms = done.time_ms + (1000 * BIN_S if self.engine == "algebra" else 0.0)
             return Trace(done.output_nats, time_ms, step_ms=1000 * BIN_S)
 
+        return run
+
+    def _simulate(self, point: tuple[float, ...]) -> Crossings:
+        run = self.run(point, float(self.thresholds_nats[0]))
         found = simulated(
             run, self.thresholds_nats, seconds=self.seconds, trials=self.trials, seed=self.seed
         )

@@ -60,13 +60,11 @@ class Crossings:
     @cached_property
     def log_mixture(self) -> Array:
         """Log of the mean of ``exp(+-v_j X - v_j^2 t / 2)`` over drifts and signs."""
-        found = np.full(self.evidence.shape, -np.inf)
+        found = np.zeros(self.evidence.shape)
         read_s = (self.bins + 1) * BIN_S
         for v in self.drifts:
-            common = -(v**2) * read_s / 2 - math.log(2 * len(self.drifts))
-            for tilt in (v, -v):
-                np.logaddexp(found, common + tilt * self.evidence, out=found)
-        return found
+            found += np.exp(-(v**2) * read_s / 2) * np.cosh(v * self.evidence)
+        return np.asarray(np.log(found / len(self.drifts)))
 
     def around(self, threshold_nats: float) -> tuple[slice, Array]:
         """Return the stored thresholds that a threshold lies between, and its share of each."""
@@ -102,17 +100,23 @@ def decided(
     -------
     array (drifts, 2, bins)
     """
-    from bgmodel.fitting.weights import weigh
+    from bgmodel.fitting.weights import between, gather
 
     rows, shares = settings[0][0].around(threshold_nats)
     names = ("bins", "choice", "evidence", "log_mixture")
-    bins, choice, evidence, mixture = (
-        np.concatenate([getattr(each, name)[rows] for each, _ in settings]) for name in names
-    )
+    stored = [np.concatenate([getattr(each, name)[rows] for each, _ in settings]) for name in names]
     share = np.concatenate([part * shares for _, part in settings])
-    v = np.ascontiguousarray(drift, float)
+    place, read, mixture, weight = np.empty((4, stored[0].size))
+    chosen = np.empty(stored[0].size, np.int8)
+    used = between(*stored, share, place, chosen, read, mixture, weight)
+    place, chosen, read = place[:used], chosen[:used], read[:used]
+    v = np.asarray(drift, float)[:, None]
+    common = np.log(weight[:used]) - mixture[:used] - v**2 * ((place + 1) * BIN_S / 2)
+    # In single precision: several times as fast, and as good as the number of trials needs.
+    as_zero = np.exp((common - v * read).astype(np.float32))
+    as_one = np.exp((common + v * read).astype(np.float32))
     found = np.zeros((len(v), 2, grid.bins))
-    weigh(bins, choice, evidence, mixture, share, BIN_S, v, found)
+    gather(place, chosen, as_zero, as_one, found)
     return found
 
 

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from bgmodel.compiling import compiled
 
 
 @compiled
-def weigh(
-    bins: Any, choice: Any, evidence: Any, log_mixture: Any,
-    share: Any, bin_s: float, drift: Any, found: Any,
-) -> None:  # fmt: skip
-    """Add to ``found`` (drifts, 2, bins) what every stored trial and its image stand for.
+def between(
+    bins: Any, choice: Any, evidence: Any, log_mixture: Any, share: Any,
+    place: Any, chosen: Any, read: Any, mixture: Any, weight: Any,
+) -> Any:  # fmt: skip
+    """Fill in what trials do between neighbouring settings; return how many rows that takes.
 
-    A trial is given at several neighbouring settings, as at two thresholds between which the
-    asked one lies. Where it chose the same at all of them, it decides between them in time, having
-    read what lies between; where not, it is divided among them.
+    A trial is given at several settings, as at two thresholds between which the asked one lies.
+    Where it chose the same at all of them, it decides between them in time, having read what lies
+    between; where not, it is divided among them.
 
     Parameters
     ----------
@@ -29,53 +28,61 @@ def weigh(
         As of ``Crossings``.
     share : array (settings,)
         How near the asked setting lies to each; they sum to 1.
-    bin_s : float, s
-        Width of a bin.
-    drift : array (drifts,), 1/sqrt(s)
-        In favour of response 1.
-    found : array (drifts, 2, bins)
-        What is added to; a decision beyond the last bin counts to the whole alone. Its sums over
-        all trials are brought to 1, which is what they are but for chance.
+    place, chosen, read, mixture, weight : array (settings * trials,)
+        Filled, a row for each trial or part of one: bin, choice, X, log mixture and weight.
     """
     settings, trials = bins.shape
-    for cell in range(len(drift)):
-        v, whole = drift[cell], 0.0
-        for trial in range(trials):
-            same = True
-            for setting in range(1, settings):
-                same = same and choice[setting, trial] == choice[0, trial]
-            if same:
-                place, read, mixture = 0.0, 0.0, 0.0
-                for setting in range(settings):
-                    place += share[setting] * bins[setting, trial]
-                    read += share[setting] * evidence[setting, trial]
-                    mixture += share[setting] * log_mixture[setting, trial]
-                whole += _add(found[cell], v, place, choice[0, trial], read, mixture, 1.0, bin_s)
-            else:
-                for setting in range(settings):
-                    whole += _add(
-                        found[cell], v, float(bins[setting, trial]), choice[setting, trial],
-                        evidence[setting, trial], log_mixture[setting, trial], share[setting],
-                        bin_s,
-                    )  # fmt: skip
-        found[cell] /= whole
+    rows = 0
+    for trial in range(trials):
+        same = True
+        for setting in range(1, settings):
+            same = same and choice[setting, trial] == choice[0, trial]
+        if same:
+            place[rows], read[rows], mixture[rows] = 0.0, 0.0, 0.0
+            for setting in range(settings):
+                place[rows] += share[setting] * bins[setting, trial]
+                read[rows] += share[setting] * evidence[setting, trial]
+                mixture[rows] += share[setting] * log_mixture[setting, trial]
+            chosen[rows], weight[rows] = choice[0, trial], 1.0
+            rows += 1
+        else:
+            for setting in range(settings):
+                place[rows], chosen[rows] = bins[setting, trial], choice[setting, trial]
+                read[rows], mixture[rows] = evidence[setting, trial], log_mixture[setting, trial]
+                weight[rows] = share[setting]
+                rows += 1
+    return rows
 
 
 @compiled
-def _add(
-    found: Any, v: float, place: float, choice: int, read: float, mixture: float, share: float,
-    bin_s: float,
-) -> float:  # fmt: skip
-    """Add one trial, of which the drift may speak for either channel; return what it weighs."""
-    common = -v * v * (place + 1) * bin_s / 2 - mixture
-    # Drift speaks for 1: a stored trial is one of channel 0, and its mirror image of channel 1.
-    as_one, as_zero = share * math.exp(common + v * read), share * math.exp(common - v * read)
-    low = int(place)
-    toward = place - low
-    if choice >= 0 and low < found.shape[1]:
-        found[1 - choice, low] += (1 - toward) * as_one
-        found[choice, low] += (1 - toward) * as_zero
-        if low + 1 < found.shape[1]:
-            found[1 - choice, low + 1] += toward * as_one
-            found[choice, low + 1] += toward * as_zero
-    return as_one + as_zero
+def gather(place: Any, chosen: Any, as_zero: Any, as_one: Any, found: Any) -> None:
+    """Add trials to ``found`` (drifts, 2, bins), and bring its sums over all of them to 1.
+
+    Parameters
+    ----------
+    place : array (rows,)
+        Bin of the decision; between two bins it goes to both.
+    chosen : int array (rows,)
+        0 or 1, -1 where there was none.
+    as_zero, as_one : array (drifts, rows)
+        What a row weighs if the drift speaks for 0, and for 1. Drift speaks for 1: a stored trial
+        is one of channel 0, and its mirror image one of channel 1.
+    found : array (drifts, 2, bins)
+        What is added to; a decision beyond the last bin counts to the whole alone.
+    """
+    last = found.shape[2] - 1
+    for cell in range(found.shape[0]):
+        whole = 0.0
+        for row in range(len(place)):
+            one, zero = as_one[cell, row], as_zero[cell, row]
+            whole += one + zero
+            low = int(place[row])
+            if chosen[row] < 0 or low > last:
+                continue
+            toward = place[row] - low
+            for side in range(2):
+                if low + side <= last:
+                    part = toward if side else 1 - toward
+                    found[cell, 1 - chosen[row], low + side] += part * one
+                    found[cell, chosen[row], low + side] += part * zero
+        found[cell] /= whole

@@ -1,0 +1,328 @@
+"""Fits to monkeys, people and patients, and whether a fit gives back what data were made from.
+
+The models are the sequential test with a constant gap and with one that falls, and the default
+circuit as populations: with a threshold alone, with dopamine that rises within a trial, and with
+cells of STN that are driven at onset and decay. Left-out trials say which predicts best. Recovery
+and calibration use data that the circuit itself decided, trial by trial, with noise of its own;
+the prior is flat within the range of the fits to people and monkeys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from scipy.stats import kstest
+
+from benchmarks import OUT
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel import stream
+from bgmodel.arrays import Array, Integers
+from bgmodel.fitting.algorithms import GapModel, Model
+from bgmodel.fitting.circuit import CRITERIA, NONE, CircuitModel, Criterion
+from bgmodel.fitting.crossings import Crossings
+from bgmodel.fitting.design import Design, design_of
+from bgmodel.fitting.fit import Fit, fit
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.means import fit_means
+from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
+from bgmodel.fitting.posterior import posterior
+from bgmodel.fitting.predicted import better_by, predicted
+from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from bgmodel.tables.choices import read_choices
+from circuits.anatomy import DEFAULT, circuit
+
+SCORING_SEED = 70_001
+"""Of the data sets of recovery, and of the circuit that decides them."""
+TRIALS, COARSE_TRIALS = 4000, 400
+"""Trials that a fitted circuit is simulated with, at each drift."""
+FEWER = 0.375
+"""Share of them where it is simulated at many values of its criterion."""
+SETS, COARSE_SETS = 200, 8
+SET_TRIALS = 1500
+STRENGTHS = (0.032, 0.128, 0.512)
+PRIOR = {
+    "sensitivity": (8.0, 25.0), "bound": (0.45, 0.9), "threshold_nats": (0.17, 0.37),
+    "t0_s": (0.2, 0.5), "t0_sd_s": (0.03, 0.12), "lapse": (0.002, 0.03),
+}  # fmt: skip
+"""Range from which parameters are drawn: that of the fits to people and monkeys."""
+BATCH_SETS = 20
+WALKERS, STEPS, RANKED = 24, 400, 99
+"""Of the posteriors of recovery, and draws of each among which the truth has its rank."""
+SLOW_NATS = 1.5
+"""Noise in nats where decisions take more than a second: a wider range of thresholds."""
+MOVES: dict[str, tuple[Criterion, dict[str, str]]] = {
+    "nothing": (NONE, {}),
+    "threshold": (NONE, {"threshold_nats": "stimulation"}),
+    **{
+        name: (CRITERIA[name], {name: "stimulation/off"})
+        for name in ("dopamine", "stn_loss", "gpe_loss")
+    },
+}
+"""What stimulation of STN may move: edits of the circuit, and what differs with stimulation."""
+
+
+def fitted_circuit(
+    criterion: Criterion, trials: int, seconds: float, noise_nats: float = 2.0
+) -> CircuitModel:
+    """Return the default circuit as a model; what it decides is kept with the pieces."""
+    return CircuitModel(
+        circuit(DEFAULT, 2), criterion=criterion, seconds=seconds, trials=trials,
+        noise_nats=noise_nats, folder=OUT / "stored",
+    )  # fmt: skip
+
+
+def models(trials: int, seconds: float) -> dict[str, Model]:
+    """Return the models by the names that tables have for them."""
+    fewer = round(FEWER * trials)
+    return {
+        "constant gap": GapModel(),
+        "falling gap": GapModel(falls=True),
+        "circuit": fitted_circuit(NONE, trials, seconds),
+        "circuit, rising dopamine": fitted_circuit(CRITERIA["rising_dopamine"], fewer, seconds),
+        "circuit, STN driven at onset": fitted_circuit(CRITERIA["onset_stn"], fewer, seconds),
+    }
+
+
+def person(data: str, who: str, trials: int) -> pd.DataFrame:
+    """Return the fits to one person: parameters, cells, and predictions of left-out trials."""
+    choices = read_choices(data, strength="coherence", participant=who)
+    design = design_of(choices)
+    found = [_means(design).assign(model="closed form", kind="cells")]
+    left_out = {}
+    for name, model in models(trials, 3.0).items():
+        likelihood = likelihood_of(model, design, free=[each.name for each in model.parameters])
+        made = fit(likelihood, anyway=True)
+        left_out[name] = predicted(likelihood)
+        found.append(made.parameters().assign(model=name, kind="parameters"))
+        found.append(made.cells().assign(model=name, kind="cells"))
+        better, error = better_by(left_out[name], left_out["constant gap"])
+        row = {"model": name, "kind": "predicted", "better_nats": better, "error_nats": error}
+        row["log_likelihood"] = made.optimum.log_likelihood
+        found.append(pd.DataFrame([row]))
+    return pd.concat(found, ignore_index=True).assign(data=data, participant=who)
+
+
+def _means(design: Design) -> pd.DataFrame:
+    """Return the cells of Palmer's fit to accuracy and mean times, its numbers in each row."""
+    found = fit_means(design)
+    seen = design.observed
+    rt = [seen.rt_s[seen.cell == cell] for cell in range(design.cells)]
+    columns = {
+        "strength": design.strength, "trials": design.trials,
+        "mean_s": [each.mean() for each in rt], "sd_s": [each.std() for each in rt],
+        "model_mean_s": found.mean_s, "model_sd_s": found.sd_s, "model_accuracy": found.accuracy,
+        "bound": found.bound, "sensitivity": found.sensitivity, "t0_s": found.t0_s,
+    }  # fmt: skip
+    return pd.DataFrame(columns)
+
+
+def drawn(names: list[str], number: int) -> Array:
+    """Return the parameters of a data set, from the prior."""
+    low, high = np.array([PRIOR[name] for name in names]).T
+    rng = stream(SCORING_SEED, "prior", *names, number)
+    return np.asarray(rng.uniform(low, high))
+
+
+def decided_by_test(values: Mapping[str, float], grid: Grid, number: int) -> tuple[Array, Integers]:
+    """Return decision times, s, and choices of each trial by the test, from its density."""
+    rng = stream(SCORING_SEED, "test", number)
+    each = SET_TRIALS // len(STRENGTHS)
+    one = {name: np.full(len(STRENGTHS), value) for name, value in values.items()}
+    mass = GapModel().decided(one, np.array(STRENGTHS), grid).reshape(len(STRENGTHS), -1)
+    picked = [rng.choice(mass.shape[1], each, p=row / row.sum()) for row in mass]
+    choice, bins = np.divmod(np.concatenate(picked), grid.bins)
+    return (bins + rng.random(len(bins))) * BIN_S, choice
+
+
+def decided_by_circuit(values: Mapping[str, float], grid: Grid, number: int) -> tuple[Array, Integers]:
+    """Return decision times, s, and choices of each trial by the circuit, run on new evidence."""
+    from bgmodel.fitting.crossings import simulated
+
+    model = fitted_circuit(NONE, 1, grid.bins * BIN_S)
+    threshold = np.array([values["threshold_nats"]])
+    drifts = values["sensitivity"] * np.array(STRENGTHS)
+    seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
+    found: Crossings = simulated(
+        replace(model, seed=seed).run((), float(threshold[0])), threshold,
+        seconds=grid.bins * BIN_S, trials=SET_TRIALS // len(STRENGTHS), seed=seed, drifts=drifts,
+    )  # fmt: skip
+    rng = stream(SCORING_SEED, "within a bin", number)
+    # Evidence of positive drift speaks for channel 0, which is response 1 here.
+    choice = np.where(found.choice[0] < 0, -1, 1 - found.choice[0])
+    return (found.bins[0] + rng.random(len(choice))) * BIN_S, choice
+
+
+def data_set(by: str, names: list[str], number: int) -> tuple[Design, Array]:
+    """Return a data set with the parameters that it was made from."""
+    truth = drawn(names, number)
+    values = dict(zip(names, truth.tolist(), strict=True))
+    decide = decided_by_test if by == "test" else decided_by_circuit
+    time_s, choice = decide(values, Grid(300), number)
+    rng = stream(SCORING_SEED, "responses", by, number)
+    cell = np.repeat(np.arange(len(STRENGTHS)), SET_TRIALS // len(STRENGTHS))
+    rt = time_s + rng.normal(values["t0_s"], values["t0_sd_s"], len(cell))
+    grid = Grid(400)
+    lapse = rng.random(len(cell)) < values["lapse"]
+    rt = np.where(lapse, rng.random(len(cell)) * grid.bins * BIN_S, rt)
+    choice = np.where(lapse, rng.integers(0, 2, len(cell)), choice)
+    kept = (choice >= 0) & (rt > 0) & (rt < grid.bins * BIN_S)
+    seen = Observed(cell[kept], choice[kept], rt[kept], grid)
+    return Design(np.array(STRENGTHS), {}, seen), truth
+
+
+def within_prior(likelihood: Likelihood) -> Likelihood:
+    """Return the likelihood with the prior's range as bounds."""
+    moved = tuple(
+        replace(each, parameter=replace(
+            each.parameter, low=PRIOR[each.name][0], high=PRIOR[each.name][1],
+            start=sum(PRIOR[each.name]) / 2))
+        for each in likelihood.freedom.moved
+    )  # fmt: skip
+    return replace(likelihood, freedom=replace(likelihood.freedom, moved=moved))
+
+
+def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
+    """Return the truth, the optimum and the posterior of each parameter of some data sets."""
+    model = GapModel() if by == "test" else fitted_circuit(NONE, trials, 3.0)
+    rows = []
+    for number in range(first, first + sets):
+        names = [each.name for each in model.parameters]
+        design, truth = data_set(by, names, number)
+        likelihood = within_prior(likelihood_of(model, design, free=names))
+        best = optimum(likelihood)
+        there = directions(likelihood, best.vector)
+        draws = posterior(likelihood, there, walkers=WALKERS, steps=STEPS, seed=number)
+        low, high = draws.interval(0.9)
+        some = draws.draws[np.linspace(0, len(draws.draws) - 1, RANKED).astype(int)]
+        for k, name in enumerate(names):
+            rows.append(
+                {
+                    "set": number, "parameter": name, "truth": truth[k],
+                    "optimum": best.vector[k], "mean": draws.mean[k],
+                    "low": low[k], "high": high[k],
+                    "rank": int((some[:, k] < truth[k]).sum()), "effective": draws.effective,
+                }
+            )  # fmt: skip
+    return pd.DataFrame(rows).assign(by=by)
+
+
+def patients(trials: int) -> pd.DataFrame:
+    """Return what stimulation moves: predictions of left-out trials, and the four means."""
+    data = "cavanagh_2011"
+    whole = read_choices(data, conditions=["conflict", "stimulation"])
+    rows = []
+    for who in whole.people():
+        design = design_of(whole.where(whole.participant == who), ["conflict", "stimulation"])
+        left_out: dict[str, Array] = {}
+        for name, (criterion, vary) in MOVES.items():
+            model = fitted_circuit(criterion, trials, 5.0, SLOW_NATS)
+            likelihood = stimulated(model, design, vary)
+            left_out[name] = predicted(likelihood)
+            made = optimum(likelihood)
+            cells = Fit(made, directions(likelihood, made.vector)).cells()
+            better, error = better_by(left_out[name], left_out["nothing"])
+            rows.append(
+                cells.assign(
+                    participant=who, moved=name, better_nats=better, error_nats=error,
+                    log_likelihood=made.log_likelihood,
+                    **{k.partition("[")[0] + ("_on" if "=on" in k else ""): v
+                       for k, v in made.values.items() if not k.startswith("sensitivity")},
+                )
+            )  # fmt: skip
+    return pd.concat(rows, ignore_index=True)
+
+
+def stimulated(model: CircuitModel, design: Design, vary: Mapping[str, str]) -> Likelihood:
+    """Return the likelihood in which stimulation moves one parameter, and conflict sensitivity."""
+    free = [name for name in ("threshold_nats", "t0_s", "t0_sd_s", "lapse") if name not in vary]
+    return likelihood_of(model, design, free=free, vary={"sensitivity": "conflict", **vary})
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Go through what the score is made of."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
+        choices = read_choices(data, strength="coherence")
+        for who in choices.people():
+            count = int((choices.participant == who).sum())
+            yield Piece("people", who, count, 300, partial(person, data, who, trials))
+    sets = COARSE_SETS if fast else SETS
+    for by in ("test", "circuit"):
+        for first in range(0, sets, BATCH_SETS):
+            some = min(BATCH_SETS, sets - first)
+            make = partial(recovered, by, first, some, trials)
+            yield Piece("recovery", f"{by} {first}", SET_TRIALS, some * 8, make)
+    yield Piece("patients", "stimulation", 3988, 1200, partial(patients, round(FEWER * trials)))
+
+
+def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
+    """Return the tables that pages and figures read."""
+    people = made["people"]
+    found: dict[str, tuple[str, pd.DataFrame]] = {}
+    who = ["data", "participant", "model"]
+    for kind, columns in (
+        ("parameters", ["parameter", "value", "standard_error", "at_bound"]),
+        ("predicted", ["log_likelihood", "better_nats", "error_nats"]),
+    ):
+        found[kind] = ("people", people.loc[people["kind"] == kind, [*who, *columns]])
+    cells = people[people["kind"] == "cells"]
+    empty = [name for name in cells if cells[name].isna().all()]
+    found["cells"] = ("people", cells.drop(columns=[*empty, "kind"]))
+    found["recovery"] = ("recovery", made["recovery"])
+    found["calibration"] = ("recovery", _calibration(made["recovery"]))
+    found["stimulation"] = ("patients", made["patients"])
+    found["stimulation_moves"] = ("patients", _moves(made["patients"]))
+    return found
+
+
+def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:
+    rows = []
+    for (by, name), some in recovery.groupby(["by", "parameter"], sort=False):
+        inside = (some["low"] <= some["truth"]) & (some["truth"] <= some["high"])
+        spread = some["truth"].mean()
+        uniform = kstest((some["rank"] + 0.5) / (RANKED + 1), "uniform")
+        rows.append(
+            {
+                "by": by, "parameter": name, "sets": len(some),
+                "bias": (some["mean"] - some["truth"]).mean() / spread,
+                "bias_optimum": (some["optimum"] - some["truth"]).mean() / spread,
+                "error": (some["mean"] - some["truth"]).std() / np.sqrt(len(some)) / spread,
+                "coverage": inside.mean(), "uniform_p": uniform.pvalue,
+                "correlation": np.corrcoef(some["truth"], some["mean"])[0, 1],
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _moves(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return each move's predictions over people, and its effects beside the data's."""
+    rows = []
+    for name, some in cells.groupby("moved", sort=False):
+        each = some.drop_duplicates("participant")
+        better, error = each["better_nats"].sum(), np.sqrt((each["error_nats"] ** 2).sum())
+        row = {"moved": name, "better_nats": better, "error_nats": error}
+        row["better_people"] = int((each["better_nats"] > 0).sum())
+        for who, prefix in (("data", ""), ("model", "model_")):
+            wide = some.pivot(
+                index="participant", columns=["conflict", "stimulation"], values=f"{prefix}mean_s"
+            )
+            for conflict in ("high", "low"):
+                for stimulation in ("off", "on"):
+                    one = wide[conflict, stimulation]
+                    row[f"{who}_{conflict}_{stimulation}_s"] = one.mean()
+                    row[f"{who}_{conflict}_{stimulation}_sem"] = one.sem()
+            effect = {c: wide[c, "on"] - wide[c, "off"] for c in ("high", "low")}
+            apart = effect["high"] - effect["low"]
+            row |= {f"{who}_interaction_s": apart.mean(), f"{who}_interaction_sem": apart.sem()}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+SCORE = Score("fits", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
