@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import Shows, check_whole, recorded, say
+from bgmodel.commands.checks import Shows, check_whole, circuit_file, recorded, say
 from bgmodel.commands.names import CircuitName
+from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from bgmodel.fitting.algorithms import Model
     from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.optimum import Likelihood
+    from bgmodel.fitting.pieces import Piece
     from bgmodel.tables.choices import Choices
 
 GAPS = {"constant_gap": False, "falling_gap": True}
+TABLES = ("parameters.csv", "cells.csv")
 
 
 @dataclass(frozen=True)
@@ -80,28 +83,64 @@ class FitRun(Shows):
         """Run the command."""
         _need()
         check_whole(trials=self.trials)
+        self._check_names()
         columns = sorted({each.partition("/")[0] for each in self._vary.values()})
         choices = self._read(columns)
         folder = self.folder or Path("fits") / Path(self.data).stem
-        files.check_writable(folder)
-        self.note(choices.summary())
+        _check_folder(folder)
         people: list[tuple[str, Choices]] = [("all", choices)]
         if not self.pooled:
             people = [(who, choices.where(choices.participant == who)) for who in choices.people()]
-        models = [self._model(name, choices, folder) for name in self.models]
-        made: list[tuple[pd.DataFrame, pd.DataFrame]] = []
-        for who, some in people:
-            drawn = {}
-            for name, model in zip(self.models, models, strict=True):
-                found = self._one(who, some, columns, name, model, folder)
-                made.append(found)
-                drawn[name] = found[1]
-            _draw(drawn, f"{choices.source}, {who}", folder / f"{who}.png")
-        self._gather(made, folder)
+        models = {name: self._model(name, choices, folder) for name in self.models}
+        self._check_parameters(models)
+        # All of them before any is fitted: what is wrong is said at once.
+        asked = {
+            who: {name: self._likelihood(some, columns, each) for name, each in models.items()}
+            for who, some in people
+        }
+        self.note(choices.summary())
+        try:
+            made = [self._person(who, some, asked[who], folder) for who, some in people]
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("The same command goes on where it was.") from None
+        self._gather([each for person in made for each in person], folder)
+
+    def _check_names(self) -> None:
+        """Raise ValueError for a model, an engine or a criterion that there is not."""
+        from bgmodel.fitting.circuit import CRITERIA
+        from bgmodel.integrators.basal_ganglia import check_engine
+
+        check_engine(self.engine)
+        if not 0 < self.noise_nats < float("inf"):
+            raise ValueError(f"noise_nats must be finite and above 0, got {self.noise_nats:g}")
+        if not self.models:
+            raise ValueError("models must name at least one")
+        for name in self.models:
+            if name not in GAPS and not circuit_file(name) and name not in CircuitName.known():
+                allowed = ", ".join((*GAPS, *CircuitName.known()))
+                raise ValueError(f"models must be of {allowed}, or .toml files, got {name!r}")
+        if self.criterion not in CRITERIA:
+            allowed = ", ".join(CRITERIA)
+            raise ValueError(f"criterion must be one of {allowed}, got {self.criterion!r}")
+
+    def _check_parameters(self, models: dict[str, Model]) -> None:
+        """Raise ValueError for a parameter that none of the models has."""
+        known = {each.name: 0 for model in models.values() for each in model.parameters}
+        for option, names in (("free", self.free), ("hold", self._hold), ("vary", self._vary)):
+            for name in names:
+                if name not in known and name != "criterion":
+                    there = ", ".join(("criterion", *known))
+                    raise ValueError(
+                        f"{option} must name a parameter, one of {there}, got {name!r}"
+                    )
 
     @property
     def _vary(self) -> dict[str, str]:
         return dict(_pair(each, "vary") for each in self.vary)
+
+    @property
+    def _hold(self) -> dict[str, float]:
+        return {name: _number(*pair) for name, *pair in (_pair(h, "hold") for h in self.hold)}
 
     def _read(self, columns: list[str]) -> Choices:
         from bgmodel.tables.choices import read_choices
@@ -123,9 +162,6 @@ class FitRun(Shows):
 
         if name in GAPS:
             return GapModel(GAPS[name])
-        if self.criterion not in CRITERIA:
-            allowed = ", ".join(CRITERIA)
-            raise ValueError(f"criterion must be one of {allowed}, got {self.criterion!r}")
         longest = choices.deadline_s or float(np.nanmax(choices.rt_s))
         return CircuitModel(
             _circuit(name),
@@ -150,7 +186,7 @@ class FitRun(Shows):
             return model.criterion_name if name == "criterion" else name
 
         # A parameter that another of the models has says nothing to this one.
-        hold = {own(k): float(v) for k, v in (_pair(each, "hold") for each in self.hold)}
+        hold = {own(k): v for k, v in self._hold.items()}
         vary = {own(k): v for k, v in self._vary.items()}
         return likelihood_of(
             model,
@@ -160,25 +196,37 @@ class FitRun(Shows):
             vary={k: v for k, v in vary.items() if k in known},
         )
 
+    def _person(
+        self, who: str, some: Choices, asked: dict[str, Likelihood], folder: Path
+    ) -> list[Piece]:
+        """Return the fits of one participant, and draw them."""
+        from bgmodel.fitting.pieces import safe
+
+        found = {name: self._one(who, some, name, each, folder) for name, each in asked.items()}
+        cells = {name: piece.cells for name, piece in found.items()}
+        _draw(cells, f"{some.source}, {who}", folder / f"{safe(who)}.png")
+        return list(found.values())
+
     def _one(
-        self, who: str, some: Choices, columns: list[str], name: str, model: Model, folder: Path
-    ) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Return the parameters and the cells of one fit, from its files or made now."""
+        self, who: str, some: Choices, name: str, likelihood: Likelihood, folder: Path
+    ) -> Piece:
+        """Return the tables of one fit, from its files or made now."""
         from tqdm import tqdm
 
         from bgmodel.fitting.fit import fit
+        from bgmodel.fitting.pieces import Piece, read_piece, write_piece
 
-        likelihood = self._likelihood(some, columns, model)
         key: dict[str, Any] = {
             "participant": who,
             "data": some.checksum,
-            "model": recorded(model.identity()),
+            "model": recorded(likelihood.model.identity()),
             "free": likelihood.freedom.names,
             "values": [each.start for each in likelihood.freedom.parameters],
             "posterior": self.posterior,
+            "bgmodel": __version__,
         }
-        stem = folder / "pieces" / f"{who} {Path(name).stem}"
-        there = _kept(stem, key)
+        pieces, title = folder / "pieces", f"{who} {Path(name).stem}"
+        there = read_piece(pieces, title, key)
         if there is not None:
             self.note(f"{who}, {name}: there already")
             return there
@@ -187,21 +235,19 @@ class FitRun(Shows):
             said = bar.set_postfix_str
             found = fit(likelihood, draws=self.posterior, anyway=self.anyway, tell=said)
         self._say(who, name, found)
-        parameters = found.parameters()
-        parameters.insert(0, "participant", who)
-        parameters.insert(1, "model", name)
-        parameters["log_likelihood"] = found.optimum.log_likelihood
-        cells = found.cells()
-        cells.insert(0, "participant", who)
-        cells.insert(1, "model", name)
-        stem.parent.mkdir(parents=True, exist_ok=True)
-        files.write_table(cells, _file(stem, "cells"), seed=self.seed, fit=key)
-        files.write_table(parameters, _file(stem, "parameters"), seed=self.seed, fit=key)
-        return parameters, cells
+        piece = Piece(found.parameters(), found.cells())
+        piece.parameters["log_likelihood"] = found.optimum.log_likelihood
+        for table in piece:
+            table.insert(0, "participant", who)
+            table.insert(1, "model", name)
+        write_piece(pieces, title, key, piece, seed=self.seed)
+        return piece
 
     def _say(self, who: str, name: str, found: Fit) -> None:
-        """Say what can be told apart, and what lies at a bound."""
+        """Say what can be told apart, what lies at a bound, and what draws are worth."""
         import pandas as pd
+
+        from bgmodel.fitting.posterior import ENOUGH
 
         names = found.directions.names
         cosines = pd.DataFrame(found.directions.cosines, names, names).round(2)
@@ -210,17 +256,26 @@ class FitRun(Shows):
         for each, at_bound in zip(names, found.optimum.at_bound, strict=True):
             if at_bound:
                 say(f"{who}, {name}: {each} ends at a bound of its range: its error means nothing")
+        drawn = found.posterior
+        if drawn is not None and drawn.long_enough:
+            self.note(f"{who}, {name}: draws are worth {drawn.effective:.0f} independent ones")
+        elif drawn is not None:
+            say(
+                f"{who}, {name}: the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation "
+                f"times and not {ENOUGH}: its draws are worth less than {drawn.effective:.0f} "
+                "independent ones, and intervals are rough"
+            )
 
-    def _gather(self, made: list[tuple[pd.DataFrame, pd.DataFrame]], folder: Path) -> None:
+    def _gather(self, made: list[Piece], folder: Path) -> None:
         import pandas as pd
 
-        parameters = pd.concat([each for each, _ in made], ignore_index=True)
-        cells = pd.concat([each for _, each in made], ignore_index=True)
+        parameters = pd.concat([each.parameters for each in made], ignore_index=True)
+        cells = pd.concat([each.cells for each in made], ignore_index=True)
         asked = {"data": self.data, "models": list(self.models), "vary": list(self.vary)}
-        files.write_table(parameters, folder / "parameters.csv", seed=self.seed, **asked)
-        files.write_table(cells, folder / "cells.csv", seed=self.seed, **asked)
+        for table, name in zip((parameters, cells), TABLES, strict=True):
+            files.write_table(table, folder / name, seed=self.seed, **asked)
         self.show("\n" + parameters.round(4).to_string(index=False), parameters)
-        self.note(f"-> {folder}: parameters.csv, cells.csv, a figure for each participant")
+        self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
 
 def _need() -> None:
@@ -229,6 +284,14 @@ def _need() -> None:
         import emcee  # noqa: F401
     except ImportError as error:
         raise ImportError('fits need cma and emcee: pip install ".[fit]"') from error
+
+
+def _check_folder(folder: Path) -> None:
+    """Raise ValueError if a folder can't be written, or a table there is no result of ours."""
+    files.check_writable(folder)
+    for path in (folder / name for name in TABLES):
+        if path.exists() and not files.is_result(path):
+            raise ValueError(f"{str(path)!r} is there and no result of a fit: give another folder")
 
 
 def _circuit(name: str) -> Any:
@@ -245,20 +308,11 @@ def _pair(text: str, option: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
-def _file(stem: Path, what: str) -> Path:
-    return stem.with_name(f"{stem.name} {what}.parquet")
-
-
-def _kept(stem: Path, key: dict[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame] | None:
-    """Return the tables of a finished fit, or None where there is none of this key."""
-    paths = [_file(stem, what) for what in ("parameters", "cells")]
-    if not all(path.exists() for path in paths):
-        return None
-    plain = files.provenance(fit=key)["parameters"]["fit"]
-    if files.read_provenance(paths[0])["parameters"]["fit"] != plain:
-        return None
-    parameters, cells = (files.read_table(path) for path in paths)
-    return parameters, cells
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"hold must give a number, as lapse=0.02, got {text!r}") from None
 
 
 def _draw(cells: dict[str, pd.DataFrame], title: str, path: Path) -> None:

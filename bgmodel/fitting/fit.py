@@ -11,7 +11,7 @@ import pandas as pd
 from bgmodel.arrays import Array
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
-from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
+from bgmodel.fitting.optimum import Likelihood, Optimum, optimum, starts_of
 from bgmodel.fitting.posterior import Posterior, posterior
 from bgmodel.fitting.responses import BIN_S, moments
 
@@ -132,7 +132,9 @@ def fit(
     """
     tell("what can be told apart")
     if not anyway:
-        directions(likelihood, likelihood.freedom.start).check()
+        # Where a parameter stands at a bound, as an amount at 0, others may move nothing: ask in
+        # the middle of its range.
+        directions(likelihood, starts_of(likelihood)[-1]).check()
     tell("optimum")
     found = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))
     there = directions(likelihood, found.vector)

@@ -15,6 +15,8 @@ ALIKE = 0.95
 """Cosine of two directions from which on a fit refuses to move both."""
 STEP = 0.02
 """Step of the derivatives, as a share of where a parameter stands or of its range."""
+ROUNDING = 1e-12
+"""Change of a probability that is taken for none."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,13 @@ class Directions:
     def standard_errors(self) -> Array:
         """Standard error of each with all others free; infinite where nothing fixes it."""
         length = np.sqrt(np.diag(self.information))
-        if not (length > 0).all() or np.linalg.cond(self.cosines) > 1e12:
-            return np.full(len(length), np.inf)
-        inverse = np.linalg.inv(self.cosines)
-        return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0)) / length)
+        found = np.full(len(length), np.inf)
+        some = np.flatnonzero(length > 0)
+        cosines = self.cosines[np.ix_(some, some)]
+        if len(some) and np.linalg.cond(cosines) <= 1e12:
+            inverse = np.linalg.inv(cosines)
+            found[some] = np.sqrt(np.maximum(np.diag(inverse), 0)) / length[some]
+        return found
 
     @property
     def alone(self) -> Array:
@@ -98,6 +103,7 @@ def directions(likelihood: Likelihood, vector: Array) -> Directions:
         above, below = vector.copy(), vector.copy()
         above[k], below[k] = min(vector[k] + step, high[k]), max(vector[k] - step, low[k])
         apart = _masses(likelihood, above) - _masses(likelihood, below)
+        apart[np.abs(apart) < ROUNDING] = 0.0
         changes.append(apart / (above[k] - below[k]))
     weight = likelihood.design.trials[:, None] / np.maximum(middle, 1e-12)
     information = np.einsum("icb,cb,jcb->ij", changes, weight, changes)

@@ -13,8 +13,13 @@ from bgmodel.fitting.optimum import Likelihood
 from bgmodel.seeds import stream
 
 POSTERIOR_SEED = 24_201
-WALKERS, STEPS = 32, 500
-"""Walkers of the sampler, and steps of each; the first half is thrown away."""
+WALKERS, STEPS, MOST_STEPS = 32, 500, 3000
+"""Walkers of the sampler, steps between two looks at the chain, and most steps of each walker.
+
+The first half of the chain is thrown away.
+"""
+ENOUGH = 50
+"""Autocorrelation times that the kept half lasts when the sampler ends (Goodman & Weare 2010)."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +35,23 @@ class Posterior:
     log_likelihood : array (draws,), nats
         Of each.
     effective : float
-        How many independent draws they are worth, of the worst parameter.
+        Number of independent draws that these are worth, of the worst parameter: draws divided by
+        the autocorrelation time.
+    lasts : float
+        Length of the chain in autocorrelation times. Below ``ENOUGH`` the autocorrelation time is
+        estimated too short, and ``effective`` is a number that the draws do not reach.
     """
 
     names: list[str]
     draws: Array
     log_likelihood: Array
     effective: float
+    lasts: float
+
+    @property
+    def long_enough(self) -> bool:
+        """Whether the chain is long beside its autocorrelation time."""
+        return self.lasts >= ENOUGH
 
     def interval(self, share: float = 0.9) -> Array:
         """Return the middle interval of a share of the posterior, (2, parameters)."""
@@ -54,13 +69,17 @@ def posterior(
     *,
     walkers: int = WALKERS,
     steps: int = STEPS,
+    most_steps: int = MOST_STEPS,
     seed: int = POSTERIOR_SEED,
     tell: Callable[[int], None] | None = None,
 ) -> Posterior:
     """Draw from the posterior by an ensemble of walkers (Goodman & Weare 2010; emcee).
 
-    The likelihood of stored crossings costs a few milliseconds and has no noise, so it is sampled
-    itself; nothing is put in its place.
+    Walkers step along the differences of others (ter Braak & Vrugt 2008), whose autocorrelation
+    time is less than half of that of the stretch move. The sampler ends when the second half of
+    its chain lasts ``ENOUGH`` autocorrelation times, or after ``most_steps``; see
+    ``Posterior.long_enough``. The likelihood of stored crossings costs a few milliseconds and has
+    no noise, so it is sampled itself; nothing is put in its place.
 
     Parameters
     ----------
@@ -68,8 +87,10 @@ def posterior(
         Of the data.
     start : Directions
         At the optimum: the walkers begin about it, as far as its standard errors say.
-    walkers, steps : int
+    walkers : int
         Of the ensemble.
+    steps, most_steps : int
+        Steps of each walker between two looks at the chain, and in all.
     seed : int
         Of the sampler.
     tell : function, optional
@@ -78,23 +99,42 @@ def posterior(
     import emcee
 
     rng = stream(seed, "walkers")
-    low, high = likelihood.freedom.low, likelihood.freedom.high
-    width = np.minimum(np.nan_to_num(start.standard_errors, posinf=np.inf), (high - low) / 8)
-    near = start.vector + 0.5 * width * rng.normal(size=(walkers, len(low)))
-    margin = 1e-3 * (high - low)
-    sampler = emcee.EnsembleSampler(walkers, len(low), likelihood)
-    state = np.random.RandomState(int(rng.integers(2**31))).get_state()
-    sampler.random_state = state
-    for done, _ in enumerate(
-        sampler.sample(np.clip(near, low + margin, high - margin), iterations=steps)
-    ):
+    state = _first(likelihood, start, walkers, rng)
+    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    sampler = emcee.EnsembleSampler(walkers, state.shape[1], likelihood, moves=moves)
+    sampler.random_state = np.random.RandomState(int(rng.integers(2**31))).get_state()
+    lasts = 0.0
+    for done, _ in enumerate(sampler.sample(state, iterations=most_steps), 1):
         if tell is not None:
-            tell(done + 1)
-    kept = steps // 2
-    correlated = float(np.max(sampler.get_autocorr_time(discard=kept, quiet=True)))
+            tell(done)
+        if done % steps == 0 or done == most_steps:
+            lasts = (done - done // 2) / _correlated(sampler.get_chain(discard=done // 2))
+            if lasts >= ENOUGH:
+                break
     return Posterior(
         likelihood.freedom.names,
-        sampler.get_chain(discard=kept, flat=True),
-        sampler.get_log_prob(discard=kept, flat=True),
-        walkers * (steps - kept) / correlated,
+        sampler.get_chain(discard=done // 2, flat=True),
+        sampler.get_log_prob(discard=done // 2, flat=True),
+        walkers * lasts,
+        lasts,
     )
+
+
+def _first(
+    likelihood: Likelihood, start: Directions, walkers: int, rng: np.random.Generator
+) -> Array:
+    """Return where walkers begin, (walkers, parameters): about the optimum, within the bounds."""
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    width = np.minimum(start.standard_errors, (high - low) / 8)
+    near = start.vector + 0.5 * width * rng.normal(size=(walkers, len(low)))
+    margin = 1e-3 * (high - low)
+    return np.asarray(np.clip(near, low + margin, high - margin))
+
+
+def _correlated(chain: Array) -> float:
+    """Return the autocorrelation time, steps, of the slowest parameter, at least 1."""
+    from emcee.autocorr import integrated_time
+
+    # Without a tolerance emcee says nothing about chains that are short: ``lasts`` does.
+    found = float(np.max(integrated_time(chain, tol=0)))
+    return max(found, 1.0) if np.isfinite(found) else float(len(chain))
