@@ -49,7 +49,7 @@ LEVELS = [
         "bgmodel.tables.text_files",
         "bgmodel.theory.first_passage",
     },
-    {"bgmodel.learning.reward", "bgmodel.tables.choices"},
+    {"bgmodel.fitting.pieces", "bgmodel.learning.reward", "bgmodel.tables.choices"},
     {
         "bgmodel.comparison.pairs",
         "bgmodel.integrators.fused",

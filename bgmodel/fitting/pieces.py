@@ -1,0 +1,68 @@
+"""Finished fits in a folder, each under the hash of all that it was made with."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bgmodel import files
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Piece(NamedTuple):
+    """Tables of one finished fit, as of ``fit.Fit``."""
+
+    parameters: pd.DataFrame
+    cells: pd.DataFrame
+
+
+def read_piece(folder: Path, title: str, key: dict[str, Any]) -> Piece | None:
+    """Return a finished fit, or None where there is none of this key or a file is damaged.
+
+    Parameters
+    ----------
+    folder : path
+        Where finished fits are kept.
+    title : str
+        What its files are called.
+    key : dict
+        All that it was made with.
+    """
+    try:
+        return Piece(*(files.read_table(_path(folder, title, key, each)) for each in Piece._fields))
+    except (OSError, ValueError):
+        return None
+
+
+def write_piece(folder: Path, title: str, key: dict[str, Any], piece: Piece, *, seed: int) -> None:
+    """Keep a finished fit; arguments as of ``read_piece``, and the seed of its trials."""
+    for each, table in zip(Piece._fields, piece, strict=True):
+        path = _path(folder, title, key, each)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        files.write_table(table, path, seed=seed, fit=key)
+
+
+def safe(title: str) -> str:
+    """Return a title as a name of a file: what a name can't hold becomes _, and its hash is added.
+
+    Parameters
+    ----------
+    title : str
+        Any text, as the id of a participant.
+    """
+    plain = re.sub(r"[^\w .+=-]", "_", title)
+    return plain if plain == title else f"{plain} {_digest(title)}"
+
+
+def _path(folder: Path, title: str, key: dict[str, Any], what: str) -> Path:
+    text = json.dumps(files.provenance(fit=key)["parameters"], sort_keys=True)
+    return folder / f"{safe(title)} {_digest(text)} {what}.parquet"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:10]
