@@ -80,13 +80,14 @@ LEVELS = [
         "bgmodel.web.model",
     },
     {
-        "bgmodel.fitting.circuit",
+        "bgmodel.fitting.criteria",
         "bgmodel.fitting.optimum",
         "bgmodel.learning.gap",
         "bgmodel.web.page",
     },
     {
         "bgmodel.comparison.circuits",
+        "bgmodel.fitting.circuit",
         "bgmodel.fitting.identify",
         "bgmodel.fitting.means",
         "bgmodel.fitting.predicted",

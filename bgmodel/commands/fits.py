@@ -107,7 +107,7 @@ class FitRun(Shows):
 
     def _check_names(self) -> None:
         """Raise ValueError for a model, an engine or a criterion that there is not."""
-        from bgmodel.fitting.circuit import CRITERIA
+        from bgmodel.fitting.criteria import CRITERIA
         from bgmodel.integrators.basal_ganglia import check_engine
 
         check_engine(self.engine)
@@ -158,7 +158,8 @@ class FitRun(Shows):
         import numpy as np
 
         from bgmodel.fitting.algorithms import GapModel
-        from bgmodel.fitting.circuit import CRITERIA, CircuitModel
+        from bgmodel.fitting.circuit import CircuitModel
+        from bgmodel.fitting.criteria import CRITERIA
 
         if name in GAPS:
             return GapModel(GAPS[name])

@@ -104,11 +104,13 @@ def decided(
 
     rows, shares = settings[0][0].around(threshold_nats)
     names = ("bins", "choice", "evidence", "log_mixture")
-    stored = [np.concatenate([getattr(each, name)[rows] for each, _ in settings]) for name in names]
+    bins, choice, evidence, mixtures = (
+        np.concatenate([getattr(each, name)[rows] for each, _ in settings]) for name in names
+    )
     share = np.concatenate([part * shares for _, part in settings])
-    place, read, mixture, weight = np.empty((4, stored[0].size))
-    chosen = np.empty(stored[0].size, np.int8)
-    used = between(*stored, share, place, chosen, read, mixture, weight)
+    place, read, mixture, weight = np.empty((4, bins.size))
+    chosen = np.empty(bins.size, np.int8)
+    used = between(bins, choice, evidence, mixtures, share, place, chosen, read, mixture, weight)
     place, chosen, read = place[:used], chosen[:used], read[:used]
     v = np.asarray(drift, float)[:, None]
     common = np.log(weight[:used]) - mixture[:used] - v**2 * ((place + 1) * BIN_S / 2)

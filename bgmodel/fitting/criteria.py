@@ -1,0 +1,113 @@
+"""What sets the criterion of a circuit beside the threshold: edits with numbers left open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bgmodel.arrays import Array
+from bgmodel.edits import written
+from bgmodel.fitting.parameters import Parameter
+
+if TYPE_CHECKING:
+    from circuits.spec import Circuit
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A number of the circuit that a fit may move: the circuit is simulated at several of it.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        Its name and bounds; at ``start`` it is what it is unless a fit moves it.
+    points : int
+        At how many values, evenly from bound to bound.
+    """
+
+    parameter: Parameter
+    points: int = 9
+
+    @cached_property
+    def values(self) -> Array:
+        """Where it is simulated, (points,)."""
+        return np.linspace(self.parameter.low, self.parameter.high, self.points)
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """Edits of a circuit with numbers left open, and the numbers.
+
+    Parameters
+    ----------
+    edits : tuple of str
+        As a person writes them, with names in braces: ``("dopamine={dopamine}",)``.
+    axes : tuple of Axis
+        One for each name.
+    about : str
+        What it is.
+    instead : bool
+        Whether it stands in place of the threshold, which is then held unless a fit frees it.
+    """
+
+    edits: tuple[str, ...]
+    axes: tuple[Axis, ...]
+    about: str = ""
+    instead: bool = False
+
+    def apply(self, circuit: Circuit, point: Sequence[float]) -> Circuit:
+        """Return the circuit at values of the axes."""
+        names = (axis.parameter.name for axis in self.axes)
+        values = {name: f"{value:.6g}" for name, value in zip(names, point, strict=True)}
+        for edit in self.edits:
+            circuit = written(edit.format(**values)).apply(circuit)
+        return circuit
+
+
+NONE = Criterion((), (), "the threshold alone")
+ONSET_ROWS = (
+    "STN_onset like=STN transfer=linear bias_nats=0 baseline_hz=15",
+    "STN_onset->SNr like=STN->SNr weight=1",
+)
+CRITERIA = {
+    "threshold": NONE,
+    "dopamine": Criterion(
+        ("dopamine={dopamine}",),
+        (Axis(Parameter("dopamine", 0.6, 1.4, 1.0, "level of dopamine; 1 is the table's")),),
+        "the level of dopamine",
+        instead=True,
+    ),
+    "stn_loss": Criterion(
+        ("STN={stn_loss}",),
+        (Axis(Parameter("stn_loss", 0.0, 0.4, 0.0, "share of STN that is lost")),),
+        "a share of STN that is lost",
+        instead=True,
+    ),
+    "gpe_loss": Criterion(
+        ("GPe={gpe_loss}",),
+        (Axis(Parameter("gpe_loss", 0.0, 0.4, 0.0, "share of GPe that is lost")),),
+        "a share of GPe that is lost",
+        instead=True,
+    ),
+    "rising_dopamine": Criterion(
+        ("dopamine amount={dopamine_rise} rise_ms={rise_ms}",),
+        (
+            Axis(Parameter("dopamine_rise", 0.0, 1.0, 0.0, "what dopamine rises by in a trial"), 7),
+            Axis(Parameter("rise_ms", 100.0, 2100.0, 900.0, "its time constant, ms"), 6),
+        ),
+        "dopamine that rises within a trial",
+    ),
+    "onset_stn": Criterion(
+        (*ONSET_ROWS, "STN_onset amount={onset_nats} to_ms=1 decay_ms={decay_ms}"),
+        (
+            Axis(Parameter("onset_nats", 0.0, 1.2, 0.0, "drive of STN_onset at onset, nats"), 13),
+            Axis(Parameter("decay_ms", 200.0, 1000.0, 400.0, "time constant of its decay, ms"), 5),
+        ),
+        "cells of STN that are driven at onset, decay, and excite SNr of all channels",
+    ),
+}
+"""What sets the criterion beside the threshold, by name."""
