@@ -114,7 +114,7 @@ def _own(choices: Choices, upper: str | None, names: Sequence[str] | None) -> di
     """Return strength and conditions of choices as columns."""
     if upper is not None:
         raise ValueError(f"choices say already which response is 1: leave upper={upper!r} out")
-    there = list(choices.conditions)
+    there = [str(name) for name in choices.conditions]
     wanted = there if names is None else list(names)
     absent = [name for name in wanted if name not in there]
     if absent:
