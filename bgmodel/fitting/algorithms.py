@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from bgmodel.arrays import Array
+from bgmodel.arrays import Array, Integers
 from bgmodel.fitting import passage
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
@@ -18,6 +18,10 @@ SENSITIVITY = Parameter(
 )
 BOUND = Parameter("bound", 0.1, 8.0, 0.7, "half of the gap in units of the noise, sqrt(s)")
 FALL = Parameter("fall_s", 0.1, 20.0, 1.0, "time in which the gap falls by a factor e, s")
+
+
+EARLY, PARTS = 20, 8
+"""Bins in which a density may change within a bin, and in how many parts they are summed."""
 
 
 class Model(Protocol):
@@ -85,22 +89,31 @@ class GapModel:
         bound = values["bound"]
         falls = values["fall_s"] if self.falls else np.full(len(bound), np.inf)
         found = np.empty((len(strength), 2, grid.bins))
+        time_s, width_s, first = _parts(grid.bins)
         shapes = np.stack([bound, falls], axis=1)
         for shape in np.unique(shapes, axis=0):
             cells = (shapes == shape).all(axis=1)
-            at_rest, gap = self._at_rest(float(shape[0]), float(shape[1]), grid)
-            density = passage.with_drift(at_rest, gap, grid.middles_s, drift[cells])
-            found[cells] = density * BIN_S
+            at_rest, gap = self._at_rest(float(shape[0]), float(shape[1]), time_s, width_s)
+            mass = passage.with_drift(at_rest, gap, time_s, drift[cells]) * width_s
+            found[cells] = np.add.reduceat(mass, first, axis=2)
         return found
 
-    def _at_rest(self, bound: float, fall_s: float, grid: Grid) -> tuple[Array, Array]:
-        """Return the density without drift in the middles of the bins, and the bound there."""
+    def _at_rest(
+        self, bound: float, fall_s: float, time_s: Array, width_s: Array
+    ) -> tuple[Array, Array]:
+        """Return the density without drift at times, and the bound there."""
         if not self.falls:
-            return passage.constant_at_rest(bound, grid.middles_s), np.full(grid.bins, bound)
+            return passage.constant_at_rest(bound, time_s), np.full(len(time_s), bound)
         gap, slope = passage.exponential(bound, fall_s)
-        halves = np.arange(1, 2 * grid.bins) * BIN_S / 2
-        return passage.falling_at_rest(gap, slope, halves)[::2], gap(grid.middles_s)
+        return passage.falling_at_rest(gap, slope, time_s, width_s), gap(time_s)
 
     def identity(self) -> dict[str, object]:
         """Return its name: there is nothing else to it."""
         return {"model": self.name}
+
+
+def _parts(bins: int) -> tuple[Array, Array, Integers]:
+    """Return middles and widths of the parts of all bins, s, and the first part of each bin."""
+    parts = np.where(np.arange(bins) < EARLY, PARTS, 2)
+    width_s = np.repeat(BIN_S / parts, parts)
+    return width_s.cumsum() - width_s / 2, width_s, parts.cumsum() - parts

@@ -89,7 +89,10 @@ def constant_at_rest(bound: float, time_s: Array) -> Array:
 
 
 def falling_at_rest(
-    bound: Callable[[Array], Array], slope: Callable[[Array], Array], time_s: Array
+    bound: Callable[[Array], Array],
+    slope: Callable[[Array], Array],
+    time_s: Array,
+    width_s: Array | None = None,
 ) -> Array:
     """Return the density of a decision at times, for bounds +-a(t) and no drift, 1/s.
 
@@ -98,17 +101,21 @@ def falling_at_rest(
     bound, slope : function
         a(t), sqrt(s), above 0, and its derivative.
     time_s : array (times,), s
-        Evenly spaced, from one interval on.
+        Rising, above 0.
+    width_s : array (times,), s, optional
+        Length of time that each stands for, as its weight in an integral; if left out, times are
+        even and begin one interval after 0.
 
     Notes
     -----
     The integral equation of Buonocore, Nobile & Ricciardi (1987), whose kernel is made to vanish
-    where two times meet; two bounds that are each other's mirror image leave one unknown. On even
-    times it is a triangular system.
+    where two times meet; two bounds that are each other's mirror image leave one unknown. On a
+    grid of times it is a triangular system.
     """
     from scipy.linalg import solve_triangular
 
     times = np.asarray(time_s, float)
+    width = np.full(len(times), times[1] - times[0]) if width_s is None else width_s
     a, fall = bound(times), slope(times)
 
     def flux(apart: Array, since: Array, falls: Array) -> Array:
@@ -122,8 +129,7 @@ def falling_at_rest(
     before = since > 1e-12
     since = np.where(before, since, 1.0)
     kernel = flux(a[:, None] - a, since, fall[:, None]) + flux(a[:, None] + a, since, fall[:, None])
-    step = times[1] - times[0]
-    system = np.eye(len(times)) - np.where(before, 2 * step * kernel, 0.0)
+    system = np.eye(len(times)) - np.where(before, 2 * width * kernel, 0.0)
     return np.asarray(np.maximum(2 * solve_triangular(system, first, lower=True), 0.0))
 
 
