@@ -96,7 +96,7 @@ def person(data: str, who: str, trials: int) -> pd.DataFrame:
     for name, model in models(trials, 3.0).items():
         likelihood = likelihood_of(model, design, free=[each.name for each in model.parameters])
         made = fit(likelihood, anyway=True)
-        left_out[name] = predicted(likelihood)
+        left_out[name] = predicted(likelihood, start=made.optimum.vector)
         found.append(made.parameters().assign(model=name, kind="parameters"))
         found.append(made.cells().assign(model=name, kind="cells"))
         better, error = better_by(left_out[name], left_out["constant gap"])
@@ -138,7 +138,9 @@ def decided_by_test(values: Mapping[str, float], grid: Grid, number: int) -> tup
     return (bins + rng.random(len(bins))) * BIN_S, choice
 
 
-def decided_by_circuit(values: Mapping[str, float], grid: Grid, number: int) -> tuple[Array, Integers]:
+def decided_by_circuit(
+    values: Mapping[str, float], grid: Grid, number: int
+) -> tuple[Array, Integers]:
     """Return decision times, s, and choices of each trial by the circuit, run on new evidence."""
     from bgmodel.fitting.crossings import simulated
 
@@ -221,8 +223,8 @@ def patients(trials: int) -> pd.DataFrame:
         for name, (criterion, vary) in MOVES.items():
             model = fitted_circuit(criterion, trials, 5.0, SLOW_NATS)
             likelihood = stimulated(model, design, vary)
-            left_out[name] = predicted(likelihood)
             made = optimum(likelihood)
+            left_out[name] = predicted(likelihood, start=made.vector)
             cells = Fit(made, directions(likelihood, made.vector)).cells()
             better, error = better_by(left_out[name], left_out["nothing"])
             rows.append(

@@ -19,6 +19,7 @@ FOLDS_SEED = 24_301
 def predicted(
     likelihood: Likelihood,
     *,
+    start: Array | None = None,
     folds: int = FOLDS,
     seed: int = FOLDS_SEED,
     tell: Callable[[int], None] | None = None,
@@ -32,6 +33,8 @@ def predicted(
     ----------
     likelihood : Likelihood
         Model, design, and what is free.
+    start : array, optional
+        Where each search begins, as the optimum for all trials; those of ``optimum`` if left out.
     folds : int
         Into how many parts the trials are divided, each cell evenly.
     seed : int
@@ -42,10 +45,11 @@ def predicted(
     design = likelihood.design
     part = _divided(design.observed.cell, folds, seed)
     found = np.empty(len(part))
+    starts = None if start is None else [start]
     for fold in range(folds):
         left = replace(likelihood, design=design.part(np.flatnonzero(part != fold)))
         rest = replace(likelihood, design=design.part(np.flatnonzero(part == fold)))
-        found[part == fold] = rest.each(optimum(left).vector)
+        found[part == fold] = rest.each(optimum(left, starts=starts).vector)
         if tell is not None:
             tell(fold + 1)
     return found
