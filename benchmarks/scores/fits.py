@@ -50,7 +50,7 @@ PRIOR = {
 }  # fmt: skip
 """Range from which parameters are drawn: that of the fits to people and monkeys."""
 BATCH_SETS = 20
-WALKERS, STEPS, RANKED = 24, 400, 99
+WALKERS, STEPS, RANKED = 24, 300, 99
 """Of the posteriors of recovery, and draws of each among which the truth has its rank."""
 SLOW_NATS = 1.5
 """Noise in nats where decisions take more than a second: a wider range of thresholds."""
@@ -197,7 +197,9 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
         likelihood = within_prior(likelihood_of(model, design, free=names))
         best = optimum(likelihood)
         there = directions(likelihood, best.vector)
-        draws = posterior(likelihood, there, walkers=WALKERS, steps=STEPS, seed=number)
+        draws = posterior(
+            likelihood, there, walkers=WALKERS, steps=STEPS, most_steps=STEPS, seed=number
+        )
         low, high = draws.interval(0.9)
         some = draws.draws[np.linspace(0, len(draws.draws) - 1, RANKED).astype(int)]
         for k, name in enumerate(names):
