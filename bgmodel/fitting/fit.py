@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from bgmodel.arrays import Array
+from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.optimum import Likelihood, Optimum, optimum, starts_of
@@ -76,22 +76,34 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
     rows = []
     for cell in range(design.cells):
         seen = (design.observed.cell == cell) & (design.observed.response >= 0)
-        rt, right = design.observed.rt_s[seen], design.observed.response[seen]
         row = {"strength": design.strength[cell]}
         row |= {name: levels[cell] for name, levels in design.conditions.items()}
-        row |= {"trials": int(design.trials[cell]), "answered": len(rt)}
-        row |= {"accuracy": right.mean(), "mean_s": rt.mean(), "sd_s": rt.std()}
-        row |= {
-            "accuracy_se": np.sqrt(right.mean() * (1 - right.mean()) / len(rt)),
-            "mean_se": rt.std() / np.sqrt(len(rt)),
-            "correct_s": rt[right == 1].mean() if (right == 1).any() else np.nan,
-            "wrong_s": rt[right == 0].mean() if (right == 0).any() else np.nan,
-        }
-        row |= {f"q{round(100 * q)}_s": np.quantile(rt, q) for q in QUANTILES}
+        row |= {"trials": int(design.trials[cell]), "answered": int(seen.sum())}
+        row |= _seen(design.observed.rt_s[seen], design.observed.response[seen])
         row |= {f"model_{name}": said[name][cell] for name in ("accuracy", "mean_s", "sd_s")}
         row |= _said(density[cell], design.grid.middles_s)
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def _seen(rt: Array, right: Integers) -> dict[str, float]:
+    """Return accuracy and times of a cell with their errors; NaN where there was no response."""
+
+    def mean(some: Array) -> float:
+        return float(some.mean()) if len(some) else np.nan
+
+    accuracy, sd = mean(right == 1), float(rt.std()) if len(rt) else np.nan
+    few = max(len(rt), 1)
+    return {
+        "accuracy": accuracy,
+        "mean_s": mean(rt),
+        "sd_s": sd,
+        "accuracy_se": np.sqrt(accuracy * (1 - accuracy) / few),
+        "mean_se": sd / np.sqrt(few),
+        "correct_s": mean(rt[right == 1]),
+        "wrong_s": mean(rt[right == 0]),
+        **{f"q{round(100 * q)}_s": np.quantile(rt, q) if len(rt) else np.nan for q in QUANTILES},
+    }
 
 
 def _said(density: Array, middles_s: Array) -> dict[str, float]:

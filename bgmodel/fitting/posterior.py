@@ -127,8 +127,9 @@ def _first(
     low, high = likelihood.freedom.low, likelihood.freedom.high
     width = np.minimum(start.standard_errors, (high - low) / 8)
     near = start.vector + 0.5 * width * rng.normal(size=(walkers, len(low)))
-    margin = 1e-3 * (high - low)
-    return np.asarray(np.clip(near, low + margin, high - margin))
+    # Folded, not cut off: walkers on one point or plane have no differences to step along.
+    near = low + np.abs(near - low)
+    return np.asarray(np.clip(high - np.abs(high - near), low, high))
 
 
 def _correlated(chain: Array) -> float:

@@ -1,0 +1,50 @@
+"""Choices and times drawn from a model's own densities, and an integrator that is ideal."""
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.decision import Trace
+from bgmodel.evidence import minus_log_softmax
+from bgmodel.fitting.responses import BIN_S, Grid, responded
+from bgmodel.seeds import stream
+from bgmodel.tables.choices import Choices
+
+GAIN = 2.0
+"""Nats of log odds per unit of evidence of the ideal integrator."""
+TRUTH = {"t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
+
+
+def drawn(model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, **values):
+    """Return so many trials at each strength, half of them of the other sign, drawn by a seed."""
+    strengths = np.asarray(strengths, float)
+    grid = Grid(round((deadline_s or seconds) / BIN_S))
+    every = {k: np.full(len(strengths), v) for k, v in {**TRUTH, **values}.items()}
+    decided = model.decided(every, strengths, grid)
+    density = responded(decided, grid, **{name: every[name] for name in TRUTH})
+    rng = stream(seed, "drawn")
+    rows = []
+    for strength, one in zip(strengths, density, strict=True):
+        below = one.ravel().cumsum() * BIN_S
+        most = 1.0 if deadline_s else below[-1]
+        place = np.searchsorted(below, most * rng.random(trials), side="right")
+        none = place >= len(below)
+        response, bins = np.divmod(np.where(none, 0, place), grid.bins)
+        rt = (bins + rng.random(trials)) * BIN_S
+        sign = np.where(np.arange(trials) % 2, -1, 1)
+        rt, response = np.where(none, np.nan, rt), np.where(sign < 0, 1 - response, response)
+        rows.append(np.stack([rt, np.where(none, -1, response), sign * strength]))
+    rt, response, signed = np.concatenate(rows, axis=1)
+    return Choices(
+        np.full(len(rt), "all"),
+        rt,
+        response.astype(np.int8),
+        signed,
+        pd.DataFrame(index=range(len(rt))),
+        deadline_s,
+    )
+
+
+def ideal(read, first):
+    """Return OUT of an integrator without noise or delay, as ``crossings.Run`` asks for it."""
+    time_ms = (np.arange(read.shape[1]) + 1) * 1000 * BIN_S
+    return Trace(minus_log_softmax(GAIN * read), time_ms, step_ms=1000 * BIN_S)

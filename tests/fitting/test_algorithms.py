@@ -1,0 +1,81 @@
+"""The sequential test with a constant gap and a falling one, in bins."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bgmodel.fitting import passage
+from bgmodel.fitting.algorithms import BOUND, FALL, GapModel
+from bgmodel.fitting.parameters import RESPONSE
+from bgmodel.fitting.responses import BIN_S, Grid, moments
+
+GRID = Grid(300)
+CONSTANT, FALLING = GapModel(), GapModel(falls=True)
+ROUGH = {"deadline": None, "max_examples": 20}
+
+
+def decided(model, strength, grid=GRID, **values):
+    strength = np.atleast_1d(np.asarray(strength, float))
+    every = {name: np.broadcast_to(x, strength.shape).astype(float) for name, x in values.items()}
+    return model.decided(every, strength, grid)
+
+
+@given(st.floats(0, 20), st.floats(0.15, 0.9))
+@settings(**ROUGH)
+def test_bins_hold_the_mass_accuracy_and_mean_of_the_closed_forms(drift, bound):
+    found = decided(CONSTANT, 1, sensitivity=drift, bound=bound)
+    late = passage.constant_at_rest(bound, np.arange(3.0, 30, 0.01)).sum() * 0.01
+    assert found.sum() == pytest.approx(1, abs=max(2e-3, 2 * late))
+    said = {name: value[0] for name, value in moments(found / BIN_S, GRID).items()}
+    assert said["accuracy"] == pytest.approx(float(passage.accuracy(drift, bound)), abs=1e-6)
+    if late < 1e-4:
+        assert said["mean_s"] == pytest.approx(float(passage.mean_time_s(drift, bound)), abs=5e-4)
+
+
+@given(st.floats(0, 25), st.floats(0.15, 4.0), st.floats(0.1, 0.5))
+@settings(**ROUGH)
+def test_no_trial_of_a_falling_gap_is_lost_or_made(drift, bound, fall_s):
+    found = decided(FALLING, 1, sensitivity=drift, bound=bound, fall_s=fall_s)
+    assert found.sum() == pytest.approx(1, abs=3e-3)
+
+
+@pytest.mark.parametrize("bound", [0.3, 0.7])
+def test_a_gap_that_falls_slowly_is_constant(bound):
+    own = decided(CONSTANT, [0, 0.3], sensitivity=10, bound=bound)
+    slow = decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_s=1e7)
+    assert slow == pytest.approx(own, abs=1e-5)
+    assert np.abs(decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_s=1) - own).max() > (
+        1e-4
+    )
+
+
+@pytest.mark.parametrize("model", [CONSTANT, FALLING])
+def test_evidence_for_the_other_response_exchanges_them(model):
+    given = {"sensitivity": 9.0, "bound": 0.8, "fall_s": 0.7}
+    one, other = decided(model, [0.4, -0.4], **given)
+    assert one == pytest.approx(other[::-1], rel=1e-12)
+    assert one[1].sum() > 2 * one[0].sum()
+
+
+@pytest.mark.parametrize("model", [CONSTANT, FALLING])
+def test_each_cell_has_its_own_parameters(model):
+    some = {"sensitivity": [4.0, 12, 8], "bound": [0.5, 0.9, 0.5], "fall_s": [0.6, 0.6, 2.0]}
+    strength = [0.1, 0.5, 0.2]
+    together = decided(model, strength, **some)
+    for cell in range(3):
+        own = {name: value[cell] for name, value in some.items()}
+        assert together[cell] == pytest.approx(decided(model, strength[cell], **own)[0], rel=1e-12)
+
+
+def test_drift_is_sensitivity_times_strength():
+    one = decided(FALLING, 0.2, sensitivity=10, bound=0.8, fall_s=1)
+    other = decided(FALLING, 20, sensitivity=0.1, bound=0.8, fall_s=1)
+    assert one == pytest.approx(other, rel=1e-12)
+
+
+def test_a_model_names_its_parameters_and_its_criterion():
+    assert CONSTANT.parameters[1:] == (BOUND, *RESPONSE)
+    assert FALLING.parameters[1:] == (BOUND, FALL, *RESPONSE)
+    assert {model.criterion_name for model in (CONSTANT, FALLING)} == {BOUND.name}
+    assert CONSTANT.identity() != FALLING.identity()

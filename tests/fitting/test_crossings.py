@@ -1,0 +1,182 @@
+"""Stored crossings of an ideal integrator against the exact walk."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bgmodel.fitting import passage
+from bgmodel.fitting.crossings import DRIFTS, Crossings, decided, simulated
+from bgmodel.fitting.responses import BIN_S, Grid, moments
+from bgmodel.theory.first_passage import Gaussian, walk
+from tests.drawn import GAIN, ideal
+
+GRID = Grid(300)
+THRESHOLDS = np.log1p(np.exp(-np.linspace(2.8, 0.3, 26)))
+BEYOND_A_BOUND = 0.5826
+"""Mean overshoot of a Gaussian walk, in sd of a step (Siegmund 1985)."""
+
+
+@pytest.fixture(scope="module")
+def stored():
+    return simulated(ideal, THRESHOLDS, seconds=3.0, trials=900, seed=7)
+
+
+def odds(threshold_nats):
+    """Return the log odds at which OUT of the likelier channel is at a threshold."""
+    return -np.log(np.expm1(threshold_nats))
+
+
+def effective(stored, row, drift):
+    """Return how many independent trials the weights at a drift are worth."""
+    common = -(drift**2) * (stored.bins[row] + 1) * BIN_S / 2 - stored.log_mixture[row]
+    weights = np.exp(common) * np.cosh(drift * stored.evidence[row])
+    return weights.sum() ** 2 / (weights**2).sum()
+
+
+@pytest.mark.parametrize("drift", [0.5, 1.5, 3.0, 5.5, 9.0, 13.0])
+@pytest.mark.parametrize("row", [8, 18])
+def test_a_drift_that_was_not_simulated_ends_as_the_exact_walk(stored, row, drift):
+    found = decided([(stored, 1.0)], THRESHOLDS[row], [drift], GRID)
+    said = {name: float(value[0]) for name, value in moments(found / BIN_S, GRID).items()}
+    bound = odds(THRESHOLDS[row])
+    step = Gaussian(GAIN * drift * BIN_S, GAIN * np.sqrt(BIN_S))
+    exact = walk(step, -bound, bound, t_max=300)
+    steps = np.arange(301)
+    ended = np.append(exact.steps_pmf[:-1], exact.steps_pmf[-1] - exact.p_forced)
+    mean = ended @ steps / ended.sum()
+    sd = np.sqrt(ended @ steps**2 / ended.sum() - mean**2)
+    few = effective(stored, row, drift)
+    assert said["mean_s"] + BIN_S / 2 == pytest.approx(
+        mean * BIN_S, abs=3.5 * sd * BIN_S / np.sqrt(few)
+    )
+    wrong = 1 - walk(step, -bound, bound).p_upper
+    # What is known of the bound says more of an error than its count does.
+    assert 1 - said["accuracy"] == pytest.approx(
+        wrong, abs=max(0.003 * (wrong > 1e-3), 0.1 * wrong)
+    )
+    assert 1 - said["answered"] == pytest.approx(
+        exact.p_forced, abs=3.5 * np.sqrt(exact.p_forced / few) + 1e-6
+    )
+    level = bound / GAIN + BEYOND_A_BOUND * np.sqrt(BIN_S)
+    assert said["accuracy"] == pytest.approx(float(passage.accuracy(drift, level)), abs=0.003)
+
+
+def test_beyond_the_drifts_simulated_few_trials_are_left(stored):
+    worth = [effective(stored, 8, drift) for drift in (2.0, 8.0, 16.0, 25.0, 40.0)]
+    assert np.all(np.diff(worth) < 0)
+    assert worth[2] > 500
+    assert worth[3] < 200
+    assert worth[4] < 30
+
+
+DRIFT = st.floats(0, 16)
+
+
+@given(DRIFT, st.floats(THRESHOLDS[0], THRESHOLDS[-1]))
+@settings(deadline=None, max_examples=30)
+def test_evidence_for_the_other_response_exchanges_them_exactly(stored, drift, threshold):
+    one, other = decided([(stored, 1.0)], threshold, [drift, -drift], GRID)
+    assert np.array_equal(one, other[::-1])
+    assert one[1].sum() >= one[0].sum() - 1e-9
+
+
+@given(DRIFT, st.floats(THRESHOLDS[0], THRESHOLDS[-1]))
+@settings(deadline=None, max_examples=20)
+def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
+    whole = decided([(stored, 1.0)], threshold, [drift], GRID)
+    assert (whole >= 0).all()
+    assert whole.sum() <= 1 + 1e-6
+    short, long = (decided([(stored, 1.0)], threshold, [drift], Grid(n)) for n in (60, 350))
+    assert np.array_equal(short, whole[:, :, :60])
+    assert np.array_equal(long[:, :, :300], whole)
+    assert long[:, :, 300:].sum() == 0
+
+
+def test_a_lenient_threshold_leaves_no_trial_undecided(stored):
+    found = decided([(stored, 1.0)], THRESHOLDS[-1], [0.0, 2.0], GRID)
+    assert found.sum(axis=(1, 2)) == pytest.approx(1, abs=1e-6)
+    strict = decided([(stored, 1.0)], THRESHOLDS[0], [0.0, 2.0], GRID)
+    assert (strict.sum(axis=(1, 2)) < 1).all()
+
+
+@pytest.mark.parametrize("toward", [0.25, 0.5, 0.8])
+def test_a_threshold_between_two_stored_ones_lies_between_them_in_time(stored, toward):
+    at = THRESHOLDS[18] + np.array([0, toward, 1]) * (THRESHOLDS[19] - THRESHOLDS[18])
+    means = [
+        float(moments(decided([(stored, 1.0)], x, [3.0], GRID) / BIN_S, GRID)["mean_s"][0])
+        for x in at
+    ]
+    assert means[0] > means[1] > means[2]
+    expected = (1 - toward) * means[0] + toward * means[2]
+    assert means[1] == pytest.approx(expected, abs=0.05 * (means[0] - means[2]))
+
+
+def shifted(stored, by):
+    """Return the same trials at a setting where all decide some bins later."""
+    bins = stored.bins + np.int32(by)
+    return Crossings(stored.thresholds_nats, stored.drifts, bins, stored.choice, stored.evidence)
+
+
+@given(st.floats(0, 1))
+@settings(deadline=None, max_examples=15)
+def test_a_setting_between_two_lies_as_near_to_each_as_its_share_says(share):
+    rng = np.random.default_rng(3)
+    bins, choice = rng.integers(20, 50, (1, 200)), rng.integers(0, 2, (1, 200))
+    still = Crossings(np.array([0.3]), np.zeros(1), bins, choice, np.zeros((1, 200)))
+    pair = [(still, 1 - share), (shifted(still, 20), share)]
+    mean = moments(decided(pair, 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
+    own = moments(decided([(still, 1.0)], 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
+    assert mean - own == pytest.approx(20 * BIN_S * share, abs=1e-6)
+
+
+def test_around_names_neighbours_and_shares_that_sum_to_1(stored):
+    for at, rows, shares in [
+        (THRESHOLDS[4], slice(4, 5), [1.0]),
+        (0.25 * THRESHOLDS[4] + 0.75 * THRESHOLDS[5], slice(4, 6), [0.25, 0.75]),
+        (THRESHOLDS[-1], slice(25, 26), [1.0]),
+        (THRESHOLDS[0], slice(0, 1), [1.0]),
+    ]:
+        found = stored.around(at)
+        assert found[0] == rows
+        assert found[1] == pytest.approx(shares, abs=1e-9)
+
+
+def test_a_decision_has_heard_its_bin_and_no_later_reading():
+    """OUT that falls at reading k alone is crossed in bin k, with the evidence read by then."""
+    seen = []
+
+    def run(read, first):
+        seen.append((read, first))
+        trace = ideal(read, first)
+        trace.out_nats[:] = 1.0
+        trace.out_nats[:, 12:, 1] = 0.1
+        return trace
+
+    found = simulated(run, np.array([0.3]), seconds=0.2, trials=4, seed=1, drifts=[0.0, 2.0])
+    assert [first for _, first in seen] == [0, 4]
+    read = np.concatenate([each for each, _ in seen])
+    assert (found.bins == 12).all()
+    assert (found.choice == 1).all()
+    assert found.evidence[0] == pytest.approx(read[:, 12, 0] - read[:, 12, 1])
+
+
+def test_evidence_has_the_drift_and_the_noise_that_is_asked_for():
+    seen = []
+
+    def run(read, first):
+        seen.append(read[:, :, 0] - read[:, :, 1])
+        return ideal(read, first)
+
+    simulated(run, np.array([0.3]), seconds=1.0, trials=3000, seed=2, drifts=[0.0, 4.0])
+    at_end = [np.concatenate([each[:, -1] for each in seen[k : k + 6]]) for k in (0, 6)]
+    for end, drift in zip(at_end, (0.0, 4.0), strict=True):
+        assert end.mean() == pytest.approx(drift, abs=4 / np.sqrt(3000))
+        assert end.var() == pytest.approx(1, abs=0.1)
+
+
+def test_the_log_mixture_is_that_of_all_drifts_and_both_signs(stored):
+    x, t = stored.evidence[8, :50], (stored.bins[8, :50] + 1) * BIN_S
+    v = np.array([*DRIFTS, *(-np.array(DRIFTS))])[:, None]
+    expected = np.log(np.exp(v * x - v**2 * t / 2).mean(axis=0))
+    assert stored.log_mixture[8, :50] == pytest.approx(expected, abs=1e-9)

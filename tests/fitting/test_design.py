@@ -1,0 +1,83 @@
+"""The cells of a table of choices."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel.fitting.design import ALONE, design_of
+from bgmodel.fitting.responses import BIN_S
+from bgmodel.tables.choices import Choices
+
+
+def choices(strength, response, rt_s=None, deadline_s=None, **conditions):
+    response = np.asarray(response, np.int8)
+    rt = np.where(response < 0, np.nan, 0.5 if rt_s is None else rt_s)
+    return Choices(
+        np.full(len(response), "a"),
+        rt,
+        response,
+        None if strength is None else np.asarray(strength, float),
+        pd.DataFrame(conditions, index=range(len(response))),
+        deadline_s,
+    )
+
+
+SIGNED = st.lists(
+    st.tuples(st.sampled_from([-0.4, -0.1, 0.0, 0.1, 0.4]), st.sampled_from([0, 1])), min_size=1
+)
+
+
+@given(SIGNED)
+def test_a_trial_and_its_mirror_image_lie_in_one_cell_as_one(trials):
+    strength, response = np.array(trials).T
+    own = design_of(choices(strength, response))
+    # At strength 0 nothing says which response is which: those are as they were.
+    image = np.where(strength == 0, response, 1 - response)
+    other = design_of(choices(-strength, image))
+    assert np.array_equal(own.observed.response, other.observed.response)
+    assert np.array_equal(own.observed.cell, other.observed.cell)
+    assert np.array_equal(own.strength[own.observed.cell], np.abs(strength))
+    right = np.where(strength < 0, response == 0, response == 1)
+    assert np.array_equal(own.observed.response == 1, right)
+
+
+def test_a_trial_without_a_response_has_none_whatever_its_strength():
+    found = design_of(choices([-0.1, 0.1, -0.1], [-1, -1, 0], deadline_s=2.0))
+    assert found.observed.response.tolist() == [-1, -1, 1]
+
+
+def test_cells_are_strengths_and_levels_of_the_columns_asked_for():
+    some = choices([0.1, -0.1, 0.2, 0.1], [1, 1, 0, 1], dbs=list("nfnn"), day=list("1234"))
+    found = design_of(some, ["dbs"])
+    assert found.strength.tolist() == [0.1, 0.1, 0.2]
+    assert found.conditions == {"dbs": ["f", "n", "n"]}
+    assert found.observed.cell.tolist() == [1, 0, 2, 1]
+    assert found.trials.tolist() == [1, 2, 1]
+    assert [found.label(k) for k in (0, 2)] == ["strength 0.1, dbs f", "strength 0.2, dbs n"]
+    assert design_of(some).cells == 2
+    with pytest.raises(ValueError, match=r"no condition is called .drug.; there are dbs, day"):
+        design_of(some, ["drug"])
+
+
+def test_without_strengths_every_trial_has_the_same_and_responses_stay():
+    found = design_of(choices(None, [1, 0, 1]))
+    assert found.strength.tolist() == [ALONE]
+    assert found.observed.response.tolist() == [1, 0, 1]
+
+
+def test_the_grid_holds_every_time_and_goes_to_the_deadline():
+    rt = np.array([0.3, 1.237, 0.8])
+    assert design_of(choices([1, 2, 3], [1, 0, 1], rt)).grid.bins * BIN_S > 1.237 + 5 * BIN_S
+    assert design_of(choices([1, 2, 3], [1, 0, 1], rt, 2.0)).grid.bins == 200
+
+
+def test_a_part_has_the_same_cells_and_its_own_trials():
+    some = choices([0.1, 0.2, 0.1, 0.3], [1, 0, 1, -1], [0.3, 0.4, 0.5, 0.6], 1.0)
+    whole = design_of(some)
+    part = whole.part(np.array([2, 3]))
+    assert part.strength is whole.strength
+    assert part.trials.tolist() == [1, 0, 1]
+    assert part.observed.rt_s[0] == 0.5
+    assert (part.observed.deadline_s, part.grid) == (1.0, whole.grid)

@@ -1,0 +1,140 @@
+"""One fit as tables."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import QUANTILES, cells_of, fit
+from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.parameters import Parameter
+from bgmodel.fitting.responses import moments
+from tests.drawn import TRUTH, drawn
+
+MODEL = GapModel()
+FREE = ["sensitivity", "bound", "t0_s"]
+
+
+@pytest.fixture(scope="module")
+def likelihood():
+    some = drawn(MODEL, [0.05, 0.4], 400, 61, seconds=2.0, sensitivity=12.0, bound=0.6)
+    held = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
+    return likelihood_of(MODEL, design_of(some), fixed=held)
+
+
+@pytest.fixture(scope="module")
+def found(likelihood):
+    return fit(likelihood)
+
+
+def test_there_is_one_row_per_number_with_its_error(found):
+    table = found.parameters()
+    assert table["parameter"].tolist() == FREE
+    assert table["value"].tolist() == found.optimum.vector.tolist()
+    assert table["standard_error"].tolist() == found.directions.standard_errors.tolist()
+    assert table[["low", "high"]].isna().all(axis=None)
+    assert not table["at_bound"].any()
+    assert np.array_equal(found.directions.vector, found.optimum.vector)
+
+
+def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood, monkeypatch):
+    import bgmodel.fitting.fit as module
+
+    monkeypatch.setattr(
+        module, "posterior", lambda *a, tell, **k: real(*a, tell=tell, most_steps=200, **k)
+    )
+    from bgmodel.fitting.posterior import posterior as real
+
+    told = []
+    table = fit(likelihood, draws=True, tell=told.append).parameters()
+    assert (table["low"] < table["value"]).all()
+    assert (table["value"] < table["high"]).all()
+    width = (table["high"] - table["low"]) / table["standard_error"]
+    assert width.to_numpy() == pytest.approx(2 * 1.645, rel=0.35)
+    assert told[0] == "what can be told apart"
+    assert told[-1] == "posterior 200"
+
+
+def test_cells_hold_data_beside_the_model(found, likelihood):
+    table, design = found.cells(), likelihood.design
+    seen = design.observed
+    for cell, row in table.iterrows():
+        some = seen.cell == cell
+        rt, right = seen.rt_s[some], seen.response[some]
+        assert row["trials"] == row["answered"] == some.sum()
+        assert [row["accuracy"], row["mean_s"], row["sd_s"]] == [right.mean(), rt.mean(), rt.std()]
+        assert row["correct_s"] == rt[right == 1].mean()
+        assert row["wrong_s"] == rt[right == 0].mean()
+        assert row["mean_se"] == pytest.approx(rt.std() / np.sqrt(len(rt)))
+        for q in QUANTILES:
+            assert row[f"q{round(100 * q)}_s"] == np.quantile(rt, q)
+            assert row[f"model_q{round(100 * q)}_s"] == pytest.approx(np.quantile(rt, q), abs=0.06)
+    said = moments(found.optimum.density, design.grid)
+    assert table["model_accuracy"].tolist() == said["accuracy"].tolist()
+    assert table["model_accuracy"].to_numpy() == pytest.approx(table["accuracy"], abs=0.05)
+    assert table["model_mean_s"].to_numpy() == pytest.approx(table["mean_s"], abs=0.04)
+    # In the test times of both responses are alike, where those that are wrong are no lapses.
+    assert table["model_correct_s"][0] == pytest.approx(table["model_wrong_s"][0], abs=0.02)
+
+
+def test_quantiles_of_a_model_are_those_of_its_draws():
+    values = {"sensitivity": 12.0, "bound": 0.6}
+    design = design_of(drawn(MODEL, [0.1], 20_000, 62, seconds=2.0, **values))
+    likelihood = likelihood_of(MODEL, design, free=["bound"], fixed={**TRUTH, "sensitivity": 12.0})
+    (row,) = cells_of(design, likelihood.density(np.array([0.6]))).to_dict("records")
+    for q in QUANTILES:
+        name = f"q{round(100 * q)}_s"
+        assert row[f"model_{name}"] == pytest.approx(row[name], abs=0.012)
+
+
+def test_a_cell_without_any_response_is_empty_and_not_an_error():
+    some = drawn(MODEL, [0.05, 0.4], 30, 63, deadline_s=1.0, sensitivity=12.0, bound=0.6)
+    design = design_of(some)
+    rest = design.part(np.flatnonzero(design.observed.cell == 1))
+    table = cells_of(rest, np.ones((2, 2, design.grid.bins)))
+    assert table["answered"].tolist() == [0, 30 - (rest.observed.response < 0).sum()]
+    assert np.isnan(table.loc[0, ["accuracy", "mean_s", "q50_s"]].astype(float)).all()
+    assert np.isfinite(table.loc[1, "mean_s"])
+
+
+class Twice:
+    """The test with a bound that two parameters set."""
+
+    name, criterion_name = "twice", "bound"
+    parameters = (*MODEL.parameters, Parameter("times", 0.5, 2.0, 1.0))
+
+    def decided(self, values, strength, grid):
+        return MODEL.decided({**values, "bound": values["bound"] * values["times"]}, strength, grid)
+
+
+def test_what_can_not_be_told_apart_is_refused_before_any_search(likelihood, monkeypatch):
+    def search(*given, **named):
+        raise AssertionError("searched")
+
+    monkeypatch.setattr("bgmodel.fitting.fit.optimum", search)
+    asked = likelihood_of(Twice(), likelihood.design, free=["bound", "times"])
+    with pytest.raises(ValueError, match="cannot tell bound from times"):
+        fit(asked)
+    with pytest.raises(AssertionError, match="searched"):
+        fit(asked, anyway=True)
+
+
+class Amount(Twice):
+    """A bound that rises by an amount, which stands at 0, times another parameter."""
+
+    parameters = (
+        *MODEL.parameters,
+        Parameter("amount", 0.0, 1.0, 0.0),
+        Parameter("share", 0.1, 0.9, 0.5),
+    )
+
+    def decided(self, values, strength, grid):
+        bound = values["bound"] * (1 + values["amount"] * values["share"] * (strength > 0.1))
+        return MODEL.decided({**values, "bound": bound}, strength, grid)
+
+
+def test_what_an_amount_at_0_hides_is_asked_in_the_middle_of_its_range(likelihood):
+    """At 0 its partner moves nothing; inside both move one and the same."""
+    asked = likelihood_of(Amount(), likelihood.design, free=["amount", "share"])
+    with pytest.raises(ValueError, match="cannot tell amount from share"):
+        fit(asked)

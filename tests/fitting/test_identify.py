@@ -1,0 +1,136 @@
+"""What can be told apart, against the score of drawn data."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.identify import Directions, directions
+from bgmodel.fitting.optimum import Likelihood, likelihood_of
+from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.fitting.responses import Observed
+from tests.drawn import TRUTH, drawn
+
+MODEL = GapModel()
+VALUES = {"sensitivity": 8.0, "bound": 0.6}
+FREE = ["sensitivity", "bound", "t0_s", "t0_sd_s"]
+TRUE = np.array([8.0, 0.6, TRUTH["t0_s"], TRUTH["t0_sd_s"]])
+
+
+def likelihood_at(trials, seed=21, strengths=(0.05, 0.3), **given):
+    some = drawn(MODEL, strengths, trials, seed, **VALUES)
+    given.setdefault("free", FREE)
+    return likelihood_of(MODEL, design_of(some), **given)
+
+
+def test_information_is_the_covariance_of_the_score():
+    likelihood = likelihood_at(20_000)
+    steps = 0.01 * TRUE
+    score = []
+    for k, step in enumerate(steps):
+        moved = np.eye(4)[k] * step
+        both = likelihood.each(TRUE + moved) - likelihood.each(TRUE - moved)
+        score.append(both / (2 * step))
+    seen = np.cov(score) * likelihood.design.trials.sum()
+    expected = directions(likelihood, TRUE).information
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.abs(seen - expected).max() > 0
+    assert seen / scale == pytest.approx(expected / scale, abs=0.05)
+
+
+def test_errors_fall_with_the_root_of_the_number_of_trials():
+    few, many = (directions(likelihood_at(n), TRUE) for n in (50, 5000))
+    assert few.standard_errors / many.standard_errors == pytest.approx(10, rel=0.03)
+    assert few.cosines == pytest.approx(many.cosines, abs=0.02)
+    assert (few.alone <= few.standard_errors).all()
+
+
+def test_errors_are_those_of_the_inverse_of_the_information():
+    found = directions(likelihood_at(100), TRUE)
+    assert found.standard_errors == pytest.approx(
+        np.sqrt(np.diag(np.linalg.inv(found.information)))
+    )
+    assert found.alone == pytest.approx(1 / np.sqrt(np.diag(found.information)))
+    assert found.cosines == pytest.approx(found.cosines.T)
+    assert np.diag(found.cosines) == pytest.approx(1)
+
+
+class Doubled:
+    """The test, with a bound that is a product of two parameters, and one that does nothing."""
+
+    name, criterion_name = "doubled", "bound"
+    parameters = (
+        *MODEL.parameters,
+        Parameter("times", 0.5, 2.0, 1.0, free=False),
+        Parameter("idle", 0.0, 1.0, 0.5, free=False),
+    )
+
+    def decided(self, values, strength, grid):
+        return MODEL.decided({**values, "bound": values["bound"] * values["times"]}, strength, grid)
+
+
+def of_doubled(free):
+    design = likelihood_at(100).design
+    return likelihood_of(Doubled(), design, free=free)
+
+
+def test_two_names_of_one_parameter_have_a_cosine_of_1_and_are_refused():
+    found = directions(of_doubled(["bound", "times"]), np.array([0.6, 1.0]))
+    assert found.cosines == pytest.approx(1, abs=1e-6)
+    with pytest.raises(ValueError, match=r"cannot tell bound from times: .* a cosine of 1.00"):
+        found.check()
+    directions(of_doubled(["sensitivity", "times"]), np.array([8.0, 1.0])).check()
+
+
+def test_a_parameter_that_moves_nothing_is_refused_and_leaves_the_errors_of_others():
+    found = directions(of_doubled(["sensitivity", "bound", "idle"]), np.array([8.0, 0.6, 0.5]))
+    with pytest.raises(ValueError, match="nothing in this design depends on idle: hold it"):
+        found.check()
+    without = directions(of_doubled(["sensitivity", "bound"]), np.array([8.0, 0.6]))
+    assert found.standard_errors == pytest.approx([*without.standard_errors, np.inf])
+
+
+def test_opposite_directions_are_refused_too_and_a_right_angle_is_not():
+    def at(cosine):
+        return Directions(["a", "b"], np.zeros(2), np.array([[1.0, cosine], [cosine, 1.0]]))
+
+    for cosine in (0.96, -0.96):
+        with pytest.raises(ValueError, match="cannot tell a from b"):
+            at(cosine).check()
+    at(0.94).check()
+    at(-0.94).check()
+
+
+def test_trials_without_a_response_tell_something_too():
+    """With a deadline that cuts off most, the share that is missing fixes the bound."""
+    some = drawn(MODEL, [0.05, 0.3], 100, 22, deadline_s=0.6, **VALUES)
+    design = design_of(some)
+    assert (design.observed.response < 0).mean() > 0.2
+    with_missing = directions(likelihood_of(MODEL, design, free=FREE), TRUE)
+    answered = np.flatnonzero(design.observed.response >= 0)
+    without = directions(likelihood_of(MODEL, design.part(answered), free=FREE), TRUE)
+    assert (with_missing.standard_errors < without.standard_errors).all()
+
+
+def test_a_point_at_a_bound_is_looked_at_from_inside():
+    likelihood = likelihood_at(100)
+    tight = [
+        Parameter(each.name, 0.6, 0.9, 0.7) if each.name == "bound" else each
+        for each in likelihood.freedom.parameters
+    ]
+    freed = freedom(tight, {}, likelihood.design.cells, free=FREE)
+    at_bound = directions(Likelihood(MODEL, likelihood.design, freed), TRUE)
+    inside = directions(likelihood, TRUE)
+    assert at_bound.standard_errors == pytest.approx(inside.standard_errors, rel=0.1)
+
+
+def test_data_do_not_enter_but_their_number():
+    likelihood = likelihood_at(100)
+    seen = likelihood.design.observed
+    other = Observed(seen.cell, 1 - seen.response, seen.rt_s[::-1], seen.grid)
+    from dataclasses import replace
+
+    changed = replace(likelihood, design=replace(likelihood.design, observed=other))
+    assert np.array_equal(
+        directions(likelihood, TRUE).information, directions(changed, TRUE).information
+    )

@@ -1,0 +1,126 @@
+"""The optimum on data whose parameters are known."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.optimum import DRIFTS, Likelihood, likelihood_of, optimum, starts_of
+from bgmodel.fitting.parameters import Parameter, freedom
+from tests.drawn import TRUTH, drawn
+
+STRENGTHS = [0.0, 0.05, 0.15, 0.4]
+CONSTANT, FALLING = GapModel(), GapModel(falls=True)
+CASES = {
+    "constant": (CONSTANT, {"sensitivity": 12.0, "bound": 0.6}, 400),
+    "falling": (FALLING, {"sensitivity": 12.0, "bound": 0.7, "fall_s": 0.3}, 500),
+}
+
+
+def known(likelihood, values):
+    return np.array([{**TRUTH, **values}[name] for name in likelihood.freedom.names])
+
+
+@pytest.mark.parametrize(
+    ("case", "seed"),
+    [("constant", 1), ("constant", 2), ("constant", 3), ("falling", 4)],
+)
+def test_parameters_that_made_the_data_are_found_within_their_errors(case, seed):
+    model, values, trials = CASES[case]
+    design = design_of(drawn(model, STRENGTHS, trials, seed, seconds=1.5, **values))
+    held = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
+    likelihood = likelihood_of(model, design, fixed=held)
+    truth = known(likelihood, values)
+    found = optimum(likelihood)
+    errors = directions(likelihood, truth).standard_errors
+    assert (np.abs(found.vector - truth) < 3 * errors).all()
+    assert found.log_likelihood >= likelihood(truth) - 0.01
+    # Twice the gain is chi squared of as many degrees as there are parameters.
+    assert found.log_likelihood - likelihood(truth) < 12
+    assert not found.at_bound.any()
+    assert likelihood(found.vector) == pytest.approx(found.log_likelihood, abs=1e-9)
+    # They tell these from others: the errors are a small part of what stands there.
+    assert (errors < 0.4 * truth).all()
+
+
+@pytest.fixture(scope="module")
+def small():
+    return drawn(CONSTANT, [0.0, 0.1, 0.4], 150, 11, sensitivity=10.0, bound=0.6)
+
+
+def fitted(choices, **given):
+    return optimum(likelihood_of(CONSTANT, design_of(choices), **given))
+
+
+def test_in_per_cent_sensitivity_is_a_hundredth_and_all_else_the_same(small):
+    from dataclasses import replace
+
+    share, percent = fitted(small), fitted(replace(small, strength=100 * small.strength))
+    assert percent.log_likelihood == pytest.approx(share.log_likelihood, abs=0.02)
+    assert percent.values["sensitivity"] == pytest.approx(
+        share.values["sensitivity"] / 100, rel=0.01
+    )
+    assert percent.values["bound"] == pytest.approx(share.values["bound"], rel=0.01)
+
+
+def test_more_that_is_free_makes_the_data_no_less_likely(small):
+    free = ["sensitivity", "bound", "t0_s"]
+    assert fitted(small).log_likelihood > fitted(small, free=free).log_likelihood - 0.02
+
+
+def test_the_same_seed_finds_the_same(small):
+    free = ["sensitivity", "bound", "t0_s"]
+    one, other = fitted(small, free=free), fitted(small, free=free)
+    assert np.array_equal(one.vector, other.vector)
+    assert list(one.values) == free
+
+
+def test_the_log_likelihood_is_the_sum_over_trials_and_nothing_beyond_the_bounds(small):
+    likelihood = likelihood_of(CONSTANT, design_of(small))
+    start = likelihood.freedom.start
+    assert likelihood(start) == pytest.approx(likelihood.each(start).sum())
+    assert len(likelihood.each(start)) == small.trials
+    for bound, step in ((likelihood.freedom.low, -1e-6), (likelihood.freedom.high, 1e-6)):
+        beyond = start.copy()
+        beyond[1] = bound[1] + step
+        assert likelihood(beyond) == -np.inf
+
+
+def test_an_optimum_at_a_bound_says_so(small):
+    def near(name, low, high):
+        model = likelihood_of(CONSTANT, design_of(small), free=["sensitivity", "bound", "t0_s"])
+        parameters = [
+            Parameter(name, low, high, (low + high) / 2) if each.name == name else each
+            for each in model.freedom.parameters
+        ]
+        freed = freedom(parameters, {}, model.design.cells, free=model.freedom.names)
+        found = optimum(Likelihood(CONSTANT, model.design, freed))
+        return dict(zip(freed.names, found.at_bound.tolist(), strict=True))
+
+    assert near("bound", 0.8, 2.0) == {"sensitivity": False, "bound": True, "t0_s": False}
+    assert near("t0_s", 0.1, 0.2)["t0_s"]
+    assert not any(near("bound", 0.2, 2.0).values())
+
+
+def test_the_range_of_sensitivity_goes_by_the_largest_strength(small):
+    freed = likelihood_of(CONSTANT, design_of(small)).freedom
+    k = freed.names.index("sensitivity")
+    assert [freed.low[k], freed.high[k], freed.start[k]] == pytest.approx(
+        [drift / 0.4 for drift in DRIFTS]
+    )
+
+
+def test_a_search_begins_about_the_fastest_times_and_inside_where_a_start_is_a_bound(small):
+    likelihood = likelihood_of(CONSTANT, design_of(small))
+    (first,) = starts_of(likelihood)
+    k = likelihood.freedom.names.index("t0_s")
+    assert first[k] == pytest.approx(np.quantile(small.rt_s, 0.02) - 0.05)
+    stuck = [
+        Parameter("bound", 0.5, 0.9, 0.5) if each.name == "bound" else each
+        for each in likelihood.freedom.parameters
+    ]
+    freed = freedom(stuck, {}, likelihood.design.cells)
+    both = starts_of(Likelihood(CONSTANT, likelihood.design, freed))
+    assert [start[1] for start in both] == pytest.approx([0.5, 0.7])
+    assert both[0][2:] == pytest.approx(both[1][2:])

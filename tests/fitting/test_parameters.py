@@ -1,0 +1,68 @@
+"""Which parameters a fit moves, and in which cells."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel.fitting.parameters import Parameter, freedom
+
+A, B = Parameter("a", 0.0, 10.0, 4.0), Parameter("b", -1.0, 1.0, 0.5)
+C = Parameter("c", 0.0, 1.0, 0.25, free=False)
+ALL = (A, B, C)
+CONDITIONS = {"speed": ["fast", "slow", "fast"], "site": ["x", "y", "z"]}
+
+
+def freed(**given):
+    return freedom(ALL, CONDITIONS, 3, **given)
+
+
+def test_what_is_free_is_what_says_so_unless_named():
+    assert freed().names == ["a", "b"]
+    assert freed(free=["c", "a"]).names == ["a", "c"]
+    assert freed(fixed={"a": 3.0}).names == ["b"]
+    assert freed(fixed={"a": 3.0}).values(np.zeros(1))["a"] == pytest.approx([3, 3, 3])
+
+
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4))
+def test_a_number_of_a_level_holds_in_the_cells_of_that_level_alone(numbers):
+    moved = freed(vary={"a": "speed", "c": "speed/slow"})
+    assert moved.names == ["a[speed=fast]", "a[speed=slow]", "b", "c[speed=fast]"]
+    values = moved.values(np.array(numbers))
+    fast, slow, b, c = numbers
+    assert values["a"].tolist() == [fast, slow, fast]
+    assert values["b"].tolist() == [b, b, b]
+    assert values["c"].tolist() == [c, C.start, c]
+
+
+def test_bounds_and_start_go_with_their_numbers():
+    moved = freed(free=["b"], vary={"a": "site"})
+    assert moved.low.tolist() == [0, 0, 0, -1]
+    assert moved.high.tolist() == [10, 10, 10, 1]
+    assert moved.start.tolist() == [4, 4, 4, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"free": ["d"]}, "no parameter is called 'd'; there are a, b, c"),
+        ({"fixed": {"d": 1}}, "no parameter is called 'd'"),
+        ({"vary": {"d": "site"}}, "no parameter is called 'd'"),
+        ({"fixed": {"a": 11}}, "a must lie between 0 and 10, got 11"),
+        ({"fixed": {"a": float("nan")}}, "a must lie between 0 and 10, got nan"),
+        ({"vary": {"a": "day"}}, "a can't vary with 'day': conditions are speed, site"),
+        ({"vary": {"a": "speed/late"}}, "speed has no level 'late': fast, slow"),
+        ({"fixed": {"a": 1}, "vary": {"a": "speed"}}, "a can't be moved and held at once"),
+        ({"fixed": {"a": 1}, "free": ["a"]}, "a can't be moved and held at once"),
+        ({"free": []}, "nothing is free: name some of a, b, c"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(given, says):
+    with pytest.raises(ValueError, match=says.replace("'", ".")):
+        freed(**given)
+
+
+@pytest.mark.parametrize("given", [(2, 1, 1), (0, 1, 2), (0, 1, -1), (0, np.inf, 1)])
+def test_a_parameter_starts_within_its_bounds(given):
+    with pytest.raises(ValueError, match="low <= start <= high must hold"):
+        Parameter("a", *given)

@@ -1,0 +1,142 @@
+"""Times of decision against closed forms, scaling, and PyDDM."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bgmodel.fitting import passage
+
+DRIFT = st.floats(-6.0, 6.0)
+BOUND = st.floats(0.2, 1.5)
+
+
+def constant(bound):
+    return (
+        lambda time_s: np.full(np.shape(time_s), bound),
+        lambda time_s: np.zeros(np.shape(time_s)),
+    )
+
+
+def densities(drift, bound):
+    """Return times and both densities of a constant bound."""
+    times = np.linspace(0.0, 18 * bound**2, 6001)[1:]
+    at_rest = passage.constant_at_rest(bound, times)
+    (found,) = passage.with_drift(at_rest, np.full(len(times), bound), times, [drift])
+    return times, found
+
+
+def moments(drift, bound):
+    times, found = densities(drift, bound)
+    mass = found * (times[1] - times[0])
+    mean = mass.sum(axis=0) @ times
+    sd = np.sqrt(mass.sum(axis=0) @ times**2 - mean**2)
+    return mass.sum(), mass[int(drift >= 0)].sum(), mean, sd
+
+
+@given(DRIFT, BOUND)
+@settings(deadline=None, max_examples=40)
+def test_densities_of_a_constant_bound_integrate_to_the_closed_forms(drift, bound):
+    mass, right, mean, sd = moments(drift, bound)
+    assert mass == pytest.approx(1, abs=1e-6)
+    assert right == pytest.approx(float(passage.accuracy(drift, bound)), abs=1e-6)
+    assert mean == pytest.approx(float(passage.mean_time_s(drift, bound)), abs=1e-5 * bound**2)
+    assert sd == pytest.approx(float(passage.sd_time_s(drift, bound)), abs=1e-4 * bound**2)
+
+
+def test_a_bound_that_is_one_per_cent_higher_has_other_moments():
+    _, right, mean, sd = moments(1.5, 0.7)
+    assert abs(right - passage.accuracy(1.5, 0.707)) > 1e-3
+    assert abs(mean - passage.mean_time_s(1.5, 0.707)) > 1e-3
+    assert abs(sd - passage.sd_time_s(1.5, 0.707)) > 1e-3
+
+
+@given(BOUND)
+@settings(deadline=None)
+def test_closed_forms_go_over_smoothly_to_those_without_drift(bound):
+    drifts = np.array([0.0, 1e-7, 1e-5, 0.0199 / bound, 0.0201 / bound])
+    assert passage.accuracy(drifts[:2], bound) == pytest.approx([0.5, 0.5], abs=1e-6)
+    assert passage.mean_time_s(drifts, bound) == pytest.approx(bound**2, rel=2e-4)
+    assert passage.sd_time_s(drifts, bound) == pytest.approx(np.sqrt(2 / 3) * bound**2, rel=4e-4)
+    near, far = passage.sd_time_s(drifts[3:], bound)
+    assert near == pytest.approx(far, rel=1e-5)
+
+
+@pytest.mark.parametrize("bound", [0.4, 0.7, 1.5])
+def test_a_bound_that_does_not_fall_has_the_density_of_a_constant_one(bound):
+    times = np.arange(1, 1000) * 0.0025
+    falling = passage.falling_at_rest(*constant(bound), times)
+    assert falling == pytest.approx(passage.constant_at_rest(bound, times), abs=1e-6)
+    wrong = passage.falling_at_rest(*constant(1.01 * bound), times)
+    assert np.abs(wrong - falling).max() > 1e-3
+
+
+@given(BOUND, st.floats(0.2, 3.0), st.floats(0.5, 2.0))
+@settings(deadline=None, max_examples=15)
+def test_time_scales_with_the_square_of_evidence(bound, fall_s, scale):
+    times = np.arange(1, 400) * 0.005 * bound**2
+    own = passage.falling_at_rest(*passage.exponential(bound, fall_s), times)
+    far = passage.exponential(scale * bound, scale**2 * fall_s)
+    wide = passage.falling_at_rest(*far, scale**2 * times)
+    assert scale**2 * wide == pytest.approx(own, rel=1e-9, abs=1e-12)
+
+
+@given(st.floats(0.4, 1.2), st.floats(0.2, 1.0))
+@settings(deadline=None, max_examples=15)
+def test_a_gap_that_falls_to_nothing_decides_every_trial(bound, fall_s):
+    times = np.arange(1, 800) * 0.005
+    found = passage.falling_at_rest(*passage.exponential(bound, fall_s), times)
+    assert found.sum() * 0.005 == pytest.approx(1, abs=2e-3)
+    assert (found >= 0).all()
+
+
+@given(st.lists(DRIFT, min_size=1, max_size=4), st.floats(0.4, 1.2), st.floats(0.3, 2.0))
+@settings(deadline=None, max_examples=30)
+def test_at_the_bound_the_responses_stand_as_the_likelihood_ratio_says(drifts, bound, fall_s):
+    times = np.arange(1, 200) * 0.01
+    gap, slope = passage.exponential(bound, fall_s)
+    at_rest = passage.falling_at_rest(gap, slope, times)
+    drift = np.array(drifts)
+    found = passage.with_drift(at_rest, gap(times), times, drift)
+    some = found[:, 0] > 1e-200
+    odds = np.exp(2 * drift[:, None] * gap(times))
+    assert found[:, 1][some] == pytest.approx((found[:, 0] * odds)[some], rel=1e-9)
+    assert found[:, ::-1] == pytest.approx(
+        passage.with_drift(at_rest, gap(times), times, -drift), rel=1e-12
+    )
+
+
+def of_pyddm(bound, fall_s, drift, dt):
+    """Return both masses and the mean time that PyDDM finds at a step."""
+    from pyddm import Model
+    from pyddm.models import (
+        BoundCollapsingExponential,
+        DriftConstant,
+        NoiseConstant,
+        OverlayNone,
+    )
+
+    solved = Model(
+        drift=DriftConstant(drift=drift),
+        noise=NoiseConstant(noise=1),
+        bound=BoundCollapsingExponential(B=bound, tau=1 / fall_s),
+        overlay=OverlayNone(),
+        dx=dt,
+        dt=dt,
+        T_dur=3.0,
+    ).solve()
+    both = np.stack([solved.pdf("error"), solved.pdf("correct")]) * dt
+    return np.array([*both.sum(axis=1), both.sum(axis=0) @ solved.t_domain])
+
+
+@pytest.mark.parametrize(("bound", "fall_s", "drift"), [(0.8, 0.7, 2.0), (1.2, 2.0, 0.5)])
+def test_a_falling_gap_is_where_pyddm_goes_as_its_step_goes_to_nothing(bound, fall_s, drift):
+    times = np.arange(1, 1500) * 0.002
+    gap, slope = passage.exponential(bound, fall_s)
+    at_rest = passage.falling_at_rest(gap, slope, times)
+    (found,) = passage.with_drift(at_rest, gap(times), times, [drift]) * 0.002
+    own = np.array([*found.sum(axis=1), found.sum(axis=0) @ times])
+    coarse, fine = (of_pyddm(bound, fall_s, drift, dt) for dt in (0.002, 0.001))
+    # Its error is of the first order in its step.
+    assert own == pytest.approx(2 * fine - coarse, abs=3e-4)
+    assert abs(own - coarse)[2] > 1e-3

@@ -1,0 +1,101 @@
+"""The sampler on densities that are known."""
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.identify import Directions, directions
+from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.fitting.posterior import ENOUGH, posterior
+from tests.drawn import TRUTH, drawn
+
+
+class Known:
+    """A log likelihood in two parameters between -10 and 10, Gaussian or flat."""
+
+    def __init__(self, information, low=-10.0):
+        self.information = np.asarray(information, float)
+        parameters = [Parameter(name, low, 10.0, max(low, 0.0)) for name in "ab"]
+        self.freedom = freedom(parameters, {}, 1)
+
+    def __call__(self, vector):
+        inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
+        return float(-vector @ self.information @ vector / 2) if inside.all() else -np.inf
+
+    def draw(self, **given):
+        return posterior(
+            self, Directions(["a", "b"], self.freedom.start, self.information), **given
+        )
+
+
+GAUSSIAN = Known(np.linalg.inv([[1.0, 1.2], [1.2, 4.0]]))
+
+
+def test_draws_from_a_gaussian_have_its_covariance():
+    found = GAUSSIAN.draw()
+    assert found.long_enough
+    assert found.lasts > ENOUGH
+    error = 4 / np.sqrt(found.effective)
+    assert np.cov(found.draws.T) == pytest.approx(np.array([[1.0, 1.2], [1.2, 4.0]]), abs=4 * error)
+    assert found.draws.std(axis=0) == pytest.approx([1, 2], rel=error)
+    assert np.abs(found.mean / [1, 2]).max() < error
+    assert found.interval(0.9)[1] == pytest.approx(1.645 * np.array([1, 2]), rel=2 * error)
+    assert found.log_likelihood[:5] == pytest.approx([GAUSSIAN(x) for x in found.draws[:5]])
+
+
+def test_without_information_draws_fill_the_bounds_evenly():
+    found = Known(np.zeros((2, 2)), low=2.0).draw()
+    assert found.draws.min() >= 2
+    assert found.draws.max() <= 10
+    error = 4 * 8 / np.sqrt(12 * found.effective)
+    assert found.mean == pytest.approx(6, abs=error)
+    assert found.interval(0.9) == pytest.approx(np.array([[2.4, 2.4], [9.6, 9.6]]), abs=2 * error)
+
+
+def test_a_bound_cuts_the_posterior_and_nothing_else():
+    found = Known(np.eye(2), low=0.0).draw()
+    assert found.draws.min() >= 0
+    assert found.mean == pytest.approx(np.sqrt(2 / np.pi), abs=4 * 0.6 / np.sqrt(found.effective))
+
+
+def test_the_same_seed_draws_the_same_and_another_one_others():
+    one, same, other = (GAUSSIAN.draw(most_steps=40, seed=seed) for seed in (1, 1, 2))
+    assert np.array_equal(one.draws, same.draws)
+    assert not np.array_equal(one.draws, other.draws)
+
+
+def test_a_short_chain_says_so_and_what_it_is_worth(caplog, capfd):
+    found = GAUSSIAN.draw(most_steps=60)
+    assert not found.long_enough
+    assert found.lasts < ENOUGH
+    assert found.effective < len(found.draws) == 60 // 2 * 32
+    # Nothing of the sampler's own warnings.
+    assert caplog.text == ""
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_the_draws_are_worth_is_how_their_mean_scatters():
+    found = [GAUSSIAN.draw(most_steps=300, steps=300, seed=seed) for seed in range(12)]
+    scatter = np.var([each.mean[1] / 2 for each in found])
+    expected = np.mean([1 / each.effective for each in found])
+    assert 0.25 < scatter / expected < 4
+
+
+def test_steps_are_told():
+    told = []
+    GAUSSIAN.draw(most_steps=20, tell=told.append)
+    assert told == list(range(1, 21))
+
+
+def test_with_many_trials_the_posterior_is_as_wide_as_the_errors_say():
+    model, values = GapModel(), {"sensitivity": 10.0, "bound": 0.6}
+    some = drawn(model, [0.05, 0.3], 1500, 31, seconds=2.0, **values)
+    held = {"t0_sd_s": TRUTH["t0_sd_s"], "lapse": TRUTH["lapse"]}
+    likelihood = likelihood_of(model, design_of(some), fixed=held)
+    best = optimum(likelihood).vector
+    there = directions(likelihood, best)
+    found = posterior(likelihood, there, most_steps=300, steps=300)
+    assert found.draws.std(axis=0) == pytest.approx(there.standard_errors, rel=0.15)
+    assert np.abs((found.mean - best) / there.standard_errors).max() < 0.5

@@ -1,0 +1,80 @@
+"""Trials predicted by a fit to others."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.predicted import _divided, better_by, predicted
+from bgmodel.seeds import stream
+from tests.drawn import TRUTH, drawn
+
+MODEL = GapModel()
+VALUES = {"sensitivity": 12.0, "bound": 0.6}
+HELD = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
+
+
+@given(st.lists(st.integers(0, 4), min_size=1, max_size=200), st.integers(2, 6), st.integers(0, 99))
+@settings(deadline=None)
+def test_folds_divide_each_cell_and_all_trials_evenly(cell, folds, seed):
+    part = _divided(cell, folds, seed)
+    assert np.array_equal(part, _divided(cell, folds, seed))
+    for some in [np.full(len(cell), True), *(np.array(cell) == each for each in set(cell))]:
+        count = np.bincount(part[some], minlength=folds)
+        assert len(count) == folds
+        assert count.max() - count.min() <= 1
+
+
+def test_another_seed_divides_otherwise():
+    cell = np.repeat([0, 1], 50)
+    assert not np.array_equal(_divided(cell, 5, 1), _divided(cell, 5, 2))
+
+
+@pytest.fixture(scope="module")
+def some():
+    return drawn(MODEL, [0.05, 0.4], 200, 51, seconds=2.0, **VALUES)
+
+
+def likelihood(choices, **given):
+    return likelihood_of(MODEL, design_of(choices), fixed={**HELD, **given})
+
+
+def test_the_model_that_made_the_data_predicts_better_than_one_that_hears_nothing(some):
+    told = []
+    own = predicted(likelihood(some), folds=3, tell=told.append)
+    deaf = predicted(likelihood(some, sensitivity=0.06), folds=3)
+    assert told == [1, 2, 3]
+    assert len(own) == some.trials
+    gain, error = better_by(own, deaf)
+    assert gain > 5 * error
+    assert better_by(deaf, own) == (-gain, error)
+
+
+def test_what_is_predicted_is_no_more_likely_than_what_is_fitted(some):
+    asked = likelihood(some)
+    assert predicted(asked, folds=3).sum() < optimum(asked).log_likelihood
+
+
+def test_shuffled_responses_lose_the_advantage(some):
+    from dataclasses import replace
+
+    shuffled = replace(some, response=stream(52, "shuffle").permutation(some.response))
+    gain = better_by(
+        predicted(likelihood(some), folds=3), predicted(likelihood(some, sensitivity=0.06), folds=3)
+    )[0]
+    left = better_by(
+        predicted(likelihood(shuffled), folds=3),
+        predicted(likelihood(shuffled, sensitivity=0.06), folds=3),
+    )[0]
+    assert left < 0.1 * gain
+
+
+def test_the_error_of_a_sum_is_that_of_independent_trials():
+    rng = np.random.default_rng(0)
+    first, second = rng.normal(1, 1, 400), rng.normal(0, 1, 400)
+    gain, error = better_by(first, second)
+    assert gain == pytest.approx((first - second).sum())
+    assert error == pytest.approx(np.sqrt(2 * 400), rel=0.1)
