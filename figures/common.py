@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +14,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from bgmodel.files import replacing
+from bgmodel.files import read_provenance, replacing
+from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.tactile.grating import PERIODS_MM
+from circuits.anatomy import DEFAULT, circuit
 
 mpl.use("Agg")
 COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
@@ -117,3 +120,34 @@ def save(figure: Figure, path: Path) -> None:
 def letter(ax: Any, text: str) -> None:
     """Put a panel letter at the top left."""
     ax.set_title(text, loc="left", fontweight="bold")
+
+
+OLDER = "table made with an older circuit"
+"""What is written under a figure whose table no longer goes with the default circuit."""
+
+
+def older(table: Path) -> bool:
+    """Whether a score's table was made with another circuit than today's default.
+
+    Parameters
+    ----------
+    table : path
+        A ``.csv`` of ``docs/results``, with the hashes of its circuits in its provenance.
+    """
+    made_with = read_provenance(table)["parameters"]["circuits"]
+    return any(each != identity(circuit(DEFAULT, int(n))) for n, each in made_with.items())
+
+
+def say_if_older(figure: Figure, *tables: Path) -> None:
+    """Warn, and write under a figure, if one of its tables was made with an older circuit."""
+    names = [table.name for table in tables if older(table)]
+    if names:
+        said = f"{OLDER}: {', '.join(names)}"
+        warnings.warn(said, stacklevel=2)
+        written = figure.supxlabel(said)
+        for legend in figure.legends:
+            # It has the lowest place: the words head it instead of lying on it.
+            written.set_text("")
+            legend.set_title(said)
+            written = legend.get_title()
+        written.set(color="C1", fontsize=7)

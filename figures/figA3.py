@@ -14,7 +14,7 @@ from bgmodel.files import read_table, write_table
 from circuits.anatomy import DEFAULT, circuit
 from circuits.anatomy.printed_rates import at_rest
 from circuits.homeostasis import recovery
-from figures.common import Settings, letter, run
+from figures.common import Settings, letter, run, say_if_older
 
 CHANNELS = (2, 4)
 UP, DOWN = " weight +20%", " weight -20%"
@@ -77,6 +77,7 @@ def draw(settings: Settings, scored: Path, followed: Path, *, output: Path) -> F
     figure.legend(
         *left.get_legend_handles_labels(), loc="outside lower left", ncols=5, columnspacing=1.2
     )
+    say_if_older(figure, scored)
     return figure
 
 

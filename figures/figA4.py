@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table
-from figures.common import Settings, letter, run
+from figures.common import Settings, letter, run, say_if_older
 
 CONFLICT = 0.9
 INTACT, ACUTE, RECOVERED = "intact", "acute", "recovered"
@@ -71,6 +71,7 @@ def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Fig
     )
     _early(lower[2], anticipation)
     letter(lower[2], "e  before the onset")
+    say_if_older(figure, behaved, ahead)
     return figure
 
 

@@ -1,0 +1,81 @@
+"""A figure says by itself that its table was made with another circuit than today's."""
+
+import json
+import shutil
+import warnings
+
+import matplotlib.pyplot as plt
+import pandas as pd
+import pytest
+
+from bgmodel.files import provenance_path, write_table
+from bgmodel.integrators.basal_ganglia import identity
+from circuits.anatomy import DEFAULT, circuit
+from figures import figA4
+from figures.common import FAST, OLDER, older, say_if_older
+from tests.helpers import ROOT
+
+RESULTS = ROOT / "docs" / "results"
+LOSSES = ("loss_behaviour.csv", "loss_anticipation.csv")
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Return a table as a score writes it, with today's circuits."""
+    made_with = {str(n): identity(circuit(DEFAULT, n)) for n in (2, 4)}
+    path = tmp_path / "found.csv"
+    write_table(pd.DataFrame({"value": [1.0]}), path, seed=1, trials=10, circuits=made_with)
+    return path
+
+
+def with_another_hash(path, channels="2"):
+    """Change the hash of a table's circuit."""
+    found = json.loads(provenance_path(path).read_text())
+    found["parameters"]["circuits"][channels]["sha256"] = "0" * 64
+    provenance_path(path).write_text(json.dumps(found))
+
+
+def written(figure):
+    """Return all words that stand under a figure."""
+    words = [figure.get_supxlabel(), *(each.get_title().get_text() for each in figure.legends)]
+    return " ".join(words)
+
+
+@pytest.mark.parametrize("legend", [False, True])
+def test_a_table_of_todays_circuit_leaves_a_figure_as_it_is(table, legend):
+    figure, ax = plt.subplots()
+    ax.plot([0, 1], label="a line")
+    if legend:
+        figure.legend(loc="outside lower center")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        say_if_older(figure, table)
+    plt.close(figure)
+    assert not older(table)
+    assert written(figure).strip() == ""
+
+
+@pytest.mark.parametrize("channels", ["2", "4"])
+@pytest.mark.parametrize("legend", [False, True])
+def test_a_table_of_another_circuit_is_said_under_the_figure(table, channels, legend):
+    with_another_hash(table, channels)
+    figure, ax = plt.subplots()
+    ax.plot([0, 1], label="a line")
+    if legend:
+        figure.legend(loc="outside lower center")
+    with pytest.warns(UserWarning, match=OLDER):
+        say_if_older(figure, table)
+    plt.close(figure)
+    assert older(table)
+    assert f"{OLDER}: found.csv" in written(figure)
+
+
+def test_a_figure_of_a_score_says_which_of_its_tables_is_older(tmp_path):
+    for name in LOSSES:
+        for source in (RESULTS / name, provenance_path(RESULTS / name)):
+            shutil.copyfile(source, tmp_path / source.name)
+    with_another_hash(tmp_path / LOSSES[1], "4")
+    with pytest.warns(UserWarning, match=OLDER):
+        figure = figA4.draw(FAST, *(tmp_path / name for name in LOSSES), output=tmp_path)
+    plt.close(figure)
+    assert LOSSES[1] in written(figure)
