@@ -61,9 +61,11 @@ class Crossings:
     def log_mixture(self) -> Array:
         """Log of the mean of ``exp(+-v_j X - v_j^2 t / 2)`` over drifts and signs."""
         found = np.zeros(self.evidence.shape)
-        read_s = (self.bins + 1) * BIN_S
+        read_s, far = (self.bins + 1) * BIN_S, np.abs(self.evidence)
         for v in self.drifts:
-            found += np.exp(-(v**2) * read_s / 2) * np.cosh(v * self.evidence)
+            # Never above exp(X^2 / 2 t): a cosh alone would overflow.
+            common = -(v**2) * read_s / 2
+            found += (np.exp(common + v * far) + np.exp(common - v * far)) / 2
         return np.asarray(np.log(found / len(self.drifts)))
 
     def around(self, threshold_nats: float) -> tuple[slice, Array]:
