@@ -257,6 +257,10 @@ class FitRun(Shows):
         for each, at_bound in zip(names, found.optimum.at_bound, strict=True):
             if at_bound:
                 say(f"{who}, {name}: {each} ends at a bound of its range: its error means nothing")
+        try:
+            found.directions.check()
+        except ValueError as error:
+            say(f"{who}, {name}: at the optimum {error}")
         drawn = found.posterior
         if drawn is not None and drawn.long_enough:
             self.note(f"{who}, {name}: draws are worth {drawn.effective:.0f} independent ones")

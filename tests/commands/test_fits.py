@@ -1,0 +1,236 @@
+"""The command `fit`."""
+
+import json
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.circuit import CircuitModel
+from tests.drawn import drawn
+from tests.helpers import run
+
+GAP = ["--models", "constant_gap"]
+COHERENCE = ["--strength", "coherence"]
+QUICK = ["--free", "sensitivity", "criterion", "t0_s"]
+
+
+def table_of(choices):
+    """Return choices as a table of one's own, of two participants."""
+    who = np.where(np.arange(choices.trials) % 4 < 2, "a", "b/c")
+    return pd.DataFrame(
+        {
+            "participant_id": who,
+            "rt": choices.rt_s,
+            "response": choices.response.astype(int),
+            "coherence": choices.strength,
+            "drug": np.where(np.arange(choices.trials) % 8 < 4, "on", "off"),
+        }
+    )
+
+
+GOOD = table_of(drawn(GapModel(), [0.05, 0.4], 80, 71, seconds=2.0, sensitivity=12.0, bound=0.6))
+
+
+@pytest.fixture(autouse=True)
+def mine(tmp_path, monkeypatch):
+    """Write a good table; return its path, in a folder of its own that is the working one."""
+    monkeypatch.chdir(tmp_path)
+    GOOD.to_csv("mine.csv", index=False)
+    return tmp_path / "mine.csv"
+
+
+def fails(capsys, *arguments):
+    """Run a command that must end with one sentence and leave no new file; return the sentence."""
+    from pathlib import Path
+
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    assert run("fit", *arguments) == 2
+    *_, line = capsys.readouterr().err.splitlines()
+    assert line.startswith("bgmodel: ")
+    after = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    assert after == before
+    return line.removeprefix("bgmodel: ")
+
+
+def changed(**columns):
+    return GOOD.assign(**columns)
+
+
+BAD_TABLES = {
+    "milliseconds": (changed(rt=1000 * GOOD["rt"]), "rt must be in seconds, got a median of"),
+    "a negative time": (changed(rt=-GOOD["rt"]), "rt must be above 0 s, got '-"),
+    "a missing time": (changed(rt=GOOD["rt"].where(GOOD.index != 3)), "rt must be given where"),
+    "one response": (changed(response=1), "both responses must occur, got 1 only in the 80 trials"),
+    "few trials": (GOOD.iloc[:12], "each participant needs at least 10 trials"),
+    "another code": (changed(response=GOOD["response"] + 1), "response must be 1 or 0, got '2'"),
+    "one strength": (changed(coherence=0.4), "coherence must differ between trials"),
+    "no rt": (GOOD.drop(columns="rt"), "there is no column rt: there are participant_id"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_TABLES)
+def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
+    table, says = BAD_TABLES[name]
+    table.to_csv(mine, index=False)
+    assert fails(capsys, "mine.csv", *COHERENCE, *GAP).startswith(f"mine.csv: {says}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--strength", "contrast"], "mine.csv: there is no column contrast: there are"),
+        (["--vary", "bound=day"], "mine.csv: there is no column day: there are"),
+        (["--participant", "z"], "mine.csv: participant must be one of a, b/c, got 'z'"),
+        (["--deadline", "0.3"], "mine.csv: rt must be no later than deadline_s, 0.3 s"),
+        (["--deadline", "-1"], "mine.csv: deadline_s must be finite and above 0"),
+        (["--models", "abacus"], "models must be of constant_gap, falling_gap, "),
+        (["--models"], "models must name at least one"),
+        (["--criterion", "mood"], "criterion must be one of threshold, dopamine, stn_loss"),
+        (["--engine", "abacus"], "engine must be one of "),
+        (["--free", "mood"], "free must name a parameter, one of criterion, sensitivity, bound"),
+        (["--free", "dopamine"], "free must name a parameter, one of criterion, sensitivity"),
+        (["--hold", "mood=1"], "hold must name a parameter, one of "),
+        (["--vary", "mood=drug"], "vary must name a parameter, one of "),
+        (["--hold", "lapse"], "hold is a name, =, and a value"),
+        (["--hold", "lapse=much"], "hold must give a number, as lapse=0.02, got 'much'"),
+        (["--hold", "lapse=0.5"], "lapse must lie between 0.001 and 0.2, got 0.5"),
+        (["--hold", "lapse=nan"], "lapse must lie between 0.001 and 0.2, got nan"),
+        (["--vary", "bound=drug/none"], "drug has no level 'none': off, on"),
+        (["--hold", "bound=1", "--vary", "bound=drug"], "bound can't be moved and held at once"),
+        (["--trials", "0"], "trials must be at least 1, got 0"),
+        (["--noise-nats", "0"], "noise_nats must be finite and above 0, got 0"),
+        (["--noise-nats", "nan"], "noise_nats must be finite and above 0, got nan"),
+    ],
+)
+def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):
+    given = [] if "--strength" in arguments else COHERENCE
+    models = [] if "--models" in arguments else GAP
+    assert fails(capsys, "mine.csv", *given, *models, *arguments).startswith(says)
+
+
+def test_a_source_that_there_is_not_is_one_sentence(capsys):
+    assert fails(capsys, "no.csv", *GAP).startswith("there is no")
+    assert fails(capsys, "cavanagh", *GAP).startswith("source must be a .csv, .tsv or .parquet or")
+
+
+def test_what_can_not_be_told_apart_is_refused(capsys):
+    """At one strength dopamine and the threshold move choices and times alike."""
+    some = GOOD[GOOD["coherence"].abs() == 0.4]
+    some.to_csv("one.csv", index=False)
+    free = ["--free", "sensitivity", "threshold_nats", "dopamine", "t0_s"]
+    asked = ["one.csv", *COHERENCE, "--pooled", "--models", "macaque", "--criterion", "dopamine"]
+    small = ["--engine", "rate", "--trials", "200", "--hold", "t0_sd_s=0.1"]
+    assert run("fit", *asked, *free, *small) == 2
+    *_, said = capsys.readouterr().err.splitlines()
+    assert "choices and times of this design cannot tell threshold_nats from dopamine" in said
+    assert "Hold one of them, or give it a condition that moves it alone" in said
+
+
+@pytest.mark.parametrize("absent", ["cma", "emcee"])
+def test_without_the_extra_the_command_says_how_to_get_it(capsys, monkeypatch, absent):
+    monkeypatch.setitem(sys.modules, absent, None)
+    said = fails(capsys, "mine.csv", *COHERENCE, *GAP)
+    assert said == 'fits need cma and emcee: pip install ".[fit]"'
+
+
+def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "cells.csv").write_text("dear diary")
+    said = fails(capsys, "mine.csv", "out", *COHERENCE, *GAP)
+    assert said.startswith("'out/cells.csv' is there and no result of a fit: give another folder")
+
+
+def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK) == 0
+    shown = capsys.readouterr().out
+    assert "mine.csv: 160 trials of 2 participants" in shown
+    assert "cosines of the directions" in shown
+    out = tmp_path / "fits" / "mine"
+    parameters, cells = (pd.read_csv(out / f"{name}.csv") for name in ("parameters", "cells"))
+    assert parameters["participant"].tolist() == ["a"] * 3 + ["b/c"] * 3
+    assert parameters["parameter"].tolist() == ["sensitivity", "bound", "t0_s"] * 2
+    truth = np.array([12.0, 0.6, 0.3] * 2)
+    assert (np.abs(parameters["value"] - truth) < 4 * parameters["standard_error"]).all()
+    assert cells["trials"].tolist() == [40, 40] * 2
+    assert len(list(out.glob("*.png"))) == 2
+
+
+def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):
+    assert run("fit", "mine.csv", "--json", "--pooled", *COHERENCE, *GAP, *QUICK) == 0
+    found = json.loads(capsys.readouterr().out)["records"]
+    assert [row["participant"] for row in found] == ["all"] * 3
+
+
+def test_criterion_means_that_of_each_model_and_varies_with_a_column(capsys):
+    small = ["--engine", "rate", "--trials", "10", "--json", "--pooled"]
+    models = ["--models", "constant_gap", "macaque"]
+    assert run("fit", "mine.csv", *COHERENCE, *models, *QUICK, *small,
+               "--vary", "criterion=drug", "--hold", "lapse=0.02") == 0  # fmt: skip
+    found = pd.DataFrame(json.loads(capsys.readouterr().out)["records"])
+    for name, criterion in (("constant_gap", "bound"), ("macaque", "threshold_nats")):
+        levels = [f"{criterion}[drug={level}]" for level in ("off", "on")]
+        mine = found[found["model"] == name]["parameter"].tolist()
+        assert mine == ["sensitivity", *levels, "t0_s"]
+
+
+def test_an_optimum_at_a_bound_is_said(mine, capsys):
+    """Responses by chance: no evidence is heard."""
+    rng = np.random.default_rng(1)
+    changed(response=rng.integers(0, 2, len(GOOD))).to_csv(mine, index=False)
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+    said = capsys.readouterr().err
+    assert "all, constant_gap: sensitivity ends at a bound of its range: its error means" in said
+    assert len(said.strip().splitlines()) == 1
+
+
+def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
+    from bgmodel.fitting import posterior
+
+    monkeypatch.setitem(posterior.posterior.__kwdefaults__, "most_steps", 60)
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled", "--posterior") == 0
+    shown = capfd.readouterr()
+    (said,) = shown.err.splitlines()
+    assert said.startswith("bgmodel: all, constant_gap: the chain of draws lasts ")
+    assert "of its autocorrelation times and not 50: its draws are worth less than" in said
+    low, high = pd.read_csv("fits/mine/parameters.csv")[["low", "high"]].to_numpy().T
+    assert (low < high).all()
+
+
+def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
+    """One participant is finished and the other's circuit simulated; then somebody stops."""
+    import bgmodel.fitting.fit as module
+
+    asked = ["mine.csv", *COHERENCE, *QUICK, "--models", "constant_gap", "macaque"]
+    asked += ["--engine", "rate", "--trials", "10"]
+    real, done = module.optimum, []
+
+    def optimum(likelihood, **given):
+        if len(done) == 3:
+            likelihood(likelihood.freedom.start)
+            raise KeyboardInterrupt
+        done.append(likelihood)
+        return real(likelihood, **given)
+
+    monkeypatch.setattr(module, "optimum", optimum)
+    assert run("fit", *asked) == 130
+    shown = capsys.readouterr()
+    assert "bgmodel: stopped. The same command goes on where it was." in shown.err
+
+    done.clear()
+    monkeypatch.setattr(CircuitModel, "_simulate", None)
+    monkeypatch.setattr(module, "optimum", lambda *a, **k: done.append(a) or real(*a, **k))
+    assert run("fit", *asked) == 0
+    shown = capsys.readouterr().out
+    assert len(done) == 1
+    for name in ("a, constant_gap", "a, macaque", "b/c, constant_gap"):
+        assert f"{name}: there already" in shown
+    whole = pd.read_csv("fits/mine/parameters.csv")
+    assert len(whole) == 4 * 3
+
+    done.clear()
+    assert run("fit", *asked) == 0
+    assert not done
+    pd.testing.assert_frame_equal(pd.read_csv("fits/mine/parameters.csv"), whole)

@@ -1,0 +1,201 @@
+"""A circuit as a model: what is stored, what it depends on, and what its axes do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.edits import written
+from bgmodel.fitting import circuit as module
+from bgmodel.fitting.circuit import CRITERIA, Axis, CircuitModel, Criterion
+from bgmodel.fitting.crossings import Crossings
+from bgmodel.fitting.parameters import Parameter
+from bgmodel.fitting.responses import BIN_S, Grid, moments
+from circuits.anatomy import circuit
+
+MACAQUE = circuit("macaque", 2)
+SMALL = {"seconds": 1.0, "trials": 12, "engine": "rate"}
+GRID = Grid(100)
+ARRAYS = ("bins", "choice", "evidence", "thresholds_nats", "drifts")
+
+
+def model(folder=None, **given):
+    given = {**SMALL, **given}
+    return CircuitModel(given.pop("circuit", MACAQUE), folder=folder, **given)
+
+
+def same(one, other):
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name))
+        and getattr(one, name).dtype == getattr(other, name).dtype
+        for name in ARRAYS
+    )
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stored")
+    return folder, model(folder).stored(())
+
+
+def test_stored_files_are_read_back_as_they_were(kept, monkeypatch):
+    folder, stored = kept
+    (path,) = folder.iterdir()
+    before = path.read_bytes()
+    monkeypatch.setattr(CircuitModel, "_simulate", None)
+    again = model(folder)
+    assert same(again.stored(()), stored)
+    assert again.path(()) == path
+    assert path.read_bytes() == before
+
+
+def test_the_same_seed_writes_the_same_bytes(kept, tmp_path):
+    folder, _ = kept
+    model(tmp_path).stored(())
+    (one,), (other,) = folder.iterdir(), tmp_path.iterdir()
+    assert one.name == other.name
+    assert one.read_bytes() == other.read_bytes()
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"circuit": written("dopamine=1.1").apply(MACAQUE)},
+        {"circuit": circuit("spiking_msprt", 2)},
+        {"seed": 5},
+        {"trials": 13},
+        {"seconds": 1.5},
+        {"noise_nats": 2.5},
+        {"engine": "population"},
+    ],
+    ids=lambda changed: next(iter(changed)),
+)
+def test_what_changes_a_trial_changes_the_file(kept, changed):
+    folder, _ = kept
+    assert model(folder, **changed).path(()) != model(folder).path(())
+    assert model(folder, **changed).identity() != model(folder).identity()
+
+
+def test_the_thresholds_are_part_of_the_file_too(kept, monkeypatch):
+    folder, _ = kept
+    before = model(folder).path(())
+    monkeypatch.setattr(module, "LEVELS", 30)
+    assert model(folder).path(()) != before
+
+
+def test_the_range_of_an_axis_does_not_compute_a_point_anew(tmp_path):
+    axis = Axis(Parameter("dopamine", 0.8, 1.2, 1.0), 3)
+    narrow = model(tmp_path, criterion=replace(CRITERIA["dopamine"], axes=(axis,)))
+    assert narrow.path((1.0,)) == model(tmp_path, criterion=CRITERIA["dopamine"]).path((1.0,))
+
+
+@pytest.mark.parametrize("cut", [0, 100, 0.5])
+def test_a_file_that_was_cut_short_is_computed_again(tmp_path, kept, cut):
+    folder, stored = kept
+    (whole,) = folder.iterdir()
+    bytes_ = whole.read_bytes()
+    (tmp_path / whole.name).write_bytes(bytes_[: int(cut * len(bytes_)) if cut < 1 else cut])
+    assert same(model(tmp_path).stored(()), stored)
+    assert (tmp_path / whole.name).read_bytes() == bytes_
+
+
+def test_two_circuits_hear_the_same_evidence(monkeypatch):
+    seen = []
+    real = module.simulated
+
+    def watched(run, *given, **named):
+        def heard(read, first):
+            seen.append(read)
+            return run(read, first)
+
+        return real(heard, *given, **named)
+
+    monkeypatch.setattr(module, "simulated", watched)
+    for other in (MACAQUE, circuit("spiking_msprt", 2)):
+        model(circuit=other, trials=3).stored(())
+    half = len(seen) // 2
+    assert half == 7
+    assert all(np.array_equal(a, b) for a, b in zip(seen[:half], seen[half:], strict=True))
+
+
+@pytest.mark.parametrize("name", [name for name, each in CRITERIA.items() if each.axes])
+def test_at_its_start_a_criterion_leaves_the_decisions_of_the_circuit(kept, name):
+    _, plain = kept
+    criterion = CRITERIA[name]
+    edited = model(criterion=criterion)
+    start = tuple(axis.parameter.start for axis in criterion.axes)
+    assert same(edited.stored(start), plain)
+    away = tuple(axis.parameter.high for axis in criterion.axes)
+    assert not same(edited.stored(away), plain)
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_a_criterion_that_stands_in_place_of_the_threshold_holds_it(name):
+    criterion = CRITERIA[name]
+    parameters = {each.name: each for each in model(criterion=criterion).parameters}
+    assert set(parameters) == {
+        "sensitivity", "threshold_nats", "t0_s", "t0_sd_s", "lapse",
+        *(axis.parameter.name for axis in criterion.axes),
+    }  # fmt: skip
+    assert parameters["threshold_nats"].free != criterion.instead
+    named = model(criterion=criterion).criterion_name
+    assert named == (name if criterion.instead else "threshold_nats")
+    assert parameters[named].free
+
+
+class Later(CircuitModel):
+    """Trials that all decide at once: so many bins as the values of the axes sum to."""
+
+    def stored(self, point):
+        bins = np.full((module.LEVELS, 20), round(sum(point)))
+        still = np.zeros((module.LEVELS, 20))
+        return Crossings(self.thresholds_nats, np.zeros(1), bins, np.ones_like(bins), still)
+
+
+@pytest.mark.parametrize(("a", "b"), [(10, 0), (12, 0), (17.5, 3), (23, 31), (30, 40)])
+def test_between_values_of_axes_a_trial_decides_between_its_times(a, b):
+    axes = (Axis(Parameter("a", 10.0, 30.0, 10.0), 3), Axis(Parameter("b", 0.0, 40.0, 0.0), 5))
+    made = Later(MACAQUE, "rate", Criterion((), axes))
+    values = {"sensitivity": 0.0, "threshold_nats": 0.3, "a": a, "b": b}
+    every = {name: np.array([float(value)]) for name, value in values.items()}
+    said = moments(made.decided(every, np.ones(1), GRID) / BIN_S, GRID)
+    assert said["mean_s"] == pytest.approx((a + b + 0.5) * BIN_S, abs=1e-6)
+
+
+def test_each_cell_has_its_own_setting_and_drift():
+    made = model(criterion=CRITERIA["dopamine"])
+    values = {
+        "sensitivity": np.array([10.0, 10, 12]),
+        "threshold_nats": np.array([0.3, 0.3, 0.25]),
+        "dopamine": np.array([1.0, 1.15, 1.0]),
+    }
+    strength = np.array([0.1, 0.3, 0.3])
+    together = made.decided(values, strength, GRID)
+    for k in range(3):
+        own = {name: value[k : k + 1] for name, value in values.items()}
+        assert together[k] == pytest.approx(made.decided(own, strength[k : k + 1], GRID)[0])
+
+
+def test_a_higher_threshold_and_more_dopamine_decide_sooner():
+    made = model(criterion=CRITERIA["dopamine"], trials=40)
+
+    def mean_s(**given):
+        values = {"sensitivity": 10.0, "threshold_nats": 0.3, "dopamine": 1.0, **given}
+        every = {name: np.array([value]) for name, value in values.items()}
+        return float(moments(made.decided(every, np.array([0.2]), GRID) / BIN_S, GRID)["mean_s"][0])
+
+    assert mean_s(threshold_nats=0.45) < mean_s() < mean_s(threshold_nats=0.15)
+    assert mean_s(dopamine=1.15) < mean_s() < mean_s(dopamine=0.85)
+
+
+def test_points_are_all_values_of_the_axes():
+    points = model(criterion=CRITERIA["onset_stn"]).points()
+    assert len(points) == len(set(points)) == 13 * 5
+    assert model().points() == [()]
+
+
+def test_other_than_two_channels_and_unknown_engines_are_refused():
+    with pytest.raises(ValueError, match="with two channels, got 3"):
+        model(circuit=circuit("macaque", 3))
+    with pytest.raises(ValueError, match=r"engine must be one of .* got 'abacus'"):
+        model(engine="abacus")
