@@ -1,0 +1,144 @@
+"""Figure F5: rates of the circuit held to monkeys' choices, in the windows of a recording of STN.
+
+The circuit is the one with cells of STN that are driven at onset, with the numbers that its fit to
+each monkey's choices and times gave; no rate went into that fit.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel.files import read_table, write_table
+from circuits.anatomy.printed_rates import at_rest
+from figures.common import Settings, letter, run, say_if_older
+from figures.fitted import MONKEYS, ONSET, STRENGTHS, Followed, fitted, fitted_table, follow
+from figures.windows import ABOUT_MS, PREFERRED, WINDOWS, averaged, likeness, share_height
+
+NUCLEI = ("STN", "STN_onset", "GPe", "SNr")
+SECONDS = 2.5
+AFTER_MS, BEFORE_MS = 80.0, 100.0
+"""From the decision to the response; and, in another split of t0, from motion to evidence.
+
+Cells of LIP come to one level about 80 ms before the saccade (Roitman & Shadlen 2002); that all of
+the rest lies before the evidence is an assumption.
+"""
+SPLITS = ("80 ms after the decision", "100 ms before the evidence")
+COLOUR = {True: "C0", False: "C1"}
+MARKS = ("o-", "s--")
+FILLS = ["C2", "C4", "C3"]
+
+
+def compute(settings: Settings, parameters: Path, *, output: Path) -> None:
+    """Run the fitted circuit of each monkey at five coherences; average rates in the windows."""
+    table, parts = read_table(parameters), []
+    for who in sorted(table.loc[table["data"] == MONKEYS, "participant"].unique()):
+        values = fitted(table, who, ONSET)
+        tuned = fitted_table(ONSET, values)
+        rest = at_rest(tuned)
+        for strength in STRENGTHS:
+            did = follow(tuned, values, strength, settings.circuit_trials, SECONDS, settings.seed)
+            t0_ms = 1000 * values["t0_s"]
+            early = (max(t0_ms - AFTER_MS, 0.0), min(t0_ms, BEFORE_MS))
+            for split, before_ms in zip(SPLITS, early, strict=True):
+                found = seen_from_motion(did, before_ms, t0_ms, rest)
+                parts.append(found.assign(participant=who, strength=strength, split=split))
+    write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
+
+
+def seen_from_motion(
+    did: Followed, before_ms: float, t0_ms: float, rest: dict[str, float]
+) -> pd.DataFrame:
+    """Return rates in the windows, on the clock of a recording: 0 is the onset of motion.
+
+    Parameters
+    ----------
+    did : Followed
+        The circuit, on its own clock: 0 is the onset of evidence.
+    before_ms : float, ms
+        From motion to evidence; rates are those at rest.
+    t0_ms : float, ms
+        All of the time that is not decision.
+    rest : dict of float
+        Rates at rest, Hz.
+    """
+    step = did.time_ms[1] - did.time_ms[0]
+    before = round(before_ms / step)
+    time = step * (np.arange(before + len(did.time_ms)) + 1)
+    still = (len(did.choice), before, 2)
+    rates = {
+        name: np.concatenate([np.full(still, rest[name], np.float32), did.rates_hz[name]], axis=1)
+        for name in NUCLEI
+    }
+    at = did.at_ms + t0_ms
+    # A trial whose last window goes beyond the end is left out.
+    whole = at + ABOUT_MS <= time[-1]
+    return averaged(rates, time, np.where(whole, did.choice, -1), at, rest)
+
+
+def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> Figure:
+    """Draw a row per nucleus and a column per window, and the likeness to the three patterns."""
+    whole = read_table(data)
+    table = whole[whole["split"] == SPLITS[0]]
+    names = sorted(table["participant"].unique())
+    figure, axes = plt.subplots(
+        len(NUCLEI), 4, figsize=(7.4, 6.6), sharex="col", width_ratios=[1, 1, 1, 1.1]
+    )
+    by = table.set_index(["participant", "nucleus", "window", "own"]).sort_index()
+    for row, nucleus in zip(axes, NUCLEI, strict=True):
+        for ax, window in zip(row[:3], WINDOWS, strict=True):
+            for name, mark in zip(names, MARKS, strict=False):
+                for own, colour in COLOUR.items():
+                    here = by.loc[(name, nucleus, window, own)].sort_values("strength")
+                    ax.errorbar(
+                        100 * here["strength"], here["hz"], 1.96 * here["se"], fmt=mark, ms=2.5,
+                        lw=0.9, color=colour, mfc=colour if mark == MARKS[0] else "w",
+                        label=f"monkey {name}, {PREFERRED[own]}",
+                    )  # fmt: skip
+            ax.axhline(0, color="0.8", lw=0.8, zorder=0)
+            ax.set(xscale="log")
+            ax.set_xticks(100 * np.array(STRENGTHS), [f"{100 * s:.3g}" for s in STRENGTHS])
+            ax.tick_params(axis="x", labelsize=6)
+            ax.set_xticks([], minor=True)
+        share_height(row[:3])
+        row[0].set_ylabel(f"{nucleus}\n(Hz above rest)")
+        _likeness(row[3], whole[whole["nucleus"] == nucleus], names)
+    letter(axes[0, 0], "a  100-300 ms")
+    letter(axes[0, 1], "b  300-500 ms")
+    letter(axes[0, 2], "c  response ± 100 ms")
+    letter(axes[0, 3], "d  likeness")
+    for ax in axes[-1, :3]:
+        ax.set_xlabel("coherence (%)")
+    axes[-1, 3].set_xlabel("r with a pattern")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    more = axes[0, 3].get_legend_handles_labels()
+    figure.legend(handles + more[0], labels + more[1], loc="outside lower center", ncols=3)
+    say_if_older(figure, parameters)
+    return figure
+
+
+def _likeness(ax: Any, rows: pd.DataFrame, names: list[str]) -> None:
+    """Show the correlation with each pattern, a bar per monkey, and of the other split of t0."""
+    for k, name in enumerate(names):
+        one = rows[rows["participant"] == name]
+        found, other = (likeness(one[one["split"] == split], STRENGTHS) for split in SPLITS)
+        place = np.arange(len(found)) + 0.3 * (k - 0.5)
+        fill = FILLS if k == 0 else ["w"] * len(found)
+        ax.barh(place, list(found.values()), height=0.28, edgecolor=FILLS, lw=0.8, color=fill)
+        ax.plot(list(other.values()), place, "k|", ms=7, mew=1.4)
+    ax.plot([], [], "s", color="0.4", label=f"likeness, monkey {names[0]}")
+    ax.plot([], [], "s", color="0.4", mfc="w", label=f"likeness, monkey {names[1]}")
+    ax.plot([], [], "k|", ms=7, mew=1.4, label=f"likeness, {BEFORE_MS:.0f} ms to evidence")
+    ax.axvline(0, color="0.6", lw=0.8)
+    ax.set(xlim=(-1, 1), ylim=(-0.6, len(found) - 0.4))
+    ax.invert_yaxis()
+    ax.set_yticks(range(len(found)), list(found), fontsize=6)
+
+
+if __name__ == "__main__":
+    run(compute=compute, draw=draw)

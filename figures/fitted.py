@@ -1,0 +1,142 @@
+"""Models held to monkeys and people as figures show them: names, colours, and the circuit itself.
+
+The tables of ``benchmarks.scores.fits`` have the parameters; here the fitted circuit is run on new
+evidence with all its rates kept.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel import first_crossing, stream
+from bgmodel.arrays import Array, Integers
+from bgmodel.decision import Trace
+from bgmodel.fitting.circuit import NOISE_NATS
+from bgmodel.fitting.criteria import CRITERIA
+from bgmodel.fitting.responses import BIN_S
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import DEFAULT, circuit
+from circuits.spec import Circuit
+
+MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"
+TEST, CIRCUIT, FALLING = "constant gap", "circuit", "falling gap"
+DOPAMINE, ONSET = "circuit, rising dopamine", "circuit, STN driven at onset"
+STYLE: dict[str, dict[str, Any]] = {
+    TEST: {"color": "C5", "lw": 2.6},
+    CIRCUIT: {"color": "C0", "lw": 1.1, "ls": "--"},
+    FALLING: {"color": "C2", "lw": 2.6, "alpha": 0.6},
+    DOPAMINE: {"color": "C3", "lw": 1.1},
+    ONSET: {"color": "C1", "lw": 1.1},
+}
+"""How each model's line looks: of two that agree the thin one lies on the thick one."""
+DATA: dict[str, Any] = {"color": "k", "marker": "o", "ms": 3, "ls": "", "lw": 0.8, "zorder": 4}
+STRENGTHS = (0.032, 0.064, 0.128, 0.256, 0.512)
+SAMPLE_MS = 5.0
+
+
+def places(strength: pd.Series) -> Array:
+    """Return where strengths stand on a logarithmic axis: none at half the weakest."""
+    some = strength[strength > 0].min()
+    return np.where(strength > 0, strength, some / 2)
+
+
+def mark_strengths(ax: Any, strength: pd.Series) -> None:
+    """Put every strength, per cent, under a logarithmic axis."""
+    ax.set_xscale("log")
+    shown = [f"{100 * s:.3g}" for s in strength]
+    ax.set_xticks(places(strength), shown)
+    ax.set_xticks([], minor=True)
+
+
+def fitted(parameters: pd.DataFrame, who: str, model: str) -> dict[str, float]:
+    """Return the parameters that a model was fitted with to somebody, by name."""
+    rows = parameters[(parameters["participant"] == who) & (parameters["model"] == model)]
+    return dict(zip(rows["parameter"], rows["value"].astype(float), strict=True))
+
+
+def fitted_table(model: str, values: dict[str, float]) -> Circuit:
+    """Return the default circuit, or the one with fitted cells of STN that are driven at onset."""
+    table = circuit(DEFAULT, 2)
+    if model != ONSET:
+        return table
+    return CRITERIA["onset_stn"].apply(table, (values["onset_nats"], values["decay_ms"]))
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What a fitted circuit did.
+
+    Parameters
+    ----------
+    rates_hz : dict of array (trials, samples, 2), Hz
+        Of each population.
+    time_ms : array (samples,), ms
+        From the onset of evidence.
+    choice : int array (trials,)
+        -1 where there was none.
+    at_ms : array (trials,), ms
+        When it decided; NaN where it did not.
+    evidence : array (trials,), sqrt(s)
+        What had been read for the choice, less for the other one, by then; NaN where it did not.
+    """
+
+    rates_hz: dict[str, npt.NDArray[Any]]
+    time_ms: Array
+    choice: Integers
+    at_ms: Array
+    evidence: Array
+
+
+def follow(
+    table: Circuit,
+    values: dict[str, float],
+    strength: float,
+    trials: int,
+    seconds: float,
+    seed: int,
+) -> Followed:
+    """Return what a circuit does with its fitted threshold, as it was simulated for the fit.
+
+    Evidence comes every 10 ms, as in ``bgmodel.fitting.crossings``: Gaussian, of unit variance per
+    second in the difference of the channels, and with a drift of the sensitivity times the
+    strength in favour of channel 0. The same seed gives every circuit the same evidence.
+
+    Parameters
+    ----------
+    table : Circuit
+        With two channels.
+    values : dict of float
+        The fit: sensitivity and threshold_nats are read.
+    strength : float
+        Coherence.
+    trials, seconds, seed :
+        How many, how long (s), and the key of evidence and noise.
+    """
+    readings = math.ceil(seconds / BIN_S)
+    rng = stream(seed, "fitted", f"{strength:g}")
+    steps = rng.normal(0.0, math.sqrt(BIN_S / 2), (trials, readings, 2))
+    drift = values["sensitivity"] * strength
+    read = (steps + np.array([drift, -drift]) * BIN_S / 2).cumsum(axis=1)
+    model = BasalGanglia(table, "population", seed=seed, options={"sample_ms": SAMPLE_MS})
+    with warnings.catch_warnings():
+        # As for the fit: a random walk leaves any range.
+        warnings.filterwarnings("ignore", message="(S|the input) runs from")
+        done = model.run_drive(NOISE_NATS * read, 1000 * BIN_S)
+    trace = Trace(done.output_nats, done.time_ms, step_ms=1000 * BIN_S)
+    decided = first_crossing(trace, values["threshold_nats"], forced=False)
+    there = decided.choice >= 0
+    at_ms = np.where(there, decided.time_ms, np.nan)
+    # A tick at the very end of a reading still hears that one.
+    last = np.ceil(np.where(there, decided.time_ms, 1000 * BIN_S) / (1000 * BIN_S) - 1e-9) - 1
+    last = np.clip(last, 0, readings - 1).astype(np.int64)
+    apart = (read[:, :, 0] - read[:, :, 1])[np.arange(trials), last]
+    towards = np.where(decided.choice == 0, apart, -apart)
+    evidence = np.where(there, towards, np.nan)
+    return Followed(dict(done.rates_hz), done.time_ms, decided.choice, at_ms, evidence)

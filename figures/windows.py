@@ -1,0 +1,127 @@
+"""Rates in the three windows in which STN cells of monkeys were read, by choice and strength.
+
+Branam, Gold & Ding 2024 read 203 cells of the subthalamic nucleus in 100-300 and 300-500 ms after
+the onset of motion and within 100 ms of the saccade, for both choices and five coherences, and told
+three kinds apart: each cell is 30 numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.arrays import Array, Integers
+
+EARLY_MS, LATE_MS, ABOUT_MS = (100.0, 300.0), (300.0, 500.0), 100.0
+WINDOWS = ("100-300 ms", "300-500 ms", "response ± 100 ms")
+PREFERRED = {True: "its own choice", False: "the other choice"}
+
+
+def averaged(
+    rates: Mapping[str, npt.NDArray[Any]],
+    time_ms: Array,
+    choice: Integers,
+    at_ms: Array,
+    rest: Mapping[str, float],
+) -> pd.DataFrame:
+    """Return mean rates above rest, Hz, of a channel in each window, by the choice that is made.
+
+    The first two windows are of trials that respond after them.
+
+    Parameters
+    ----------
+    rates : dict of array (trials, samples, 2), Hz
+        Of each nucleus that is asked for; channels are alike.
+    time_ms : array (samples,), ms
+        When rates are read, from the onset of motion.
+    choice : int array (trials,)
+        0 or 1; a trial without a choice counts nowhere.
+    at_ms : array (trials,), ms
+        When the response is made.
+    rest : dict of float
+        Rates at rest, Hz.
+
+    Returns
+    -------
+    DataFrame
+        Columns nucleus, window, own (whether the channel was chosen), hz, se and trials.
+    """
+    seen: dict[str, tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]] = {}
+    for window, (low, high) in zip(WINDOWS, (EARLY_MS, LATE_MS), strict=False):
+        inside = (time_ms >= low) & (time_ms < high)
+        seen[window] = np.broadcast_to(inside, (len(at_ms), len(time_ms))), at_ms >= high
+    seen[WINDOWS[2]] = np.abs(time_ms - at_ms[:, None]) <= ABOUT_MS, at_ms >= ABOUT_MS
+    rows = []
+    for name, each in rates.items():
+        for window, (inside, counted) in seen.items():
+            for own in PREFERRED:
+                # Each channel's cells prefer its choice: both are read, one trial each.
+                values = np.concatenate(
+                    [
+                        _mean(each[..., k], inside)[counted & (choice == (k if own else 1 - k))]
+                        for k in (0, 1)
+                    ]
+                )
+                count = len(values)
+                row = {"nucleus": name, "window": window, "own": own, "trials": count}
+                row["hz"] = values.mean() - rest[name] if count else np.nan
+                row["se"] = values.std() / np.sqrt(count) if count else np.nan
+                rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _mean(rates: npt.NDArray[Any], inside: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """Return the mean rate (trials,) of samples inside a window."""
+    total = np.where(inside, rates, 0.0).sum(axis=1, dtype=np.float64)
+    return np.asarray(total / np.maximum(inside.sum(axis=1), 1))
+
+
+def patterns(strengths: Sequence[float]) -> dict[str, Array]:
+    """Return the patterns of three theories of STN, (windows, choices, strengths), simplified.
+
+    The first is modulated by choice and strength, and positive before the response; the second
+    early and the same for both choices; the third rises with time and strength, not choice.
+    """
+    strength = np.array(strengths) / max(strengths)
+    sign = np.array([1.0, -1.0])[None, :, None]
+    rises = np.array([0.0, 0.5, 1.0])[:, None, None]
+    falls = np.array([1.0, 0.3, 0.0])[:, None, None]
+    return {
+        "choice × strength": rises * sign * strength + rises,
+        "early, both choices": falls * np.ones((1, 2, len(strength))),
+        "ramp with strength": rises * np.ones((1, 2, 1)) * strength,
+    }
+
+
+def likeness(rows: pd.DataFrame, strengths: Sequence[float]) -> dict[str, float]:
+    """Return the correlation of the 30 means of a nucleus with each pattern.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Columns window, own, strength and hz. A mean that no trial has counts nowhere.
+    strengths : sequence of float
+        In the order of the patterns.
+    """
+    order = rows.set_index(["window", "own", "strength"])["hz"]
+    own = np.array([order[w, o, s] for w in WINDOWS for o in PREFERRED for s in strengths])
+    there = np.isfinite(own)
+    return {
+        name: float(np.corrcoef(own[there], pattern.ravel()[there])[0, 1])
+        for name, pattern in patterns(strengths).items()
+    }
+
+
+def share_height(axes: Iterable[Any]) -> None:
+    """Give panels one range of heights, labelled at the first alone."""
+    axes = list(axes)
+    low = min(ax.get_ylim()[0] for ax in axes)
+    high = max(ax.get_ylim()[1] for ax in axes)
+    for ax in axes:
+        ax.set_ylim(low, high)
+    for ax in axes[1:]:
+        ax.tick_params(labelleft=False)
