@@ -8,10 +8,11 @@ import pytest
 from bgmodel.edits import written
 from bgmodel.fitting import circuit as module
 from bgmodel.fitting.circuit import CRITERIA, Axis, CircuitModel, Criterion
-from bgmodel.fitting.crossings import Crossings
+from bgmodel.fitting.crossings import Crossings, simulated
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from circuits.anatomy import circuit
+from tests.drawn import GAIN, ideal
 
 MACAQUE = circuit("macaque", 2)
 SMALL = {"seconds": 1.0, "trials": 12, "engine": "rate"}
@@ -186,6 +187,22 @@ def test_a_higher_threshold_and_more_dopamine_decide_sooner():
 
     assert mean_s(threshold_nats=0.45) < mean_s() < mean_s(threshold_nats=0.15)
     assert mean_s(dopamine=1.15) < mean_s() < mean_s(dopamine=0.85)
+
+
+def test_a_fixed_point_that_is_the_softmax_crosses_as_the_ideal_integrator():
+    """Decisions and evidence, bin by bin: readings are heard when they are read."""
+    made = model(circuit=circuit("bogacz_gurney", 2), engine="algebra", noise_nats=GAIN)
+    found = made.stored(())
+    exact = simulated(ideal, made.thresholds_nats, seconds=1.0, trials=12, seed=made.seed)
+    assert (exact.choice >= 0).mean() > 0.5
+    assert same(found, exact)
+
+
+def test_evidence_comes_with_its_noise_in_nats():
+    read = np.random.default_rng(1).normal(0, 0.07, (5, 50, 2)).cumsum(axis=1)
+    one, two = (model(noise_nats=nats).run((), 0.1) for nats in (1.0, 2.0))
+    assert np.array_equal(two(read, 0).out_nats, one(2 * read, 0).out_nats)
+    assert not np.allclose(two(read, 0).out_nats, one(read, 0).out_nats, atol=0.01)
 
 
 def test_points_are_all_values_of_the_axes():
