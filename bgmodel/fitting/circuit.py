@@ -180,7 +180,12 @@ class CircuitModel:
         own = {
             name: value for name, value in self.identity().items() if name not in ("axes", "edits")
         }
-        at = {"circuit": identity(self.at(point)), "thresholds_nats": self.thresholds_nats.tolist()}
+        at: dict[str, Any] = {
+            "circuit": identity(self.at(point)),
+            "thresholds_nats": self.thresholds_nats.tolist(),
+        }
+        if self.circuit.centred:
+            at["centred"] = True
         return {**own, **at, "bgmodel": __version__}
 
     def path(self, point: tuple[float, ...]) -> Path | None:
@@ -223,11 +228,19 @@ class CircuitModel:
             with warnings.catch_warnings():
                 # A random walk leaves any range: what that costs is in the crossings.
                 warnings.filterwarnings("ignore", message="(S|the input) runs from")
-                done = model.run_drive(self.noise_nats * read, 1000 * BIN_S, first)
+                done = model.run_drive(self._drive(read), 1000 * BIN_S, first)
             time_ms = done.time_ms + (1000 * BIN_S if self.engine == "algebra" else 0.0)
             return Trace(done.output_nats, time_ms, step_ms=1000 * BIN_S)
 
         return run
+
+    def _drive(self, read: Array) -> Array:
+        """Return the drive of accumulated evidence: less its mean where the table needs that."""
+        drive = self.noise_nats * read
+        if not self.circuit.centred:
+            return drive
+        drive = np.maximum(drive, drive.max(axis=2, keepdims=True) - self.circuit.reach_nats)
+        return np.asarray(drive - drive.mean(axis=2, keepdims=True))
 
     def _simulate(self, point: tuple[float, ...]) -> Crossings:
         run = self.run(point, float(self.thresholds_nats[0]))

@@ -198,6 +198,16 @@ def test_a_fixed_point_that_is_the_softmax_crosses_as_the_ideal_integrator():
     assert same(found, exact)
 
 
+def test_what_channels_have_in_common_reaches_no_circuit_that_needs_evidence_centred():
+    """A table like that has no fixed point far from there."""
+    read = np.random.default_rng(2).normal(0, 0.07, (5, 50, 2)).cumsum(axis=1)
+    for name in ("bogacz_gurney", "spiking_msprt"):
+        run = model(circuit=circuit(name, 2), engine="algebra").run((), 0.1)
+        assert run(read + 3.0, 0).out_nats == pytest.approx(run(read, 0).out_nats, abs=1e-9)
+    raw = model(engine="algebra").run((), 0.1)
+    assert not np.allclose(raw(read + 3.0, 0).out_nats, raw(read, 0).out_nats, atol=1e-6)
+
+
 def test_evidence_comes_with_its_noise_in_nats():
     read = np.random.default_rng(1).normal(0, 0.07, (5, 50, 2)).cumsum(axis=1)
     one, two = (model(noise_nats=nats).run((), 0.1) for nats in (1.0, 2.0))
