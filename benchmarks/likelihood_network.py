@@ -1,0 +1,208 @@
+"""The shipped network of the circuit's likelihood, trained and scored.
+
+``python -m benchmarks.likelihood_network`` simulates the default circuit (the population engine, on
+a training seed), trains the network with torch, scores it on a seed that trained nothing, and
+writes it to ``bgmodel/data``: minutes of CPU. ``--table FILE`` instead writes simulated responses,
+one row per trial, as other tools are trained on: parameters, rt and response.
+
+The network learns log(density + floor) at drifts and thresholds of a lattice, at times 10 ms apart.
+Which of these a step sees is drawn: mostly as often as trials fall there, else evenly, so that it
+also knows where hardly any do.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.pages import RESULTS
+from benchmarks.scores import likelihood as score
+from benchmarks.scores.pieces import OUT, run
+from bgmodel import stream
+from bgmodel.arrays import Array
+from bgmodel.files import read_table, write_table
+from bgmodel.fitting.circuit import CircuitModel
+from bgmodel.fitting.crossings import decided
+from bgmodel.fitting.network import LikelihoodNetwork, shipped_path
+from bgmodel.fitting.responses import Grid, responded
+from bgmodel.integrators.basal_ganglia import identity
+
+TRAINING_SEED = 24_501
+TRIALS = 60_000
+"""At each of the seven drifts."""
+T0_SD_S, FLOOR_PER_S = 0.05, 1e-4
+MOST_DRIFT, DRIFTS = 16.0, 33
+T0_S = 0.3
+"""Where the lattice's times begin before t0."""
+BINS = 500
+WIDTH, LAYERS = 64, 3
+STEPS, BATCH, RATE = 14_000, 4096, 5e-3
+EVENLY = 0.25
+"""Share of a batch that is drawn evenly."""
+HUBER_NATS = 0.05
+ROWS_PER_POINT = 1000
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Densities of responses at thresholds, drifts and times.
+
+    Parameters
+    ----------
+    thresholds_nats : array (thresholds,)
+        Those of the stored crossings, and the middles between them.
+    drifts : array (drifts,), 1/sqrt(s)
+        From 0 on.
+    density : array (thresholds, drifts, 2, BINS), 1/s
+        Of responses 0 and 1, with t0 of ``T0_S``.
+    """
+
+    thresholds_nats: Array
+    drifts: Array
+    density: Array
+
+    @property
+    def after_t0_s(self) -> Array:
+        """Times after t0, (BINS,), s."""
+        return Grid(BINS).middles_s - T0_S
+
+    def features(self) -> Array:
+        """Return what the network's layers get, (points, 3), in the order of the densities."""
+        signed = np.stack([-self.drifts, self.drifts], axis=1)
+        parts = (
+            signed[None, :, :, None],
+            np.log(np.expm1(self.thresholds_nats))[:, None, None, None],
+            self.after_t0_s,
+        )
+        return np.stack([np.broadcast_to(x, self.density.shape).ravel() for x in parts], axis=1)
+
+
+def lattice(model: CircuitModel) -> Lattice:
+    """Return the densities that the network learns."""
+    stored, own = model.stored(()), model.thresholds_nats
+    thresholds = np.sort(np.concatenate([own, (own[1:] + own[:-1]) / 2]))
+    # Where choices are least certain, densities change most with the drift.
+    drifts, grid = MOST_DRIFT * np.linspace(0, 1, DRIFTS) ** 1.5, Grid(BINS)
+    shape = {"t0_s": T0_S, "t0_sd_s": T0_SD_S, "lapse": 0.0}
+    everywhere = {name: np.full(DRIFTS, value) for name, value in shape.items()}
+    found = (decided([(stored, 1.0)], float(nats), drifts, grid) for nats in thresholds)
+    return Lattice(
+        thresholds, drifts, np.stack([responded(each, grid, **everywhere) for each in found])
+    )
+
+
+def batches(weights: Array) -> Iterator[Array]:
+    """Yield the points of each step."""
+    rng = stream(TRAINING_SEED, "batches")
+    summed = np.cumsum((1 - EVENLY) * weights / weights.sum() + EVENLY / len(weights))
+    for _ in range(STEPS):
+        drawn = np.searchsorted(summed, rng.random(BATCH) * summed[-1])
+        yield np.minimum(drawn, len(weights) - 1)
+
+
+def first_layers(torch: Any) -> Any:
+    """Return a network that has learned nothing, of broad first weights."""
+    torch.manual_seed(TRAINING_SEED)
+    sizes = [3] + [WIDTH] * LAYERS
+    parts: list[Any] = []
+    for before, after in pairwise(sizes):
+        parts += [torch.nn.Linear(before, after), torch.nn.Tanh()]
+    with torch.no_grad():
+        # Times matter on a scale of 50 ms, the rest on that of the whole range.
+        parts[0].weight.normal_(0.0, 1.5).mul_(torch.tensor([1.0, 1.0, 2.0]))
+        parts[0].bias.uniform_(-2.0, 2.0)
+    return torch.nn.Sequential(*parts, torch.nn.Linear(WIDTH, 1))
+
+
+def trained(points: Lattice) -> tuple[tuple[Array, Array], ...]:
+    """Return the layers after training."""
+    import torch
+
+    torch.set_num_threads(1)
+    features, weights = points.features(), points.density.ravel()
+    centre, scale = features.mean(axis=0), features.std(axis=0)
+    given = torch.tensor((features - centre) / scale, dtype=torch.float32)
+    wanted = torch.tensor(np.log(weights + FLOOR_PER_S), dtype=torch.float32)
+    network = first_layers(torch)
+    optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimizer, RATE, total_steps=STEPS, pct_start=0.05, final_div_factor=1000
+    )
+    for step, drawn in enumerate(batches(weights)):
+        off = network(given[drawn])[:, 0] - wanted[drawn]
+        loss = torch.nn.functional.huber_loss(off, torch.zeros_like(off), delta=HUBER_NATS)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+        if step % 2000 == 1999:
+            print(f"step {step + 1}: {off.detach().abs().mean():.4f} nats", flush=True)
+    linear = [part for part in network if isinstance(part, torch.nn.Linear)]
+    layers = [
+        (p.weight.detach().double().numpy().T, p.bias.detach().double().numpy()) for p in linear
+    ]
+    weights, bias = layers[0]
+    layers[0] = (weights / scale[:, None], bias - (centre / scale) @ weights)
+    return tuple(layers)
+
+
+def about(model: CircuitModel) -> dict[str, Any]:
+    """Return what is known of the network before it is scored."""
+    low, high = float(model.thresholds_nats[0]), float(model.thresholds_nats[-1])
+    known = {"circuit": identity(model.circuit), "engine": model.engine, "trials": 7 * model.trials}
+    return {
+        **known,
+        "noise_nats": model.noise_nats,
+        "training_seed": model.seed,
+        "t0_sd_s": T0_SD_S,
+        "floor_per_s": FLOOR_PER_S,
+        "bounds": {"v": [-MOST_DRIFT, MOST_DRIFT], "threshold": [low, high], "t0": [0.05, 1.5]},
+        "rt_after_t0_s": [-T0_S, round(BINS / 100 - T0_S, 2)],
+    }
+
+
+def responses(model: CircuitModel, points: Lattice) -> pd.DataFrame:
+    """Return simulated responses at random points of the lattice, one row per trial."""
+    rng, parts = stream(TRAINING_SEED, "responses"), []
+    for k, nats in enumerate(points.thresholds_nats):
+        for j, drift in enumerate(points.drifts):
+            mass = points.density[k, j].ravel()
+            drawn = rng.choice(2 * BINS, ROWS_PER_POINT, p=mass / mass.sum())
+            t0 = rng.uniform(0.1, 0.6, ROWS_PER_POINT)
+            sign = rng.choice([-1, 1], ROWS_PER_POINT)
+            time = points.after_t0_s[drawn % BINS] + rng.uniform(-0.005, 0.005, ROWS_PER_POINT)
+            found = {"v": sign * drift, "threshold": nats, "t0": t0, "rt": time + t0}
+            parts.append(pd.DataFrame(found | {"response": sign * np.where(drawn < BINS, -1, 1)}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def main() -> None:
+    """Train, score and write the network, or write the table that is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--table", type=Path, help="write simulated responses, a .parquet, alone")
+    given = parser.parse_args()
+    model = score.model_of(TRIALS, TRAINING_SEED)
+    points = lattice(model)
+    if given.table:
+        known = {**about(model), "rows_per_point": ROWS_PER_POINT}
+        write_table(responses(model, points), given.table, seed=TRAINING_SEED, **known)
+        return
+    network = LikelihoodNetwork(trained(points), about(model))
+    network.write(shipped_path())
+    run(score.SCORE, list(score.pieces(False, 1)), OUT, False, "")
+    errors = read_table(RESULTS / "likelihood_network.csv")
+    measured = {"error_nats": round(float(errors["error_nats"].mean()), 5)}
+    measured["simulation_error_nats"] = round(float(errors["noise_nats"].mean()), 5)
+    scored = {**network.about, **measured, "scoring_seed": score.SCORING_SEED}
+    replace(network, about=scored).write(shipped_path())
+
+
+if __name__ == "__main__":
+    main()

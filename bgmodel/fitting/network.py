@@ -1,0 +1,225 @@
+"""The likelihood of a circuit as a small network, in an ONNX file that HSSM loads.
+
+The graph takes one trial, ``[v, threshold, t0, rt, response]``, and returns its log density. With
+alike channels response 1 at drift v is as likely as response -1 at drift -v, and t0 moves times
+alone. So the graph first computes three numbers, and a network of tanh layers goes on from there:
+``v * response``, the log of ``exp(threshold) - 1`` (minus the log odds at which OUT decides), and
+``rt - t0``. It states log(density + floor): where a response hardly ever occurs, the floor.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.arrays import Array
+from bgmodel.facts import Facts
+from bgmodel.files import replacing
+
+INPUTS = ("v", "threshold", "t0", "rt", "response")
+"""Inputs of the graph: three parameters, then the two columns of HSSM's data."""
+PARAMETERS = INPUTS[:3]
+KEY = "bgmodel"
+"""Name of what is known of a network in its file."""
+OPSET = 17
+SHIPPED = "macaque_likelihood.onnx"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LikelihoodNetwork(Facts):
+    """A network that states the log density of a response of a circuit.
+
+    Parameters
+    ----------
+    layers : tuple of (array (inputs, outputs), array (outputs,))
+        Weights and biases; tanh between layers.
+    about : dict
+        Circuit, engine, seeds, ``t0_sd_s`` (s), ``floor_per_s`` (1/s), ``bounds`` of the
+        parameters, ``rt_after_t0_s`` (the range of rt - t0, s), and the error that was measured.
+    """
+
+    layers: tuple[tuple[Array, Array], ...]
+    about: Mapping[str, Any]
+
+    def facts(self) -> dict[str, str]:
+        """Return its circuit, its size and its fixed numbers."""
+        return {
+            "circuit": str(self.about["circuit"]["name"]),
+            "layers": "-".join(str(len(bias)) for _, bias in self.layers),
+            "t0_sd_s": f"{self.about['t0_sd_s']:g}",
+            "floor_per_s": f"{self.about['floor_per_s']:g}",
+        }
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each parameter that the network learned."""
+        return {name: (float(a), float(b)) for name, (a, b) in self.about["bounds"].items()}
+
+    def log_density(
+        self,
+        v: npt.ArrayLike,
+        threshold: npt.ArrayLike,
+        t0: npt.ArrayLike,
+        rt: npt.ArrayLike,
+        response: npt.ArrayLike,
+    ) -> Array:
+        """Return the log density of responses, log 1/s, in the common shape of the arguments.
+
+        Parameters
+        ----------
+        v : array, 1/sqrt(s)
+            Drift in favour of response 1.
+        threshold : array, nats
+            OUT at which the circuit decides.
+        t0 : array, s
+            Mean time that is not decision.
+        rt : array, s
+            Times of responses.
+        response : array
+            1 or -1.
+        """
+        given = np.broadcast_arrays(
+            *(np.asarray(x, float) for x in (v, threshold, t0, rt, response))
+        )
+        drift, nats, mean, time, sign = given
+        found = np.stack([drift * sign, np.log(np.expm1(nats)), time - mean], axis=-1)
+        for number, (weights, bias) in enumerate(self.layers):
+            found = (np.tanh(found) if number else found) @ weights + bias
+        return np.asarray(found[..., 0])
+
+    def for_hssm(self, path: str | Path | None = None) -> dict[str, Any]:
+        """Return the arguments of ``hssm.HSSM`` beside the data: network, parameters, bounds.
+
+        Parameters
+        ----------
+        path : path, optional
+            The network's file; that of the shipped one if left out.
+        """
+        return {
+            "model": "bg_circuit",
+            "choices": [-1, 1],
+            "loglik": str(shipped_path() if path is None else path),
+            "loglik_kind": "approx_differentiable",
+            "model_config": {
+                "response": ["rt", "response"],
+                "list_params": list(PARAMETERS),
+                "bounds": self.bounds,
+                "backend": "jax",
+            },
+        }
+
+    @cached_property
+    def checksum(self) -> str:
+        """SHA-256 of the layers as they are written, in hexadecimal."""
+        digest = hashlib.sha256()
+        for weights, bias in self.layers:
+            digest.update(weights.astype("<f4").tobytes() + bias.astype("<f4").tobytes())
+        return digest.hexdigest()
+
+    @cached_property
+    def model(self) -> Any:
+        """The ONNX model: one trial, all dimensions concrete, 32-bit numbers."""
+        from onnx import TensorProto, checker, helper
+
+        constants = {"minus_one": np.array([-1.0]), **_picks()}
+        nodes, last = _features(helper), "features"
+        for number, (weights, bias) in enumerate(self.layers):
+            constants |= {f"weights_{number}": weights, f"bias_{number}": bias}
+            if number:
+                nodes.append(helper.make_node("Tanh", [last], [f"tanh_{number}"]))
+                last = f"tanh_{number}"
+            nodes.append(helper.make_node("MatMul", [last, f"weights_{number}"], [f"mul_{number}"]))
+            last = "log_density" if number == len(self.layers) - 1 else f"layer_{number}"
+            nodes.append(helper.make_node("Add", [f"mul_{number}", f"bias_{number}"], [last]))
+        graph = helper.make_graph(
+            nodes,
+            "likelihood",
+            [helper.make_tensor_value_info("trial", TensorProto.FLOAT, [len(INPUTS)])],
+            [helper.make_tensor_value_info("log_density", TensorProto.FLOAT, [1])],
+            [
+                helper.make_tensor(name, TensorProto.FLOAT, value.shape, value.ravel().tolist())
+                for name, value in constants.items()
+            ],
+        )
+        opset = [helper.make_opsetid("", OPSET)]
+        model = helper.make_model(graph, opset_imports=opset, ir_version=8, producer_name=KEY)
+        helper.set_model_props(model, {KEY: json.dumps(dict(self.about), sort_keys=True)})
+        checker.check_model(model)
+        return model
+
+    def write(self, path: str | Path) -> Path:
+        """Write the network as an ONNX file, whole or not at all; return its path."""
+        with replacing(path) as partial:
+            partial.write_bytes(self.model.SerializeToString(deterministic=True))
+        return Path(path)
+
+
+def _picks() -> dict[str, Array]:
+    """Return what takes v, threshold, response and rt - t0 out of a trial, (5, 1) each."""
+    taken = {"v": {"v": 1}, "threshold": {"threshold": 1}, "response": {"response": 1}}
+    taken["time"] = {"rt": 1, "t0": -1}
+    return {
+        f"pick_{name}": np.array([[float(parts.get(each, 0))] for each in INPUTS])
+        for name, parts in taken.items()
+    }
+
+
+def _features(helper: Any) -> list[Any]:
+    """Return the nodes from a trial to the three numbers that the layers get."""
+    names = ("v", "threshold", "response", "time")
+    nodes = [helper.make_node("MatMul", ["trial", f"pick_{name}"], [name]) for name in names]
+    return [
+        *nodes,
+        helper.make_node("Mul", ["v", "response"], ["drift"]),
+        helper.make_node("Exp", ["threshold"], ["exp"]),
+        helper.make_node("Add", ["exp", "minus_one"], ["less_one"]),
+        helper.make_node("Log", ["less_one"], ["odds"]),
+        helper.make_node("Concat", ["drift", "odds", "time"], ["features"], axis=0),
+    ]
+
+
+def read_network(path: str | Path | None = None) -> LikelihoodNetwork:
+    """Read a network from its ONNX file; the shipped one of the circuit ``macaque`` if left out.
+
+    Parameters
+    ----------
+    path : path, optional
+        As ``LikelihoodNetwork.write`` wrote it.
+
+    Raises
+    ------
+    ValueError
+        If the file is no network of bgmodel.
+    """
+    import onnx
+    from google.protobuf.message import DecodeError
+
+    path = shipped_path() if path is None else Path(path)
+    try:
+        model = onnx.load(str(path))
+        about = json.loads({each.key: each.value for each in model.metadata_props}[KEY])
+    except (OSError, DecodeError, KeyError, ValueError) as error:
+        raise ValueError(f"{str(path)!r} can't be read as a network of bgmodel: {error}") from error
+    held = {each.name: onnx.numpy_helper.to_array(each) for each in model.graph.initializer}
+    count = sum(name.startswith("bias_") for name in held)
+    return LikelihoodNetwork(
+        tuple(
+            (held[f"weights_{k}"].astype(float), held[f"bias_{k}"].astype(float))
+            for k in range(count)
+        ),
+        about,
+    )
+
+
+def shipped_path() -> Path:
+    """Return the path of the network that ships with the package."""
+    return Path(str(resources.files("bgmodel.data") / SHIPPED))

@@ -1,0 +1,177 @@
+"""The network of the circuit's likelihood: what its graph must obey, and how near it is."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from benchmarks import hssm_check
+from benchmarks.scores import likelihood
+from bgmodel import stream
+from bgmodel.fitting.circuit import CircuitModel
+from bgmodel.fitting.crossings import Crossings, decided
+from bgmodel.fitting.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
+from bgmodel.fitting.responses import BIN_S, Grid, responded
+from bgmodel.integrators.basal_ganglia import identity
+from circuits.anatomy import DEFAULT, circuit
+
+pytest.importorskip("onnx")
+
+RT = Grid(500).middles_s
+SEED = 24_601
+
+
+@pytest.fixture(scope="module")
+def network():
+    return read_network()
+
+
+@pytest.fixture(scope="module")
+def graph(network):
+    """Return the graph as a function of trials, evaluated by ONNX's own reference."""
+    from onnx.reference import ReferenceEvaluator
+
+    run = ReferenceEvaluator(network.model)
+    return lambda trials: np.array(
+        [run.run(None, {"trial": np.asarray(each, np.float32)})[0][0] for each in trials]
+    )
+
+
+def drawn(network, count=40):
+    """Return random trials (count, 5) within the bounds."""
+    rng = stream(SEED, "trials")
+    parameters = [rng.uniform(*network.bounds[name], count) for name in PARAMETERS]
+    rt = parameters[2] + rng.uniform(-0.1, 3.0, count)
+    return np.stack([*parameters, rt, rng.choice([-1.0, 1.0], count)], axis=1)
+
+
+def test_the_graph_computes_what_the_layers_do(network, graph):
+    trials = drawn(network)
+    assert graph(trials) == pytest.approx(network.log_density(*trials.T), abs=2e-3)
+
+
+def test_the_graph_takes_one_trial_of_concrete_dimensions(network):
+    from onnx import TensorProto
+
+    (given,), (found,) = network.model.graph.input, network.model.graph.output
+    kinds = {each.type.tensor_type.elem_type for each in (given, found)}
+    kinds |= {each.data_type for each in network.model.graph.initializer}
+    assert kinds == {TensorProto.FLOAT}
+    shapes = [[dim.dim_value for dim in each.type.tensor_type.shape.dim] for each in (given, found)]
+    assert shapes == [[len(INPUTS)], [1]]
+
+
+def test_the_other_response_is_as_likely_at_the_opposite_drift(network, graph):
+    trials = drawn(network)
+    assert graph(trials * [-1, 1, 1, 1, -1]) == pytest.approx(graph(trials), abs=1e-6)
+
+
+def test_t0_moves_times_alone(network, graph):
+    trials = drawn(network)
+    later = trials + np.array([0, 0, 0.5, 0.5, 0])
+    assert graph(later) == pytest.approx(graph(trials), abs=2e-3)
+
+
+@pytest.mark.parametrize("v", [0.0, 2.0, -6.0, 14.0])
+@pytest.mark.parametrize("threshold", [0.1, 0.25, 0.5])
+def test_responses_of_both_kinds_at_all_times_sum_to_one(network, v, threshold):
+    density = np.exp([network.log_density(v, threshold, 0.3, RT, r) for r in (-1, 1)])
+    assert density.sum() * BIN_S == pytest.approx(1, abs=0.01)
+
+
+def test_the_network_is_near_the_circuit_that_is_simulated_anew(network):
+    """On few trials; the score has a million."""
+    model = CircuitModel(circuit(DEFAULT, 2), trials=1500, seconds=4.0, seed=SEED)
+    grid, shape = Grid(400), (0.3, network.about["t0_sd_s"], 0.0)
+    t0_s, t0_sd_s, lapse = (np.full(2, value) for value in shape)
+    for threshold in (0.12, 0.3):
+        found = decided([(model.stored(()), 1.0)], threshold, [1.0, 5.0], grid)
+        density = responded(found, grid, t0_s=t0_s, t0_sd_s=t0_sd_s, lapse=lapse)
+        for v, own in zip((1.0, 5.0), density, strict=True):
+            said = [network.log_density(v, threshold, 0.3, grid.middles_s, r) for r in (-1, 1)]
+            off = np.abs(said - np.log(np.maximum(own, 1e-6)))
+            # Of that a simulation of so few trials leaves about .03.
+            assert (own * off).sum() / own.sum() < 0.06
+
+
+def test_the_network_is_that_of_todays_circuit(network):
+    """Where this fails: python -m benchmarks.likelihood_network makes it anew."""
+    assert network.about["circuit"] == identity(circuit(DEFAULT, 2))
+
+
+def test_the_network_states_its_error(network):
+    assert 0 < network.about["simulation_error_nats"] < network.about["error_nats"] < 0.02
+    assert network.about["scoring_seed"] != network.about["training_seed"]
+
+
+def test_a_network_that_is_written_is_read_back(network, tmp_path):
+    path = network.write(tmp_path / "one.onnx")
+    again = read_network(path)
+    assert again.checksum == network.checksum
+    assert again.about == network.about
+    assert again.write(tmp_path / "two.onnx").read_bytes() == path.read_bytes()
+
+
+def test_hssm_is_told_the_networks_own_parameters_and_bounds(network, tmp_path):
+    given = network.for_hssm()
+    assert read_network(given["loglik"]).checksum == network.checksum
+    assert given["model_config"]["list_params"] == list(PARAMETERS)
+    assert given["model_config"]["bounds"] == network.bounds
+    assert network.for_hssm(tmp_path / "x.onnx")["loglik"] == str(tmp_path / "x.onnx")
+
+
+def test_a_file_that_is_no_network_of_ours_is_refused_in_a_sentence(tmp_path):
+    path = tmp_path / "x.onnx"
+    with pytest.raises(ValueError, match=r"x.onnx' can't be read as a network of bgmodel"):
+        read_network(path)
+    path.write_bytes(b"no network")
+    with pytest.raises(ValueError, match=r"x.onnx' can't be read as a network of bgmodel"):
+        read_network(path)
+
+
+def test_a_network_of_ones_own_layers_needs_no_file():
+    layers = ((np.eye(3), np.zeros(3)), (np.ones((3, 1)), np.full(1, 2.0)))
+    own = LikelihoodNetwork(layers, {})
+    at = np.tanh([2.0, np.log(np.expm1(0.5)), 0.4]).sum() + 2
+    assert own.log_density(-2.0, 0.5, 0.3, [0.7], -1) == pytest.approx([at])
+
+
+def test_reading_a_network_needs_no_torch():
+    code = "import sys; from bgmodel.fitting.network import read_network; read_network()"
+    code += "; assert 'torch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_score_halves_the_trials_of_every_drift():
+    rows = np.arange(8)[None]
+    whole = Crossings(np.array([0.2]), np.array([0.0, 3.0]), rows, rows % 2, rows / 10)
+    assert [likelihood.part(whole, half).bins.tolist() for half in (0, 1)] == [
+        [[0, 1, 4, 5]],
+        [[2, 3, 6, 7]],
+    ]
+
+
+def test_the_score_draws_parameters_within_the_bounds(network):
+    points = list(likelihood.points(network))
+    assert len(points) == likelihood.SETS == 20
+    for name in PARAMETERS:
+        low, high = network.bounds[name]
+        assert all(low <= point[name] <= high for point in points)
+
+
+def test_trials_for_hssm_are_likeliest_near_the_parameters_they_were_made_with(
+    network, monkeypatch
+):
+    monkeypatch.setattr(hssm_check, "TRIALS", 200)
+    # No data set of the check has this number.
+    known, table = hssm_check.truth(1000), hssm_check.simulated(1000, network)
+    assert set(table["response"]) == {-1, 1}
+
+    def fits(sensitivity=1.0, nats=0.0, later_s=0.0):
+        v = sensitivity * known["sensitivity"] * table["strength"]
+        threshold, t0 = known["threshold"] + nats, known["t0"] + later_s
+        return network.log_density(v, threshold, t0, table["rt"], table["response"]).sum()
+
+    others = ((-1, 0, 0), (0.5, 0, 0), (2, 0, 0), (1, 0.15, 0), (1, 0, 0.2), (1, 0, -0.1))
+    assert all(fits() > fits(*other) for other in others)
