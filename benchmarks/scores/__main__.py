@@ -1,11 +1,13 @@
 """Compute all scores: make score, python -m benchmarks.scores."""
 
+from benchmarks import hssm_check
 from benchmarks.scores import (
     agreement,
     experiments,
     learning,
     lesions,
     levels,
+    likelihood,
     limits,
     loss,
     parts,
@@ -27,6 +29,8 @@ MODULES = (
     experiments,
     sensitivity,
     population,
+    likelihood,
+    hssm_check,
 )
 
 if __name__ == "__main__":
