@@ -186,6 +186,7 @@ def _left_out(ax: Any, table: pd.DataFrame) -> None:
     said = [f"monkey {w}" if m else w for w, m in zip(people["participant"], monkeys, strict=True)]
     ax.set_yticks(-np.arange(len(said)), said)
     ax.set(ylim=(0.5 - len(said), 0.5), xlabel="better than the constant gap (nats)")
+    ax.margins(x=0.08)
     ax.set_xscale("symlog", linthresh=10)
     ax.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
     ax.axhline(0.5 - monkeys.sum(), color="0.6", lw=0.6, ls=":")
