@@ -190,6 +190,9 @@ def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
     from bgmodel.fitting import posterior
 
     monkeypatch.setitem(posterior.posterior.__kwdefaults__, "most_steps", 60)
+    # A fit without draws is another one.
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+    capfd.readouterr()
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled", "--posterior") == 0
     shown = capfd.readouterr()
     (said,) = shown.err.splitlines()

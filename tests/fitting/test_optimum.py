@@ -124,3 +124,24 @@ def test_a_search_begins_about_the_fastest_times_and_inside_where_a_start_is_a_b
     both = starts_of(Likelihood(CONSTANT, likelihood.design, freed))
     assert [start[1] for start in both] == pytest.approx([0.5, 0.7])
     assert both[0][2:] == pytest.approx(both[1][2:])
+
+
+class Hills:
+    """A log likelihood with a higher hill at 3 and a lower one at -3."""
+
+    freedom = freedom([Parameter(name, -8.0, 8.0, 1.0) for name in "ab"], {}, 1)
+
+    def __call__(self, vector):
+        high, low = (-np.sum((vector - at) ** 2) for at in (3.0, -3.0))
+        return float(max(high, low - 5))
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_several_searches_the_best_one_counts(order):
+    told = []
+    starts = [np.full(2, at) for at in (3.2, -3.2)][::order]
+    found = optimum(Hills(), starts=starts, tell=lambda *each: told.append(each))
+    assert found.vector == pytest.approx([3, 3], abs=0.1)
+    assert found.log_likelihood == pytest.approx(0, abs=0.01)
+    assert told[-1][0] == found.evaluations
+    assert np.all(np.diff([best for _, best in told]) >= 0)
