@@ -1,57 +1,42 @@
-"""Fits to monkeys, people and patients, and whether a fit gives back what data were made from.
+"""Fits to monkeys, people and patients.
 
 The models are the sequential test with a constant gap and with one that falls, and the default
 circuit as populations: with a threshold alone, with dopamine that rises within a trial, and with
-cells of STN that are driven at onset and decay. Left-out trials say which predicts best. Recovery
-and calibration use data that the circuit itself decided, trial by trial, with noise of its own;
-the prior is flat within the range of the fits to people and monkeys.
+cells of STN that are driven at onset and decay. Left-out trials say which predicts best.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy.stats import kstest
 
 from benchmarks import OUT
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel import stream
-from bgmodel.arrays import Array, Integers
+from bgmodel.arrays import Array
 from bgmodel.fitting.algorithms import GapModel, Model
-from bgmodel.fitting.circuit import CRITERIA, NONE, CircuitModel, Criterion
-from bgmodel.fitting.crossings import Crossings
+from bgmodel.fitting.circuit import (
+    CRITERIA,
+    NONE,
+    SIMULATION_SEED,
+    CircuitModel,
+    Criterion,
+)
 from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.fit import Fit, fit
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.means import fit_means
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
-from bgmodel.fitting.posterior import posterior
 from bgmodel.fitting.predicted import better_by, predicted
-from bgmodel.fitting.responses import BIN_S, Grid, Observed
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, circuit
 
-SCORING_SEED = 70_001
-"""Of the data sets of recovery, and of the circuit that decides them."""
 TRIALS, COARSE_TRIALS = 4000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
 FEWER = 0.375
 """Share of them where it is simulated at many values of its criterion."""
-SETS, COARSE_SETS = 200, 8
-SET_TRIALS = 1500
-STRENGTHS = (0.032, 0.128, 0.512)
-PRIOR = {
-    "sensitivity": (8.0, 25.0), "bound": (0.45, 0.9), "threshold_nats": (0.17, 0.37),
-    "t0_s": (0.2, 0.5), "t0_sd_s": (0.03, 0.12), "lapse": (0.002, 0.03),
-}  # fmt: skip
-"""Range from which parameters are drawn: that of the fits to people and monkeys."""
-BATCH_SETS = 20
-WALKERS, STEPS, RANKED = 24, 300, 99
-"""Of the posteriors of recovery, and draws of each among which the truth has its rank."""
 SLOW_NATS = 1.5
 """Noise in nats where decisions take more than a second: a wider range of thresholds."""
 MOVES: dict[str, tuple[Criterion, dict[str, str]]] = {
@@ -120,100 +105,6 @@ def _means(design: Design) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def drawn(names: list[str], number: int) -> Array:
-    """Return the parameters of a data set, from the prior."""
-    low, high = np.array([PRIOR[name] for name in names]).T
-    rng = stream(SCORING_SEED, "prior", *names, number)
-    return np.asarray(rng.uniform(low, high))
-
-
-def decided_by_test(values: Mapping[str, float], grid: Grid, number: int) -> tuple[Array, Integers]:
-    """Return decision times, s, and choices of each trial by the test, from its density."""
-    rng = stream(SCORING_SEED, "test", number)
-    each = SET_TRIALS // len(STRENGTHS)
-    one = {name: np.full(len(STRENGTHS), value) for name, value in values.items()}
-    mass = GapModel().decided(one, np.array(STRENGTHS), grid).reshape(len(STRENGTHS), -1)
-    picked = [rng.choice(mass.shape[1], each, p=row / row.sum()) for row in mass]
-    choice, bins = np.divmod(np.concatenate(picked), grid.bins)
-    return (bins + rng.random(len(bins))) * BIN_S, choice
-
-
-def decided_by_circuit(
-    values: Mapping[str, float], grid: Grid, number: int
-) -> tuple[Array, Integers]:
-    """Return decision times, s, and choices of each trial by the circuit, run on new evidence."""
-    from bgmodel.fitting.crossings import simulated
-
-    model = fitted_circuit(NONE, 1, grid.bins * BIN_S)
-    threshold = np.array([values["threshold_nats"]])
-    drifts = values["sensitivity"] * np.array(STRENGTHS)
-    seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
-    found: Crossings = simulated(
-        replace(model, seed=seed).run((), float(threshold[0])), threshold,
-        seconds=grid.bins * BIN_S, trials=SET_TRIALS // len(STRENGTHS), seed=seed, drifts=drifts,
-    )  # fmt: skip
-    rng = stream(SCORING_SEED, "within a bin", number)
-    # Evidence of positive drift speaks for channel 0, which is response 1 here.
-    choice = np.where(found.choice[0] < 0, -1, 1 - found.choice[0])
-    return (found.bins[0] + rng.random(len(choice))) * BIN_S, choice
-
-
-def data_set(by: str, names: list[str], number: int) -> tuple[Design, Array]:
-    """Return a data set with the parameters that it was made from."""
-    truth = drawn(names, number)
-    values = dict(zip(names, truth.tolist(), strict=True))
-    decide = decided_by_test if by == "test" else decided_by_circuit
-    time_s, choice = decide(values, Grid(300), number)
-    rng = stream(SCORING_SEED, "responses", by, number)
-    cell = np.repeat(np.arange(len(STRENGTHS)), SET_TRIALS // len(STRENGTHS))
-    rt = time_s + rng.normal(values["t0_s"], values["t0_sd_s"], len(cell))
-    grid = Grid(400)
-    lapse = rng.random(len(cell)) < values["lapse"]
-    rt = np.where(lapse, rng.random(len(cell)) * grid.bins * BIN_S, rt)
-    choice = np.where(lapse, rng.integers(0, 2, len(cell)), choice)
-    kept = (choice >= 0) & (rt > 0) & (rt < grid.bins * BIN_S)
-    seen = Observed(cell[kept], choice[kept], rt[kept], grid)
-    return Design(np.array(STRENGTHS), {}, seen), truth
-
-
-def within_prior(likelihood: Likelihood) -> Likelihood:
-    """Return the likelihood with the prior's range as bounds."""
-    moved = tuple(
-        replace(each, parameter=replace(
-            each.parameter, low=PRIOR[each.name][0], high=PRIOR[each.name][1],
-            start=sum(PRIOR[each.name]) / 2))
-        for each in likelihood.freedom.moved
-    )  # fmt: skip
-    return replace(likelihood, freedom=replace(likelihood.freedom, moved=moved))
-
-
-def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
-    """Return the truth, the optimum and the posterior of each parameter of some data sets."""
-    model = GapModel() if by == "test" else fitted_circuit(NONE, trials, 3.0)
-    rows = []
-    for number in range(first, first + sets):
-        names = [each.name for each in model.parameters]
-        design, truth = data_set(by, names, number)
-        likelihood = within_prior(likelihood_of(model, design, free=names))
-        best = optimum(likelihood)
-        there = directions(likelihood, best.vector)
-        draws = posterior(
-            likelihood, there, walkers=WALKERS, steps=STEPS, most_steps=STEPS, seed=number
-        )
-        low, high = draws.interval(0.9)
-        some = draws.draws[np.linspace(0, len(draws.draws) - 1, RANKED).astype(int)]
-        for k, name in enumerate(names):
-            rows.append(
-                {
-                    "set": number, "parameter": name, "truth": truth[k],
-                    "optimum": best.vector[k], "mean": draws.mean[k],
-                    "low": low[k], "high": high[k],
-                    "rank": int((some[:, k] < truth[k]).sum()), "effective": draws.effective,
-                }
-            )  # fmt: skip
-    return pd.DataFrame(rows).assign(by=by)
-
-
 def patients(trials: int) -> pd.DataFrame:
     """Return what stimulation moves: predictions of left-out trials, and the four means."""
     data = "cavanagh_2011"
@@ -254,12 +145,6 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         for who in choices.people():
             count = int((choices.participant == who).sum())
             yield Piece("people", who, count, 300, partial(person, data, who, trials))
-    sets = COARSE_SETS if fast else SETS
-    for by in ("test", "circuit"):
-        for first in range(0, sets, BATCH_SETS):
-            some = min(BATCH_SETS, sets - first)
-            make = partial(recovered, by, first, some, trials)
-            yield Piece("recovery", f"{by} {first}", SET_TRIALS, some * 8, make)
     yield Piece("patients", "stimulation", 3988, 1200, partial(patients, round(FEWER * trials)))
 
 
@@ -276,30 +161,9 @@ def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
     cells = people[people["kind"] == "cells"]
     empty = [name for name in cells if cells[name].isna().all()]
     found["cells"] = ("people", cells.drop(columns=[*empty, "kind"]))
-    found["recovery"] = ("recovery", made["recovery"])
-    found["calibration"] = ("recovery", _calibration(made["recovery"]))
     found["stimulation"] = ("patients", made["patients"])
     found["stimulation_moves"] = ("patients", _moves(made["patients"]))
     return found
-
-
-def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:
-    rows = []
-    for (by, name), some in recovery.groupby(["by", "parameter"], sort=False):
-        inside = (some["low"] <= some["truth"]) & (some["truth"] <= some["high"])
-        spread = some["truth"].mean()
-        uniform = kstest((some["rank"] + 0.5) / (RANKED + 1), "uniform")
-        rows.append(
-            {
-                "by": by, "parameter": name, "sets": len(some),
-                "bias": (some["mean"] - some["truth"]).mean() / spread,
-                "bias_optimum": (some["optimum"] - some["truth"]).mean() / spread,
-                "error": (some["mean"] - some["truth"]).std() / np.sqrt(len(some)) / spread,
-                "coverage": inside.mean(), "uniform_p": uniform.pvalue,
-                "correlation": np.corrcoef(some["truth"], some["mean"])[0, 1],
-            }
-        )  # fmt: skip
-    return pd.DataFrame(rows)
 
 
 def _moves(cells: pd.DataFrame) -> pd.DataFrame:
@@ -326,7 +190,7 @@ def _moves(cells: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-SCORE = Score("fits", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+SCORE = Score("fits", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT)
 
 if __name__ == "__main__":
     main(SCORE)

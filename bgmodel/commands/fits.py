@@ -74,7 +74,7 @@ class FitRun(Shows):
     """How the circuit is run: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
     """Noise of the evidence that reaches the circuit, its nats, after one second."""
-    trials: int = 1500
+    trials: int = 4000
     """Trials that the circuit is simulated with, at each of seven drifts."""
     seed: int = 24_001
     """Of the simulated trials."""

@@ -52,6 +52,9 @@ class Model(Protocol):
             Bins.
         """
 
+    def halves(self) -> tuple[Model, Model]:
+        """Return two models alike whose errors, if any, are independent of each other."""
+
     def identity(self) -> dict[str, object]:
         """Return all that its numbers depend on, for provenance."""
 
@@ -106,6 +109,10 @@ class GapModel:
             return passage.constant_at_rest(bound, time_s), np.full(len(time_s), bound)
         gap, slope = passage.exponential(bound, fall_s)
         return passage.falling_at_rest(gap, slope, time_s, width_s), gap(time_s)
+
+    def halves(self) -> tuple[Model, Model]:
+        """Return itself twice: it is exact."""
+        return self, self
 
     def identity(self) -> dict[str, object]:
         """Return its name: there is nothing else to it."""

@@ -82,11 +82,19 @@ class CircuitModel:
     seed: int = SIMULATION_SEED
     folder: Path | None = None
     _kept: dict[tuple[float, ...], Crossings] = field(default_factory=dict, repr=False)
+    _half_of: tuple[CircuitModel, int] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.circuit.channels != 2:
             raise ValueError(
                 f"choices and times are fitted with two channels, got {self.circuit.channels}"
+            )
+        from circuits.spec import NATS
+
+        if self.circuit.unit != NATS:
+            raise ValueError(
+                f"fits need a circuit whose OUT is in nats, {self.circuit.name} has it in "
+                f"{self.circuit.unit}"
             )
         check_engine(self.engine)
 
@@ -169,8 +177,17 @@ class CircuitModel:
     def stored(self, point: tuple[float, ...]) -> Crossings:
         """Return the crossings at values of the axes: from the folder, or simulated."""
         if point not in self._kept:
-            self._kept[point] = self._read(point) or self._simulate(point)
+            if self._half_of is not None:
+                whole, which = self._half_of
+                self._kept[point] = whole.stored(point).half(which)
+            else:
+                self._kept[point] = self._read(point) or self._simulate(point)
         return self._kept[point]
+
+    def halves(self) -> tuple[CircuitModel, CircuitModel]:
+        """Return the model with every other of its stored trials, and with the rest."""
+        first, second = (replace(self, _kept={}, _half_of=(self, which)) for which in (0, 1))
+        return first, second
 
     def at(self, point: tuple[float, ...]) -> Circuit:
         """Return the circuit at values of its axes."""

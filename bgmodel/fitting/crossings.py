@@ -63,10 +63,20 @@ class Crossings:
         found = np.zeros(self.evidence.shape)
         read_s, far = (self.bins + 1) * BIN_S, np.abs(self.evidence)
         for v in self.drifts:
-            # Never above exp(X^2 / 2 t): a cosh alone would overflow.
-            common = -(v**2) * read_s / 2
-            found += (np.exp(common + v * far) + np.exp(common - v * far)) / 2
-        return np.asarray(np.log(found / len(self.drifts)))
+            for apart in (far - v * read_s, far + v * read_s):
+                found += np.exp(-(apart**2) / (2 * read_s)) / 2
+        # Of each summand exp(X^2 / 2 t) was left out, which alone would overflow.
+        return np.asarray(far**2 / (2 * read_s) + np.log(found / len(self.drifts)))
+
+    def half(self, which: int) -> Crossings:
+        """Return every other trial, from the first (0) or the second (1) on."""
+        return Crossings(
+            self.thresholds_nats,
+            self.drifts,
+            np.ascontiguousarray(self.bins[:, which::2]),
+            np.ascontiguousarray(self.choice[:, which::2]),
+            np.ascontiguousarray(self.evidence[:, which::2]),
+        )
 
     def around(self, threshold_nats: float) -> tuple[slice, Array]:
         """Return the stored thresholds that a threshold lies between, and its share of each."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,8 @@ ALIKE = 0.95
 """Cosine of two directions from which on a fit refuses to move both."""
 STEP = 0.02
 """Step of the derivatives, as a share of where a parameter stands or of its range."""
+SINGULAR = 1e-12
+"""Least eigenvalue of the cosines below which nothing tells some parameters apart."""
 ROUNDING = 1e-12
 """Change of a probability that is taken for none."""
 
@@ -42,7 +44,7 @@ class Directions:
         """Cosine of the score directions of each pair; 1 or -1 where nothing tells them apart."""
         length = np.sqrt(np.diag(self.information))
         safe = np.where(length > 0, length, np.inf)
-        return np.asarray(self.information / np.outer(safe, safe))
+        return np.asarray(np.clip(self.information / np.outer(safe, safe), -1.0, 1.0))
 
     @cached_property
     def standard_errors(self) -> Array:
@@ -51,9 +53,9 @@ class Directions:
         found = np.full(len(length), np.inf)
         some = np.flatnonzero(length > 0)
         cosines = self.cosines[np.ix_(some, some)]
-        if len(some) and np.linalg.cond(cosines) <= 1e12:
-            inverse = np.linalg.inv(cosines)
-            found[some] = np.sqrt(np.maximum(np.diag(inverse), 0)) / length[some]
+        # An estimate of what is nearly singular may have directions of less than no information.
+        if len(some) and np.linalg.eigvalsh(cosines)[0] > SINGULAR:
+            found[some] = np.sqrt(np.diag(np.linalg.inv(cosines))) / length[some]
         return found
 
     @property
@@ -86,7 +88,9 @@ class Directions:
 def directions(likelihood: Likelihood, vector: Array) -> Directions:
     """Return the score directions at a point, from the model's own densities.
 
-    The expected information: no datum goes into it but the design and its numbers of trials.
+    The expected information: no datum goes into it but the design and its numbers of trials. A
+    circuit's densities have the error of its stored trials, which a square would count as
+    information: each product is of the derivatives of one half of them with those of the other.
 
     Parameters
     ----------
@@ -95,8 +99,22 @@ def directions(likelihood: Likelihood, vector: Array) -> Directions:
     vector : array (parameters,)
         Where, in the numbers of the fit.
     """
+    halves = likelihood.model.halves()
+    whole = len({id(each) for each in halves}) == 1
+    first = _changes(replace(likelihood, model=halves[0]), vector)
+    second = first if whole else _changes(replace(likelihood, model=halves[1]), vector)
+    weight = likelihood.design.trials[:, None] / np.maximum(_masses(likelihood, vector), 1e-12)
+    information = np.einsum("icb,cb,jcb->ij", first, weight, second)
+    found = (information + information.T) / 2
+    # Less than nothing is the error of what is nothing.
+    nothing = np.diag(found) <= 0
+    found[nothing], found[:, nothing] = 0.0, 0.0
+    return Directions(likelihood.freedom.names, vector, found)
+
+
+def _changes(likelihood: Likelihood, vector: Array) -> Array:
+    """Return how each outcome's probability moves with each parameter, (parameters, ...)."""
     low, high = likelihood.freedom.low, likelihood.freedom.high
-    middle = _masses(likelihood, vector)
     changes = []
     for k in range(len(vector)):
         step = STEP * max(abs(vector[k]), 0.1 * (high[k] - low[k]))
@@ -105,9 +123,7 @@ def directions(likelihood: Likelihood, vector: Array) -> Directions:
         apart = _masses(likelihood, above) - _masses(likelihood, below)
         apart[np.abs(apart) < ROUNDING] = 0.0
         changes.append(apart / (above[k] - below[k]))
-    weight = likelihood.design.trials[:, None] / np.maximum(middle, 1e-12)
-    information = np.einsum("icb,cb,jcb->ij", changes, weight, changes)
-    return Directions(likelihood.freedom.names, vector, np.asarray(information))
+    return np.array(changes)
 
 
 def _masses(likelihood: Likelihood, vector: Array) -> Array:

@@ -18,7 +18,7 @@ OPTIMUM_SEED = 24_101
 """Of the search, which draws."""
 TOLERANCE_NATS = 0.01
 """Change of the log likelihood below which the search ends."""
-DRIFTS = (0.02, 25.0, 4.0)
+DRIFTS = (0.02, 18.0, 4.0)
 """Least and largest drift at the largest strength, 1/sqrt(s), and where a search begins."""
 POPULATION = 16
 """Points that a generation of the search looks at."""

@@ -1,0 +1,184 @@
+"""Whether a fit gives back what data were made from, and whether its intervals hold it.
+
+Data sets are decided by the test, from its density, or trial by trial by the default circuit as
+populations, with evidence and noise of their own, which the stored trials of the fit never saw.
+Parameters come from a flat prior within the range of the fits to people and monkeys; trials that
+are not decided by the deadline have no response.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from scipy.stats import kstest
+
+from benchmarks.scores.fits import COARSE_TRIALS, TRIALS, fitted_circuit
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel import stream
+from bgmodel.arrays import Array, Integers
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.circuit import NONE
+from bgmodel.fitting.crossings import Crossings, simulated
+from bgmodel.fitting.design import Design
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
+from bgmodel.fitting.posterior import posterior
+from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from circuits.anatomy import DEFAULT
+
+SCORING_SEED = 70_001
+"""Of the data sets, and of the circuit that decides them."""
+DEADLINE_S = 4.0
+GRID = Grid(round(DEADLINE_S / BIN_S))
+SETS, COARSE_SETS = 200, 8
+SET_TRIALS = 1500
+STRENGTHS = (0.032, 0.128, 0.512)
+PRIOR = {
+    "sensitivity": (8.0, 25.0), "bound": (0.45, 0.9), "threshold_nats": (0.17, 0.37),
+    "t0_s": (0.25, 0.5), "t0_sd_s": (0.03, 0.1), "lapse": (0.002, 0.03),
+}  # fmt: skip
+"""Range from which parameters are drawn: that of the fits to people and monkeys."""
+BATCH_SETS = 10
+WALKERS, STEPS, RANKED = 24, 300, 99
+"""Of the posteriors of recovery, and draws of each among which the truth has its rank."""
+
+
+def drawn(names: list[str], number: int) -> Array:
+    """Return the parameters of a data set, from the prior."""
+    low, high = np.array([PRIOR[name] for name in names]).T
+    rng = stream(SCORING_SEED, "prior", *names, number)
+    return np.asarray(rng.uniform(low, high))
+
+
+def decided_by_test(values: Mapping[str, float], grid: Grid, number: int) -> tuple[Array, Integers]:
+    """Return decision times, s, and choices of each trial by the test, from its density."""
+    rng = stream(SCORING_SEED, "test", number)
+    each = SET_TRIALS // len(STRENGTHS)
+    one = {name: np.full(len(STRENGTHS), value) for name, value in values.items()}
+    mass = GapModel().decided(one, np.array(STRENGTHS), grid).reshape(len(STRENGTHS), -1)
+    never = np.maximum(1 - mass.sum(axis=1), 0.0)
+    shares = np.column_stack([mass, never]) / (mass.sum(axis=1) + never)[:, None]
+    picked = np.concatenate([rng.choice(len(row), each, p=row) for row in shares])
+    choice, bins = np.divmod(picked, grid.bins)
+    return (bins + rng.random(len(bins))) * BIN_S, np.where(choice == 2, -1, choice)
+
+
+def decided_by_circuit(
+    values: Mapping[str, float], grid: Grid, number: int
+) -> tuple[Array, Integers]:
+    """Return decision times, s, and choices of each trial by the circuit, run on new evidence."""
+    model = fitted_circuit(NONE, 1, grid.bins * BIN_S)
+    threshold = np.array([values["threshold_nats"]])
+    drifts = values["sensitivity"] * np.array(STRENGTHS)
+    seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
+    found: Crossings = simulated(
+        replace(model, seed=seed).run((), float(threshold[0])), threshold,
+        seconds=grid.bins * BIN_S, trials=SET_TRIALS // len(STRENGTHS), seed=seed, drifts=drifts,
+    )  # fmt: skip
+    rng = stream(SCORING_SEED, "within a bin", number)
+    # Evidence of positive drift speaks for channel 0, which is response 1 here.
+    choice = np.where(found.choice[0] < 0, -1, 1 - found.choice[0])
+    return (found.bins[0] + rng.random(len(choice))) * BIN_S, choice
+
+
+def data_set(by: str, names: list[str], number: int) -> tuple[Design, Array]:
+    """Return a data set with the parameters that it was made from."""
+    truth = drawn(names, number)
+    values = dict(zip(names, truth.tolist(), strict=True))
+    decide = decided_by_test if by == "test" else decided_by_circuit
+    time_s, choice = decide(values, GRID, number)
+    rng = stream(SCORING_SEED, "responses", by, number)
+    cell = np.repeat(np.arange(len(STRENGTHS)), SET_TRIALS // len(STRENGTHS))
+    rt = time_s + rng.normal(values["t0_s"], values["t0_sd_s"], len(cell))
+    lapse = rng.random(len(cell)) < values["lapse"]
+    rt = np.where(lapse, rng.random(len(cell)) * DEADLINE_S, rt)
+    choice = np.where(lapse, rng.integers(0, 2, len(cell)), choice)
+    answered = (choice >= 0) & (rt > 0) & (rt < DEADLINE_S)
+    seen = Observed(
+        cell, np.where(answered, choice, -1), np.where(answered, rt, np.nan), GRID, DEADLINE_S
+    )
+    return Design(np.array(STRENGTHS), {}, seen), truth
+
+
+def within_prior(likelihood: Likelihood) -> Likelihood:
+    """Return the likelihood with the prior's range as bounds."""
+    moved = tuple(
+        replace(each, parameter=replace(
+            each.parameter, low=PRIOR[each.name][0], high=PRIOR[each.name][1],
+            start=sum(PRIOR[each.name]) / 2))
+        for each in likelihood.freedom.moved
+    )  # fmt: skip
+    return replace(likelihood, freedom=replace(likelihood.freedom, moved=moved))
+
+
+def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
+    """Return the truth, the optimum and the posterior of each parameter of some data sets."""
+    model = GapModel() if by == "test" else fitted_circuit(NONE, trials, DEADLINE_S)
+    rows = []
+    for number in range(first, first + sets):
+        names = [each.name for each in model.parameters]
+        design, truth = data_set(by, names, number)
+        likelihood = within_prior(likelihood_of(model, design, free=names))
+        best = optimum(likelihood)
+        there = directions(likelihood, best.vector)
+        draws = posterior(
+            likelihood, there, walkers=WALKERS, steps=STEPS, most_steps=STEPS, seed=number
+        )
+        low, high = draws.interval(0.9)
+        some = draws.draws[np.linspace(0, len(draws.draws) - 1, RANKED).astype(int)]
+        for k, name in enumerate(names):
+            rows.append(
+                {
+                    "set": number, "parameter": name, "truth": truth[k],
+                    "optimum": best.vector[k], "mean": draws.mean[k],
+                    "low": low[k], "high": high[k],
+                    "rank": int((some[:, k] < truth[k]).sum()), "effective": draws.effective,
+                }
+            )  # fmt: skip
+    return pd.DataFrame(rows).assign(by=by)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Go through batches of data sets, by the test and by the circuit."""
+    trials, sets = (COARSE_TRIALS, COARSE_SETS) if fast else (TRIALS, SETS)
+    for by in ("test", "circuit"):
+        for first in range(0, sets, BATCH_SETS):
+            some = min(BATCH_SETS, sets - first)
+            make = partial(recovered, by, first, some, trials)
+            seconds = some * (4 if by == "test" else 10)
+            yield Piece("recovery", f"{by} {first}", SET_TRIALS, seconds, make)
+
+
+def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
+    """Return the tables that pages and figures read."""
+    found = made["recovery"]
+    return {"sets": ("recovery", found), "calibration": ("recovery", _calibration(found))}
+
+
+def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:
+    rows = []
+    for (by, name), some in recovery.groupby(["by", "parameter"], sort=False):
+        inside = (some["low"] <= some["truth"]) & (some["truth"] <= some["high"])
+        spread = some["truth"].mean()
+        uniform = kstest((some["rank"] + 0.5) / (RANKED + 1), "uniform")
+        rows.append(
+            {
+                "by": by, "parameter": name, "sets": len(some),
+                "bias": (some["mean"] - some["truth"]).mean() / spread,
+                "bias_optimum": (some["optimum"] - some["truth"]).mean() / spread,
+                "error": (some["mean"] - some["truth"]).std() / np.sqrt(len(some)) / spread,
+                "coverage": inside.mean(), "uniform_p": uniform.pvalue,
+                "correlation": np.corrcoef(some["truth"], some["mean"])[0, 1],
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+SCORE = Score("recovery", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
