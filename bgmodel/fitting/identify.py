@@ -32,12 +32,15 @@ class Directions:
     vector : array (parameters,)
         Where.
     information : array (parameters, parameters)
-        Fisher's, of all trials.
+        Fisher's, of all trials; 0 also where too few stored trials know it.
+    idle : tuple of str
+        Parameters that move no probability at all.
     """
 
     names: list[str]
     vector: Array
     information: Array
+    idle: tuple[str, ...] = ()
 
     @property
     def cosines(self) -> Array:
@@ -80,9 +83,8 @@ class Directions:
                     f"{self.names[j]}: their directions have a cosine of {cosines[i, j]:.2f}. Hold "
                     "one of them, or give it a condition that moves it alone"
                 )
-        for name, length in zip(self.names, np.diag(self.information), strict=True):
-            if not length > 0:
-                raise ValueError(f"nothing in this design depends on {name}: hold it")
+        for name in self.idle:
+            raise ValueError(f"nothing in this design depends on {name}: hold it")
 
 
 def directions(likelihood: Likelihood, vector: Array) -> Directions:
@@ -106,10 +108,12 @@ def directions(likelihood: Likelihood, vector: Array) -> Directions:
     weight = likelihood.design.trials[:, None] / np.maximum(_masses(likelihood, vector), 1e-12)
     information = np.einsum("icb,cb,jcb->ij", first, weight, second)
     found = (information + information.T) / 2
-    # Less than nothing is the error of what is nothing.
-    nothing = np.diag(found) <= 0
-    found[nothing], found[:, nothing] = 0.0, 0.0
-    return Directions(likelihood.freedom.names, vector, found)
+    # Less than nothing is an error as large as what it is of.
+    unknown = np.diag(found) <= 0
+    found[unknown], found[:, unknown] = 0.0, 0.0
+    names = likelihood.freedom.names
+    still = ~(first != 0).any(axis=(1, 2))
+    return Directions(names, vector, found, tuple(np.array(names)[still].tolist()))
 
 
 def _changes(likelihood: Likelihood, vector: Array) -> Array:

@@ -1,5 +1,7 @@
 """What can be told apart, against the score of drawn data."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,9 @@ class Doubled:
         found = MODEL.decided({**values, "bound": bound}, strength, grid)
         return found * (1 + 1e-13 * values["idle"][:, None, None])
 
+    def halves(self):
+        return self, self
+
 
 def of_doubled(free):
     design = likelihood_at(100).design
@@ -136,3 +141,42 @@ def test_data_do_not_enter_but_their_number():
     assert np.array_equal(
         directions(likelihood, TRUE).information, directions(changed, TRUE).information
     )
+
+
+@dataclass(frozen=True)
+class Noisy(Doubled):
+    """The same, its probabilities off by an error that goes with ``idle``, other in each half."""
+
+    seeds: tuple[int, ...]
+
+    def decided(self, values, strength, grid):
+        found = MODEL.decided(values, strength, grid)
+        signs = [np.random.default_rng(seed).choice([-1, 1], found.shape) for seed in self.seeds]
+        off = np.mean(signs, axis=0)
+        off -= (found * off).sum(axis=(1, 2), keepdims=True) / found.sum(axis=(1, 2), keepdims=True)
+        return found * (1 + 0.1 * off * values["idle"][:, None, None])
+
+    def halves(self):
+        return tuple(Noisy((seed,)) for seed in self.seeds)
+
+
+class Squared(Noisy):
+    """What it would be with the error of all trials in both factors."""
+
+    def halves(self):
+        return self, self
+
+
+def test_the_error_of_stored_trials_is_no_information():
+    """Its square would be."""
+    design = likelihood_at(100).design
+    vector = np.array([8.0, 0.6, 0.5])
+    found = {}
+    for kind in (Noisy, Squared):
+        each = []
+        for seed in range(20):
+            model = kind((2 * seed, 2 * seed + 1))
+            likelihood = likelihood_of(model, design, free=["sensitivity", "bound", "idle"])
+            each.append(directions(likelihood, vector).information[2, 2])
+        found[kind] = np.median(each)
+    assert found[Noisy] < 0.1 * found[Squared]
