@@ -4,6 +4,7 @@ from benchmarks import hssm_check
 from benchmarks.scores import (
     agreement,
     experiments,
+    fits,
     learning,
     lesions,
     levels,
@@ -13,6 +14,7 @@ from benchmarks.scores import (
     parts,
     population,
     raw,
+    recovery,
     sensitivity,
 )
 from benchmarks.scores.pieces import main
@@ -27,6 +29,8 @@ MODULES = (
     levels,
     learning,
     experiments,
+    fits,
+    recovery,
     sensitivity,
     population,
     likelihood,
