@@ -31,6 +31,7 @@ COMMANDS = (
     "circuit run spikes.csv --trials 20",
     "circuit run mean.csv --trials 9 --engine algebra --gain 1 --circuit mine.toml --channels 4",
     "decide decisions.csv --trials 100",
+    "data roitman_shadlen_2002",
     "experiment",
     "experiment stn_lesion_partial outcome.csv --engine population --trials 200",
     "page page.html",

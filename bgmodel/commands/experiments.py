@@ -76,7 +76,8 @@ class ExperimentRun(Shows):
         from bgmodel.experiments.experiment import shipped
 
         found = shipped()
-        text = "\n".join(f"{name:<24}{one.name} ({one.source})" for name, one in found.items())
+        width = max(map(len, found)) + 2
+        text = "\n".join(f"{name:<{width}}{one.name} ({one.source})" for name, one in found.items())
         rows = [(file, one.name, one.source) for file, one in found.items()]
         self.show(text, pd.DataFrame(rows, columns=["file", "name", "source"]))
 
