@@ -106,6 +106,9 @@ class Twice:
     def decided(self, values, strength, grid):
         return MODEL.decided({**values, "bound": values["bound"] * values["times"]}, strength, grid)
 
+    def halves(self):
+        return self, self
+
 
 def test_what_can_not_be_told_apart_is_refused_before_any_search(likelihood, monkeypatch):
     def search(*given, **named):
