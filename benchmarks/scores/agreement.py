@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,7 +30,16 @@ from bgmodel.comparison.circuits import (
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import RIVALS, rivals_on
-from bgmodel.tactile.task import FOLDS, Orientations, SameDifferent, Source, folds, held_out_taps
+from bgmodel.tactile.task import (
+    FOLDS,
+    Folds,
+    Orientations,
+    SameDifferent,
+    Source,
+    Task,
+    folds,
+    held_out_taps,
+)
 from circuits.anatomy import circuit
 from circuits.spec import Circuit
 
@@ -88,17 +97,29 @@ def kinds() -> Iterator[Kind]:
     for count, d_prime, most, seconds in (*gaussians, (8, 0.5, 160, 16)):
         name = f"Gaussian, d' {d_prime:g}, N = {count}"
         yield Kind(name, count, most, gaussian(count, d_prime), seconds)
-    taps = held_out_taps()
     for period, most, seconds in ((1.5, 240, 4), (2.0, 40, 1)):
-        draw = folds(taps, SameDifferent(), period_mm=period).draw
+        draw = partial(read, partial(gratings, SameDifferent(), period))
         yield Kind(f"same/different, {period:g} mm", 2, most, draw, seconds)
     for count, seconds in ((4, 2), (8, 7)):
-        draw = folds(taps, Orientations(count), period_mm=2.0).draw
+        draw = partial(read, partial(gratings, Orientations(count), 2.0))
         yield Kind(f"{count} orientations, 2 mm", count, 60, draw, seconds)
     if folder := os.environ.get("BGMODEL_RECORDINGS"):
-        yield Kind("real taps, edge 5 degrees", 2, 60, real_taps(Path(folder)).draw, 1.5)
+        draw = partial(read, partial(real_taps, Path(folder)))
+        yield Kind("real taps, edge 5 degrees", 2, 60, draw, 1.5)
 
 
+def read(source: Callable[[], Source | Folds], *given: Any, **named: Any) -> Evidence:
+    """Draw evidence from a source that is made when it is first asked for."""
+    return source().draw(*given, **named)
+
+
+@cache
+def gratings(question: Task, period_mm: float) -> Folds:
+    """Return readings of held-out taps of a grating, of all folds."""
+    return folds(held_out_taps(), question, period_mm=period_mm)
+
+
+@cache
 def real_taps(folder: Path) -> Source:
     """Return readings of real taps of an edge, as figure R1 makes them."""
     from bgmodel.tactile.edges import decoded_yaw, halves, sources

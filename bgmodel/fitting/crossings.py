@@ -116,19 +116,19 @@ def decided(
 
     rows, shares = settings[0][0].around(threshold_nats)
     names = ("bins", "choice", "evidence", "log_mixture")
-    bins, choice, evidence, mixtures = (
-        np.concatenate([getattr(each, name)[rows] for each, _ in settings]) for name in names
-    )
+    parts = ([getattr(each, name)[rows] for each, _ in settings] for name in names)
+    # Without a copy where there is one setting.
+    bins, choice, evidence, mixtures = (p[0] if len(p) == 1 else np.concatenate(p) for p in parts)
     share = np.concatenate([part * shares for _, part in settings])
-    place, read, mixture, weight = np.empty((4, bins.size))
-    chosen = np.empty(bins.size, np.int8)
-    used = between(bins, choice, evidence, mixtures, share, place, chosen, read, mixture, weight)
-    place, chosen, read = place[:used], chosen[:used], read[:used]
-    v = np.asarray(drift, float)[:, None]
-    common = np.log(weight[:used]) - mixture[:used] - v**2 * ((place + 1) * BIN_S / 2)
     # In single precision: several times as fast, and as good as the number of trials needs.
-    as_zero = np.exp((common - v * read).astype(np.float32))
-    as_one = np.exp((common + v * read).astype(np.float32))
+    place, read, weight = np.empty((3, bins.size), np.float32)
+    chosen = np.empty(bins.size, np.int8)
+    used = between(bins, choice, evidence, mixtures, share, place, chosen, read, weight)
+    place, chosen, read = place[:used], chosen[:used], read[:used]
+    v = np.asarray(drift, np.float32)[:, None]
+    common = weight[:used] - v**2 * ((place + np.float32(1)) * np.float32(BIN_S / 2))
+    apart = v * read
+    as_zero, as_one = np.exp(common - apart), np.exp(common + apart)
     found = np.zeros((len(v), 2, grid.bins))
     gather(place, chosen, as_zero, as_one, found)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from bgmodel.compiling import compiled
@@ -10,7 +11,7 @@ from bgmodel.compiling import compiled
 @compiled
 def between(
     bins: Any, choice: Any, evidence: Any, log_mixture: Any, share: Any,
-    place: Any, chosen: Any, read: Any, mixture: Any, weight: Any,
+    place: Any, chosen: Any, read: Any, weight: Any,
 ) -> Any:  # fmt: skip
     """Fill in what trials do between neighbouring settings; return how many rows that takes.
 
@@ -28,8 +29,9 @@ def between(
         As of ``Crossings``.
     share : array (settings,)
         How near the asked setting lies to each; they sum to 1.
-    place, chosen, read, mixture, weight : array (settings * trials,)
-        Filled, a row for each trial or part of one: bin, choice, X, log mixture and weight.
+    place, chosen, read, weight : array (settings * trials,)
+        Filled, a row for each trial or part of one: bin, choice, X, and the log of its weight
+        without drift.
     """
     settings, trials = bins.shape
     rows = 0
@@ -38,18 +40,19 @@ def between(
         for setting in range(1, settings):
             same = same and choice[setting, trial] == choice[0, trial]
         if same:
-            place[rows], read[rows], mixture[rows] = 0.0, 0.0, 0.0
+            when, seen, mixture = 0.0, 0.0, 0.0
             for setting in range(settings):
-                place[rows] += share[setting] * bins[setting, trial]
-                read[rows] += share[setting] * evidence[setting, trial]
-                mixture[rows] += share[setting] * log_mixture[setting, trial]
-            chosen[rows], weight[rows] = choice[0, trial], 1.0
+                when += share[setting] * bins[setting, trial]
+                seen += share[setting] * evidence[setting, trial]
+                mixture += share[setting] * log_mixture[setting, trial]
+            place[rows], chosen[rows], read[rows] = when, choice[0, trial], seen
+            weight[rows] = -mixture
             rows += 1
         else:
             for setting in range(settings):
                 place[rows], chosen[rows] = bins[setting, trial], choice[setting, trial]
-                read[rows], mixture[rows] = evidence[setting, trial], log_mixture[setting, trial]
-                weight[rows] = share[setting]
+                read[rows] = evidence[setting, trial]
+                weight[rows] = math.log(share[setting]) - log_mixture[setting, trial]
                 rows += 1
     return rows
 

@@ -9,37 +9,30 @@ from bgmodel.fitting.weights import between, gather
 
 
 def rows_of(bins, choice, share, evidence=None, mixture=None):
-    """Return the rows that ``between`` fills, as (place, chosen, read, mixture, weight)."""
+    """Return the rows that ``between`` fills: place, chosen, read, log weight."""
     bins, choice = np.array(bins, np.int32), np.array(choice, np.int8)
     evidence = np.zeros(bins.shape) if evidence is None else np.array(evidence, float)
     mixture = np.zeros(bins.shape) if mixture is None else np.array(mixture, float)
-    place, read, mixed, weight = np.empty((4, bins.size))
+    place, read, weight = np.empty((3, bins.size))
     chosen = np.empty(bins.size, np.int8)
     used = between(
-        bins, choice, evidence, mixture, np.array(share, float), place, chosen, read, mixed, weight
+        bins, choice, evidence, mixture, np.array(share, float), place, chosen, read, weight
     )
-    return [each[:used] for each in (place, chosen, read, mixed, weight)]
+    return [each[:used] for each in (place, chosen, read, weight)]
 
 
 def test_a_trial_of_one_choice_lies_between_its_settings_in_all_it_is():
-    place, chosen, read, mixture, weight = rows_of(
-        [[10], [20]], [[1], [1]], [0.75, 0.25], [[1.0], [3.0]], [[0.0], [4.0]]
-    )
-    assert [each.tolist() for each in (place, chosen, read, mixture, weight)] == [
-        [12.5],
-        [1],
-        [1.5],
-        [1.0],
-        [1.0],
-    ]
+    found = rows_of([[10], [20]], [[1], [1]], [0.75, 0.25], [[1.0], [3.0]], [[0.0], [4.0]])
+    assert [each.tolist() for each in found] == [[12.5], [1], [1.5], [-1.0]]
 
 
 @pytest.mark.parametrize("other", [0, -1])
 def test_a_trial_of_two_choices_is_divided_as_the_shares_say(other):
-    place, chosen, _, _, weight = rows_of([[10], [20]], [[1], [other]], [0.75, 0.25])
+    mixture = [[0.5], [2.0]]
+    place, chosen, _, weight = rows_of([[10], [20]], [[1], [other]], [0.75, 0.25], mixture=mixture)
     assert place.tolist() == [10, 20]
     assert chosen.tolist() == [1, other]
-    assert weight.tolist() == [0.75, 0.25]
+    assert weight == pytest.approx([np.log(0.75) - 0.5, np.log(0.25) - 2.0])
 
 
 @given(st.integers(1, 4), st.integers(0, 2**32))
@@ -47,7 +40,8 @@ def test_a_trial_of_two_choices_is_divided_as_the_shares_say(other):
 def test_every_trial_weighs_1_in_all(settings_, seed):
     rng = np.random.default_rng(seed)
     bins, choice = rng.integers(0, 30, (settings_, 40)), rng.integers(-1, 2, (settings_, 40))
-    assert rows_of(bins, choice, rng.dirichlet(np.ones(settings_)))[4].sum() == pytest.approx(40)
+    weight = rows_of(bins, choice, rng.dirichlet(np.ones(settings_)))[3]
+    assert np.exp(weight).sum() == pytest.approx(40)
 
 
 def summed(place, chosen, as_zero, as_one, bins=5):

@@ -81,10 +81,10 @@ def test_minus_ln_p_is_the_tests(js):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("channels", ALTERNATIVES)
 def test_decisions_are_first_crossings(js, name, channels):
-    task = {"seed": 7, "dPrime": 0.6, "conflict": 0.4, "trials": 60, "readings": 25}
+    task = {"seed": 7, "dPrime": 0.6, "conflict": 0.4, "trials": 24, "readings": 25}
     walks = np.array(js(f"walks({channels}, {json.dumps(task)})"))
     readings = np.diff(walks, axis=1, prepend=0)
-    shown = Evidence(readings, np.zeros(60, dtype=int), baseline=np.zeros(channels))
+    shown = Evidence(readings, np.zeros(24, dtype=int), baseline=np.zeros(channels))
     table, threshold = edited(name, channels, {"STN": 0.05}, 1.05), 0.25
     runs = {
         "circuitOut": BasalGanglia(table, "algebra", gain_of(circuit(name, channels))),
@@ -100,9 +100,9 @@ def test_decisions_are_first_crossings(js, name, channels):
         want = first_crossing(trace, threshold)
         assert found["readings"] == pytest.approx(want.steps.mean())
         # Equal channels share the choice in the script, and draw it in Python.
-        out = trace.out_nats[np.arange(60), want.steps.astype(int)]
+        out = trace.out_nats[np.arange(24), want.steps.astype(int)]
         equal = out <= out.min(axis=1, keepdims=True) + 1e-10
-        assert (equal[np.arange(60), want.choice]).all()
+        assert (equal[np.arange(24), want.choice]).all()
         assert found["accuracy"] == pytest.approx((equal[:, 0] / equal.sum(axis=1)).mean())
 
 
