@@ -3,6 +3,7 @@
 from benchmarks import hssm_check
 from benchmarks.scores import (
     agreement,
+    conflict,
     experiments,
     fits,
     learning,
@@ -23,6 +24,7 @@ MODULES = (
     raw,
     parts,
     agreement,
+    conflict,
     limits,
     lesions,
     loss,
@@ -30,6 +32,7 @@ MODULES = (
     learning,
     experiments,
     fits,
+    conflict,
     recovery,
     sensitivity,
     population,

@@ -1,0 +1,151 @@
+"""The experiments on conflict, asked of the circuit with the numbers of Cavanagh's patients.
+
+The circuit is fitted to each of 14 patients, sensitivity free by conflict, and stimulation takes a
+part of STN's output. The medians over patients make one person, whose decisions are simulated
+anew, on evidence that neither the fits nor their stored trials saw, and paired: what stimulation
+does is then known to a few ms. The size of what STN loses was set by the patients' times; how the
+change divides between conflict and none, and what it does to accuracy, was not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+
+from benchmarks.scores.fits import (
+    COARSE_TRIALS,
+    FEWER,
+    MOVES,
+    SLOW_NATS,
+    TRIALS,
+    fitted_circuit,
+    stimulated,
+)
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel.experiments.experiment import Condition, Experiment, read_experiment, run_experiment
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.responses import BIN_S
+from bgmodel.stimuli import Stimuli
+from bgmodel.tables.choices import read_choices
+from circuits.anatomy import DEFAULT
+
+SCORING_SEED = 71_001
+"""Of the evidence and the noise of the decisions."""
+DECISIONS, COARSE_DECISIONS = 10_000, 500
+SECONDS = 0.006
+"""CPU time of a decision, about, in all conditions."""
+FITS_SECONDS = 150
+LONGEST_S = 5.0
+"""Length of a trial, s: as in the fits."""
+MEASURED = ("accuracy", "mean_ms")
+INTERACTION = "high less low"
+EXPERIMENTS = {"high": "stn_conflict", "low": "stn_no_conflict"}
+"""The shipped experiment that asks a level of conflict."""
+
+
+def patients(trials: int) -> pd.DataFrame:
+    """Return what the fit to each patient says, a column for each number."""
+    whole = read_choices("cavanagh_2011", conditions=["conflict", "stimulation"])
+    criterion, vary = MOVES["stn_loss"]
+    model = fitted_circuit(criterion, trials, LONGEST_S, SLOW_NATS)
+    rows = {}
+    for who in whole.people():
+        design = design_of(whole.where(whole.participant == who), ["conflict", "stimulation"])
+        rows[who] = optimum(stimulated(model, design, vary)).values
+    return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
+    """Return an experiment with the numbers of a person: what it decides on, and where.
+
+    With sensitivity v, in 1/sqrt(s), and noise of n nats after a second, the two channels of a
+    Gaussian problem of R readings a second have a separation of d' = 2 v / sqrt(R), and a nat of
+    its evidence is n / 2 v of the circuit's.
+    """
+    v = numbers[f"sensitivity[conflict={conflict}]"]
+    task = Stimuli(
+        trials=trials, t_max=round(LONGEST_S / BIN_S), step_ms=1000 * BIN_S,
+        d_prime=2 * v * BIN_S**0.5,
+    )  # fmt: skip
+    return replace(
+        read_experiment(EXPERIMENTS[conflict]), seed=SCORING_SEED, task=task,
+        posterior=float(np.exp(-numbers["threshold_nats"])), gain=SLOW_NATS / (2 * v),
+        manipulation=Condition(without=(f"STN={numbers['stn_loss[stimulation=on]']:.4f}",)),
+    )  # fmt: skip
+
+
+def of_the_data() -> pd.DataFrame:
+    """Return what stimulation changes in patients: means over them with 95 % intervals of t."""
+    choices = read_choices("cavanagh_2011", conditions=["conflict", "stimulation"])
+    table = pd.DataFrame(
+        {"who": choices.participant, **choices.conditions, "accuracy": choices.response,
+         "mean_ms": 1000 * choices.rt_s}
+    )  # fmt: skip
+    each = table.groupby(["who", "conflict", "stimulation"])[["accuracy", "mean_ms"]].mean()
+    by = each.unstack("stimulation")
+    changes = by.xs("on", axis=1, level=1) - by.xs("off", axis=1, level=1)
+    apart = changes.xs("high", level="conflict") - changes.xs("low", level="conflict")
+    rows = []
+    for conflict, found in (*changes.groupby("conflict"), (INTERACTION, apart)):
+        half = student.ppf(0.975, len(found) - 1) * found.sem()
+        for name in found:
+            value = found[name].mean()
+            rows.append((conflict, name, value, value - half[name], value + half[name]))
+    columns = ["conflict", "measure", "data", "data_low", "data_high"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def decided(trials: int, decisions: int, workers: int) -> pd.DataFrame:
+    """Return what the loss changes in the person of medians, beside what changed in patients."""
+    numbers = patients(trials).median()
+    rows = []
+    for conflict in EXPERIMENTS:
+        outcome = run_experiment(asked(numbers, conflict, decisions), workers=workers)
+        found = outcome.measures.set_index(["condition", "measure"])
+        for name in MEASURED:
+            row = {"conflict": conflict, "measure": name}
+            row |= {"off": found.loc[("control", name), "value"]}
+            row |= {"on": found.loc[("manipulation", name), "value"]}
+            rows.append(row | _interval(found.loc[("change", name)]))
+    table = pd.DataFrame(rows)
+    table = pd.concat([table, _interactions(table)], ignore_index=True)
+    return table.merge(of_the_data(), on=["conflict", "measure"]).assign(**numbers)
+
+
+def _interval(row: pd.Series) -> dict[str, float]:
+    return {"change": row["value"], "low": row["low"], "high": row["high"]}
+
+
+def _interactions(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the change with conflict less that without: trials of both are independent."""
+    rows = []
+    for name, some in table.groupby("measure", sort=False):
+        by = some.set_index("conflict")
+        value = by.loc["high", "change"] - by.loc["low", "change"]
+        half = np.hypot(*(by["high"] - by["low"]) / 2)
+        rows.append((INTERACTION, name, value, value - half, value + half))
+    return pd.DataFrame(rows, columns=["conflict", "measure", "change", "low", "high"])
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield the one piece."""
+    decisions = COARSE_DECISIONS if fast else DECISIONS
+    make = partial(decided, round(FEWER * (COARSE_TRIALS if fast else TRIALS)), decisions, workers)
+    yield Piece("decided", "patients", decisions, FITS_SECONDS + SECONDS * decisions, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the table that pages read."""
+    return {"fitted": ("decided", made["decided"])}
+
+
+SCORE = Score("conflict", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
