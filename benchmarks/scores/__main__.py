@@ -24,7 +24,6 @@ MODULES = (
     raw,
     parts,
     agreement,
-    conflict,
     limits,
     lesions,
     loss,
