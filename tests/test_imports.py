@@ -116,6 +116,7 @@ LEVELS = [
         "bgmodel.commands.names",
         "bgmodel.commands.one_run",
     },
+    {"bgmodel.commands.fitted"},
     {
         "bgmodel.commands.circuit",
         "bgmodel.commands.data",

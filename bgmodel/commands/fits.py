@@ -8,22 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
-from bgmodel import files
-from bgmodel.commands.checks import Shows, check_whole, circuit_file, recorded, say
+from bgmodel.commands.checks import Shows, check_whole, circuit_file
+from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.names import CircuitName
-from bgmodel.version import __version__
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from bgmodel.fitting.algorithms import Model
-    from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.optimum import Likelihood
-    from bgmodel.fitting.pieces import Piece
     from bgmodel.tables.choices import Choices
 
 GAPS = {"constant_gap": False, "falling_gap": True}
-TABLES = ("parameters.csv", "cells.csv")
 
 
 @dataclass(frozen=True)
@@ -87,7 +81,8 @@ class FitRun(Shows):
         columns = sorted({each.partition("/")[0] for each in self._vary.values()})
         choices = self._read(columns)
         folder = self.folder or Path("fits") / Path(self.data).stem
-        _check_folder(folder)
+        kept = Kept(folder, self.seed, self.posterior, self.anyway, self.note)
+        kept.check()
         people: list[tuple[str, Choices]] = [("all", choices)]
         if not self.pooled:
             people = [(who, choices.where(choices.participant == who)) for who in choices.people()]
@@ -100,10 +95,14 @@ class FitRun(Shows):
         }
         self.note(choices.summary())
         try:
-            made = [self._person(who, some, asked[who], folder) for who, some in people]
+            made = [kept.person(who, some, asked[who]) for who, some in people]
         except KeyboardInterrupt:
             raise KeyboardInterrupt("The same command goes on where it was.") from None
-        self._gather([each for person in made for each in person], folder)
+        found = [each for person in made for each in person]
+        said = {"data": self.data, "models": list(self.models), "vary": list(self.vary)}
+        parameters = kept.gather(found, **said)
+        self.show("\n" + parameters.round(4).to_string(index=False), parameters)
+        self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
     def _check_names(self) -> None:
         """Raise ValueError for a model, an engine or a criterion that there is not."""
@@ -197,91 +196,6 @@ class FitRun(Shows):
             vary={k: v for k, v in vary.items() if k in known},
         )
 
-    def _person(
-        self, who: str, some: Choices, asked: dict[str, Likelihood], folder: Path
-    ) -> list[Piece]:
-        """Return the fits of one participant, and draw them."""
-        from bgmodel.fitting.pieces import safe
-
-        found = {name: self._one(who, some, name, each, folder) for name, each in asked.items()}
-        cells = {name: piece.cells for name, piece in found.items()}
-        _draw(cells, f"{some.source}, {who}", folder / f"{safe(who)}.png")
-        return list(found.values())
-
-    def _one(
-        self, who: str, some: Choices, name: str, likelihood: Likelihood, folder: Path
-    ) -> Piece:
-        """Return the tables of one fit, from its files or made now."""
-        from tqdm import tqdm
-
-        from bgmodel.fitting.fit import fit
-        from bgmodel.fitting.pieces import Piece, read_piece, write_piece
-
-        key: dict[str, Any] = {
-            "participant": who,
-            "data": some.checksum,
-            "model": recorded(likelihood.model.identity()),
-            "free": likelihood.freedom.names,
-            "values": [each.start for each in likelihood.freedom.parameters],
-            "posterior": self.posterior,
-            "bgmodel": __version__,
-        }
-        pieces, title = folder / "pieces", f"{who} {Path(name).stem}"
-        there = read_piece(pieces, title, key)
-        if there is not None:
-            self.note(f"{who}, {name}: there already")
-            return there
-        shape = "{desc} {elapsed}{postfix}"
-        with tqdm(desc=f"{who}, {name}", bar_format=shape, disable=None) as bar:
-            said = bar.set_postfix_str
-            found = fit(likelihood, draws=self.posterior, anyway=self.anyway, tell=said)
-        self._say(who, name, found)
-        piece = Piece(found.parameters(), found.cells())
-        piece.parameters["log_likelihood"] = found.optimum.log_likelihood
-        for table in piece:
-            table.insert(0, "participant", who)
-            table.insert(1, "model", name)
-        write_piece(pieces, title, key, piece, seed=self.seed)
-        return piece
-
-    def _say(self, who: str, name: str, found: Fit) -> None:
-        """Say what can be told apart, what lies at a bound, and what draws are worth."""
-        import pandas as pd
-
-        from bgmodel.fitting.posterior import ENOUGH
-
-        names = found.directions.names
-        cosines = pd.DataFrame(found.directions.cosines, names, names).round(2)
-        self.note(f"\n{who}, {name}: cosines of the directions in which parameters move the data")
-        self.note(cosines.to_string())
-        for each, at_bound in zip(names, found.optimum.at_bound, strict=True):
-            if at_bound:
-                say(f"{who}, {name}: {each} ends at a bound of its range: its error means nothing")
-        try:
-            found.directions.check()
-        except ValueError as error:
-            say(f"{who}, {name}: at the optimum {error}")
-        drawn = found.posterior
-        if drawn is not None and drawn.long_enough:
-            self.note(f"{who}, {name}: draws are worth {drawn.effective:.0f} independent ones")
-        elif drawn is not None:
-            say(
-                f"{who}, {name}: the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation "
-                f"times and not {ENOUGH}: its draws are worth less than {drawn.effective:.0f} "
-                "independent ones, and intervals are rough"
-            )
-
-    def _gather(self, made: list[Piece], folder: Path) -> None:
-        import pandas as pd
-
-        parameters = pd.concat([each.parameters for each in made], ignore_index=True)
-        cells = pd.concat([each.cells for each in made], ignore_index=True)
-        asked = {"data": self.data, "models": list(self.models), "vary": list(self.vary)}
-        for table, name in zip((parameters, cells), TABLES, strict=True):
-            files.write_table(table, folder / name, seed=self.seed, **asked)
-        self.show("\n" + parameters.round(4).to_string(index=False), parameters)
-        self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
-
 
 def _need() -> None:
     try:
@@ -289,14 +203,6 @@ def _need() -> None:
         import emcee  # noqa: F401
     except ImportError as error:
         raise ImportError('fits need cma and emcee: pip install ".[fit]"') from error
-
-
-def _check_folder(folder: Path) -> None:
-    """Raise ValueError if a folder can't be written, or a table there is no result of ours."""
-    files.check_writable(folder)
-    for path in (folder / name for name in TABLES):
-        if path.exists() and not files.is_result(path):
-            raise ValueError(f"{str(path)!r} is there and no result of a fit: give another folder")
 
 
 def _circuit(name: str) -> Any:
@@ -318,14 +224,3 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         raise ValueError(f"hold must give a number, as lapse=0.02, got {text!r}") from None
-
-
-def _draw(cells: dict[str, pd.DataFrame], title: str, path: Path) -> None:
-    import matplotlib.pyplot as plt
-
-    from bgmodel.fitting.drawing import draw_fits
-
-    figure = draw_fits(cells, title)
-    with files.replacing(path) as partial:
-        figure.savefig(partial, metadata={"Software": None}, dpi=150)
-    plt.close(figure)

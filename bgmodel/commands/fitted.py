@@ -1,0 +1,154 @@
+"""What is done with the fits to each participant: kept, said, drawn and gathered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bgmodel import files
+from bgmodel.commands.checks import recorded, say
+from bgmodel.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bgmodel.fitting.fit import Fit
+    from bgmodel.fitting.optimum import Likelihood
+    from bgmodel.fitting.pieces import Piece
+    from bgmodel.tables.choices import Choices
+
+TABLES = ("parameters.csv", "cells.csv")
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Fits in a folder, none of which is made twice.
+
+    Parameters
+    ----------
+    folder : path
+        Where all of them go.
+    seed : int
+        Of the simulated trials: part of the tables' provenance.
+    posterior, anyway : bool
+        As of ``fitting.fit.fit``: draws, and fits of what cannot be told apart.
+    note : function
+        Says a line.
+    """
+
+    folder: Path
+    seed: int
+    posterior: bool
+    anyway: bool
+    note: Callable[[str], None]
+
+    def check(self) -> None:
+        """Raise ValueError if the folder can't be written, or a table there is not ours."""
+        files.check_writable(self.folder)
+        for path in (self.folder / name for name in TABLES):
+            if path.exists() and not files.is_result(path):
+                raise ValueError(
+                    f"{str(path)!r} is there and no result of a fit: give another folder"
+                )
+
+    def person(self, who: str, some: Choices, asked: Mapping[str, Likelihood]) -> list[Piece]:
+        """Return the fits of one participant, by name of the model, and draw them."""
+        from bgmodel.fitting.pieces import safe
+
+        found = {name: self._one(who, some, name, each) for name, each in asked.items()}
+        cells = {name: piece.cells for name, piece in found.items()}
+        _draw(cells, f"{some.source}, {who}", self.folder / f"{safe(who)}.png")
+        return list(found.values())
+
+    def _one(self, who: str, some: Choices, name: str, likelihood: Likelihood) -> Piece:
+        """Return the tables of one fit, from its files or made now."""
+        from tqdm import tqdm
+
+        from bgmodel.fitting.fit import fit
+        from bgmodel.fitting.pieces import Piece, read_piece, write_piece
+
+        key: dict[str, Any] = {
+            "participant": who,
+            "data": some.checksum,
+            "model": recorded(likelihood.model.identity()),
+            "free": likelihood.freedom.names,
+            "values": [each.start for each in likelihood.freedom.parameters],
+            "posterior": self.posterior,
+            "bgmodel": __version__,
+        }
+        pieces, title = self.folder / "pieces", f"{who} {Path(name).stem}"
+        there = read_piece(pieces, title, key)
+        if there is not None:
+            self.note(f"{who}, {name}: there already")
+            return there
+        shape = "{desc} {elapsed}{postfix}"
+        with tqdm(desc=f"{who}, {name}", bar_format=shape, disable=None) as bar:
+            said = bar.set_postfix_str
+            found = fit(likelihood, draws=self.posterior, anyway=self.anyway, tell=said)
+        self._say(who, name, found)
+        piece = Piece(found.parameters(), found.cells())
+        piece.parameters["log_likelihood"] = found.optimum.log_likelihood
+        for table in piece:
+            table.insert(0, "participant", who)
+            table.insert(1, "model", name)
+        write_piece(pieces, title, key, piece, seed=self.seed)
+        return piece
+
+    def _say(self, who: str, name: str, found: Fit) -> None:
+        """Say what can be told apart, what lies at a bound, and what draws are worth."""
+        import pandas as pd
+
+        from bgmodel.fitting.posterior import ENOUGH
+
+        names = found.directions.names
+        cosines = pd.DataFrame(found.directions.cosines, names, names).round(2)
+        self.note(f"\n{who}, {name}: cosines of the directions in which parameters move the data")
+        self.note(cosines.to_string())
+        for each, at_bound in zip(names, found.optimum.at_bound, strict=True):
+            if at_bound:
+                say(f"{who}, {name}: {each} ends at a bound of its range: its error means nothing")
+        try:
+            found.directions.check()
+        except ValueError as error:
+            say(f"{who}, {name}: at the optimum {error}")
+        drawn = found.posterior
+        if drawn is not None and drawn.long_enough:
+            self.note(f"{who}, {name}: draws are worth {drawn.effective:.0f} independent ones")
+        elif drawn is not None:
+            say(
+                f"{who}, {name}: the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation "
+                f"times and not {ENOUGH}: its draws are worth less than {drawn.effective:.0f} "
+                "independent ones, and intervals are rough"
+            )
+
+    def gather(self, made: Sequence[Piece], **asked: Any) -> pd.DataFrame:
+        """Write the tables of all fits, and return that of their parameters.
+
+        Parameters
+        ----------
+        made : sequence of Piece
+            The fits.
+        **asked
+            What was asked for: part of the tables' provenance.
+        """
+        import pandas as pd
+
+        tables: list[pd.DataFrame] = [
+            pd.concat(parts, ignore_index=True) for parts in zip(*made, strict=True)
+        ]
+        for table, name in zip(tables, TABLES, strict=True):
+            files.write_table(table, self.folder / name, seed=self.seed, **asked)
+        return tables[0]
+
+
+def _draw(cells: dict[str, pd.DataFrame], title: str, path: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    from bgmodel.fitting.drawing import draw_fits
+
+    figure = draw_fits(cells, title)
+    with files.replacing(path) as partial:
+        figure.savefig(partial, metadata={"Software": None}, dpi=150)
+    plt.close(figure)
