@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -164,17 +165,28 @@ def optimum(
             "tolfunhist": TOLERANCE_NATS,
             "verbose": -9,
         }
-        search = cma.CMAEvolutionStrategy((first / scale).tolist(), 1.0, options)
-        while not search.stop():
-            asked = search.ask()
-            search.tell(asked, [-likelihood(np.clip(x * scale, low, high)) for x in asked])
-            evaluations += len(asked)
-            if tell is not None:
-                tell(evaluations, max(value, -float(search.result.fbest)))
+        with _own_random_numbers():
+            search = cma.CMAEvolutionStrategy((first / scale).tolist(), 1.0, options)
+            while not search.stop():
+                asked = search.ask()
+                search.tell(asked, [-likelihood(np.clip(x * scale, low, high)) for x in asked])
+                evaluations += len(asked)
+                if tell is not None:
+                    tell(evaluations, max(value, -float(search.result.fbest)))
         if -search.result.fbest > value:
             value = -float(search.result.fbest)
             best = np.clip(np.asarray(search.result.xbest) * scale, low, high)
     return Optimum(likelihood, best, value, evaluations)
+
+
+@contextmanager
+def _own_random_numbers() -> Iterator[None]:
+    """Leave numpy's global generator as it was: cma seeds and uses that one."""
+    before = np.random.get_state()  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(before)  # noqa: NPY002
 
 
 def starts_of(likelihood: Likelihood) -> list[Array]:

@@ -145,3 +145,12 @@ def test_of_several_searches_the_best_one_counts(order):
     assert found.log_likelihood == pytest.approx(0, abs=0.01)
     assert told[-1][0] == found.evaluations
     assert np.all(np.diff([best for _, best in told]) >= 0)
+
+
+def test_a_search_draws_no_number_of_others(small):
+    """cma seeds numpy's global generator, and takes its numbers from there."""
+    np.random.seed(5)  # noqa: NPY002
+    here = np.random.rand(2)  # noqa: NPY002
+    np.random.seed(5)  # noqa: NPY002
+    fitted(small, free=["sensitivity"])
+    assert np.array_equal(np.random.rand(2), here)  # noqa: NPY002
