@@ -148,7 +148,7 @@ def test_of_several_searches_the_best_one_counts(order):
 
 
 def test_a_search_draws_no_number_of_others(small):
-    """cma seeds numpy's global generator, and takes its numbers from there."""
+    """Cma seeds numpy's global generator, and takes its numbers from there."""
     np.random.seed(5)  # noqa: NPY002
     here = np.random.rand(2)  # noqa: NPY002
     np.random.seed(5)  # noqa: NPY002
