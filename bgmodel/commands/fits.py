@@ -22,12 +22,12 @@ GAPS = {"constant_gap": False, "falling_gap": True}
 
 @dataclass(frozen=True)
 class FitRun(Shows):
-    """Hold models to choices and times: the sequential test, and a circuit beside it.
+    """Fit models to choices and times: the sequential test, and a circuit beside it.
 
     DATA is a shipped set (see `bgmodel data`) or a table of your own: participant_id, rt (s),
-    response, conditions. For each participant and model it says first what these trials can tell
-    apart, then the parameters under which they are most likely. Simulated trials and finished fits
-    are kept in the folder: the same command goes on where it was stopped.
+    response, conditions. For each participant and model it prints what these trials can tell
+    apart, and at the end the parameters under which they are most likely. Simulated trials and
+    finished fits are kept in the folder: the same command goes on where it was stopped.
 
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
     bgmodel fit mine.csv --strength contrast --vary criterion=instruction;
@@ -35,43 +35,43 @@ class FitRun(Shows):
     """
 
     data: Positional[str]
-    """Name of a shipped set, or a file, .csv, .tsv or .parquet."""
+    """Name of a shipped set, or a .csv, .tsv or .parquet file."""
     folder: Positional[Path | None] = None
-    """Where results go; fits/NAME, after the data, if left out."""
+    """Where results go; if left out, fits/ and the name of the data."""
     models: tuple[str, ...] = ("constant_gap", "macaque")
     """Models: constant_gap, falling_gap, or a circuit, by its name or as a .toml file."""
     strength: str | None = None
-    """Column of signed strengths: positive speaks for response 1."""
+    """Column of the signed strength of the evidence: positive speaks for response 1."""
     participant: str | None = None
-    """One participant; each for itself if left out."""
+    """The participant to fit; if left out, each is fitted separately."""
     pooled: bool = False
-    """Take all participants for one."""
+    """Fit all participants as if they were one."""
     upper: str | None = None
     """Name of the response that is 1, where responses are not 1 and 0."""
     deadline: float | None = None
-    """When a trial without a response was over, s."""
+    """Time at which a trial without a response ended, s."""
     criterion: str = "threshold"
-    """What sets a circuit's criterion: threshold, dopamine, stn_loss, gpe_loss, or within a trial
-    rising_dopamine or onset_stn."""
+    """What sets a circuit's criterion: threshold, dopamine, stn_loss or gpe_loss; or, with a
+    threshold, what changes within a trial: rising_dopamine or onset_stn."""
     free: tuple[str, ...] = ()
-    """Parameters to fit; if left out all but the threshold where the criterion is another."""
+    """All parameters to fit; if left out, every one but a threshold that --criterion replaces."""
     hold: tuple[str, ...] = ()
-    """Parameters to hold, as "lapse=0.02"."""
+    """Parameters to hold at a value, as "lapse=0.02"."""
     vary: tuple[str, ...] = ()
     """Parameters that differ between levels of a column: "sensitivity=conflict",
-    "criterion=instruction"; "stn_loss=stimulation/off" holds it at its start in level off."""
+    "criterion=instruction"; "stn_loss=stimulation/off" holds stn_loss at its start in level off."""
     posterior: bool = False
-    """Draw from the posterior too: intervals of .9."""
+    """Draw from the posterior too: adds intervals that hold .9 of it."""
     anyway: bool = False
-    """Fit also what these data cannot tell apart."""
+    """Fit also parameters that these data cannot tell apart."""
     engine: str = "population"
-    """How the circuit is run: algebra, population, ensemble, ..."""
+    """How the circuit is computed: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
-    """Noise of the evidence that reaches the circuit, its nats, after one second."""
+    """Noise of the evidence in the circuit: its standard deviation after one second, nats."""
     trials: int = 4000
-    """Trials that the circuit is simulated with, at each of seven drifts."""
+    """Number of simulated trials of the circuit, at each of seven drifts."""
     seed: int = 24_001
-    """Of the simulated trials."""
+    """Seed of the simulated trials."""
 
     def __call__(self) -> None:
         """Run the command."""
