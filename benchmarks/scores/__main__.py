@@ -14,6 +14,7 @@ from benchmarks.scores import (
     loss,
     parts,
     population,
+    published,
     raw,
     recovery,
     sensitivity,
@@ -37,6 +38,7 @@ MODULES = (
     population,
     likelihood,
     hssm_check,
+    published,
 )
 
 if __name__ == "__main__":

@@ -113,6 +113,40 @@ class Lca:
         return at_readings(-(together + apart), evidence)
 
 
+@dataclass(frozen=True)
+class LinearGpe:
+    """The circuit of the MSPRT with a GPe that is linear in STN's output (Bogacz & Gurney 2007).
+
+    GPe is ``a Sigma`` where the MSPRT asks for ``Sigma - ln Sigma``, so that Sigma, STN's output,
+    solves ``a Sigma + ln Sigma = ln sum_j exp y_j``, by Wright's omega function, and
+    ``OUT_i = Sigma - y_i``. What all channels share does not cancel.
+
+    Parameters
+    ----------
+    gain : float
+        Factor on the evidence: 1 is that of the exact test.
+    slope : float
+        a; 1, or .84 with a gain of .4, in their figure 3.
+    """
+
+    needs_zero: ClassVar[bool] = True
+    gain: float = 1.0
+    slope: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("gain", "slope"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be > 0 and finite, got {getattr(self, name)}")
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return Sigma - y as a trace (trials, 1 + steps, hypotheses)."""
+        from scipy.special import logsumexp, wrightomega
+
+        y = self.gain * (evidence.totals + np.log(evidence.hypotheses))
+        sigma = wrightomega(logsumexp(y, axis=2) + np.log(self.slope)) / self.slope
+        return at_readings(sigma[:, :, None] - y, evidence)
+
+
 RIVALS: dict[str, type[Rival]] = {
     "race": Race,
     "LCA": Lca,

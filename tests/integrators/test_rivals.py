@@ -7,12 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import logsumexp
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.cli import main
 from bgmodel.comparison.compare import curve, tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.rivals import RIVALS, Lca, MaxVsAverage, MaxVsNext, Race
+from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
 from bgmodel.integrators.sprt import at_readings
 
 
@@ -113,11 +114,32 @@ def test_lca_solves_its_differential_equation():
         np.testing.assert_allclose(-found[step + 1], x, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("gain", "slope"), [(1.0, 1.0), (0.4, 0.84), (3.0, 2.5)])
+def test_a_linear_gpe_solves_its_equation(gain, slope):
+    """It is a Sigma + ln Sigma = ln sum exp y; the table of that circuit is held to Lambert's W."""
+    evidence = drawn()
+    y = gain * np.concatenate([np.zeros((300, 1, 4)), evidence.log_likelihood.cumsum(axis=1)], 1)
+    sigma = LinearGpe(gain, slope).run(evidence).out_nats + y
+    np.testing.assert_allclose(sigma, sigma[:, :, :1] + np.zeros(4), atol=1e-12)
+    s = logsumexp(y, axis=2)
+    np.testing.assert_allclose(slope * sigma[:, :, 0] + np.log(sigma[:, :, 0]), s, atol=1e-9)
+
+
+def test_a_linear_gpe_favours_what_the_msprt_does_and_does_not_cancel_what_is_common():
+    evidence = drawn()
+    out = LinearGpe().run(evidence).out_nats
+    assert np.array_equal(out.argmin(axis=2), Msprt().run(evidence).out_nats.argmin(axis=2))
+    raised = Evidence(evidence.log_likelihood + 0.5, evidence.truth, step_ms=10.0)
+    assert np.abs(LinearGpe().run(raised).out_nats - out).max() > 0.5
+
+
 def test_bad_constants_are_refused():
     with pytest.raises(ValueError, match="leak_hz must be >= 0, got -1"):
         Lca(leak_hz=-1)
     with pytest.raises(ValueError, match="inhibition_hz must be >= 0, got nan"):
         Lca(inhibition_hz=np.nan)
+    with pytest.raises(ValueError, match="slope must be > 0 and finite, got 0"):
+        LinearGpe(slope=0)
 
 
 def test_decision_times_are_those_that_bogacz_and_gurney_print():

@@ -1,0 +1,130 @@
+"""The decision times that Bogacz & Gurney (2007) print, figure 3: over alternatives and over gain.
+
+Their problem: one channel has the mean 1.41 a second, the others 0, each with noise of .33 after a
+second, read every ms, and each test decides at the threshold that leaves 1 % errors. All tests see
+the same trials. Levels between which the threshold lies come from trials of another seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel import Msprt, stream
+from bgmodel.comparison.compare import (
+    RESAMPLES,
+    Tradeoff,
+    curve,
+    levels,
+    resampled,
+    time_at,
+    tradeoff,
+)
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators.rivals import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
+from bgmodel.integrators.sprt import Integrator
+from circuits.anatomy import DEFAULT
+
+SCORING_SEED, TUNING_SEED = 72_001, 72_002
+"""Of the trials, and of those that only say about where the thresholds lie."""
+MEAN, NOISE, STEP_MS = 1.41, 0.33, 1.0
+"""Mean a second of the true channel, noise after a second, and time between readings."""
+ACCURACY = 0.99
+"""Share of right choices at which times are printed."""
+ALTERNATIVES = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
+SWEPT = 10
+GAINS = (0.01, 0.03, 0.1, 0.2, 0.4, 1.0, 3.0, 10.0)
+"""Factors on the evidence at ten alternatives."""
+TRIALS, COARSE_TRIALS, BATCH = 10_000, 2000, 250
+STEPS = 2000
+SECONDS = 0.001
+"""CPU time of a trial and alternative, about, with all tests."""
+MODELS: dict[str, Integrator] = {
+    "MSPRT": Msprt(),
+    "MSPRTb": MaxVsNext(),
+    "UM": Lca(),
+    "race": Race(),
+    "linear GPe": LinearGpe(),
+    "linear GPe, gain 0.4, a 0.84": LinearGpe(0.4, 0.84),
+}
+"""Tests by name: MSPRTb is the limit of the MSPRT for a high gain, UM of Usher & McClelland."""
+SWEEP: dict[str, Integrator] = {
+    **{f"{gain:g}": Msprt(gain) for gain in GAINS},
+    "UM, no leak of differences": MaxVsAverage(),
+}
+PRINTED_MS = {"UM": 628, "race": 676, "linear GPe": 607, "linear GPe, gain 0.4, a 0.84": 545}
+"""At ten alternatives."""
+
+
+def drawn(trials: int, alternatives: int, seed: int, first: int) -> Evidence:
+    """Draw trials of their problem, in log likelihoods."""
+    separation = MEAN / NOISE * np.sqrt(STEP_MS / 1000)
+    rng = stream(seed, "published", str(alternatives), str(first))
+    return gaussian_evidence(
+        trials, STEPS, separation, rng=rng, hypotheses=alternatives, step_ms=STEP_MS
+    )
+
+
+def times(models: Mapping[str, Integrator], alternatives: int, trials: int) -> pd.DataFrame:
+    """Return the mean time of each test at ``ACCURACY``, and what it takes longer than the MSPRT.
+
+    Intervals of 95 % by a bootstrap over trials, that of the threshold in them.
+    """
+    pilot = drawn(BATCH, alternatives, TUNING_SEED, 0)
+    marks = {name: levels(model.run(pilot)) for name, model in models.items()}
+    parts: dict[str, list[Tradeoff]] = {name: [] for name in models}
+    for first in range(0, trials, BATCH):
+        evidence = drawn(BATCH, alternatives, SCORING_SEED, first)
+        for name, model in models.items():
+            parts[name].append(tradeoff(model.run(evidence), evidence, marks[name]))
+    weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
+    found = {
+        name: time_at([ACCURACY], curve(joined(some), weights))[:, 0]
+        for name, some in parts.items()
+    }
+    optimal = found["MSPRT" if "MSPRT" in found else "1"]
+    rows = []
+    for name, time in found.items():
+        row = {"model": name, "alternatives": alternatives}
+        for what, values in (("time_ms", time), ("longer_ms", time - optimal)):
+            low, high = np.quantile(values[1:], (0.025, 0.975))
+            row |= {what: values[0], f"{what}_low": low, f"{what}_high": high}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def joined(parts: Sequence[Tradeoff]) -> Tradeoff:
+    """Return the decisions of all batches as one."""
+    fields = ("choice", "time_ms", "forced", "premature", "posterior")
+    whole = (np.concatenate([getattr(each, name) for each in parts], axis=1) for name in fields)
+    return Tradeoff(parts[0].settings, *whole)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece for each number of alternatives, and one over gain; threads are not used."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for count in ALTERNATIVES:
+        make = partial(times, MODELS, count, trials)
+        yield Piece("alternatives", f"N = {count}", trials, SECONDS * trials * count, make)
+    make = partial(times, SWEEP, SWEPT, trials)
+    yield Piece("gain", "gain", trials, 2 * SECONDS * trials * SWEPT, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return times over alternatives with the printed numbers, and times over gain."""
+    found = made["alternatives"]
+    printed = found["model"].map(PRINTED_MS).where(found["alternatives"] == SWEPT)
+    return {
+        "alternatives": ("alternatives", found.assign(printed_ms=printed)),
+        "gain": ("gain", made["gain"]),
+    }
+
+
+SCORE = Score("published", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
