@@ -2,13 +2,15 @@
 
 Their problem: one channel has the mean 1.41 a second, the others 0, each with noise of .33 after a
 second, read every ms, and each test decides at the threshold that leaves 1 % errors. All tests see
-the same trials. Levels between which the threshold lies come from trials of another seed.
+the same trials. Levels between which the threshold lies come from trials of another seed. And the
+recursive test of Caballero, Humphries & Gurney (2018) on intervals between spikes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,8 +27,10 @@ from bgmodel.comparison.compare import (
     tradeoff,
 )
 from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
 from bgmodel.integrators.sprt import Integrator
+from bgmodel.intervals import PREFERRED, interval_evidence
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED, TUNING_SEED = 72_001, 72_002
@@ -53,9 +57,19 @@ MODELS: dict[str, Integrator] = {
 }
 """Tests by name: MSPRTb is the limit of the MSPRT for a high gain, UM of Usher & McClelland."""
 SWEEP: dict[str, Integrator] = {
-    **{f"{gain:g}": Msprt(gain) for gain in GAINS},
-    "UM, no leak of differences": MaxVsAverage(),
+    **{f"{gain:g}": Msprt(gain) for gain in sorted(GAINS, key=lambda gain: gain != 1)},
+    "max vs average": MaxVsAverage(),
 }
+LOOPS: dict[str, Integrator] = {
+    "MSPRT": Msprt(),
+    "rMSPRT": RecursiveMsprt(),
+    "rMSPRT, 2 readings": RecursiveMsprt(window=2),
+    "rMSPRT, 4 readings": RecursiveMsprt(window=4),
+    "no loop, 3 readings": RecursiveMsprt(loop=False),
+}
+"""Tests of intervals: the loop takes three readings, and so many are summed unless it says."""
+READINGS = {0.032: 800, 0.064: 250, 0.128: 100, 0.256: 40, 0.512: 20}
+"""Intervals of each cell in a trial, by coherence: some five times as many as a decision takes."""
 PRINTED_MS = {"UM": 628, "race": 676, "linear GPe": 607, "linear GPe, gain 0.4, a 0.84": 545}
 """At ten alternatives."""
 
@@ -69,27 +83,41 @@ def drawn(trials: int, alternatives: int, seed: int, first: int) -> Evidence:
     )
 
 
-def times(models: Mapping[str, Integrator], alternatives: int, trials: int) -> pd.DataFrame:
-    """Return the mean time of each test at ``ACCURACY``, and what it takes longer than the MSPRT.
+def read(trials: int, alternatives: int, coherence: float, seed: int, first: int) -> Evidence:
+    """Draw intervals between spikes at a coherence."""
+    rng = stream(seed, "intervals", str(alternatives), f"{coherence:g}", str(first))
+    return interval_evidence(
+        trials, READINGS[coherence], coherence, rng=rng, hypotheses=alternatives
+    )
+
+
+Draw = Callable[[int, int], Evidence]
+"""From a seed and the number of the first trial, a batch."""
+
+
+def times(
+    models: Mapping[str, Integrator], draw: Draw, trials: int, accuracy: float
+) -> pd.DataFrame:
+    """Return the mean time of each test at an accuracy, and what it takes longer than the first.
 
     Intervals of 95 % by a bootstrap over trials, that of the threshold in them.
     """
-    pilot = drawn(BATCH, alternatives, TUNING_SEED, 0)
+    pilot = draw(TUNING_SEED, 0)
     marks = {name: levels(model.run(pilot)) for name, model in models.items()}
     parts: dict[str, list[Tradeoff]] = {name: [] for name in models}
     for first in range(0, trials, BATCH):
-        evidence = drawn(BATCH, alternatives, SCORING_SEED, first)
+        evidence = draw(SCORING_SEED, first)
         for name, model in models.items():
             parts[name].append(tradeoff(model.run(evidence), evidence, marks[name]))
     weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
     found = {
-        name: time_at([ACCURACY], curve(joined(some), weights))[:, 0]
+        name: time_at([accuracy], curve(joined(some), weights))[:, 0]
         for name, some in parts.items()
     }
-    optimal = found["MSPRT" if "MSPRT" in found else "1"]
+    optimal = next(iter(found.values()))
     rows = []
     for name, time in found.items():
-        row = {"model": name, "alternatives": alternatives}
+        row: dict[str, Any] = {"model": name}
         for what, values in (("time_ms", time), ("longer_ms", time - optimal)):
             low, high = np.quantile(values[1:], (0.025, 0.975))
             row |= {what: values[0], f"{what}_low": low, f"{what}_high": high}
@@ -104,23 +132,43 @@ def joined(parts: Sequence[Tradeoff]) -> Tradeoff:
     return Tradeoff(parts[0].settings, *whole)
 
 
+def at_errors(models: Mapping[str, Integrator], alternatives: int, trials: int) -> pd.DataFrame:
+    """Return times at the printed share of errors."""
+    draw = partial(drawn, BATCH, alternatives)
+    return times(models, draw, trials, ACCURACY).assign(alternatives=alternatives)
+
+
+def recursive(alternatives: int, trials: int) -> pd.DataFrame:
+    """Return readings that the recursive test takes at each coherence, beside the MSPRT's."""
+    rows = []
+    for coherence in PREFERRED:
+        draw = partial(read, BATCH, alternatives, coherence)
+        rows.append(times(LOOPS, draw, trials, ACCURACY).assign(coherence=coherence))
+    return pd.concat(rows, ignore_index=True).assign(alternatives=alternatives)
+
+
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield a piece for each number of alternatives, and one over gain; threads are not used."""
+    """Yield pieces over alternatives, over gain, and of the loop; threads are not used."""
     trials = COARSE_TRIALS if fast else TRIALS
     for count in ALTERNATIVES:
-        make = partial(times, MODELS, count, trials)
+        make = partial(at_errors, MODELS, count, trials)
         yield Piece("alternatives", f"N = {count}", trials, SECONDS * trials * count, make)
-    make = partial(times, SWEEP, SWEPT, trials)
+    make = partial(at_errors, SWEEP, SWEPT, trials)
     yield Piece("gain", "gain", trials, 2 * SECONDS * trials * SWEPT, make)
+    for count in (2, 4):
+        make = partial(recursive, count, trials)
+        yield Piece("loop", f"N = {count}", trials, SECONDS * trials * count, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return times over alternatives with the printed numbers, and times over gain."""
+    """Return times over alternatives with the printed numbers, over gain, and of the loop."""
     found = made["alternatives"]
     printed = found["model"].map(PRINTED_MS).where(found["alternatives"] == SWEPT)
+    readings = made["loop"].rename(columns=lambda name: name.replace("_ms", "_readings"))
     return {
         "alternatives": ("alternatives", found.assign(printed_ms=printed)),
         "gain": ("gain", made["gain"]),
+        "loop": ("loop", readings),
     }
 
 
