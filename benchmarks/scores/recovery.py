@@ -22,12 +22,12 @@ from bgmodel import stream
 from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import NONE
-from bgmodel.fitting.crossings import Crossings, simulated
+from bgmodel.fitting.crossings import Crossings, decided, simulated
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.posterior import posterior
-from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.responses import BIN_S, Grid, Observed, responded
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 70_001
@@ -48,6 +48,8 @@ MORE = 4
 third of the posterior's width with as many as a fit has."""
 WALKERS, RANKED = 24, 99
 """Of the posteriors of recovery, and draws of each among which the truth has its rank."""
+DIRECT_SETS, DIRECT_TRIALS = 20, 10_000
+"""Sets whose likelihood is simulated again at their own parameters, and trials at each drift."""
 STEPS = {"test": 600, "circuit": 300}
 """Of each walker: what there is time for."""
 
@@ -147,6 +149,48 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
     return pd.DataFrame(rows).assign(by=by)
 
 
+def direct(sets: int, trials: int) -> pd.DataFrame:
+    """Return log likelihoods of some sets from stored trials, and from trials simulated for them.
+
+    At the truth, and at the parameters of the set after it: what the data say of these two is
+    their difference. The trials are simulated at the very drifts and the threshold.
+    """
+    model = fitted_circuit(NONE, trials, DEADLINE_S)
+    names = [each.name for each in model.parameters]
+    rows = []
+    for number in range(sets):
+        design, truth = data_set("circuit", names, number)
+        likelihood = likelihood_of(model, design, free=names)
+        other = truth + 0.3 * (drawn(names, number + 1) - truth)
+        for at, vector in (("truth", truth), ("other", other)):
+            anew = simulated_for(likelihood, vector, number)
+            rows.append(
+                {
+                    "set": number, "at": at, "stored_nats": likelihood(vector),
+                    "direct_nats": float(design.observed.each(anew).sum()),
+                }
+            )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def simulated_for(likelihood: Likelihood, vector: Array, number: int) -> Array:
+    """Return the density of responses from trials at the drifts and the threshold asked for."""
+    values = likelihood.freedom.values(vector)
+    drifts = values["sensitivity"] * likelihood.design.strength
+    threshold = values["threshold_nats"][:1]
+    seed = int(stream(SCORING_SEED, "direct", number).integers(2**31))
+    model = replace(fitted_circuit(NONE, DIRECT_TRIALS, DEADLINE_S), seed=seed)
+    found = []
+    for cell, drift in enumerate(drifts):
+        each = simulated(
+            model.run((), float(threshold[0])), threshold, seconds=DEADLINE_S,
+            trials=DIRECT_TRIALS, seed=seed + cell, drifts=[drift],
+        )  # fmt: skip
+        found.append(decided([(each, 1.0)], float(threshold[0]), [drift], GRID)[0])
+    response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
+    return responded(np.array(found), GRID, **response)
+
+
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through batches of data sets, by the test and by the circuit."""
     trials, sets = (COARSE_TRIALS, COARSE_SETS) if fast else (TRIALS, SETS)
@@ -156,12 +200,18 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             make = partial(recovered, by, first, some, MORE * trials)
             seconds = some * (8 if by == "test" else 30)
             yield Piece("recovery", f"{by} {first}", SET_TRIALS, seconds, make)
+    few = COARSE_SETS if fast else DIRECT_SETS
+    yield Piece("direct", "again", SET_TRIALS, 20 * few, partial(direct, few, MORE * trials))
 
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
     """Return the tables that pages and figures read."""
     found = made["recovery"]
-    return {"sets": ("recovery", found), "calibration": ("recovery", _calibration(found))}
+    return {
+        "sets": ("recovery", found),
+        "calibration": ("recovery", _calibration(found)),
+        "direct": ("direct", made["direct"]),
+    }
 
 
 def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:
