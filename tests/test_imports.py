@@ -72,6 +72,7 @@ LEVELS = [
     },
     {
         "bgmodel.comparison.page",
+        "bgmodel.fitting.stored",
         "bgmodel.fitting.algorithms",
         "bgmodel.comparison.steady",
         "bgmodel.edits",

@@ -14,9 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
-from bgmodel import files
 from bgmodel.arrays import Array
 from bgmodel.decision import Trace
 from bgmodel.fitting.algorithms import SENSITIVITY
@@ -24,6 +22,7 @@ from bgmodel.fitting.criteria import CRITERIA, NONE, Axis, Criterion
 from bgmodel.fitting.crossings import DRIFTS, Crossings, Run, decided, simulated
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
+from bgmodel.fitting.stored import read_crossings, write_crossings
 from bgmodel.integrators.basal_ganglia import (
     ROUNDING_NATS,
     BasalGanglia,
@@ -215,16 +214,7 @@ class CircuitModel:
     def _read(self, point: tuple[float, ...]) -> Crossings | None:
         """Return stored crossings; None where there are none, or their file was cut short."""
         path = self.path(point)
-        if path is None:
-            return None
-        try:
-            table = files.read_table(path)
-        except ValueError:
-            return None
-        kinds = ("bin", "choice", "evidence")
-        arrays = [table[[f"{kind}_{k}" for k in range(LEVELS)]].to_numpy().T for kind in kinds]
-        bins, choice, evidence = (np.ascontiguousarray(each) for each in arrays)
-        return Crossings(self.thresholds_nats, np.array(DRIFTS), bins, choice, evidence)
+        return None if path is None else read_crossings(path, self.thresholds_nats, DRIFTS)
 
     def run(self, point: tuple[float, ...], lowest_nats: float) -> Run:
         """Return what runs the circuit, at values of its axes, on evidence; see ``crossings.Run``.
@@ -266,10 +256,5 @@ class CircuitModel:
         )
         path = self.path(point)
         if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            kinds = {"bin": found.bins, "choice": found.choice, "evidence": found.evidence}
-            columns = {
-                f"{kind}_{k}": rows[k] for kind, rows in kinds.items() for k in range(LEVELS)
-            }
-            files.write_table(pd.DataFrame(columns), path, seed=self.seed, stored=self._key(point))
+            write_crossings(found, path, seed=self.seed, stored=self._key(point))
         return found

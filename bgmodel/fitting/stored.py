@@ -1,0 +1,60 @@
+"""Stored crossings in files: a column for what is known at each threshold, a row for each trial."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel import files
+from bgmodel.arrays import Array
+from bgmodel.fitting.crossings import Crossings
+
+KINDS = ("bin", "choice", "evidence")
+
+
+def write_crossings(crossings: Crossings, path: Path, *, seed: int, **made: Any) -> None:
+    """Write crossings as parquet, whole or not at all.
+
+    Parameters
+    ----------
+    crossings : Crossings
+        What is stored.
+    path : path
+        Its folder is made where it is not there.
+    seed : int
+        Of the trials: part of the provenance.
+    **made
+        What else they were made with.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    found = (crossings.bins, crossings.choice, crossings.evidence)
+    columns = {
+        f"{kind}_{k}": row
+        for kind, rows in zip(KINDS, found, strict=True)
+        for k, row in enumerate(rows)
+    }
+    files.write_table(pd.DataFrame(columns), path, seed=seed, **made)
+
+
+def read_crossings(path: Path, thresholds_nats: Array, drifts: Sequence[float]) -> Crossings | None:
+    """Return stored crossings; None where there are none, or their file was cut short.
+
+    Parameters
+    ----------
+    path : path
+        As given to ``write_crossings``.
+    thresholds_nats, drifts : arrays
+        Those that they were made with.
+    """
+    try:
+        table = files.read_table(path)
+    except ValueError:
+        return None
+    levels = range(len(thresholds_nats))
+    arrays = [table[[f"{kind}_{k}" for k in levels]].to_numpy().T for kind in KINDS]
+    bins, choice, evidence = (np.ascontiguousarray(each) for each in arrays)
+    return Crossings(thresholds_nats, np.array(drifts), bins, choice, evidence)
