@@ -41,8 +41,8 @@ ACCURACY = 0.99
 """Share of right choices at which times are printed."""
 ALTERNATIVES = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
 SWEPT = 10
-GAINS = (0.01, 0.03, 0.1, 0.2, 0.4, 1.0, 3.0, 10.0)
-"""Factors on the evidence at ten alternatives."""
+GAINS = (0.01, 0.03, 0.1, 0.2, 0.4, 1.0, 3.0)
+"""Factors on the evidence at ten alternatives: above these OUT is lost in rounding."""
 TRIALS, COARSE_TRIALS, BATCH = 10_000, 2000, 250
 STEPS = 2000
 SECONDS = 0.001

@@ -46,12 +46,10 @@ BATCH_SETS = 10
 MORE = 4
 """Times the stored trials of a fit: their error moves the threshold of all sets alike, by about a
 third of the posterior's width with as many as a fit has."""
-WALKERS, RANKED = 24, 99
+WALKERS, STEPS, RANKED = 24, 300, 99
 """Of the posteriors of recovery, and draws of each among which the truth has its rank."""
 DIRECT_SETS, DIRECT_TRIALS = 20, 10_000
 """Sets whose likelihood is simulated again at their own parameters, and trials at each drift."""
-STEPS = {"test": 600, "circuit": 300}
-"""Of each walker: what there is time for."""
 
 
 def drawn(names: list[str], number: int) -> Array:
@@ -133,7 +131,7 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
         best = optimum(likelihood)
         there = directions(likelihood, best.vector)
         draws = posterior(
-            likelihood, there, walkers=WALKERS, steps=STEPS[by], most_steps=STEPS[by], seed=number
+            likelihood, there, walkers=WALKERS, steps=STEPS, most_steps=STEPS, seed=number
         )
         low, high = draws.interval(0.9)
         some = draws.draws[np.linspace(0, len(draws.draws) - 1, RANKED).astype(int)]
@@ -198,7 +196,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         for first in range(0, sets, BATCH_SETS):
             some = min(BATCH_SETS, sets - first)
             make = partial(recovered, by, first, some, MORE * trials)
-            seconds = some * (8 if by == "test" else 30)
+            seconds = some * (4 if by == "test" else 30)
             yield Piece("recovery", f"{by} {first}", SET_TRIALS, seconds, make)
     few = COARSE_SETS if fast else DIRECT_SETS
     yield Piece("direct", "again", SET_TRIALS, 20 * few, partial(direct, few, MORE * trials))
@@ -206,11 +204,12 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
     """Return the tables that pages and figures read."""
-    found = made["recovery"]
+    found, again = made["recovery"], made["direct"]
+    apart = (again["stored_nats"] - again["direct_nats"]).abs()
     return {
         "sets": ("recovery", found),
         "calibration": ("recovery", _calibration(found)),
-        "direct": ("direct", made["direct"]),
+        "direct": ("direct", again.assign(apart_nats=apart)),
     }
 
 

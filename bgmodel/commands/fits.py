@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import Shows, check_whole, circuit_file
+from bgmodel import files
+from bgmodel.commands.checks import (
+    UNRECORDED,
+    Shows,
+    check_whole,
+    circuit_file,
+    recorded,
+    say,
+)
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.names import CircuitName
 
@@ -17,6 +25,9 @@ if TYPE_CHECKING:
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.tables.choices import Choices
 
+LEAST_RIGHT, FEWEST = 0.6, 20
+"""Share of response 1 below which it is hardly the right one at the largest strength, and trials
+that it takes to tell."""
 GAPS = {"constant_gap": False, "falling_gap": True}
 
 
@@ -81,9 +92,10 @@ class FitRun(Shows):
         columns = sorted({each.partition("/")[0] for each in self._vary.values()})
         choices = self._read(columns)
         folder = self.folder or Path("fits") / Path(self.data).stem
-        kept = Kept(folder, self.seed, self.posterior, self.anyway, self.note)
-        kept.check()
-        people: list[tuple[str, Choices]] = [("all", choices)]
+        _check_strengths(choices)
+        kept = Kept(folder, self.seed, self._asked(), self.posterior, self.anyway, self.note)
+        kept.check(self.force)
+        people: list[tuple[str, Choices]] = [(self.participant or "all", choices)]
         if not self.pooled:
             people = [(who, choices.where(choices.participant == who)) for who in choices.people()]
         models = {name: self._model(name, choices, folder) for name in self.models}
@@ -97,10 +109,11 @@ class FitRun(Shows):
         try:
             made = [kept.person(who, some, asked[who]) for who, some in people]
         except KeyboardInterrupt:
-            raise KeyboardInterrupt("The same command goes on where it was.") from None
+            raise KeyboardInterrupt(
+                "Finished fits and simulated trials are kept: the same command goes on from there."
+            ) from None
         found = [each for person in made for each in person]
-        said = {"data": self.data, "models": list(self.models), "vary": list(self.vary)}
-        parameters = kept.gather(found, **said)
+        parameters = kept.gather(found)
         self.show("\n" + parameters.round(4).to_string(index=False), parameters)
         self.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
 
@@ -132,6 +145,17 @@ class FitRun(Shows):
                     raise ValueError(
                         f"{option} must name a parameter, one of {there}, got {name!r}"
                     )
+
+    def _asked(self) -> dict[str, Any]:
+        """Return all that two fits of one folder must share: whose they are, they need not."""
+        own = ("data", "folder", "models", "participant", "posterior", "anyway", *UNRECORDED)
+        named = {each.name for each in fields(self)} - set(own)
+        said = {name: recorded(getattr(self, name)) for name in sorted(named)}
+        simulated = {"simulated_trials": said.pop("trials"), "simulation_seed": self.seed}
+        # Of the whole table: participants may be fitted one after the other.
+        file = Path(self.data)
+        trials = files.checksum(file) if file.is_file() else self.data
+        return {"data": self.data, "trials": trials, **simulated, **said}
 
     @property
     def _vary(self) -> dict[str, str]:
@@ -205,6 +229,32 @@ def _need() -> None:
         raise ImportError('fits need cma and emcee: pip install ".[fit]"') from error
 
 
+def _check_strengths(choices: Choices) -> None:
+    """Raise ValueError if strengths have no sign; say so where there are none, and seem missed.
+
+    Where no strength is below 0, response 1 is the one that all of them speak for.
+    """
+    import numpy as np
+
+    answered = choices.response >= 0
+    if choices.strength is None:
+        share = float((choices.response[answered] == 1).mean())
+        if share < LEAST_RIGHT:
+            say(
+                f"no strength is given, so that response 1 is taken for the right one, and it is "
+                f"{share:.0%} of responses: name the column of signed strengths (--strength)"
+            )
+        return
+    most = answered & (np.abs(choices.strength) == np.abs(choices.strength).max())
+    if (choices.strength >= 0).all() and most.sum() >= FEWEST:
+        wrong = int((choices.response[most] == 0).sum())
+        if wrong > (1 - LEAST_RIGHT) * most.sum():
+            raise ValueError(
+                f"strength must be signed, positive where it speaks for response 1: none is below "
+                f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0"
+            )
+
+
 def _circuit(name: str) -> Any:
     from circuits.anatomy import circuit
 
@@ -214,7 +264,8 @@ def _circuit(name: str) -> Any:
 def _pair(text: str, option: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals or not value:
-        example = f"{option} is a name, =, and a value, as criterion=instruction"
+        example = "lapse=0.02" if option == "hold" else "criterion=instruction"
+        example = f"{option} is a name, =, and a value, as {example}"
         raise ValueError(f"{example}, got {text!r}")
     return name.strip(), value.strip()
 

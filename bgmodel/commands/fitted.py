@@ -32,6 +32,8 @@ class Kept:
         Where all of them go.
     seed : int
         Of the simulated trials: part of the tables' provenance.
+    asked : dict
+        What was asked for, all that fits in one folder share: part of the tables' provenance.
     posterior, anyway : bool
         As of ``fitting.fit.fit``: draws, and fits of what cannot be told apart.
     note : function
@@ -40,18 +42,40 @@ class Kept:
 
     folder: Path
     seed: int
+    asked: Mapping[str, Any]
     posterior: bool
     anyway: bool
     note: Callable[[str], None]
 
-    def check(self) -> None:
-        """Raise ValueError if the folder can't be written, or a table there is not ours."""
+    def check(self, force: bool) -> None:
+        """Raise ValueError if the folder can't be written, or holds what is not to be lost.
+
+        Parameters
+        ----------
+        force : bool
+            Whether results of another command may be written over.
+        """
         files.check_writable(self.folder)
         for path in (self.folder / name for name in TABLES):
             if path.exists() and not files.is_result(path):
                 raise ValueError(
                     f"{str(path)!r} is there and no result of a fit: give another folder"
                 )
+        other = self._differs()
+        if other and not force:
+            raise ValueError(
+                f"{str(self.folder)!r} holds fits with another {', '.join(other)}: give another "
+                "folder, or --force to write over their tables"
+            )
+
+    def _differs(self) -> list[str]:
+        """Return what was asked otherwise of the tables that are there."""
+        there = self.folder / TABLES[0]
+        if not files.is_result(there):
+            return []
+        before = files.read_provenance(there)["parameters"]
+        now = files.provenance(**self.asked)["parameters"]
+        return sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
 
     def person(self, who: str, some: Choices, asked: Mapping[str, Likelihood]) -> list[Piece]:
         """Return the fits of one participant, by name of the model, and draw them."""
@@ -64,6 +88,7 @@ class Kept:
 
     def _one(self, who: str, some: Choices, name: str, likelihood: Likelihood) -> Piece:
         """Return the tables of one fit, from its files or made now."""
+        import pandas as pd
         from tqdm import tqdm
 
         from bgmodel.fitting.fit import fit
@@ -89,6 +114,11 @@ class Kept:
             found = fit(likelihood, draws=self.posterior, anyway=self.anyway, tell=said)
         self._say(who, name, found)
         piece = Piece(found.parameters(), found.cells())
+        piece.parameters["held"] = False
+        held = pd.Series(likelihood.freedom.held, dtype=float)
+        more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})
+        more = more.assign(at_bound=False, held=True)
+        piece = Piece(pd.concat([piece.parameters, more], ignore_index=True), piece.cells)
         piece.parameters["log_likelihood"] = found.optimum.log_likelihood
         for table in piece:
             table.insert(0, "participant", who)
@@ -108,7 +138,11 @@ class Kept:
         self.note(cosines.to_string())
         for each, at_bound in zip(names, found.optimum.at_bound, strict=True):
             if at_bound:
-                say(f"{who}, {name}: {each} ends at a bound of its range: its error means nothing")
+                place = found.optimum.values[each]
+                say(
+                    f"{who}, {name}: {each} ends at a bound of its range, {place:.3g}: its "
+                    "standard error means nothing"
+                )
         try:
             found.directions.check()
         except ValueError as error:
@@ -123,23 +157,29 @@ class Kept:
                 "independent ones, and intervals are rough"
             )
 
-    def gather(self, made: Sequence[Piece], **asked: Any) -> pd.DataFrame:
-        """Write the tables of all fits, and return that of their parameters.
+    def gather(self, made: Sequence[Piece]) -> pd.DataFrame:
+        """Write the tables of all fits, those that are there of others kept, and return the first.
 
         Parameters
         ----------
         made : sequence of Piece
             The fits.
-        **asked
-            What was asked for: part of the tables' provenance.
         """
         import pandas as pd
 
-        tables: list[pd.DataFrame] = [
-            pd.concat(parts, ignore_index=True) for parts in zip(*made, strict=True)
-        ]
-        for table, name in zip(tables, TABLES, strict=True):
-            files.write_table(table, self.folder / name, seed=self.seed, **asked)
+        keep = not self._differs()
+        tables: list[pd.DataFrame] = []
+        for name, parts in zip(TABLES, zip(*made, strict=True), strict=True):
+            table, path = pd.concat(parts, ignore_index=True), self.folder / name
+            if keep and files.is_result(path):
+                before = files.read_table(path)
+                who = ["participant", "model"]
+                ours = pd.MultiIndex.from_frame(table[who].astype(str))
+                others = ~pd.MultiIndex.from_frame(before[who].astype(str)).isin(ours)
+                table = pd.concat([before[others], table], ignore_index=True)
+            tables.append(table)
+        for name, table in zip(TABLES, tables, strict=True):
+            files.write_table(table, self.folder / name, seed=self.seed, **self.asked)
         return tables[0]
 
 

@@ -12,14 +12,21 @@ from bgmodel.arrays import Array
 from bgmodel.fitting.fit import QUANTILES
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DATA: dict[str, Any] = {"color": "0.15", "marker": "o", "ls": "", "ms": 4}
+DATA: dict[str, Any] = {"color": "0.15", "ls": "", "ms": 4}
+LOOKS = (("o", "-"), ("s", "--"), ("^", ":"), ("D", "-."))
+"""Mark of the data and line of the models, by condition, over and over."""
+TITLES = (
+    "a  share of response 1",
+    "b  mean time (s)",
+    "c  standard deviation of times (s)",
+    "d  quantiles .1 to .9 of times (s)",
+)
 
 
 def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
-    """Draw data beside models: psychometric, chronometric, spread and quantiles.
+    """Draw data beside models: psychometric, chronometric, spread and quantiles, over strength.
 
     Parameters
     ----------
@@ -31,47 +38,51 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
     Returns
     -------
     Figure
-        Four panels. Bars of the data are one standard error.
+        Four panels. Bars of the data are one standard error. A condition has a mark and a line
+        of its own; at one strength alone it has a place.
     """
     import matplotlib.pyplot as plt
 
     figure, grid = plt.subplots(2, 2, figsize=(9, 7), layout="constrained")
     axes = grid.ravel()
     first = next(iter(fits.values()))
-    place, labels = _places(first)
-    axes[0].errorbar(place, first["accuracy"], first["accuracy_se"], label="data", **DATA)
-    axes[1].errorbar(place, first["mean_s"], first["mean_se"], **DATA)
-    axes[2].plot(place, first["sd_s"], **DATA)
-    for q in QUANTILES:
-        axes[3].plot(place, first[f"q{round(100 * q)}_s"], **DATA)
-    for name, cells in fits.items():
-        (line,) = axes[0].plot(place, cells["model_accuracy"], label=name)
-        axes[1].plot(place, cells["model_mean_s"], color=line.get_color())
-        axes[2].plot(place, cells["model_sd_s"], color=line.get_color())
+    place, labels, group = _places(first)
+    for number, which in enumerate(dict.fromkeys(group)):
+        rows = np.array([each == which for each in group])
+        mark, line = LOOKS[number % len(LOOKS)]
+        seen, x = first[rows], place[rows]
+        look = {**DATA, "marker": mark}
+        label = f"data, {which}" if which else "data"
+        axes[0].errorbar(x, seen["accuracy"], seen["accuracy_se"], label=label, **look)
+        axes[1].errorbar(x, seen["mean_s"], seen["mean_se"], **look)
+        axes[2].plot(x, seen["sd_s"], **look)
         for q in QUANTILES:
-            axes[3].plot(place, cells[f"model_q{round(100 * q)}_s"], color=line.get_color(), lw=1)
-    titles = ("a  accuracy", "b  mean time (s)", "c  standard deviation of times (s)",
-              "d  quantiles .1 to .9 of times (s)")  # fmt: skip
-    for ax, text in zip(axes, titles, strict=True):
+            axes[3].plot(x, seen[f"q{round(100 * q)}_s"], **look)
+        for k, (name, cells) in enumerate(fits.items()):
+            model = {"color": f"C{k}", "ls": line, "marker": "_" if rows.sum() == 1 else ""}
+            label = name if number == 0 else "_"
+            axes[0].plot(x, cells.loc[rows, "model_accuracy"], label=label, **model)
+            axes[1].plot(x, cells.loc[rows, "model_mean_s"], **model)
+            axes[2].plot(x, cells.loc[rows, "model_sd_s"], **model)
+            for q in QUANTILES:
+                axes[3].plot(x, cells.loc[rows, f"model_q{round(100 * q)}_s"], lw=1, **model)
+    for ax, text in zip(axes, TITLES, strict=True):
         ax.set_title(text, loc="left")
-        _mark(ax, place, labels)
-    axes[0].legend()
-    figure.suptitle(title)
+        ax.set_xticks(sorted(set(place)), labels)
+        ax.set_xlabel("strength" if first["strength"].nunique() > 1 else "condition")
+    figure.legend(loc="outside lower center", ncols=4)
+    figure.suptitle(f"{title}: bars are one standard error")
     return figure
 
 
-def _places(cells: pd.DataFrame) -> tuple[Array, list[str]]:
-    """Return where cells stand, evenly in order, and what they are called."""
+def _places(cells: pd.DataFrame) -> tuple[Array, list[str], list[str]]:
+    """Return where cells stand, what the places are called, and each cell's condition."""
     columns = list(cells.columns)
-    told = columns[columns.index("strength") : columns.index("trials")]
+    told = columns[columns.index("strength") + 1 : columns.index("trials")]
     names = [name for name in told if cells[name].nunique() > 1]
-    labels = [
-        "\n".join(f"{row[name]:g}" if name == "strength" else str(row[name]) for name in names)
-        for _, row in cells.iterrows()
-    ]
-    return np.arange(len(cells), dtype=float), labels
-
-
-def _mark(ax: Axes, place: Array, labels: list[str]) -> None:
-    ax.set_xticks(place, labels)
-    ax.set_xlabel("strength or condition")
+    conditions = [", ".join(str(row[name]) for name in names) for _, row in cells.iterrows()]
+    strengths = sorted(cells["strength"].unique())
+    if len(strengths) == 1:
+        return np.arange(len(cells), dtype=float), conditions, [""] * len(cells)
+    place = np.array([strengths.index(each) for each in cells["strength"]], dtype=float)
+    return place, [f"{each:g}" for each in strengths], conditions

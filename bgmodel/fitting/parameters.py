@@ -107,6 +107,16 @@ class Freedom:
         """Where a fit begins."""
         return np.array([each.parameter.start for each in self.moved])
 
+    @property
+    def held(self) -> dict[str, float]:
+        """Parameters that no fit moves in some cell or other, and where they stand."""
+        found = {}
+        for each in self.parameters:
+            mine = [moved.cells for moved in self.moved if moved.parameter.name == each.name]
+            if len(np.unique(np.concatenate(mine))) < self.cells if mine else True:
+                found[each.name] = each.start
+        return found
+
     def values(self, vector: Array) -> dict[str, Array]:
         """Return each parameter in every cell, (cells,), from the numbers of a fit."""
         found = {each.name: np.full(self.cells, each.start) for each in self.parameters}

@@ -90,7 +90,7 @@ def answers(
     refuse(absent & ~silent, rt, "given where there is a response")
     refuse(silent & ~absent, response, "given where there is an rt")
     if deadline_s is None:
-        hint = ": say when such a trial ended (deadline_s, s)"
+        hint = ": say when such a trial ended (deadline_s, at the terminal --deadline, s)"
         refuse(absent, rt, "given unless trials have a deadline", hint)
     elif not 0 < deadline_s < np.inf:
         raise ValueError(f"deadline_s must be finite and above 0, got {deadline_s}")
@@ -200,7 +200,8 @@ def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDAr
     names = np.array([_name(v) for v in column], dtype=object)
     if upper is None:
         wrong = ~missing & ~np.isin(names, ["0", "1"])
-        refuse(wrong, column, "1 or 0", ": name the response that counts as 1 (upper)")
+        hint = ": name the response that counts as 1 (upper, at the terminal --upper)"
+        refuse(wrong, column, "1 or 0", hint)
         upper = "1"
     else:
         found = list(dict.fromkeys(names[~missing]))

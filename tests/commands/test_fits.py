@@ -7,8 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.files import read_provenance
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import CircuitModel
+from bgmodel.fitting.parameters import RESPONSE
 from tests.drawn import drawn
 from tests.helpers import run
 
@@ -150,6 +152,10 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
     assert "cosines of the directions" in shown
     out = tmp_path / "fits" / "mine"
     parameters, cells = (pd.read_csv(out / f"{name}.csv") for name in ("parameters", "cells"))
+    held = parameters[parameters["held"]]
+    assert held["parameter"].tolist() == ["t0_sd_s", "lapse"] * 2
+    assert held["value"].tolist() == [each.start for each in RESPONSE[1:]] * 2
+    parameters = parameters[~parameters["held"]]
     assert parameters["participant"].tolist() == ["a"] * 3 + ["b/c"] * 3
     assert parameters["parameter"].tolist() == ["sensitivity", "bound", "t0_s"] * 2
     truth = np.array([12.0, 0.6, 0.3] * 2)
@@ -158,10 +164,65 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(tmp_path, capsys):
     assert len(list(out.glob("*.png"))) == 2
 
 
+def test_one_participant_after_the_other_fills_one_table(tmp_path, capsys):
+    one = ["mine.csv", *COHERENCE, *GAP, *QUICK]
+    assert run("fit", *one) == 0
+    whole = pd.read_csv("fits/mine/parameters.csv")
+    for who in ("a", "b/c"):
+        assert run("fit", "mine.csv", "again", *one[1:], "--participant", who) == 0
+    pd.testing.assert_frame_equal(pd.read_csv("again/parameters.csv"), whole)
+    assert len(pd.read_csv("again/cells.csv")) == 4
+
+
+def test_fits_of_another_question_are_never_written_over_unasked(capsys):
+    one = ["mine.csv", *COHERENCE, *GAP, *QUICK]
+    assert run("fit", *one) == 0
+    capsys.readouterr()
+    said = fails(capsys, *one, "--hold", "lapse=0.02")
+    assert said.startswith("'fits/mine' holds fits with another hold: give another folder, or --f")
+    assert fails(capsys, *one, "--vary", "bound=drug").startswith("'fits/mine' holds fits with ano")
+    changed(rt=GOOD["rt"] + 0.01).to_csv("mine.csv", index=False)
+    assert "holds fits with another trials:" in fails(capsys, *one)
+    assert run("fit", *one, "--hold", "lapse=0.02", "--force", "--participant", "a") == 0
+    found = pd.read_csv("fits/mine/parameters.csv")
+    assert set(found["participant"]) == {"a"}
+    assert found.loc[found["held"], "value"].tolist()[1] == 0.02
+
+
+def test_a_table_says_all_that_was_asked_for(capsys):
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--hold", "lapse=0.02") == 0
+    behind = read_provenance("fits/mine/parameters.csv")["parameters"]
+    assert behind["strength"] == "coherence"
+    assert behind["hold"] == ["lapse=0.02"]
+    assert behind["criterion"] == "threshold"
+    assert behind["simulated_trials"] == 4000
+    assert len(behind["trials"]) == 64
+
+
+@pytest.mark.parametrize("drop", [False, True])
+def test_strengths_without_a_sign_are_seen(mine, capsys, drop):
+    """Taken for signed, they make every response to the left an error."""
+    changed(coherence=GOOD["coherence"].abs()).to_csv(mine, index=False)
+    if drop:
+        assert run("fit", "mine.csv", *GAP, *QUICK, "--pooled") == 0
+        said = capsys.readouterr().err
+        assert "no strength is given, so that response 1 is taken for the right one" in said
+    else:
+        said = fails(capsys, "mine.csv", *COHERENCE, *GAP)
+        assert said.startswith("strength must be signed, positive where it speaks for response 1:")
+
+
+def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(mine):
+    right = (GOOD["response"] == 1) == (GOOD["coherence"] > 0)
+    table = changed(coherence=GOOD["coherence"].abs(), response=right.astype(int))
+    table.to_csv(mine, index=False)
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+
+
 def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):
     assert run("fit", "mine.csv", "--json", "--pooled", *COHERENCE, *GAP, *QUICK) == 0
     found = json.loads(capsys.readouterr().out)["records"]
-    assert [row["participant"] for row in found] == ["all"] * 3
+    assert [row["participant"] for row in found if not row["held"]] == ["all"] * 3
 
 
 def test_criterion_means_that_of_each_model_and_varies_with_a_column(capsys):
@@ -172,7 +233,7 @@ def test_criterion_means_that_of_each_model_and_varies_with_a_column(capsys):
     found = pd.DataFrame(json.loads(capsys.readouterr().out)["records"])
     for name, criterion in (("constant_gap", "bound"), ("macaque", "threshold_nats")):
         levels = [f"{criterion}[drug={level}]" for level in ("off", "on")]
-        mine = found[found["model"] == name]["parameter"].tolist()
+        mine = found[(found["model"] == name) & ~found["held"]]["parameter"].tolist()
         assert mine == ["sensitivity", *levels, "t0_s"]
 
 
@@ -182,7 +243,7 @@ def test_an_optimum_at_a_bound_is_said(mine, capsys):
     changed(response=rng.integers(0, 2, len(GOOD))).to_csv(mine, index=False)
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
     said = capsys.readouterr().err
-    assert "all, constant_gap: sensitivity ends at a bound of its range: its error means" in said
+    assert "sensitivity ends at a bound of its range, 0.05: its standard error means" in said
     assert len(said.strip().splitlines()) == 1
 
 
@@ -198,7 +259,8 @@ def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
     (said,) = shown.err.splitlines()
     assert said.startswith("bgmodel: all, constant_gap: the chain of draws lasts ")
     assert "of its autocorrelation times and not 50: its draws are worth less than" in said
-    low, high = pd.read_csv("fits/mine/parameters.csv")[["low", "high"]].to_numpy().T
+    found = pd.read_csv("fits/mine/parameters.csv")
+    low, high = found.loc[~found["held"], ["low", "high"]].to_numpy().T
     assert (low < high).all()
 
 
@@ -220,7 +282,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     monkeypatch.setattr(module, "optimum", optimum)
     assert run("fit", *asked) == 130
     shown = capsys.readouterr()
-    assert "bgmodel: stopped. The same command goes on where it was." in shown.err
+    assert "stopped. Finished fits and simulated trials are kept: the same" in shown.err
 
     done.clear()
     monkeypatch.setattr(CircuitModel, "_simulate", None)
@@ -231,7 +293,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     for name in ("a, constant_gap", "a, macaque", "b/c, constant_gap"):
         assert f"{name}: there already" in shown
     whole = pd.read_csv("fits/mine/parameters.csv")
-    assert len(whole) == 4 * 3
+    assert (~whole["held"]).sum() == 4 * 3
 
     done.clear()
     assert run("fit", *asked) == 0

@@ -26,25 +26,31 @@ def drawn():
     plt.close(figure)
 
 
-def test_each_panel_shows_data_and_every_model(drawn):
+def test_each_panel_shows_data_and_every_model_by_condition(drawn):
+    """Condition off has two strengths, on has one."""
+    names = ("accuracy", "mean_s", "sd_s", *(f"q{round(100 * q)}_s" for q in QUANTILES))
     table = cells(0.1)
-    for ax, name in zip(drawn.axes, ("accuracy", "mean_s", "sd_s"), strict=False):
-        shown = [line.get_ydata() for line in ax.lines if len(line.get_ydata()) == 3]
+    for name in names:
+        ax = drawn.axes[min(names.index(name), 3)]
+        shown = [line.get_xydata() for line in ax.lines]
         for shift in (0, 0.1, 0.2):
-            assert any(np.allclose(y, table[name] + shift) for y in shown)
-    quantiles = [line.get_ydata() for line in drawn.axes[3].lines]
-    assert len(quantiles) == 3 * len(QUANTILES)
-    for k, q in enumerate(QUANTILES):
-        assert np.allclose(quantiles[k], table[f"q{round(100 * q)}_s"])
-        assert np.allclose(quantiles[5 + k], table[f"model_q{round(100 * q)}_s"])
+            for rows, place in (([0, 2], [0, 1]), ([1], [0])):
+                want = np.column_stack([place, table[name].iloc[rows] + shift])
+                assert any(xy.shape == want.shape and np.allclose(xy, want) for xy in shown)
 
 
-def test_cells_are_named_by_what_differs_between_them(drawn):
+def test_strengths_are_on_the_axis_and_conditions_in_the_key(drawn):
     labels = [text.get_text() for text in drawn.axes[0].get_xticklabels()]
-    assert labels == ["0.1\noff", "0.1\non", "0.4\noff"]
-    assert [text.get_text() for text in drawn.axes[0].get_legend().get_texts()] == [
-        "one",
-        "other",
-        "data",
-    ] or len(drawn.axes[0].get_legend().get_texts()) == 3
-    assert drawn.get_suptitle() == "somebody"
+    assert labels == ["0.1", "0.4"]
+    (legend,) = drawn.legends
+    said = {text.get_text() for text in legend.get_texts()}
+    assert said == {"one", "other", "data, off", "data, on"}
+    assert drawn.get_suptitle() == "somebody: bars are one standard error"
+
+
+def test_at_one_strength_conditions_are_on_the_axis():
+    table = cells(0.1).assign(strength=1.0)[1:]
+    figure = draw_fits({"one": table}, "somebody")
+    assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == ["on", "off"]
+    assert figure.axes[0].get_xlabel() == "condition"
+    plt.close(figure)

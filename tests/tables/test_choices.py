@@ -178,9 +178,11 @@ BAD = {
     "rt must be given where there is a response, got nothing in row 4$": at("rt", 4, None),
     "response must be given where there is an rt, got nothing in row 4$": at("response", 4, None),
     r"rt must be given unless trials have a deadline, got nothing in row 3 \(2 such rows\): say "
-    r"when such a trial ended \(deadline_s, s\)": lambda good: silent(good, [3, 40]),
+    r"when such a trial ended \(deadline_s, at the terminal --deadline, s\)": lambda good: silent(
+        good, [3, 40]
+    ),
     "rt must be given unless trials have a deadline, got '-999.0' in row 3": at("rt", 3, -999.0),
-    r"response must be 1 or 0, got 'left' in row 0 \(60 such rows\): name .* \(upper\)": changed(
+    r"response must be 1 or 0, got 'left' in row 0 \(60 such rows\): name .* \(upper,": changed(
         response="left"
     ),
     "response must be 1 or 0, got '2' in row 5: name": at("response", 5, 2),

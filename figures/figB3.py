@@ -1,0 +1,65 @@
+"""Figure B3: the recursive MSPRT on intervals between spikes of cells of area MT."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bgmodel.files import read_table
+from figures.common import Settings, letter, run, say_if_older
+
+TESTS = {
+    "MSPRT": ("MSPRT", "C0", "o", "-"),
+    "rMSPRT": ("rMSPRT: the loop takes 3 readings, 3 are summed", "C1", "s", "--"),
+    "rMSPRT, 2 readings": ("2 are summed", "C2", "v", "-"),
+    "rMSPRT, 4 readings": ("4 are summed", "C3", "^", "-"),
+}
+"""How each test of the score is called, its colour, mark and line."""
+
+
+def draw(settings: Settings, readings: Path, *, output: Path) -> Figure:
+    """Draw readings to a decision over coherence, and what tests take more than the MSPRT."""
+    table = read_table(readings)
+    figure, axes = plt.subplots(2, 2, figsize=(7.4, 5.6), sharex=True)
+    for column, alternatives in zip(axes.T, (2, 4), strict=True):
+        rows = table[table["alternatives"] == alternatives].sort_values("coherence")
+        for name, look in TESTS.items():
+            some = rows[rows["model"] == name]
+            _line(column[0], some, "time_readings", look)
+            if name != "MSPRT":
+                _line(column[1], some, "longer_readings", look)
+        column[1].axhline(1, color="0.6", lw=0.8, ls=":")
+        for ax in column:
+            ax.set(xscale="log", yscale="log")
+            coherences = rows["coherence"].unique()
+            ax.set_xticks(coherences, [f"{100 * c:g}" for c in coherences])
+            ax.minorticks_off()
+        column[1].set_xlabel("coherence (%)")
+    axes[0, 0].set_ylabel("readings at 1 % errors")
+    axes[1, 0].set_ylabel("readings more than the MSPRT")
+    letter(axes[0, 0], "a  two directions")
+    letter(axes[0, 1], "b  four directions")
+    letter(axes[1, 0], "c  what the loop costs, two")
+    letter(axes[1, 1], "d  what the loop costs, four")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    say_if_older(figure, readings)
+    return figure
+
+
+def _line(ax: Any, rows: pd.DataFrame, what: str, look: tuple[str, str, str, str]) -> None:
+    """Show a mean and its interval over coherence."""
+    label, colour, mark, line = look
+    off = [rows[what] - rows[f"{what}_low"], rows[f"{what}_high"] - rows[what]]
+    ax.errorbar(
+        rows["coherence"], rows[what], off, color=colour, marker=mark, ms=3.5, lw=1, ls=line,
+        label=label,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    run(draw=draw)
