@@ -50,7 +50,7 @@ EXPERIMENTS = {"high": "stn_conflict", "low": "stn_no_conflict"}
 
 
 def patients(trials: int) -> pd.DataFrame:
-    """Return what the fit to each patient says, a column for each number."""
+    """Return the fitted parameters of each patient, a column for each."""
     whole = read_choices("cavanagh_2011", conditions=["conflict", "stimulation"])
     criterion, vary = MOVES["stn_loss"]
     model = fitted_circuit(criterion, trials, LONGEST_S, SLOW_NATS)
@@ -81,7 +81,7 @@ def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
 
 
 def of_the_data() -> pd.DataFrame:
-    """Return what stimulation changes in patients: means over them with 95 % intervals of t."""
+    """Return the mean changes by stimulation over patients, with 95 % intervals of t."""
     choices = read_choices("cavanagh_2011", conditions=["conflict", "stimulation"])
     table = pd.DataFrame(
         {"who": choices.participant, **choices.conditions, "accuracy": choices.response,
@@ -102,7 +102,7 @@ def of_the_data() -> pd.DataFrame:
 
 
 def decided(trials: int, decisions: int, workers: int) -> pd.DataFrame:
-    """Return what the loss changes in the person of medians, beside what changed in patients."""
+    """Return the changes by the loss in the person of medians, beside those of patients."""
     numbers = patients(trials).median()
     rows = []
     for conflict in EXPERIMENTS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.names import CircuitName
+from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     from bgmodel.fitting.algorithms import Model
@@ -93,13 +95,16 @@ class FitRun(Shows):
         choices = self._read(columns)
         folder = self.folder or Path("fits") / Path(self.data).stem
         _check_strengths(choices)
-        kept = Kept(folder, self.seed, self._asked(), self.posterior, self.anyway, self.note)
-        kept.check(self.force)
         people: list[tuple[str, Choices]] = [(self.participant or "all", choices)]
         if not self.pooled:
             people = [(who, choices.where(choices.participant == who)) for who in choices.people()]
         models = {name: self._model(name, choices, folder) for name in self.models}
         self._check_parameters(models)
+        kept = Kept(
+            folder, self.seed, self._asked(), _circuits(models),
+            self.posterior, self.anyway, self.note,
+        )  # fmt: skip
+        kept.check(self.force)
         # All of them before any is fitted: what is wrong is said at once.
         asked = {
             who: {name: self._likelihood(some, columns, each) for name, each in models.items()}
@@ -155,7 +160,8 @@ class FitRun(Shows):
         # Of the whole table: participants may be fitted one after the other.
         file = Path(self.data)
         trials = files.checksum(file) if file.is_file() else self.data
-        return {"data": self.data, "trials": trials, **simulated, **said}
+        version = {"bgmodel": __version__}
+        return {"data": self.data, "trials": trials, **simulated, **said, **version}
 
     @property
     def _vary(self) -> dict[str, str]:
@@ -253,6 +259,12 @@ def _check_strengths(choices: Choices) -> None:
                 f"strength must be signed, positive where it speaks for response 1: none is below "
                 f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0"
             )
+
+
+def _circuits(models: Mapping[str, Model]) -> dict[str, str]:
+    """Return the hash of each model's circuit, of those that have one."""
+    made = {name: model.identity().get("circuit") for name, model in models.items()}
+    return {name: each["sha256"] for name, each in made.items() if isinstance(each, dict)}
 
 
 def _circuit(name: str) -> Any:

@@ -34,6 +34,8 @@ class Kept:
         Of the simulated trials: part of the tables' provenance.
     asked : dict
         What was asked for, all that fits in one folder share: part of the tables' provenance.
+    circuits : dict of str to str
+        Hash of the circuit of each model that has one: fits of the same name share it too.
     posterior, anyway : bool
         As of ``fitting.fit.fit``: draws, and fits of what cannot be told apart.
     note : function
@@ -43,6 +45,7 @@ class Kept:
     folder: Path
     seed: int
     asked: Mapping[str, Any]
+    circuits: Mapping[str, str]
     posterior: bool
     anyway: bool
     note: Callable[[str], None]
@@ -61,21 +64,29 @@ class Kept:
                 raise ValueError(
                     f"{str(path)!r} is there and no result of a fit: give another folder"
                 )
-        other = self._differs()
+        other = sorted({each for name in TABLES for each in self._differs(name)})
         if other and not force:
             raise ValueError(
                 f"{str(self.folder)!r} holds fits with another {', '.join(other)}: give another "
                 "folder, or --force to write over their tables"
             )
 
-    def _differs(self) -> list[str]:
-        """Return what was asked otherwise of the tables that are there."""
-        there = self.folder / TABLES[0]
-        if not files.is_result(there):
+    def _before(self, table: str) -> dict[str, Any]:
+        """Return the parameters of a table that is there; none where there is no table."""
+        there = self.folder / table
+        return files.read_provenance(there)["parameters"] if files.is_result(there) else {}
+
+    def _differs(self, table: str) -> list[str]:
+        """Return the names of options that a table which is there was made with otherwise."""
+        before = self._before(table)
+        if not before:
             return []
-        before = files.read_provenance(there)["parameters"]
+        circuits = before.pop("circuits", {})
         now = files.provenance(**self.asked)["parameters"]
-        return sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
+        found = {name for name in {*before, *now} if before.get(name) != now.get(name)}
+        if any(circuits.get(name, sha) != sha for name, sha in self.circuits.items()):
+            found.add("circuit")
+        return sorted(found)
 
     def person(self, who: str, some: Choices, asked: Mapping[str, Likelihood]) -> list[Piece]:
         """Return the fits of one participant, by name of the model, and draw them."""
@@ -113,12 +124,11 @@ class Kept:
             said = bar.set_postfix_str
             found = fit(likelihood, draws=self.posterior, anyway=self.anyway, tell=said)
         self._say(who, name, found)
-        piece = Piece(found.parameters(), found.cells())
-        piece.parameters["held"] = False
         held = pd.Series(likelihood.freedom.held, dtype=float)
         more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})
         more = more.assign(at_bound=False, held=True)
-        piece = Piece(pd.concat([piece.parameters, more], ignore_index=True), piece.cells)
+        numbers = pd.concat([found.parameters().assign(held=False), more], ignore_index=True)
+        piece = Piece(numbers, found.cells())
         piece.parameters["log_likelihood"] = found.optimum.log_likelihood
         for table in piece:
             table.insert(0, "participant", who)
@@ -167,20 +177,22 @@ class Kept:
         """
         import pandas as pd
 
-        keep = not self._differs()
-        tables: list[pd.DataFrame] = []
+        tables: list[tuple[pd.DataFrame, dict[str, str]]] = []
         for name, parts in zip(TABLES, zip(*made, strict=True), strict=True):
-            table, path = pd.concat(parts, ignore_index=True), self.folder / name
-            if keep and files.is_result(path):
-                before = files.read_table(path)
+            table, circuits = pd.concat(parts, ignore_index=True), dict(self.circuits)
+            known = self._before(name)
+            if known and not self._differs(name):
+                before = files.read_table(self.folder / name)
+                circuits |= known["circuits"]
                 who = ["participant", "model"]
                 ours = pd.MultiIndex.from_frame(table[who].astype(str))
                 others = ~pd.MultiIndex.from_frame(before[who].astype(str)).isin(ours)
                 table = pd.concat([before[others], table], ignore_index=True)
-            tables.append(table)
-        for name, table in zip(TABLES, tables, strict=True):
-            files.write_table(table, self.folder / name, seed=self.seed, **self.asked)
-        return tables[0]
+            tables.append((table, circuits))
+        for name, (table, circuits) in zip(TABLES, tables, strict=True):
+            asked = {**self.asked, "circuits": circuits}
+            files.write_table(table, self.folder / name, seed=self.seed, **asked)
+        return tables[0][0]
 
 
 def _draw(cells: dict[str, pd.DataFrame], title: str, path: Path) -> None:

@@ -76,7 +76,7 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
 
 
 def _places(cells: pd.DataFrame) -> tuple[Array, list[str], list[str]]:
-    """Return where cells stand, what the places are called, and each cell's condition."""
+    """Return the place of each cell, the names of places, and the condition of each cell."""
     columns = list(cells.columns)
     told = columns[columns.index("strength") + 1 : columns.index("trials")]
     names = [name for name in told if cells[name].nunique() > 1]

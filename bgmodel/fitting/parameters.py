@@ -109,13 +109,11 @@ class Freedom:
 
     @property
     def held(self) -> dict[str, float]:
-        """Parameters that no fit moves in some cell or other, and where they stand."""
-        found = {}
-        for each in self.parameters:
-            mine = [moved.cells for moved in self.moved if moved.parameter.name == each.name]
-            if len(np.unique(np.concatenate(mine))) < self.cells if mine else True:
-                found[each.name] = each.start
-        return found
+        """Values of the parameters that a fit leaves alone in some cell, or in all."""
+        moved: dict[str, set[int]] = {each.name: set() for each in self.parameters}
+        for each in self.moved:
+            moved[each.parameter.name].update(each.cells.tolist())
+        return {p.name: p.start for p in self.parameters if len(moved[p.name]) < self.cells}
 
     def values(self, vector: Array) -> dict[str, Array]:
         """Return each parameter in every cell, (cells,), from the numbers of a fit."""

@@ -7,10 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.files import read_provenance
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.parameters import RESPONSE
+from bgmodel.fitting.pieces import Piece
 from tests.drawn import drawn
 from tests.helpers import run
 
@@ -187,6 +189,28 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
     found = pd.read_csv("fits/mine/parameters.csv")
     assert set(found["participant"]) == {"a"}
     assert found.loc[found["held"], "value"].tolist()[1] == 0.02
+
+
+def test_a_circuit_that_was_edited_is_another_question(tmp_path):
+    """Rows of both would stand under one name; another circuit beside it is welcome."""
+
+    def kept(**circuits):
+        return Kept(tmp_path / "out", 1, {"data": "x"}, circuits, False, False, print)
+
+    def piece(who, model):
+        return Piece(*(pd.DataFrame({"participant": [who], "model": [model]}) for _ in range(2)))
+
+    kept(mine="a").gather([piece("a", "mine")])
+    kept(other="b").check(force=False)
+    kept(other="b").gather([piece("a", "other")])
+    assert len(kept(mine="a").gather([piece("b", "mine")])) == 3
+    for table in TABLES:
+        behind = read_provenance(tmp_path / "out" / table)["parameters"]
+        assert behind["circuits"] == {"mine": "a", "other": "b"}
+    with pytest.raises(ValueError, match="holds fits with another circuit: give another folder"):
+        kept(mine="c").check(force=False)
+    kept(mine="c").check(force=True)
+    assert kept(mine="c").gather([piece("b", "mine")]).to_numpy().tolist() == [["b", "mine"]]
 
 
 def test_a_table_says_all_that_was_asked_for(capsys):
