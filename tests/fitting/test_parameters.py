@@ -66,3 +66,13 @@ def test_what_makes_no_sense_is_refused(given, says):
 def test_a_parameter_starts_within_its_bounds(given):
     with pytest.raises(ValueError, match="low <= start <= high must hold"):
         Parameter("a", *given)
+
+
+def test_held_is_what_stands_in_all_cells_or_in_those_of_one_level():
+    parameters = (Parameter("a", 0.0, 9.0, 1.0), Parameter("b", 0.0, 9.0, 2.0))
+    parameters += (Parameter("c", 0.0, 9.0, 3.0, free=False),)
+    levels = {"drug": ["off", "on", "on"]}
+    assert freedom(parameters, levels, 3).held == {"c": 3.0}
+    assert freedom(parameters, levels, 3, fixed={"a": 4.0}).held == {"a": 4.0, "c": 3.0}
+    assert freedom(parameters, levels, 3, vary={"b": "drug"}).held == {"c": 3.0}
+    assert freedom(parameters, levels, 3, vary={"b": "drug/off"}).held == {"b": 2.0, "c": 3.0}
