@@ -34,7 +34,7 @@ def decide(settings: Settings, taps: np.ndarray) -> pd.DataFrame:
     """Decide same or different from pairs of taps (taps, 2: true and read yaw), on two halves."""
     parts = []
     for difference in DIFFERENCES_DEG:
-        for half, readings in enumerate(sources(halves(settings.seed, taps), difference)):
+        for half, readings in enumerate(sources(halves(settings.seed, taps), (0.0, difference))):
             scores = _score(settings, readings, stream(settings.seed, "figR1", difference, half))
             parts.append(scores.assign(difference_deg=difference, half=half))
     return pd.concat(parts)

@@ -99,11 +99,11 @@ def edges(taps=800):
 def test_taps_that_figure_r1_scores_fit_nothing():
     """Another reading of a tap changes the likelihood of the half it is not scored in, no other."""
     halves = [edges()[::2], edges()[1::2]]
-    whole = sources(halves, 5.0)
+    whole = sources(halves, (0.0, 5.0))
     for half in (0, 1):
         changed = [part.copy() for part in halves]
         changed[half][60:, 1] += 3.0
-        again = sources(changed, 5.0)
+        again = sources(changed, (0.0, 5.0))
         for scored in (0, 1):
             a, b = whole[scored], again[scored]
             same = np.array_equal(a.likelihood.log_density, b.likelihood.log_density)
@@ -119,9 +119,9 @@ def test_figure_r1_scores_every_tap_in_one_half(monkeypatch):
     taken = []
     made = figR1.sources
 
-    def spy(halves, difference):
+    def spy(halves, differences):
         taken.append(halves)
-        return made(halves, difference)
+        return made(halves, differences)
 
     monkeypatch.setattr(figR1, "sources", spy)
     table = figR1.decide(replace(FAST, sweep_trials=400), edges())

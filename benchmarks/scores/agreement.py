@@ -124,7 +124,7 @@ def real_taps(folder: Path) -> Source:
     """Return readings of real taps of an edge, as figure R1 makes them."""
     from bgmodel.tactile.edges import decoded_yaw, halves, sources
 
-    return sources(halves(SCORING_SEED, decoded_yaw(SCORING_SEED, folder)), 5.0)[0]
+    return sources(halves(SCORING_SEED, decoded_yaw(SCORING_SEED, folder)), (0.0, 5.0))[0]
 
 
 def conditions(fast: bool = False, trials: int | None = None) -> Iterator[Condition]:

@@ -1,7 +1,8 @@
-"""Same or different on real taps of an edge: readings from pairs of taps, held out by halves."""
+"""How far was the edge turned?  Pairs of real taps, in two halves held out in turn."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,31 +43,32 @@ def halves(seed: int, taps: Array) -> list[Array]:
     return np.array_split(taps[order], 2)
 
 
-def pairs(difference_deg: float, taps: Array) -> list[Array]:
-    """Return decoded differences of real pairs: true difference about 0 (S1), or as given (S2)."""
+def pairs(differences_deg: Sequence[float], taps: Array) -> list[Array]:
+    """Return decoded differences of real pairs, an array for each true difference asked for."""
     true = wrapped(taps[None, :, 0] - taps[:, None, 0], 360)
     read = wrapped(taps[None, :, 1] - taps[:, None, 1], 360)
     other = ~np.eye(len(taps), dtype=bool)
-    return [read[other & (np.abs(true - d) < TOLERANCE_DEG)] for d in (0.0, difference_deg)]
+    return [read[other & (np.abs(true - d) < TOLERANCE_DEG)] for d in differences_deg]
 
 
-def sources(parts: list[Array], difference_deg: float) -> list[Source]:
+def sources(parts: list[Array], differences_deg: Sequence[float]) -> list[Source]:
     """Return the readings of each half of the taps, with likelihoods fitted on the other half.
 
     Parameters
     ----------
     parts : list of two arrays (taps, 2), degrees
         True and read yaw, as from ``halves``.
-    difference_deg : float
-        Yaw difference of the two taps of a pair under S2.
+    differences_deg : sequence of float
+        Yaw difference of the two taps of a pair under each hypothesis; 0 for the same edge.
     """
 
     def from_pairs(pool: Pool) -> list[Array]:
-        return pairs(difference_deg, pool[0])
+        return pairs(differences_deg, pool[0])
 
+    names = tuple(f"{difference:g}" for difference in differences_deg)
     made = []
     for scored, fitted in (parts, parts[::-1]):
         likelihood = fit_likelihood([fitted], from_pairs, (-180.0, 180.0))
-        logs = [likelihood(x) for x in pairs(difference_deg, scored)]
-        made.append(Source(logs, ("same", "different"), likelihood))
+        logs = [likelihood(x) for x in pairs(differences_deg, scored)]
+        made.append(Source(logs, names, likelihood))
     return made
