@@ -156,7 +156,7 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
     [
         (
             "nope",
-            "must be one of bogacz_gurney, appendix_b, linear_gpe, macaque, spiking_msprt, gpr",
+            f"must be one of {', '.join(anatomy.CIRCUITS)}",
         ),
         ("nope.toml", "the circuit 'nope.toml' can't be read: No such file or directory"),
         ("bad.toml", "bad.toml, line 17: STN: gain_hz_per_nat must be a number, got 'x'"),

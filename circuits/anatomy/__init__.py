@@ -12,6 +12,7 @@ from pathlib import Path
 from circuits import table_files, table_reader
 from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
+from circuits.anatomy.humphries import humphries
 from circuits.anatomy.macaque import macaque
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.spec import Circuit
@@ -23,6 +24,7 @@ __all__ = [
     "bogacz_gurney",
     "circuit",
     "gpr",
+    "humphries",
     "linear_gpe",
     "macaque",
     "spiking_msprt",
@@ -35,6 +37,7 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {
     "macaque": macaque,
     "spiking_msprt": spiking_msprt,
     "gpr": gpr,
+    "humphries": humphries,
 }
 """All tables by name; each takes the number of channels."""
 DEFAULT = "macaque"

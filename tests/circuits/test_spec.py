@@ -19,7 +19,11 @@ EDITS = {
     "one channel": lambda c: c.scaled("D1", "SNr", 0.5, channel=1),
     "dopamine": lambda c: c.dopamine(0.8),
     "delay": lambda c: c.with_projection("STN", "GPe", delay_ms=7),
-    "time constant": lambda c: c.with_population("STN", tau_ms=7),
+    "time constant": lambda c: (
+        c.with_cell("STN", tau_ms=7)
+        if c.population("STN").cell.hears == "nats"  # the membrane filters
+        else c.with_population("STN", tau_ms=7)
+    ),
     "neurons": lambda c: c.with_population("STN", neurons=7),
     "channels": lambda c: c.with_channels(5),
     "row": lambda c: c.with_rows(Population("TRN", c.population("STN").cell)),

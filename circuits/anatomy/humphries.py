@@ -1,0 +1,227 @@
+"""The table of Humphries, Stewart & Gurney 2006: spiking cells that select, shunting linearised."""
+
+from __future__ import annotations
+
+from math import exp, log
+from typing import NamedTuple
+
+from circuits.anatomy.columns import rows
+from circuits.cells import Lif, Phase, Rate
+from circuits.checks import check_channels, check_number
+from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+
+HUMPHRIES = "Humphries et al. 2006"
+CODE = f"{HUMPHRIES}, ModelDB 83559"
+CELL = f"{CODE}; line fitted"
+SALIENCE = f"{CODE}; 40 Hz per 1 assumed"
+SLOW = f"NMDA, {CODE}; mean over cells"
+AMPA = f"AMPA, {CODE}; gates as at rest"
+NMDA = f"NMDA, {CODE}; gates as at rest"
+DISTAL = f"GABA, distal, {CODE}; gates as at rest"
+CLAMP = f"GABA near the soma, {CODE}; no gates"
+BOTH = f"GABA, {CODE}; gates as at rest"
+
+HZ = 100.0  # an activity of 1, as in gpr
+SALIENCE_HZ = 40.0  # a salience of 1
+TONIC_HZ, PALLIDAL_HZ = 3.0, 30.0  # of cortex, and of GPe and SNr, "30-30-12" in the code
+SYNAPSES = 16.0  # 64 cells, a quarter of them, per nucleus; of all channels where it is diffuse
+PSP_MV, NMDA_PSP_MV = 3.0, 0.1
+AMPA_MS, NMDA_MS, GABA_MS = 2.0, 100.0, 3.0
+CLAMP_MV = -20.0  # where shunting drives a cell, above rest
+HEIGHT = 0.5  # of the gate: the inhibition that closes it, of one spike of each synapse
+
+# Noise is .3 mV per step of .1 ms; rest_mv and mv_per_nat are fit_current's for 100 Hz per unit.
+# fmt: off
+#         tau_ms  noise_mv  threshold_mv  reset_mv  refractory_ms  rest_mv  mv_per_nat
+MSN = Lif(25,     3.361,    30,           0,        2,             20.58,   70.06)
+STN = Lif(6,      1.657,    20,           0,        2,             14.94,   11.22)
+GPE = Lif(14,     2.519,    30,           0,        2,             20.88,   42.37)
+SNR = Lif(8,      1.909,    30,           0,        2,             24.34,   17.37)
+# fmt: on
+
+
+def psp_area(peak_mv: float, synapse_ms: float, membrane_ms: float) -> float:
+    """Return the area of a postsynaptic potential by its peak, mV ms.
+
+    An exponential current through a membrane. The authors look for the peak no later than one
+    membrane time constant after the spike, which a slow current outlasts.
+    """
+    late_ms = log(synapse_ms / membrane_ms) / (1 / membrane_ms - 1 / synapse_ms)
+    peak_ms = min(late_ms, membrane_ms)
+    shape = exp(-peak_ms / synapse_ms) - exp(-peak_ms / membrane_ms)
+    return peak_mv * (synapse_ms - membrane_ms) / shape
+
+
+class Target(NamedTuple):
+    """What a synapse finds at its target.
+
+    Parameters
+    ----------
+    cell : Lif
+        The target's cell.
+    intrinsic_mv : float
+        Its potential without synapses: intrinsic current times resistance.
+    proximal_hz, somatic_hz : float
+        Spikes per second at its proximal and somatic synapses at rest.
+    """
+
+    cell: Lif
+    intrinsic_mv: float
+    proximal_hz: float = 0.0
+    somatic_hz: float = 0.0
+
+    @property
+    def bias(self) -> float:
+        """The intrinsic current, on the cell's line."""
+        return (self.intrinsic_mv - self.cell.rest_mv) / self.cell.mv_per_nat
+
+    @property
+    def closed_s(self) -> float:
+        """By how much a proximal or somatic spike per second closes a gate.
+
+        The height is that of GPe, the median over nuclei: 13.36 synapses of either sort.
+        """
+        here = psp_area(PSP_MV, GABA_MS, self.cell.tau_ms) / self.cell.tau_ms
+        of_gpe = psp_area(PSP_MV, GABA_MS, GPE.tau_ms) / GPE.tau_ms
+        return 1e-3 * GABA_MS * here / (HEIGHT * 13.36 * of_gpe)
+
+    @property
+    def gate(self) -> float:
+        """What the gates at rest leave of excitation and of distal inhibition."""
+        return (1 - self.closed_s * self.proximal_hz) * (1 - self.closed_s * self.somatic_hz)
+
+    def excited(self, peak_mv: float, synapse_ms: float, source_hz: float = HZ) -> float:
+        """Return the weight of a synapse per cell of glutamate, by the peak of its potential."""
+        area = self.gate * psp_area(peak_mv, synapse_ms, self.cell.tau_ms)
+        return SYNAPSES * 1e-3 * area * source_hz / self.cell.mv_per_nat
+
+    def inhibited(self, distal: float) -> float:
+        """Return the weight, negative, of synapses of GABA, a part of them distal.
+
+        The others inject the clamping current, ``clamp - intrinsic``, by the mean of both gates.
+        """
+        area = self.gate * psp_area(PSP_MV, GABA_MS, self.cell.tau_ms)
+        clamp_mv = (self.intrinsic_mv - CLAMP_MV) * self.closed_s / 2
+        mv_per_hz = distal * 1e-3 * area + (1 - distal) * clamp_mv
+        return -SYNAPSES * mv_per_hz * HZ / self.cell.mv_per_nat
+
+
+def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
+    """Return the spiking circuit of Humphries, Stewart & Gurney 2006.
+
+    Saliences of 0 to 1 raise Poisson spikes of cortex from 3 to 43 Hz; the output of each channel
+    is the rate of its 64 cells of SNr, 1 at 100 Hz. The authors call a channel selected where that
+    lies below 5 Hz, here .05. No posterior follows. Cells, synapses, delays, connections and
+    intrinsic currents are those of the authors' code (ModelDB 83559), weights follow from the peaks
+    of its postsynaptic potentials. A salience of 1 as 40 Hz and the read-out of 50 ms are assumed,
+    and the lines of ``rate`` and ``algebra`` are fitted to the cells alone: spikes rest at other
+    rates.
+
+    A linear sum takes the place of shunting. There, inhibition near the soma injects a current
+    that clamps the cell, which is additive and is kept, and closes two gates for all that arrives
+    further out: the gates are held where the tonic rates of the code, 30 Hz in GPe and SNr, put
+    them. Left out as well: the lowest potential of -20 mV, the rebound current of STN, which needs
+    -10 mV, and the skew of STN's time constants: all constants of a cell spread by the 10 % of tau
+    and R. NMDA's currents come from the mean over cells, as populations of their own. Connections
+    have a fixed in-degree, and cells may reach themselves.
+
+    Parameters
+    ----------
+    channels : int
+        Alternatives; three in the paper.
+    dopamine : float
+        lambda, 0..1: cortical weights are ``1 + lambda`` onto D1, ``1 - lambda`` onto D2 and
+        ``1 - lambda / 4`` onto STN; those of D2 and STN onto GPe, and of GPe onto STN,
+        ``1 - lambda / 2``. ``Circuit.dopamine`` moves cortical weights onto D1 and D2 alone.
+    """
+    check_channels(channels)
+    check_number("dopamine", dopamine)
+    if not 0 <= dopamine <= 1:
+        raise ValueError(f"dopamine must lie in 0..1, got {dopamine}")
+    half = 1 - 0.5 * dopamine
+    of_gpe = half * SYNAPSES * PALLIDAL_HZ  # spikes per second that reach a cell of STN
+    mutual = SYNAPSES * PALLIDAL_HZ / 2  # half of them proximal, half somatic
+    msn = Target(MSN, -10.5)
+    stn = Target(STN, 19.8, 0.4 * of_gpe, 0.3 * of_gpe)
+    gpe = Target(GPE, 33.44, mutual, mutual)
+    snr = Target(SNR, 43.68, 2 * mutual, 2 * mutual)
+    gpe_stn, d2_gpe = stn.inhibited(0.3), gpe.inhibited(0.33)
+    d1, d2, stn_ = 1 + dopamine, 1 - dopamine, 1 - 0.25 * dopamine
+    fast_msn, fast_stn, fast_gpe, fast_snr = (
+        to.excited(PSP_MV, AMPA_MS) for to in (msn, stn, gpe, snr)
+    )
+    slow_msn, slow_stn, slow_gpe, slow_snr = (
+        to.excited(NMDA_PSP_MV, NMDA_MS) for to in (msn, stn, gpe, snr)
+    )
+    n, own, all_n = channels, 0.25, 0.25 / channels
+    tonic, of_ctx = TONIC_HZ / SALIENCE_HZ, SALIENCE_HZ / HZ
+    # fmt: off
+    populations = rows(Population, (
+        "name        cell        neurons gain_hz_per_nat transmitter bias_nats spread cite",
+        ("ctx",      Phase(1.0), 64,     SALIENCE_HZ,    GLUTAMATE,  tonic,    0.0,   SALIENCE),
+        ("ctx_NMDA", Rate(),     1,      HZ,             GLUTAMATE,  0.0,      0.0,   SLOW),
+        ("D1",       MSN,        64,     HZ,             GABA,       msn.bias, 0.1,   CELL),
+        ("D2",       MSN,        64,     HZ,             GABA,       msn.bias, 0.1,   CELL),
+        ("STN",      STN,        64,     HZ,             GLUTAMATE,  stn.bias, 0.1,   CELL),
+        ("STN_NMDA", Rate(),     1,      HZ,             GLUTAMATE,  0.0,      0.0,   SLOW),
+        ("GPe",      GPE,        64,     HZ,             GABA,       gpe.bias, 0.1,   CELL),
+        ("SNr",      SNR,        64,     HZ,             GABA,       snr.bias, 0.1,   CELL),
+    ), (
+        "name        transfer     tau_ms   receptor",
+        ("ctx",      "rectified", 0.0,     ""),
+        ("ctx_NMDA", "linear",    NMDA_MS, ""),
+        ("D1",       "linear",    0.0,     "D1"),
+        ("D2",       "linear",    0.0,     "D2"),
+        ("STN_NMDA", "linear",    NMDA_MS, ""),
+    ))
+    projections = rows(Projection, (
+        "source      target      weight                    pattern    delay_ms probability cite",
+        ("ctx",      "ctx_NMDA", of_ctx,                   "channel", 0.0,     1,          SLOW),
+        ("ctx",      "D1",       of_ctx * d1 * fast_msn,   "channel", 10,      own,        AMPA),
+        ("ctx",      "D2",       of_ctx * d2 * fast_msn,   "channel", 10,      own,        AMPA),
+        ("ctx",      "STN",      of_ctx * stn_ * fast_stn, "channel", 2.5,     own,        AMPA),
+        ("ctx_NMDA", "D1",       d1 * slow_msn,            "channel", 10,      1,          NMDA),
+        ("ctx_NMDA", "D2",       d2 * slow_msn,            "channel", 10,      1,          NMDA),
+        ("ctx_NMDA", "STN",      stn_ * slow_stn,          "channel", 2.5,     1,          NMDA),
+        ("D1",       "SNr",      4 * snr.inhibited(1),     "channel", 4,       own,        DISTAL),
+        ("D2",       "GPe",      4 * half * d2_gpe,        "channel", 5,       own,        BOTH),
+        ("STN",      "STN_NMDA", 1,                        "channel", 0.0,     1,          SLOW),
+        ("STN",      "GPe",      half * fast_gpe / n,      "diffuse", 2,       all_n,      AMPA),
+        ("STN",      "SNr",      fast_snr / n,             "diffuse", 1.5,     all_n,      AMPA),
+        ("STN_NMDA", "GPe",      half * slow_gpe / n,      "diffuse", 2,       1,          NMDA),
+        ("STN_NMDA", "SNr",      slow_snr / n,             "diffuse", 1.5,     1,          NMDA),
+        ("GPe",      "STN",      half * gpe_stn,           "channel", 4,       own,        BOTH),
+        ("GPe",      "SNr",      snr.inhibited(0),         "channel", 3,       own,        CLAMP),
+        ("GPe",      "GPe",      gpe.inhibited(0) / n,     "diffuse", 1,       all_n,      CLAMP),
+        ("SNr",      "SNr",      snr.inhibited(0) / n,     "diffuse", 1,       all_n,      CLAMP),
+    ), (
+        "source      target tau_ms",
+        ("ctx",      "D1",  AMPA_MS),
+        ("ctx",      "D2",  AMPA_MS),
+        ("ctx",      "STN", AMPA_MS),
+        ("D1",       "SNr", GABA_MS),
+        ("D2",       "GPe", GABA_MS),
+        ("STN",      "GPe", AMPA_MS),
+        ("STN",      "SNr", AMPA_MS),
+        ("GPe",      "STN", GABA_MS),
+        ("GPe",      "SNr", GABA_MS),
+        ("GPe",      "GPe", GABA_MS),
+        ("SNr",      "SNr", GABA_MS),
+    ), (
+        "source      target receptor",
+        ("ctx_NMDA", "D1",  "D1"),
+        ("ctx_NMDA", "D2",  "D2"),
+    ))
+    # fmt: on
+    return Circuit(
+        name="humphries",
+        populations=populations,
+        projections=projections,
+        channels=channels,
+        unit="salience",
+        reference_nats=0.0,
+        readout_tau_ms=50.0,
+        range_nats=(-float("inf"), 1.0),
+        most_channels=16,  # beyond, a cell would hear less than one of another channel
+        about=f"spiking cells select the channel of the largest salience; {HUMPHRIES}",
+    )
