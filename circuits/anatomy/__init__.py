@@ -15,6 +15,7 @@ from circuits.anatomy.gpr import gpr
 from circuits.anatomy.humphries import humphries
 from circuits.anatomy.macaque import macaque
 from circuits.anatomy.spiking_msprt import spiking_msprt
+from circuits.anatomy.stewart import stewart
 from circuits.spec import Circuit
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "linear_gpe",
     "macaque",
     "spiking_msprt",
+    "stewart",
 ]
 
 CIRCUITS: dict[str, Callable[..., Circuit]] = {
@@ -38,6 +40,7 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {
     "spiking_msprt": spiking_msprt,
     "gpr": gpr,
     "humphries": humphries,
+    "stewart": stewart,
 }
 """All tables by name; each takes the number of channels."""
 DEFAULT = "macaque"

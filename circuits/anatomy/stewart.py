@@ -1,0 +1,82 @@
+"""The table of Stewart, Choo & Eliasmith 2010: GPR's weights in spikes, lags by synapses alone."""
+
+from __future__ import annotations
+
+from circuits.anatomy.columns import rows
+from circuits.cells import Phase, Rate
+from circuits.checks import check_channels, check_number
+from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+
+STEWART = "Stewart et al. 2010"
+CODE = f"{STEWART}, nengo 4.1"
+SALIENCE = f"{CODE}, no cells"
+CELLS = f"{CODE}; regular cells assumed"
+AMPA = f"AMPA 2 ms, {CODE}"
+GABA_A = f"GABA 8 ms, {CODE}"
+
+AMPA_MS, GABA_MS = 2.0, 8.0
+HZ = 200.0  # maximal rates of 200 to 400 Hz at an input of 1.5
+
+
+def stewart(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
+    """Return the spiking circuit of Stewart, Choo & Eliasmith 2010, as ``nengo`` ships it.
+
+    Weights and thresholds are those of Gurney, Prescott & Redgrave 2001; lags are those of
+    synapses, 2 ms from STN and 8 ms from cells of GABA, and the input has none. Saliences 0..1 come
+    in; the output of each channel is what SNr stands for, near 0 where it is selected. The authors'
+    functions have no top; their ensembles represent values up to 1.5. No posterior follows.
+
+    Left out are the unequal cells: there each nucleus has 100 leaky integrate-and-fire cells per
+    channel whose thresholds and slopes are drawn, and decoders that make the line of them. Here
+    the cells are alike and regular, as theirs are without noise, and each fires by the line itself:
+    200 Hz per unit, the mean of the authors' maximal rates over 1.5. Errors of the decoders are
+    left out with them. The read-out of 10 ms is that of nengo's tests.
+
+    Parameters
+    ----------
+    channels : int
+        Alternatives.
+    dopamine : float
+        lambda, 0..1: cortical weights are ``1 + lambda`` onto D1 and ``1 - lambda`` onto D2.
+    """
+    check_channels(channels)
+    check_number("dopamine", dopamine)
+    if not 0 <= dopamine <= 1:
+        raise ValueError(f"dopamine must lie in 0..1, got {dopamine}")
+    cell = Phase(0.0)
+    given = f"no synapse, {CODE}"
+    d1, d2 = 1 + dopamine, 1 - dopamine
+    # fmt: off
+    populations = rows(Population, (
+        "name   cell    neurons gain_hz_per_nat transmitter receptor transfer     bias_nats cite",
+        ("ctx", Rate(), 1,      HZ,             GLUTAMATE,  "",      "rectified", 0.0,   SALIENCE),
+        ("D1",  cell,   100,    HZ,             GABA,       "D1",    "rectified", -0.2,  CELLS),
+        ("D2",  cell,   100,    HZ,             GABA,       "D2",    "rectified", -0.2,  CELLS),
+        ("STN", cell,   100,    HZ,             GLUTAMATE,  "",      "rectified", 0.25,  CELLS),
+        ("GPe", cell,   100,    HZ,             GABA,       "",      "rectified", 0.2,   CELLS),
+        ("SNr", cell,   100,    HZ,             GABA,       "",      "rectified", 0.2,   CELLS),
+    ))
+    projections = rows(Projection, (
+        "source target weight pattern    tau_ms   cite",
+        ("ctx", "D1",  d1,    "channel", 0.0,     given),
+        ("ctx", "D2",  d2,    "channel", 0.0,     given),
+        ("ctx", "STN", 1,     "channel", 0.0,     given),
+        ("D1",  "SNr", -1,    "channel", GABA_MS, GABA_A),
+        ("D2",  "GPe", -1,    "channel", GABA_MS, GABA_A),
+        ("STN", "GPe", 0.9,   "diffuse", AMPA_MS, AMPA),
+        ("STN", "SNr", 0.9,   "diffuse", AMPA_MS, AMPA),
+        ("GPe", "STN", -1,    "channel", GABA_MS, GABA_A),
+        ("GPe", "SNr", -0.3,  "channel", GABA_MS, GABA_A),
+    ))
+    # fmt: on
+    return Circuit(
+        name="stewart",
+        populations=populations,
+        projections=projections,
+        channels=channels,
+        unit="salience",
+        reference_nats=0.0,
+        readout_tau_ms=10.0,
+        range_nats=(-float("inf"), 1.0),
+        about=f"spikes select the channel of the largest salience; {STEWART}",
+    )

@@ -1,0 +1,74 @@
+"""Stewart, Choo & Eliasmith 2010: the closed form of GPR, and what nengo's tests print.
+
+nengo's test of its basal ganglia (networks/tests/test_actionselection.py, version 4.1): of inputs
+.8, .4, .4, .4, .4 the output times -3, its mean from 100 to 200 ms, is above -.1 for the first and
+below -.8 for the others.
+"""
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.engines import run
+
+OF_NENGO = [0.8, 0.4, 0.4, 0.4, 0.4]
+
+
+def settled(engine, saliences, **options):
+    """Return the output of each channel and trial, its mean from 100 to 200 ms."""
+    trials = 1 if engine == "rate" else 20
+    drive = np.tile(saliences, (trials, 2, 1))
+    seed = {} if engine == "rate" else {"seed": 3}
+    circuit = anatomy.stewart(len(saliences), **options)
+    activity = run(circuit, drive, engine=engine, step_ms=100, **seed)
+    return activity.output_nats[:, 100:].mean(axis=1)
+
+
+@pytest.mark.parametrize("engine", ["rate", "ensemble"])
+def test_outputs_lie_within_the_bounds_of_nengos_own_test(engine):
+    out = -3 * settled(engine, OF_NENGO)
+    assert (out[:, 0] > -0.1).all()
+    assert (out[:, 1:] < -0.8).all()
+
+
+@pytest.mark.parametrize("saliences", [(0.0, 0.0), (0.8, 0.3), (0.5, 0.45), (0.6, 0.2, 0.2, 0.1)])
+@pytest.mark.parametrize("level", [0.0, 0.2, 0.4])
+def test_outputs_settle_where_those_of_gpr_do(saliences, level):
+    """As far as no ramp of gpr is at its top: these functions have none."""
+    gpr = anatomy.gpr(len(saliences), dopamine=level)
+    expected = run(gpr, [[saliences]], engine="algebra", step_ms=1.0).output_nats[0, 0]
+    np.testing.assert_allclose(settled("rate", saliences, dopamine=level)[0], expected, atol=1e-4)
+
+
+def test_spikes_scatter_about_the_closed_form():
+    expected = settled("rate", OF_NENGO)[0]
+    found = settled("ensemble", OF_NENGO)
+    np.testing.assert_allclose(found.mean(axis=0), expected, atol=0.01)
+    assert (found.std(axis=0) < 0.02).all()
+
+
+def latency_ms(before, after, level):
+    """Return when the rate of the first channel's SNr falls below a level, from a step of input."""
+    drive = np.repeat([[before], [after]], 400, axis=0).transpose(1, 0, 2)
+    activity = run(anatomy.stewart(3), drive, engine="rate", step_ms=0.5, sample_ms=0.5)
+    below = activity.rates_hz["SNr"][0, 400:, 0] < 200 * level
+    assert below.any()
+    return 0.5 * (below.argmax() + 1)
+
+
+def test_a_clear_choice_falls_silent_in_about_the_14_ms_that_the_authors_print():
+    """Abstract: "an action can be selected in 14 milliseconds"; silent is our reading of it."""
+    assert latency_ms([0, 0, 0], [1, 0, 0], 1e-3) == pytest.approx(14, rel=0.25)
+
+
+def test_similar_utilities_take_longer():
+    """Abstract: "or longer for actions with similar utilities"."""
+    base = [0.4, 0.4, 0.4]
+    found = [latency_ms(base, [0.4 + more, 0.4, 0.4], 0.05) for more in (0.6, 0.3, 0.25)]
+    assert found == sorted(found)
+    assert found[-1] > 1.2 * found[0]
+
+
+def test_dopamine_outside_its_range_is_refused():
+    with pytest.raises(ValueError, match=r"dopamine must lie in 0\.\.1, got -0\.1"):
+        anatomy.stewart(dopamine=-0.1)
