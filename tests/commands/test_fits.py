@@ -261,6 +261,28 @@ def test_criterion_means_that_of_each_model_and_varies_with_a_column(capsys):
         assert mine == ["sensitivity", *levels, "t0_s"]
 
 
+@pytest.mark.parametrize("deadline", [None, 2.6])
+def test_a_circuit_is_simulated_to_the_half_second_after_the_longest_response(
+    monkeypatch, deadline
+):
+    """No longer than it takes; participants with about as long responses share it."""
+    simulated = []
+
+    def simulate(model, point):
+        simulated.append(model.seconds)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(CircuitModel, "_simulate", simulate)
+    given = [] if deadline is None else ["--deadline", str(deadline)]
+    for who, own in GOOD.groupby("participant_id"):
+        asked = ["mine.csv", "out", *COHERENCE, *QUICK, "--models", "macaque", *given]
+        assert run("fit", *asked, "--participant", who) == 130
+        longest = deadline or own["rt"].max()
+        assert 0 <= simulated[-1] - longest < 0.5
+        assert 2 * simulated[-1] == round(2 * simulated[-1])
+    assert len(simulated) == 2
+
+
 def test_an_optimum_at_a_bound_is_said(mine, capsys):
     """Responses by chance: no evidence is heard."""
     rng = np.random.default_rng(1)

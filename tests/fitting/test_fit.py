@@ -66,6 +66,7 @@ def test_cells_hold_data_beside_the_model(found, likelihood):
         assert row["correct_s"] == rt[right == 1].mean()
         assert row["wrong_s"] == rt[right == 0].mean()
         assert row["mean_se"] == pytest.approx(rt.std() / np.sqrt(len(rt)))
+        assert row["accuracy_se"] == pytest.approx(right.std() / np.sqrt(len(right)))
         for q in QUANTILES:
             assert row[f"q{round(100 * q)}_s"] == np.quantile(rt, q)
             assert row[f"model_q{round(100 * q)}_s"] == pytest.approx(np.quantile(rt, q), abs=0.06)

@@ -47,6 +47,21 @@ def test_a_threshold_that_noise_crosses_is_warned_of():
         replace(MODEL, engine="algebra").warn_of_noise(0.62)
 
 
+@pytest.mark.parametrize("sample_ms", [0.5, 1.0, 5.0])
+def test_a_batch_without_rates_holds_as_many_trials_as_its_out_has_room_for(sample_ms):
+    """More samples, fewer trials; with rates, or of very long trials, the least batch."""
+    options = {"noise": False, "rates": False, "sample_ms": sample_ms}
+    model = BasalGanglia(macaque(2), "population", GAIN, SEED, options)
+    long = gaussian_evidence(4000, 60, 0.5, rng=stream(SEED, "long"), step_ms=50.0)
+    activity = model.activity(long[:1])
+    numbers = activity.output_nats.size
+    most = min(basal_ganglia.WIDE_BATCH, basal_ganglia.WIDE_NUMBERS / numbers)
+    assert model.batch(long) == pytest.approx(most, rel=0.03)
+    assert replace(model, options={**options, "rates": True}).batch(long) == basal_ganglia.BATCH
+    endless = replace(long, step_ms=50_000.0)
+    assert model.batch(endless) == basal_ganglia.BATCH
+
+
 @given(
     arrays(np.float64, (3, 4, 5), elements=st.floats(-60, 60)),
     st.floats(2, 20),

@@ -6,7 +6,7 @@ from scipy import stats
 
 from bgmodel import Msprt, criterion_from_gap, stream, tally
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.integrators.fused import LANES, fill_normals, gaussian_tally
+from bgmodel.integrators.fused import LANES, _two_normals, fill_normals, gaussian_tally
 from bgmodel.theory.sprt import gaussian_pair, sprt, walk
 
 SEED, TRIALS = 2025, 400_000
@@ -47,6 +47,18 @@ def test_the_noise_is_normal_and_white():
         for power in (1, 2):
             r = np.corrcoef(a.ravel() ** power, b.ravel() ** power)[0, 1]
             assert abs(r) < Z_LIMIT / np.sqrt(a.size)
+
+
+def test_two_words_are_two_normals_to_single_precision_at_every_turn():
+    """Box & Muller in double precision, of the upper 24 bits of each word."""
+    first, second = stream(SEED, "words").integers(0, 2**32, (2, 20_000), dtype=np.uint32)
+    found = np.array([_two_normals(*words) for words in zip(first, second, strict=True)])
+    u, turn = ((first >> 8) + 0.5) / 2**24, 2 * np.pi * (second >> 8) / 2**24
+    radius = np.hypot(*found.T)
+    # Near 1 single precision holds few values of u.
+    assert (np.abs(radius - np.sqrt(-2 * np.log(u)))[u < 0.9]).max() < 1e-6
+    off = found / radius[:, None] - np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    assert np.abs(off).max() < np.finfo(np.float32).eps
 
 
 @pytest.mark.parametrize(("d", "t_max"), [(0.25, 50), (0.5, 30), (1.0, 9), (0.5, 1)])

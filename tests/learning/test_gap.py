@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from bgmodel.learning.gap import fold_sources, increments, regret_on_fresh_trials, search_folds
+from bgmodel.learning import gap
+from bgmodel.learning.gap import (
+    fold_sources,
+    increments,
+    learn_folds,
+    regret_on_fresh_trials,
+    search_folds,
+)
+from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.task import held_out_taps
 from bgmodel.theory.sprt import optimal_delta, reward_curve
 
@@ -33,3 +41,26 @@ def test_regret_is_the_share_that_a_gap_costs_more():
     assert regret == pytest.approx(cost / best.cost - 1, abs=0.03)
     assert regret[0] > 0.3
     assert abs(regret[1]) < 0.03
+
+
+def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_learned(monkeypatch):
+    """The running mean over the trials that count ends at the learned gap."""
+    monkeypatch.setattr(gap, "FRESH_TRIALS", 2000)
+    monkeypatch.setattr(gap, "FOLDS", 2)
+    learner = Learner(episodes=300, last=50)
+    table = learn_folds(
+        TAPS, 2.0, xi=50.0, start_delta=1.5, repeats=2, t_max=10, seed=3, learner=learner,
+        keep=4, window=50,
+    )  # fmt: skip
+    runs = table.groupby(["fold", "repeat"])
+    assert list(runs.groups) == [(fold, repeat) for fold in range(2) for repeat in range(2)]
+    assert all(run["episode"].tolist() == [0, 100, 199, 299] for _, run in runs)
+    last = runs.last()
+    assert last["smoothed_delta"].to_numpy() == pytest.approx(last["learned_delta"].to_numpy())
+    assert (runs["smoothed_delta"].first() == 1.5).all()
+    assert last["learned_delta"].nunique() == 4
+    # One fold, one optimum; the start costs more than it by the same in both repeats.
+    same = table.groupby("fold")[["optimal_delta", "optimal_cost", "start_regret"]].nunique()
+    assert (same == 1).all(axis=None)
+    assert table["optimal_delta"].nunique() == 2
+    assert (table["start_regret"] > 0).all()
