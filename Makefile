@@ -36,7 +36,7 @@ benchmark: $(VENV)/bench.installed
 	$(BIN)/python -m benchmarks.speed.deciding
 	$(BIN)/python -m benchmarks.speed.circuits
 
-score: $(VENV)/figures.installed
+score: $(VENV)/figures.installed $(VENV)/compare.installed
 	$(BIN)/python -m benchmarks.scores --workers $(CORES) $(if $(FAST),--fast)
 	$(BIN)/python -m benchmarks.pages
 

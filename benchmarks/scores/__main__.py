@@ -4,6 +4,7 @@ from benchmarks import hssm_check
 from benchmarks.scores import (
     agreement,
     conflict,
+    crosschecks,
     experiments,
     fits,
     learning,
@@ -39,6 +40,7 @@ MODULES = (
     likelihood,
     hssm_check,
     published,
+    crosschecks,
 )
 
 if __name__ == "__main__":

@@ -1,0 +1,297 @@
+"""The tests beside other tools: PyDDM, ssm-simulators and psignifit on the same problems.
+
+Needs the extra ``compare``. Decisions are those of ``Sprt``, ``Race`` and ``Lca`` by
+``first_crossing``; how the other tools are asked is in ``other_tools.py``. Times are whole
+readings: for a Kolmogorov-Smirnov test each is spread over the reading that it ends with, so that
+p is exact. Over a grid the p-values are held to what they are under equality: the smallest after
+Bonferroni, their evenness, and the sum of squared z. Each table has controls that must fail.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from importlib import util
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.scores.other_tools import (
+    Accumulators,
+    Ends,
+    by_psignifit,
+    by_pyddm,
+    by_ssm_simulators,
+    exact,
+    readings_needed,
+)
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel import Sprt, stream
+from bgmodel.arrays import Array
+from bgmodel.decision import first_crossing
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.means import fit_means
+from bgmodel.tables.choices import Choices
+from bgmodel.theory.sprt import OVERSHOOT
+from circuits.anatomy import DEFAULT
+
+SCORING_SEED = 73_001
+TOOLS = ("pyddm", "ssms", "psignifit")
+SEPARATIONS, BOUNDS, STARTS = (0.03, 0.05), (0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 0.4)
+"""The grid: d per reading; bounds, nats; where Z starts, as a share of the bound."""
+COARSE_D = 0.5
+"""A separation at which a reading is no small step."""
+WRONG = 1.03
+"""Factor on the drift in controls."""
+TRIALS, COARSE_TRIALS, NUMBERS = 20_000, 2000, 10_000_000
+"""Trials of a point, and readings in memory at a time."""
+POINTS = (
+    *(Accumulators(n, 0.3, bound) for n in (2, 3, 4) for bound in (6.0, 12.0)),
+    *(
+        Accumulators(n, 0.3, 8.0, leak, inhibition)
+        for n in (3, 4)
+        for leak, inhibition in ((0.1, 0.1), (0.02, 0.0), (0.02, 0.04))
+    ),
+)
+"""Races, then leaky competing accumulators: balanced, leak alone, more inhibition than leak."""
+STRENGTHS = np.linspace(-2, 2, 9)
+GAIN, SD_BOUNDS, BIASES, REPEATS = 0.05, (12.0, 20.0), (0.0, 0.4), 10
+"""Drift per strength, sd of a reading; bounds, sd; biases, strengths; data sets of each."""
+T0_S, STEP_S = 0.3, 0.001
+
+
+def decided(
+    d: float, theta: float, start: float, trials: int, *names: object
+) -> tuple[Array, Array]:
+    """Return whether each trial of the test is right, and its number of readings."""
+    steps = readings_needed(d, theta)
+    prior = np.array([1.0, np.exp(start)]) / (1 + np.exp(start))
+    batch = max(2, NUMBERS // steps // 2 * 2)
+    correct, readings = [], []
+    for first in range(0, trials, batch):
+        rng = stream(SCORING_SEED, "walk", d, theta, start, first, *names)
+        drawn = gaussian_evidence(min(batch, trials - first), steps, d / np.sqrt(2), rng=rng)
+        evidence = Evidence(drawn.log_likelihood, drawn.truth, prior)
+        found = first_crossing(Sprt().run(evidence), -theta)
+        correct.append(found.choice == drawn.truth)
+        readings.append(found.steps)
+    return np.concatenate(correct), np.concatenate(readings)
+
+
+def spread(readings: Array, *names: object) -> Array:
+    """Return times evenly spread over the reading that each ends with."""
+    return np.asarray(readings - stream(SCORING_SEED, "spread", *names).random(len(readings)))
+
+
+def held(correct: Array, readings: Array, ends: Ends, times: Array) -> dict[str, float]:
+    """Return what a solution says of simulated decisions, z-scores, and KS distance and p."""
+    from scipy.stats import kstest
+
+    n, rate = len(correct), ends.error_rate
+    test = kstest(times, ends.before)
+    return {
+        "error_rate": rate,
+        "mean": ends.mean,
+        "z_error": (np.mean(~correct) - rate) / np.sqrt(rate * (1 - rate) / n),
+        "z_mean": (readings.mean() - ends.mean) / (readings.std() / np.sqrt(n)),
+        "ks": float(test.statistic),
+        "p": float(test.pvalue),
+    }
+
+
+def walks(d: float, share: float, trials: int) -> pd.DataFrame:
+    """Return a row per bound and solution, the simulation's error rate and mean beside it."""
+    rows = []
+    for theta in BOUNDS:
+        at = d, theta, share * theta
+        correct, readings = decided(*at, trials)
+        times = spread(readings, *at)
+        solutions = {
+            "exact": exact(*at),
+            "PyDDM": by_pyddm(*at),
+            "PyDDM, overshoot left out": by_pyddm(*at, overshoot=0.0),
+            f"PyDDM, drift times {WRONG:g}": by_pyddm(*at, drift=WRONG),
+        }
+        point = {"separation": d, "bound": theta, "start": share * theta}
+        seen = {"simulated_error_rate": np.mean(~correct), "simulated_mean": readings.mean()}
+        for name, ends in solutions.items():
+            rows.append({"solution": name} | point | seen | held(correct, readings, ends, times))
+    return pd.DataFrame(rows)
+
+
+def verdict(found: pd.DataFrame) -> dict[str, float]:
+    """Return what the z and p of several points say together."""
+    from scipy.stats import chi2, kstest
+
+    points = len(found)
+    told: dict[str, float] = {"points": points}
+    for name in ("error", "mean"):
+        z = found[f"z_{name}"]
+        told[f"z_{name}_most"] = float(z.abs().max())
+        told[f"z_{name}_p"] = float(chi2.sf((z**2).sum(), points))
+    told |= {"ks_most": float(found["ks"].max()), "p_least": float(found["p"].min())}
+    told["p_bonferroni"] = min(1.0, points * told["p_least"])
+    return told | {"evenness_p": float(kstest(found["p"], "uniform").pvalue)}
+
+
+def accumulators(number: int, trials: int) -> pd.DataFrame:
+    """Return one point of a race or an LCA, ours beside theirs and beside two controls."""
+    from scipy.stats import ks_2samp
+
+    point = POINTS[number]
+    integrator, threshold = point.ours()
+    batch = COARSE_TRIALS
+    correct, readings = [], []
+    for first in range(0, trials, batch):
+        rng = stream(SCORING_SEED, "accumulators", number, first)
+        evidence = point.evidence(min(batch, trials - first), rng)
+        found = first_crossing(integrator.run(evidence), threshold)
+        correct.append(found.choice == 0)
+        readings.append(found.steps)
+    right, taken = np.concatenate(correct), np.concatenate(readings)
+    theirs = {
+        "ssm-simulators": point.theirs(),
+        f"drift times {WRONG:g}": point.theirs(drift=WRONG),
+        "their floor at the start": point.theirs(floor=0.0),
+    }
+    rows = []
+    for k, (name, (model, given)) in enumerate(theirs.items()):
+        seed = int(stream(SCORING_SEED, "ssm-simulators", number, k).integers(2**31))
+        other = by_ssm_simulators(model, given, trials, seed)
+        test = ks_2samp(spread(taken, number, k), spread(other.readings, number, k, "theirs"))
+        gap = float(np.mean(other.correct) - np.mean(right))
+        error = float(np.hypot(right.std(), other.correct.std()) / np.sqrt(trials))
+        late = float(other.readings.mean() - taken.mean())
+        late_error = float(np.hypot(taken.std(), other.readings.std()) / np.sqrt(trials))
+        row: dict[str, Any] = {"theirs": name, "model": model, "leak": point.leak or 0.0}
+        row |= {"inhibition": point.inhibition, "bound": point.bound}
+        row |= {"accuracy": np.mean(right), "mean": taken.mean(), "their_mean": np.mean(other[1])}
+        row |= {"gap": gap, "gap_low": gap - 1.96 * error, "gap_high": gap + 1.96 * error}
+        row |= {"z_error": gap / error, "z_mean": late / late_error}
+        rows.append(row | {"ks": float(test.statistic), "p": float(test.pvalue)})
+    return pd.DataFrame(rows)
+
+
+def psychometric(bound: float, bias: float, repeats: int, trials: int) -> pd.DataFrame:
+    """Return threshold and width of data sets by psignifit, and by this project's own fit.
+
+    Readings have the mean k (c + bias) and sd 1, and the test stops at +-bound, in sd. Response 1
+    then has the chance 1 / (1 + exp(-2 (bound + .5826) k (c + bias))).
+    """
+    rows = []
+    width = np.log(19) / ((bound + OVERSHOOT) * GAIN)
+    for number in range(repeats):
+        rng = stream(SCORING_SEED, "psychometric", bound, bias, number)
+        levels = np.repeat(STRENGTHS, trials)
+        chosen, readings = _answered(levels + bias, bound, rng)
+        right = chosen.reshape(len(STRENGTHS), trials).sum(axis=1)
+        told = by_psignifit(STRENGTHS, right, np.full(len(STRENGTHS), trials))
+        row: dict[str, Any] = {"bound": bound, "bias": bias, "set": number, **told}
+        row |= {"true_threshold": -bias, "true_width": width}
+        row["raw_width"] = np.log(19) / (bound * GAIN)
+        if not bias:  # the closed form of means knows no bias
+            row["own_width"] = _own_width(levels, chosen, readings)
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _answered(drive: Array, bound: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return choices and readings of the test on readings of a mean that it does not know."""
+    steps = int(12 * (bound + 1) ** 2)
+    chosen, readings = [], []
+    for part in np.array_split(drive, int(np.ceil(len(drive) * steps / NUMBERS))):
+        x = rng.standard_normal((len(part), steps)) + GAIN * part[:, None]
+        found = first_crossing(Sprt().run(Evidence(np.stack([0 * x, x], axis=2))), -bound)
+        chosen.append(found.choice)
+        readings.append(found.steps)
+    return np.concatenate(chosen), np.concatenate(readings)
+
+
+def _own_width(levels: Array, chosen: Array, readings: Array) -> float:
+    """Return the width that Palmer's fit to choices and mean times implies."""
+    trials = len(levels)
+    choices = Choices(
+        np.full(trials, "one"),
+        T0_S + STEP_S * readings,
+        chosen.astype(np.int8),
+        levels,
+        pd.DataFrame(index=range(trials)),
+    )
+    found = fit_means(design_of(choices))
+    return float(np.log(19) / (found.bound * found.sensitivity))
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield the grid, coarse readings, accumulators and psychometric functions; no threads.
+
+    None without the other tools.
+    """
+    if any(util.find_spec(name) is None for name in TOOLS):
+        return
+    trials = COARSE_TRIALS if fast else TRIALS
+    for d in (*SEPARATIONS, COARSE_D):
+        for share in STARTS:
+            kind = "coarse" if d == COARSE_D else "grid"
+            make = partial(walks, d, share, trials)
+            yield Piece(kind, f"d = {d:g}, start {share:g}", trials, 4e-6 * trials / d**2, make)
+    for number, point in enumerate(POINTS):
+        name = f"{number} {point.theirs()[0]}"
+        make = partial(accumulators, number, trials)
+        yield Piece("accumulators", name, trials, 4e-4 * trials, make)
+    each, repeats = (100, 2) if fast else (1000, REPEATS)
+    for bound in SD_BOUNDS:
+        for bias in BIASES:
+            count = each * len(STRENGTHS) * repeats
+            make = partial(psychometric, bound, bias, repeats, each)
+            name = f"bound {bound:g}, bias {bias:g}"
+            yield Piece("psychometric", name, count, 4e-7 * count * bound**2, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return points and verdicts of walks and accumulators, and psychometric functions."""
+    verdicts = {
+        "grid": ("grid", ["solution"]),
+        "coarse": ("coarse", ["solution"]),
+        "accumulators": ("accumulators", ["theirs"]),
+    }
+    found: dict[str, tuple[str, pd.DataFrame]] = {}
+    for name, (kind, by) in verdicts.items():
+        found[f"{name}_points"] = kind, made[kind]
+        rows = [
+            dict(zip(by, key, strict=True)) | verdict(part)
+            for key, part in made[kind].groupby(by, sort=False)
+        ]
+        found[name] = kind, pd.DataFrame(rows)
+    return found | {
+        "psychometric_sets": ("psychometric", made["psychometric"]),
+        "psychometric": ("psychometric", _widths(made["psychometric"])),
+    }
+
+
+def _widths(sets: pd.DataFrame) -> pd.DataFrame:
+    """Return, per bound and bias, how many intervals hold what they should, and means."""
+    rows = []
+    for (bound, bias), part in sets.groupby(["bound", "bias"]):
+        row: dict[str, Any] = {"bound": bound, "bias": bias, "sets": len(part)}
+        for name in ("threshold", "width"):
+            row |= {f"true_{name}": part[f"true_{name}"].iloc[0], name: part[name].mean()}
+            row[f"{name}_se"] = part[name].std() / np.sqrt(len(part))
+        for name, of in (("threshold", "true_threshold"), ("width", "true_width")):
+            row[f"{name}_held"] = int(_inside(part, name, part[of]).sum())
+        row["raw_width_held"] = int(_inside(part, "width", part["raw_width"]).sum())
+        own = part["own_width"] if "own_width" in part else pd.Series(np.nan, part.index)
+        row |= {"own_width": own.mean(), "own_width_held": int(_inside(part, "width", own).sum())}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _inside(part: pd.DataFrame, name: str, value: pd.Series) -> pd.Series:
+    return (part[f"{name}_low"] <= value) & (value <= part[f"{name}_high"])
+
+
+SCORE = Score("crosschecks", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)

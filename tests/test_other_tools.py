@@ -1,0 +1,120 @@
+"""A few points beside PyDDM, ssm-simulators and psignifit; `make score` runs the whole grid."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks.scores import crosschecks, other_tools
+from benchmarks.scores.other_tools import Accumulators
+from bgmodel import stream
+from bgmodel.decision import first_crossing
+from bgmodel.theory.first_passage import gaussian_pair
+from bgmodel.theory.sprt import OVERSHOOT, siegmund, sprt
+
+D = 0.05
+POINT = Accumulators(3, 0.3, 6.0, 0.1, 0.05)
+
+
+@pytest.mark.parametrize(("theta", "share"), [(0.5, 0.0), (1.0, 0.4), (2.0, 0.0)])
+def test_the_exact_walk_is_the_diffusion_of_pyddm_with_bounds_moved_out(theta, share):
+    pytest.importorskip("pyddm")
+    at = D, theta, share * theta
+    walk, diffusion = other_tools.exact(*at), other_tools.by_pyddm(*at)
+    assert diffusion.error_rate == pytest.approx(walk.error_rate, abs=1e-4)
+    assert diffusion.mean == pytest.approx(walk.mean, rel=1e-3)
+    # At whole readings, where both say what has been decided.
+    apart = np.abs(diffusion.before(walk.readings) - walk.cdf).max()
+    assert apart < 3e-4
+    for wrong in ({"overshoot": 0.0}, {"drift": crosschecks.WRONG}):
+        control = other_tools.by_pyddm(*at, **wrong)
+        moved = np.abs(control.before(walk.readings) - walk.cdf).max()
+        assert moved > 4 * apart or abs(control.error_rate - walk.error_rate) > 2e-3
+
+
+def test_without_the_correction_pyddm_has_walds_error_rate():
+    pytest.importorskip("pyddm")
+    raw = other_tools.by_pyddm(0.5, 1.0, 0.0, overshoot=0.0)
+    assert raw.error_rate == pytest.approx(1 / (1 + np.e), abs=1e-4)
+    moved = other_tools.by_pyddm(0.5, 1.0, 0.0)
+    assert moved.error_rate == pytest.approx(float(siegmund(0.5, 1.0).error_rate), abs=1e-4)
+    truth = sprt(*gaussian_pair(0.5), 2.0)
+    assert moved.mean == pytest.approx(float(truth.mean_steps), abs=0.02)
+    assert abs(raw.mean - truth.mean_steps) > 2
+
+
+def test_simulated_decisions_are_those_of_both_solutions_and_of_no_control():
+    pytest.importorskip("pyddm")
+    at, trials = (D, 0.5, 0.0), 8000
+    correct, readings = crosschecks.decided(*at, trials, "test")
+    times = crosschecks.spread(readings, "test")
+    for solution in (other_tools.exact, other_tools.by_pyddm):
+        found = crosschecks.held(correct, readings, solution(*at), times)
+        assert abs(found["z_error"]) < 3.5
+        assert abs(found["z_mean"]) < 3.5
+        assert found["p"] > 1e-3
+    raw = other_tools.by_pyddm(*at, overshoot=0.0)
+    assert crosschecks.held(correct, readings, raw, times)["p"] < 1e-3
+
+
+def test_a_verdict_fails_where_one_point_or_all_of_them_are_off():
+    rng = stream(1, "verdict")
+    fair = pd.DataFrame({"z_error": rng.normal(size=20), "z_mean": rng.normal(size=20)})
+    fair = fair.assign(ks=0.01, p=np.linspace(0.02, 0.98, 20))
+    told = crosschecks.verdict(fair)
+    assert min(told["z_error_p"], told["z_mean_p"], told["p_bonferroni"]) > 0.01
+    assert told["evenness_p"] > 0.5
+    one = fair.assign(p=np.where(fair.index == 3, 1e-6, fair["p"]))
+    assert crosschecks.verdict(one)["p_bonferroni"] == pytest.approx(2e-5)
+    assert crosschecks.verdict(fair.assign(p=fair["p"] / 4))["evenness_p"] < 1e-3
+    assert crosschecks.verdict(fair.assign(z_error=fair["z_error"] + 2))["z_error_p"] < 1e-3
+
+
+@pytest.mark.parametrize("point", [Accumulators(3, 0.3, 6.0), POINT], ids=["race", "LCA"])
+def test_moved_up_and_with_steps_of_a_reading_their_accumulators_are_ours(point):
+    """The same noise by hand: their sum over a time step, ours on the evidence as it is held."""
+    evidence = point.evidence(3, stream(2, "accumulators"))
+    integrator, threshold = point.ours()
+    out = -integrator.run(evidence).out_nats
+    added = stream(2, "accumulators").standard_normal((3, other_tools.SSM_READINGS, 3))
+    added[:, :, 0] += point.separation
+    _, given = point.theirs()
+    g, b, floor = given.get("g", 0.0), given.get("b", 0.0), other_tools.FLOOR
+    v = np.array([given[f"v{i}"] for i in range(3)]) - [point.separation, 0, 0]
+    x = np.full((3, 3), floor)
+    for k in range(200):
+        x = x + v - (g - b) * x - b * x.sum(axis=1, keepdims=True) + added[:, k]
+        assert x - floor == pytest.approx(out[:, k + 1], abs=1e-8)
+    assert given["a"] * given["z0"] == pytest.approx(floor)
+    assert given["a"] - floor == pytest.approx(-threshold)
+
+
+@pytest.mark.parametrize("point", [Accumulators(2, 0.3, 6.0), POINT], ids=["race", "LCA"])
+def test_ssm_simulators_decides_as_we_do(point):
+    pytest.importorskip("ssms")
+    from scipy.stats import ks_2samp
+
+    trials = 3000
+    integrator, threshold = point.ours()
+    evidence = point.evidence(trials, stream(3, "accumulators"))
+    found = first_crossing(integrator.run(evidence), threshold)
+    right = found.choice == 0
+    theirs = other_tools.by_ssm_simulators(*point.theirs(), trials, 5)
+    error = np.hypot(right.std(), theirs.correct.std()) / np.sqrt(trials)
+    assert abs(right.mean() - theirs.correct.mean()) < 3.5 * error
+    assert ks_2samp(found.steps, theirs.readings).pvalue > 1e-3
+    at_floor = other_tools.by_ssm_simulators(*point.theirs(floor=0.0), trials, 5)
+    assert ks_2samp(found.steps, at_floor.readings).pvalue < 1e-6
+
+
+def test_psignifit_finds_the_closed_form_of_the_test_and_so_does_the_fit_of_means():
+    pytest.importorskip("psignifit")
+    found = crosschecks.psychometric(12.0, 0.0, 1, 400).iloc[0]
+    assert found["threshold_low"] < 0 < found["threshold_high"]
+    assert found["width_low"] < found["true_width"] < found["width_high"]
+    assert found["width_low"] < found["own_width"] < found["width_high"]
+    assert found["true_width"] == pytest.approx(np.log(19) / ((12 + OVERSHOOT) * 0.05))
+
+
+def test_without_the_other_tools_there_is_nothing_to_score(monkeypatch):
+    monkeypatch.setattr(crosschecks.util, "find_spec", lambda name: None)
+    assert list(crosschecks.pieces(True, 1)) == []
