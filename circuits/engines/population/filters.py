@@ -149,11 +149,12 @@ def sampled(sections: Array, dt_ms: float) -> npt.NDArray[np.float64]:
     """
     b1, b0, a1, a0 = sections.T
     k = 20 / dt_ms  # 2 / tick, in 100 /s
-    top = np.array([k * k + b1 * k + b0, 2 * (b0 - k * k), k * k - b1 * k + b0])
-    low = np.array([k * k + a1 * k + a0, 2 * (a0 - k * k), k * k - a1 * k + a0])
-    top, low = top / low[0], low / low[0]
+    first = k * k + a1 * k + a0
+    low1, low2 = 2 * (a0 - k * k) / first, (k * k - a1 * k + a0) / first
+    # What stands above, of 1 and 1/z^2; that of 1/z follows from the answer to a constant.
+    top0, top2 = (k * k + b1 * k + b0) / first, (k * k - b1 * k + b0) / first
     held = b0 / a0
-    return np.array([held, top[0] - held, held * low[2] - top[2], low[1], low[2]])
+    return np.array([held, top0 - held, held * low2 - top2, low1, low2])
 
 
 def propagated(coefficients: Array, dt_ms: float) -> npt.NDArray[np.float64]:
