@@ -150,6 +150,7 @@ class Stimuli:
 
         asked = SameDifferent() if self.task == "same-different" else Orientations(self.channels)
         readings = source(held_out_taps(), asked, period_mm=self.period_mm, fold=self.fold)
+        readings.warn_if_silent(self.period_mm)
         drawn = readings.draw(self.trials, self.t_max, rng=rng, step_ms=self.step_ms)
         return Trials(drawn, list(asked.names))
 

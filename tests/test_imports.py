@@ -71,6 +71,7 @@ LEVELS = [
         "bgmodel.tables.evidence",
     },
     {
+        "bgmodel.comparison.cautions",
         "bgmodel.comparison.page",
         "bgmodel.fitting.stored",
         "bgmodel.fitting.algorithms",

@@ -4,9 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel import dopamine
+from bgmodel import dopamine, stream
 from bgmodel.cli import main
+from bgmodel.comparison.decoder import decoded_input
 from bgmodel.comparison.steady import out_shift
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits import anatomy
 from circuits.activity import total_nats
@@ -89,3 +91,33 @@ def test_the_command_says_what_saliences_do_not_have(command, says, tmp_path, mo
     assert says in lines[0]
     assert main(["circuit", "show", "gpr", "--noise", "0.9"]) == 2
     assert "a posterior (--noise) has no meaning" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["gpr", "humphries"])
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (("fit", "roitman_shadlen_2002", "--strength", "coherence", "--models"), "OUT is in nats"),
+        (("page", "p.html", "--circuit"), "the page's -ln P has no meaning there"),
+        (("circuit", "run", "a.csv", "--gain", ".1", "--engine", "rate", "--posterior", ".9",
+          "--circuit"), "a posterior has no meaning there; give --threshold"),
+        (("circuit", "learn", "a.csv", "--gain", ".1", "--circuit"), "has no meaning there"),
+    ],
+)  # fmt: skip
+def test_each_way_in_that_needs_a_posterior_refuses_in_one_sentence(
+    command, says, name, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert main([*command, name]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert says in line
+    assert name in line
+    assert not any(tmp_path.glob("*.*"))
+
+
+def test_spikes_of_saliences_are_not_decoded_into_posteriors():
+    model = BasalGanglia(anatomy.gpr(), "rate", 0.1)
+    evidence = gaussian_evidence(2, 3, 0.5, rng=stream(1, "saliences"), step_ms=50.0)
+    activity = model.activity(evidence)
+    with pytest.raises(ValueError, match="-ln softmax of its input has no meaning there"):
+        decoded_input(activity, model.trace(activity, evidence))

@@ -92,7 +92,8 @@ class Decide(Shows):
         trials = self._trials()
         evidence = trials.evidence
         test, threshold, model = self._test(evidence.hypotheses)
-        decision = first_crossing(test.run(evidence), threshold, forced=self.forced)
+        trace = test.run(evidence)
+        decision = first_crossing(trace, threshold, forced=self.forced)
         if decision.premature.all():
             raise ValueError(
                 f"every trial decides before its first reading: the prior "
@@ -103,6 +104,12 @@ class Decide(Shows):
         files.write_table(table, self.output, seed=seed, command=self._options())
         if self.evidence is not None:
             self.note(trials.summary())
+        if self.evidence is not None and evidence.truth is not None:
+            from bgmodel.comparison.cautions import warn_of_calibration
+            from bgmodel.comparison.compare import tradeoff
+
+            found = tradeoff(trace, evidence, [threshold])
+            warn_of_calibration(found.posterior[0], found.choice[0] == evidence.truth)
         say_of_trials(table, criterion="--posterior" if self.posterior else "--delta")
         self._show(table, known=evidence.truth is not None)
 
@@ -188,6 +195,7 @@ class Decide(Shows):
         readings = source(
             held_out_taps(), task, period_mm=self.period_mm, fold=self.fold, density=self.density
         )
+        readings.warn_if_silent(self.period_mm)
         rng = stream(self.seed, "decide")
         drawn = readings.draw(
             self.trials, self.t_max, rng=rng, prior=self.prior, step_ms=self.step_ms

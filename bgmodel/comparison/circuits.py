@@ -11,6 +11,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.comparison.cautions import (
+    listed,
+    warn_of_calibration,
+    warn_of_ceiling,
+    warn_of_own_ceiling,
+)
 from bgmodel.comparison.compare import (
     ACCURACIES,
     MINUS_INTACT,
@@ -240,17 +246,21 @@ def compare_with_msprt(
     -----
     UserWarning
         If the circuit does not reach an accuracy at a threshold that its OUT reads, and that noise
-        at rest does not cross: all measures are NaN there.
+        at rest does not cross: all measures are NaN there. If the readings, or a rival, do not
+        reach one. If posteriors at the decision are not the share of right choices.
     """
     check_trials(evidence.trials)
     model.warn_beyond_range(evidence)
+    allowed = warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)
+    _warn_of_calibration(tests[MSPRT], evidence, accuracies)
     first = next(iter(tests))
     span = {"highest": max(HIGHEST, *accuracies), "lowest": min(LOWEST, *accuracies)}
     found = decide_at_thresholds(model, evidence, _tuned(model, tests[first], **span))
     lost = _refused(
         model, found[CIRCUIT], tests[first], accuracies, name=model.circuit.name, before=intact
     )
+    warn_of_own_ceiling(model.circuit.name, found[CIRCUIT], [a for a in allowed if a not in lost])
     pairs = [(name, reference) for reference in tests for name in found]
     again = with_other_noise(model, evidence, found[CIRCUIT]) if ceiling else None
     if again is not None:
@@ -258,6 +268,7 @@ def compare_with_msprt(
         pairs.append((CIRCUIT, OTHER_NOISE))
     for name in RIVALS if rivals is None else rivals:
         found[name] = tradeoff(RIVALS[name]().run(evidence), evidence)
+        warn_of_own_ceiling(name, found[name], allowed)
         pairs.append((name, MSPRT))
     before = None
     if intact is not None:
@@ -329,7 +340,10 @@ def compare_edits(
     """
     check_trials(evidence.trials)
     model.warn_beyond_range(evidence)
-    test = next(iter(references(model, evidence).values()))
+    warn_of_ceiling(evidence, accuracies)
+    tests = references(model, evidence)
+    _warn_of_calibration(tests[MSPRT], evidence, accuracies)
+    test = next(iter(tests.values()))
     lowest = min(LOWEST, *accuracies)
     levels = _tuned(model, test, max(highest, *accuracies), lowest)
     intact = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
@@ -366,6 +380,13 @@ def compare_edits(
         fixed = _blank(_at_threshold_of(intact, found, evidence, accuracies), lost)
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
+
+
+def _warn_of_calibration(test: Tradeoff, evidence: Evidence, accuracies: Sequence[float]) -> None:
+    """Hold the test's posteriors at the most accurate of the asked thresholds to the truth."""
+    if evidence.truth is not None:
+        k = int(np.argmin(np.abs(test.settings - test.setting(max(accuracies)))))
+        warn_of_calibration(test.posterior[k], test.choice[k] == evidence.truth)
 
 
 def _tuned(
@@ -424,20 +445,16 @@ def _refused(
         missed &= late <= MOST_FORCED
         lost = [a for a, gone in zip(accuracies, missed, strict=True) if gone]
         why = (
-            f"{name} would have to decide at OUT = {_listed(due[missed])}, and the nearest that it "
-            f"reaches is {_listed(reached[near][missed])}; evidence decides in it at thresholds of "
+            f"{name} would have to decide at OUT = {listed(due[missed])}, and the nearest that it "
+            f"reaches is {listed(reached[near][missed])}; evidence decides in it at thresholds of "
             f"{low:.2f} to {high:.2f} ({rest}, is read from {circuit.readable_nats[0]:.2f} on, and "
             "noise must not cross them at rest)"
         )
     else:
         lost, why = list(accuracies), f"{name} decides without evidence ({rest})"
     if lost:
-        warnings.warn(f"nothing is compared at accuracy {_listed(lost)}: {why}", stacklevel=3)
+        warnings.warn(f"nothing is compared at accuracy {listed(lost)}: {why}", stacklevel=3)
     return lost
-
-
-def _listed(values: Iterable[float]) -> str:
-    return ", ".join(f"{value:.3g}" for value in values)
 
 
 def _blank(table: pd.DataFrame, lost: Iterable[float]) -> pd.DataFrame:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -158,6 +159,22 @@ class Source:
             step_ms=step_ms,
             baseline=self.baseline,
         )
+
+    def warn_if_silent(self, period_mm: float) -> None:
+        """Warn where the decoder does not resolve the hypotheses: every reading says nothing.
+
+        Parameters
+        ----------
+        period_mm : float
+            Period of the grating, mm, for the sentence.
+        """
+        if self.likelihood.shrink == 0:
+            warnings.warn(
+                f"at a period of {period_mm:g} mm the decoder tells none of the "
+                f"{len(self.names)} hypotheses apart: saying nothing predicts held-out taps best, "
+                "so that every reading is worth 0 nats and every choice is a guess",
+                stacklevel=3,
+            )
 
     @property
     def baseline(self) -> Array:

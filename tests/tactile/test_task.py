@@ -1,5 +1,7 @@
 """The tactile tasks on the held-out taps that ship with the package."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -20,6 +22,7 @@ from bgmodel.tactile.task import (
     source,
 )
 from bgmodel.theory.sprt import sprt
+from tests.helpers import run
 
 TAPS = held_out_taps()
 
@@ -222,3 +225,25 @@ def test_evidence_of_folds_has_one_baseline_known_before_the_trials():
         found = drawn.draw(trials, 4, rng=np.random.default_rng(trials)).baseline
         np.testing.assert_array_equal(found, want)
     assert (want < 0).all()
+
+
+@pytest.mark.parametrize("count", [2, 8])
+def test_orientations_that_the_decoder_does_not_resolve_are_warned_of(count):
+    fine, coarse = (
+        source(TAPS, Orientations(count), period_mm=period, fold=0) for period in (1.0, 2.0)
+    )
+    with pytest.warns(UserWarning, match=f"of 1 mm the decoder tells none of the {count} hypoth"):
+        fine.warn_if_silent(1.0)
+    assert np.ptp(np.concatenate(fine.log_likelihood)) == 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        coarse.warn_if_silent(2.0)
+
+
+@pytest.mark.parametrize("command", [["decide", "a.csv"], ["circuit", "run", "a.csv"]])
+def test_commands_say_that_a_grating_is_too_fine(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    task = ["--task", "same-different", "--period-mm", "1", "--trials", "10", "--t-max", "3"]
+    engine = [] if command[0] == "decide" else ["--engine", "algebra"]
+    with pytest.warns(UserWarning, match="at a period of 1 mm the decoder tells none"):
+        assert run(*command, *task, *engine) == 0

@@ -1,0 +1,119 @@
+"""What a comparison says of accuracies out of reach, and of posteriors that are not accuracies."""
+
+import re
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import Msprt, stream
+from bgmodel.comparison.cautions import (
+    ceiling,
+    warn_of_calibration,
+    warn_of_ceiling,
+    warn_of_own_ceiling,
+)
+from bgmodel.comparison.compare import tradeoff
+from bgmodel.comparison.with_msprt import compare
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.integrators.rivals import Lca
+from tests.helpers import run
+
+
+def drawn(trials, steps, seed=1, hypotheses=2):
+    return gaussian_evidence(
+        trials, steps, 0.4, rng=stream(seed, "cautions"), hypotheses=hypotheses, step_ms=50.0
+    )
+
+
+def at_criterion(evidence, posterior):
+    """Return what is stated of choices at a posterior, and whether they are right."""
+    found = tradeoff(Msprt().run(evidence), evidence, [-np.log(posterior)])
+    return found.posterior[0], found.choice[0] == evidence.truth
+
+
+def scaled(evidence, factor):
+    return replace(evidence, log_likelihood=factor * evidence.log_likelihood)
+
+
+def silent(call, *arguments):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return call(*arguments)
+
+
+def test_the_ceiling_is_the_accuracy_of_all_readings():
+    evidence = drawn(4000, 12)
+    right = (evidence.posterior[:, -1].argmax(axis=1) == evidence.truth).mean()
+    assert abs(ceiling(evidence) - right) < 4 * np.sqrt(right * (1 - right) / 4000)
+
+
+def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
+    evidence = drawn(400, 5)
+    top = f"{ceiling(evidence):.3f}"
+    said = rf"no threshold reaches .* of 0.9, 0.99: all readings .*, 5 at most, allow {top};"
+    with pytest.warns(UserWarning, match=said):
+        assert warn_of_ceiling(evidence, (0.7, 0.9, 0.99)) == [0.7]
+    assert silent(warn_of_ceiling, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
+
+
+def test_a_rival_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own():
+    evidence = drawn(400, 120)
+    leaky = tradeoff(Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence), evidence)
+    with pytest.warns(
+        UserWarning, match=r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
+    ):
+        warn_of_own_ceiling("LCA", leaky, (0.6, 0.99))
+    test = tradeoff(Msprt().run(evidence), evidence)
+    silent(warn_of_own_ceiling, "MSPRT", test, (0.6, 0.99))
+
+
+@pytest.mark.parametrize("hypotheses", [2, 4])
+@pytest.mark.parametrize("seed", range(4))
+def test_posteriors_of_the_right_likelihoods_are_not_warned_of(hypotheses, seed):
+    evidence = drawn(1000, 60, seed, hypotheses)
+    for posterior in (0.7, 0.9, 0.97):
+        silent(warn_of_calibration, *at_criterion(evidence, posterior))
+
+
+@pytest.mark.parametrize(("factor", "sure"), [(1.6, "sure"), (0.6, "unsure")])
+def test_wrong_likelihoods_are_warned_of_with_both_numbers(factor, sure):
+    stated, right = at_criterion(scaled(drawn(1000, 60), factor), 0.9)
+    said = rf"too {sure}: .* is {stated.mean():.3f}, and {right.mean():.3f} of 1000 decisions"
+    with pytest.warns(UserWarning, match=said) as found:
+        warn_of_calibration(stated, right)
+    low, high = map(float, re.findall(r"interval (\S+) to ([^)]+)\)", str(found[0].message))[0])
+    assert low < (right - stated).mean() < high
+    assert low * high > 0
+
+
+def test_few_trials_show_no_miscalibration():
+    silent(warn_of_calibration, np.full(10, 0.95), np.arange(10) < 8)
+
+
+def test_a_comparison_says_what_is_out_of_reach_before_it_runs():
+    evidence = scaled(drawn(400, 8), 2.0)
+    with pytest.warns(UserWarning, match="no threshold reaches an accuracy of 0.999") as found:
+        compare("spiking_msprt", evidence, seed=1, engine="algebra", accuracies=(0.8, 0.999))
+    assert any("the evidence is too sure" in str(one.message) for one in found)
+
+
+def own_table(path, factor):
+    evidence = scaled(drawn(300, 30), factor)
+    trial, step = np.indices(evidence.log_likelihood.shape[:2]).reshape(2, -1)
+    table = pd.DataFrame({"trial": trial, "step": step, "truth": np.repeat(evidence.truth, 30)})
+    for k in range(2):
+        table[f"ll_{k}"] = evidence.log_likelihood[:, :, k].ravel()
+    table.to_csv(path, index=False)
+    return path
+
+
+def test_a_table_of_ones_own_that_is_too_sure_is_told_so(tmp_path):
+    out = tmp_path / "decided.csv"
+    sure, right = (own_table(tmp_path / f"{factor}.csv", factor) for factor in (3.0, 1.0))
+    with pytest.warns(UserWarning, match=r"the evidence is too sure: .* of 300 decisions"):
+        assert run("decide", out, "--evidence", sure, "--posterior", 0.9) == 0
+    asked = ("decide", out, "--evidence", right, "--posterior", 0.9, "--force")
+    assert silent(run, *asked) == 0
