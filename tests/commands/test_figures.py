@@ -1,10 +1,11 @@
-"""The command `figures`: names that are no figure."""
+"""The command `figures`: names that are no figure, and what it asks Snakemake for."""
 
 import subprocess
 
 import pytest
 
 from bgmodel.cli import main
+from bgmodel.commands import one_run
 from tests.helpers import ROOT
 
 
@@ -24,3 +25,28 @@ def test_what_is_no_figure_is_refused_before_snakemake_starts(monkeypatch, capsy
     assert error.startswith("bgmodel: targets must be among fig1, fig2b, fig3, ")
     assert error.endswith(f"{says}\n")
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "asked", "count"),
+    [
+        ([], ["all"], 3),
+        (["fig2"], ["fig2"], 1),
+        (["fig3", "figures/fast/fig2.png", "--fast"], ["fig3", "figures/fast/fig2.png"], 2),
+    ],
+)
+def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
+    tmp_path, monkeypatch, capsys, arguments, asked, count
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("BGMODEL_RECORDINGS", raising=False)
+    (tmp_path / "figures").mkdir()
+    for name in ("Snakefile", "fig2.py", "fig3.py", "fig4.py", "figR1.py"):
+        (tmp_path / "figures" / name).touch()
+    ran = []
+    monkeypatch.setattr(one_run, "run_to_end", lambda make, jobs: ran.append(make(0)) or 0)
+    assert main(["figures", *arguments]) == 0
+    (command,) = ran
+    assert command[command.index("--") + 1 :] == asked
+    assert f"fast={int('--fast' in arguments)}" in command
+    assert f": {count}, there already: 0" in capsys.readouterr().out
