@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -40,13 +41,15 @@ class Edits:
     """Fields of a pathway, a nucleus or its cells, all changed at once:
     `change = ["STN->GPe.delay_ms=4", "STN.bias_nats=-0.2", "STN.cell.cv=0.2"]`."""
     without: tuple[str, ...] = ()
-    """Nuclei to lesion, whole or by a fraction: `without = ["GPe", "STN=0.5"]`."""
+    """Nuclei to lesion, whole or by a fraction, in all channels or in one; a lesion takes the tone
+    of a nucleus too: `without = ["D2", "STN=0.5", "GPe[0]=0.25"]`."""
     replaced: bool = False
     """Whether the output lost to lesions is given back as a constant:
     `without = ["GPe"]`, `replaced = true`."""
     scale: tuple[str, ...] = ()
-    """Pathways to scale, in all channels or in one: `scale = ["STN->GPe=0.5", "ctx->D1[0]=1.1"]`.
-    """
+    """Pathways to scale, in all channels or in one. What is scaled is the change from the source's
+    baseline_hz, not its tone: to ask what a pathway does, scale it to 0.
+    `scale = ["STN->GPe=0.5", "ctx->D1[0]=1.1"]`."""
     dopamine: float = 1.0
     """Dopamine level, 0..2; 1 is normal: `dopamine = 1.1`."""
     recovered: bool = False
@@ -107,8 +110,7 @@ class Edits:
             circuit = circuit.with_spread(self.spread)
         circuit = circuit.with_rows(*self.add).edited(*self.change)
         for edit in self.without:
-            name, fraction = _value(edit, 1.0)
-            circuit = circuit.without(name, fraction, replaced=self.replaced)
+            circuit = _lesioned(circuit, edit, self.replaced)
         for edit in self.scale:
             circuit = _scaled(circuit, edit)
         circuit = circuit.dopamine(self.dopamine)
@@ -128,7 +130,7 @@ def written(edit: str, *, replaced: bool = False, recovered: bool = False) -> Ed
 
     ``D1->GPe weight=-0.1`` adds, ``STN->GPe.delay_ms=4`` changes, ``STN->GPe=0.5`` scales,
     ``dopamine=0.9`` is the level, ``rebound SNr=0.5`` lets a nucleus recover to rest above its old
-    rate, and ``STN`` or ``STN=0.5`` lesions.
+    rate, and ``STN``, ``STN=0.5`` or, in one channel, ``STN[0]=0.5`` lesions.
 
     Parameters
     ----------
@@ -157,13 +159,29 @@ def _written(edit: str, replaced: bool) -> Edits:
     return Edits(without=(edit,), replaced=replaced)
 
 
+def _lesioned(circuit: Circuit, edit: str, replaced: bool) -> Circuit:
+    name, fraction = _value(edit, 1.0)
+    name, channel = _channel(name, "GPe[0]")
+    with _naming(edit):
+        return circuit.without(name.strip(), fraction, replaced=replaced, channel=channel)
+
+
 def _scaled(circuit: Circuit, edit: str) -> Circuit:
     name, factor = _value(edit, None)
-    name, channel = _channel(name)
+    name, channel = _channel(name, "ctx->D1[0]")
     source, arrow, target = name.partition("->")
     if not arrow:
         raise ValueError(f'scale needs a pathway like "STN->GPe=0.5", got {edit!r}')
-    return circuit.scaled(source.strip(), target.strip(), factor, channel)
+    with _naming(edit):
+        return circuit.scaled(source.strip(), target.strip(), factor, channel)
+
+
+def _naming(edit: str) -> AbstractContextManager[None]:
+    """Name an edit, as it was written, in front of a ValueError about it."""
+    # Importing it with the package would cost time that only circuits need.
+    from circuits.edits import naming
+
+    return naming(edit)
 
 
 def _text(name: str, value: object) -> str:
@@ -183,12 +201,12 @@ def _value(edit: str, default: float | None) -> tuple[str, float]:
         raise ValueError(f"an edit is a name, =, and a number; got {edit!r}") from None
 
 
-def _channel(name: str) -> tuple[str, int | None]:
+def _channel(name: str, example: str) -> tuple[str, int | None]:
     """Split "name[channel]"; without brackets it is every channel."""
     path, bracket, rest = name.partition("[")
     if not bracket:
         return path, None
     number = rest.removesuffix("]")
     if number == rest or not number.isdecimal():
-        raise ValueError(f'a channel is a number in brackets, as "ctx->D1[0]", got {name!r}')
+        raise ValueError(f'a channel is a number in brackets, as "{example}", got {name!r}')
     return path, int(number)

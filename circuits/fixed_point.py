@@ -108,7 +108,5 @@ def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Inde
         if size.max() < TOLERANCE:
             return
     worst = int(np.nanargmax(np.where(np.isfinite(size), size, np.inf)))
-    raise ValueError(
-        f"{wiring.circuit.name} has no fixed point at drive "
-        f"{np.array2string(drive[worst], precision=3)}"
-    )
+    given = np.array2string(drive[worst], precision=3, max_line_width=1000, threshold=8)
+    raise ValueError(f"{wiring.circuit.name} has no fixed point at drive {given}")

@@ -69,6 +69,8 @@ class Population:
         in a channel is the row's.
     intact, replaced : float, bool
         The fraction that survives a lesion, and whether the lost output is replaced by its rest.
+    intact_by_channel : tuple of float
+        What ``intact`` is multiplied by in each channel; none means 1 in all.
     cite : str
         Where the numbers come from.
     """
@@ -88,6 +90,7 @@ class Population:
     spread: float = 0.0
     intact: float = 1.0
     replaced: bool = False
+    intact_by_channel: tuple[float, ...] = ()
     cite: str = ""
 
     def __post_init__(self) -> None:
@@ -123,6 +126,10 @@ class Population:
                 raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
         if not 0 <= self.intact <= 1:
             raise ValueError(f"{self.name}: intact must lie in 0..1, got {self.intact}")
+        if not all(0 <= part <= 1 for part in self.intact_by_channel):
+            raise ValueError(
+                f"{self.name}: intact_by_channel must lie in 0..1, got {self.intact_by_channel}"
+            )
 
     @property
     def spiking(self) -> bool:

@@ -224,7 +224,7 @@ def draw(circuit: Circuit, ax: Axes) -> Axes:
     for p in circuit.projections:
         source = circuit.population(p.source)
         both = (p.target, p.source) in joined
-        alive = source.intact > 0 and p.weight != 0
+        alive = circuit.intact_of(p.source).any() and p.weight != 0
         ax.annotate(
             "",
             xy=places[p.target],
@@ -240,10 +240,13 @@ def draw(circuit: Circuit, ax: Axes) -> Axes:
             },
         )
     for row in circuit.populations:
-        colour = COLOURS[row.transmitter] if row.intact > 0 else "#999999"
+        left = np.unique(intact := circuit.intact_of(row.name))
+        colour = COLOURS[row.transmitter] if intact.any() else "#999999"
+        shown = intact[: 1 if len(left) == 1 else None]
+        label = " ".join(f"{part:.0%}" for part in shown)
         ax.text(
             *places[row.name],
-            row.name if row.intact in (0, 1) else f"{row.name}\n{row.intact:.0%}",
+            row.name if left.tolist() in ([0], [1]) else f"{row.name}\n{label}",
             ha="center",
             va="center",
             bbox={"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": colour},
@@ -330,7 +333,8 @@ def panels(
 
 
 def _intact(p: Population) -> str:
-    return f"{p.intact:g}" + (", replaced" if p.replaced else "")
+    left = [p.intact * part for part in p.intact_by_channel or (1.0,)]
+    return " ".join(f"{part:g}" for part in left) + (", replaced" if p.replaced else "")
 
 
 def _dropping(table: pd.DataFrame, **defaults: object) -> pd.DataFrame:

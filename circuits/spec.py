@@ -126,6 +126,12 @@ class Circuit:
             )
         self._check_numbers()
         self._check_unit()
+        for row in self.populations:
+            if row.intact_by_channel and len(row.intact_by_channel) != self.channels_of(row.name):
+                raise ValueError(
+                    f"{row.name}: intact_by_channel needs one number for each of "
+                    f"{self.channels_of(row.name)} channels, got {len(row.intact_by_channel)}"
+                )
         for p in self.projections:
             self.population(p.target)
             sign = SIGNS[self.population(p.source).transmitter]
@@ -273,6 +279,12 @@ class Circuit:
         """Return how many channels a population has."""
         return 1 if self.population(name).pooled else self.channels
 
+    def intact_of(self, name: str) -> Array:
+        """Return what lesions leave of a population, (its channels,) from 0 to 1."""
+        row = self.population(name)
+        left = row.intact_by_channel or (1.0,) * self.channels_of(name)
+        return row.intact * np.array(left, dtype=np.float64)
+
     def spiking(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return names of populations; ValueError for one whose cells do not spike."""
         for name in (chosen := tuple(names)):
@@ -315,10 +327,18 @@ class Circuit:
         with naming(*changes):
             return self._with(*rows)
 
-    def without(self, name: str, fraction: float = 1.0, *, replaced: bool = False) -> Circuit:
+    def without(
+        self,
+        name: str,
+        fraction: float = 1.0,
+        *,
+        replaced: bool = False,
+        channel: int | None = None,
+    ) -> Circuit:
         """Return the circuit with a fraction of a nucleus lesioned.
 
-        What it sends is scaled; its own cells are still shown, for they go on unheard.
+        Its rate is scaled in all that it reaches, tone included; its own cells are still shown, for
+        they go on unheard. So a lesion is more than its pathways scaled: see ``scaled``.
 
         Parameters
         ----------
@@ -328,11 +348,14 @@ class Circuit:
             Lost part, 0..1.
         replaced : bool
             Whether its targets get the lost output back as a constant: its rate at rest.
+        channel : int, optional
+            The channel in which it is lost; all if left out.
 
         Raises
         ------
         ValueError
-            For an unknown nucleus, a fraction out of range, or the input or the read-out itself.
+            For an unknown nucleus or channel, a fraction out of range, the input or the read-out
+            itself, or, in one channel, a pooled nucleus.
         """
         row = self.population(name)
         if name in (self.input, self.readout):
@@ -340,14 +363,31 @@ class Circuit:
                 f"{name} is the {'input' if name == self.input else 'read-out'}: without it "
                 "nothing is decided"
             )
-        if row.intact < 1 and row.replaced != replaced:
+        if (self.intact_of(name) < 1).any() and row.replaced != replaced:
             raise ValueError(f"{name} is lesioned already, its output replaced: {row.replaced}")
         check_number("fraction", fraction)
         if not 0 <= fraction <= 1:
             raise ValueError(f"fraction must lie in 0..1, got {fraction}")
+        if channel is not None:
+            self._check_own_channel(row, channel)
         if fraction == 0:
             return self
-        return self.with_population(name, intact=row.intact * (1 - fraction), replaced=replaced)
+        if channel is None:
+            return self.with_population(name, intact=row.intact * (1 - fraction), replaced=replaced)
+        left = list(row.intact_by_channel or (1.0,) * self.channels)
+        left[channel] *= 1 - fraction
+        return self.with_population(name, intact_by_channel=tuple(left), replaced=replaced)
+
+    def _check_own_channel(self, row: Population, channel: int) -> None:
+        if row.pooled:
+            raise ValueError(
+                f"{row.name} is pooled, one for all alternatives: it has no channel {channel} to "
+                "lesion, give none"
+            )
+        if channel not in range(self.channels):
+            raise ValueError(
+                f"{row.name}: channel must lie in 0..{self.channels - 1}, got {channel}"
+            )
 
     def recovered(
         self, reference: Circuit | None = None, *, rebound_nats: Mapping[str, float] | None = None
@@ -407,6 +447,9 @@ class Circuit:
         self, source: str, target: str, factor: float, channel: int | None = None
     ) -> Circuit:
         """Return the circuit with the weight of one pathway multiplied by a factor.
+
+        A pathway carries the change from its source's ``baseline_hz``, whose tone the table takes
+        to be in the target's bias: scaled to 0 it takes what the source signals, not its tone.
 
         Parameters
         ----------
@@ -570,7 +613,8 @@ class Circuit:
     @property
     def unlesioned(self) -> Circuit:
         """The circuit with every lesion undone; biases that recovered from one stay."""
-        rows = tuple(replace(p, intact=1.0, replaced=False) for p in self.populations)
+        whole: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "replaced": False}
+        rows = tuple(replace(p, **whole) for p in self.populations)
         return replace(self, populations=rows, chronic=False)
 
     def _with(self, *rows: Population | Projection) -> Circuit:
@@ -628,7 +672,7 @@ class Circuit:
                 if p.source in reached
                 and p.weight
                 and any(p.factors or (1,))
-                and self.population(p.source).intact
+                and self.intact_of(p.source).any()
             }
         if self.readout not in reached:
             raise ValueError(f"no pathway is left from {self.input} to {self.readout}")

@@ -200,14 +200,14 @@ def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
     for i, p in enumerate(circuit.projections):
         pattern, place = np.unique(circuit.pattern(p), axis=0, return_inverse=True)
         source = circuit.population(p.source)
-        first = start[p.source]
+        first, intact = start[p.source], circuit.intact_of(p.source)
         kept = np.full(pattern.shape[1], -float(source.baseline_hz))
         if source.replaced and rest_hz is not None:
-            kept += (1 - source.intact) * rest_hz[first : first + pattern.shape[1]]
+            kept += (1 - intact) * rest_hz[first : first + pattern.shape[1]]
         for k, row_ in enumerate(pattern):
             path.append(i)
             hz = np.zeros(len(owner))
-            hz[first : first + len(row_)] = source.intact * row_ / source.gain_hz_per_nat
+            hz[first : first + len(row_)] = intact * row_ / source.gain_hz_per_nat
             deliver.append(hz)
             constant.append(float(row_ @ kept) / source.gain_hz_per_nat)
             column = np.zeros(len(owner))

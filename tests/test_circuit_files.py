@@ -32,11 +32,11 @@ def one_sentence(capsys):
 
 
 def test_show_saves_a_table_as_edited_and_shows_it_again(here, capsys):
-    edits = ["--channels", 3, "--edits.without", "STN=0.5"]
+    edits = ["--channels", 3, "--edits.without", "STN=0.5", "GPe[1]=0.25"]
     assert run("circuit", "show", "spiking_msprt", *edits, "--save", "mine.toml") == 0
     first = capsys.readouterr().out
     assert first.splitlines()[-1] == "spiking_msprt, 3 channels -> mine.toml"
-    lesioned = anatomy.spiking_msprt(3).without("STN", 0.5)
+    lesioned = anatomy.spiking_msprt(3).without("STN", 0.5).without("GPe", 0.25, channel=1)
     assert anatomy.circuit(here / "mine.toml") == lesioned
     assert run("circuit", "show", "mine.toml") == 0
     assert capsys.readouterr().out.strip() == first[: first.index("\n\nedited")].strip()

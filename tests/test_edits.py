@@ -107,6 +107,8 @@ def test_no_edits_leave_the_circuit_and_say_nothing():
     [
         ("STN", Edits(without=("STN",), replaced=True)),
         ("STN=0.5", Edits(without=("STN=0.5",), replaced=True)),
+        ("GPe[0]=0.25", Edits(without=("GPe[0]=0.25",), replaced=True)),
+        ("D2[1]", Edits(without=("D2[1]",), replaced=True)),
         ("STN->GPe=0.5", Edits(scale=("STN->GPe=0.5",))),
         ("ctx -> D1[0]=1.1", Edits(scale=("ctx -> D1[0]=1.1",))),
         (DELAY, Edits(change=(DELAY,))),
@@ -155,6 +157,25 @@ def test_one_channel_is_edited_as_written():
     circuit = anatomy.spiking_msprt(4)
     edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).apply(circuit)
     assert edited == circuit.scaled("ctx", "D1", 1.1, channel=2).scaled("STN", "GPe", 0.5)
+    edited = Edits(without=("GPe[3]=0.25", "STN=0.1")).apply(circuit)
+    assert edited == circuit.without("GPe", 0.25, channel=3).without("STN", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        ({"without": ("STN=1.5",)}, "'STN=1.5': fraction must lie in 0..1, got 1.5"),
+        ({"without": ("GPe[2]=0.5",)}, "'GPe[2]=0.5': GPe: channel must lie in 0..1, got 2"),
+        (
+            {"without": ("GPe[x]",)},
+            "a channel is a number in brackets, as \"GPe[0]\", got 'GPe[x]'",
+        ),
+        ({"scale": ("STN->GPi=0.5",)}, "'STN->GPi=0.5': spiking_msprt has no pathway STN->GPi"),
+    ],
+)
+def test_a_lesion_or_a_factor_without_sense_is_named_as_it_was_written(told, says):
+    with pytest.raises(ValueError, match=f"^{re.escape(says)}"):
+        Edits(**told).apply(anatomy.spiking_msprt(2))
 
 
 def test_what_recovers_does_so_from_every_edit_that_is_told():

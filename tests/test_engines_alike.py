@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.testing as npt
 import pytest
-from scipy.special import log_softmax
+from scipy.special import log_softmax, logsumexp
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
@@ -143,6 +143,7 @@ def test_a_trial_with_courses_does_not_depend_on_those_beside_it(engine):
 
 
 ONE = TABLE.scaled("ctx", "D1", 0.8, 1).scaled("STN", "SNr", 1.2, 0).scaled("D2", "GPe", 0, 2)
+LOST = TABLE.without("GPe", 0.25, channel=0).without("D2", 1, channel=2).without("STN", 0.1)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -155,16 +156,37 @@ def test_an_edit_of_one_channel_acts_on_every_engine(engine):
     npt.assert_allclose(out, exact, atol=CLOSE[engine], rtol=0)
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_lesion_in_one_channel_acts_on_every_engine_and_in_each_is_the_whole_lesion(engine):
+    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
+    whole = anatomy.bogacz_gurney(3)
+    y = CENTRED + whole.reference_nats - np.log(3)
+    # D1 takes y from OUT of its own channel; Sigma is ln sum exp y over what is left of STN.
+    of_d1 = all_of(whole.without("D1", 0.1, channel=1), drive, engine).output_nats[:, -1]
+    exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
+    npt.assert_allclose(of_d1, exact, atol=CLOSE[engine], rtol=0)
+    of_stn = all_of(whole.without("STN", 0.25, channel=0), drive, engine).output_nats[:, -1]
+    sigma = logsumexp(y, axis=1, b=[0.75, 1, 1], keepdims=True)
+    npt.assert_allclose(of_stn, np.maximum(sigma - y, 0), atol=CLOSE[engine], rtol=0)
+    each = whole
+    for channel in range(3):
+        each = each.without("STN", 0.2, channel=channel).without("STN", 0.5, channel=channel)
+    whole = whole.without("STN", 0.6)
+    found, expected = (all_of(c, drive, engine).output_nats for c in (each, whole))
+    npt.assert_allclose(found, expected, atol=CLOSE[engine], rtol=0)
+
+
 @pytest.mark.parametrize(
     "circuit",
     [
         TABLE,
         ONE,
+        LOST,
         TABLE.with_rows(*COURSES),
         anatomy.macaque(3).with_neurons(20).with_rows(*COURSES),
         TABLE.with_rows(*COURSES).without("GPe", 0.3, replaced=True).with_spread(0.1),
     ],
-    ids=["as it is", "one channel", "courses", "courses at terminals", "courses and a lesion"],
+    ids=["as it is", "one channel", "lost in one", "courses", "at terminals", "and a lesion"],
 )
 @pytest.mark.parametrize("engine", SPIKING)
 def test_same_input_same_noise_same_spikes(engine, circuit):

@@ -276,7 +276,7 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
 def _add_edit(values: dict[str, Any], key: str, value: Value, owner: str) -> None:
     """Add the edit that a key and a value say to those that every point has."""
     one = written(f"{key}={value}")
-    if one.without and key not in _nuclei(values["circuit"]):
+    if one.without and key.partition("[")[0].strip() not in _nuclei(values["circuit"]):
         of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
         nuclei = ", ".join(sorted(_nuclei(values["circuit"])))
         raise ValueError(

@@ -32,6 +32,7 @@ def test_edits_show_on_the_page_and_nothing_else_does():
     assert "0.5, replaced" in page
     assert "spread" in page
     assert "1 0.9" in show.text(anatomy.spiking_msprt().scaled("ctx", "D1", 0.9, channel=1))
+    assert "0.75 1" in show.text(anatomy.spiking_msprt().without("GPe", 0.25, channel=0))
     assert "by_channel" not in show.text(anatomy.spiking_msprt())
     assert "intact" not in show.text(anatomy.spiking_msprt())
 

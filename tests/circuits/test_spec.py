@@ -9,14 +9,17 @@ import pytest
 from circuits import anatomy
 from circuits.cells import Lif, Rate
 from circuits.engines import algebra
+from circuits.fixed_point import rest_rates, wired
 from circuits.spec import Population, Projection
 from circuits.table_files import digest
+from circuits.wiring import wire
 
 EDITS = {
     "lesion": lambda c: c.without("STN", 0.3),
     "replaced lesion": lambda c: c.without("GPe", replaced=True),
     "weight": lambda c: c.scaled("STN", "GPe", 0.5),
     "one channel": lambda c: c.scaled("D1", "SNr", 0.5, channel=1),
+    "lesion in one channel": lambda c: c.without("STN", 0.3, channel=1),
     "dopamine": lambda c: c.dopamine(0.8),
     "delay": lambda c: c.with_projection("STN", "GPe", delay_ms=7),
     "time constant": lambda c: (
@@ -111,6 +114,51 @@ def test_lesions_multiply_and_can_be_undone(circuit):
     twice = circuit.without("STN", 0.5).without("STN", 0.5)
     assert twice.population("STN").intact == 0.25
     assert twice.unlesioned.populations == circuit.populations
+
+
+def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
+    table = anatomy.macaque(3)
+    lost = table.without("GPe", 0.25, channel=1).without("GPe", 0.5, channel=1)
+    assert lost.intact_of("GPe").tolist() == [1, 0.375, 1]
+    assert lost.without("GPe", 0.5).intact_of("GPe").tolist() == [0.5, 0.1875, 0.5]
+    assert lost.unlesioned == table
+    whole, part = wire(table), wire(lost)
+    left = np.where(np.arange(whole.blocks) == whole.blocks_of("GPe")[1], 0.375, 1)
+    np.testing.assert_array_equal(part.deliver, whole.deliver * left)
+    np.testing.assert_array_equal(part.constant, whole.constant)
+    each = table
+    for channel in range(3):
+        each = each.without("GPe", 0.25, channel=channel)
+    np.testing.assert_array_equal(wire(each).deliver, wire(table.without("GPe", 0.25)).deliver)
+
+
+def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes():
+    table = anatomy.spiking_msprt(2)
+    lost = table.without("GPe", channel=0, replaced=True)
+    np.testing.assert_allclose(rest_rates(wired(lost)), rest_rates(wired(table)), atol=1e-9)
+    with pytest.raises(ValueError, match="GPe is lesioned already, its output replaced: True"):
+        lost.without("GPe", 0.5)
+    assert lost.without("GPe", channel=1, replaced=True).unlesioned == table
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda c: c.without("FSI", 0.5, channel=0), "FSI is pooled, one for all alternatives: it"),
+        (lambda c: c.without("GPe", 0.5, channel=2), r"GPe: channel must lie in 0\.\.1, got 2"),
+        (lambda c: c.without("SNr", 0.5, channel=0), "SNr is the read-out"),
+        (lambda c: c.without("GPe", 0.5, channel=0).with_channels(4), "4 channels, got 2$"),
+        (lambda c: c.edited("GPe.intact_by_channel=0.5"), "each of 2 channels, got 1$"),
+        (
+            lambda c: c.edited("GPe.intact_by_channel=0.5,2"),
+            r"intact_by_channel must lie in 0\.\.1",
+        ),
+        (lambda c: c.without("GPe", 0.5, channel=0).recovered(), "channels would need different"),
+    ],
+)
+def test_a_lesion_that_one_channel_cannot_have_is_refused(edit, message):
+    with pytest.raises(ValueError, match=message):
+        edit(anatomy.macaque(2))
 
 
 def test_unknown_names_list_the_valid_ones(circuit):

@@ -58,9 +58,10 @@ def test_cells_spike_as_in_the_plain_scheme(circuit):
     [
         BASE.with_connections(0.25),
         BASE.with_connections(0.25).scaled("ctx", "D1", 0.9, 0).scaled("STN", "GPe", 0, 1),
+        BASE.with_connections(0.25).without("D1", 0.25, channel=0).without("D2", 1, channel=1),
         BASE.with_spread(0.1).with_connections(0.25),
     ],
-    ids=["sparse", "one channel", "both"],
+    ids=["sparse", "one channel", "lost in one channel", "both"],
 )
 def test_sparse_inputs_make_cells_spike_as_in_the_plain_scheme_up_to_single_precision(circuit):
     fast, plain = both(circuit, ramp(2, 3))
