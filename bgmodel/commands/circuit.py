@@ -45,7 +45,7 @@ class CircuitShow(Writes):
 
     Examples: bgmodel circuit show macaque;
     bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf;
-    bgmodel circuit show --edits.change "STN->GPe.delay_ms=4" --edits.add "D1->GPe weight=-0.1"
+    bgmodel circuit show --edits.change "STN->GPe.delay_ms=4" --edits.add "D1->GPe weight=-0.1";
     bgmodel circuit show macaque --channels 4 --save mine.toml; bgmodel circuit show mine.toml
     """
 
@@ -252,7 +252,7 @@ class CircuitRun(Writes):
     ) -> None:
         """Print how many trials decided, how well and how fast."""
         criterion = "--posterior" if self.threshold is None else "--threshold"
-        say_of_trials(result, criterion=f"{criterion}, or another --gain")
+        say_of_trials(result, criterion, more=", or another --gain")
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
             f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "

@@ -445,8 +445,8 @@ def _refused(
         missed &= late <= MOST_FORCED
         lost = [a for a, gone in zip(accuracies, missed, strict=True) if gone]
         why = (
-            f"{name} would have to decide at OUT = {listed(due[missed])}, and the nearest that it "
-            f"reaches is {listed(reached[near][missed])}; evidence decides in it at thresholds of "
+            f"{name} would have to decide at OUT = {listed(due[missed])}, and the nearest accuracy "
+            f"that it reaches is {listed(reached[near][missed])}; evidence decides in it at thresholds of "
             f"{low:.2f} to {high:.2f} ({rest}, is read from {circuit.readable_nats[0]:.2f} on, and "
             "noise must not cross them at rest)"
         )

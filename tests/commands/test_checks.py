@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from bgmodel.cli import main
+from bgmodel.commands.checks import say_of_trials
+from bgmodel.files import read_table
 from tests.helpers import run
 
 
@@ -111,3 +114,28 @@ def test_warnings_are_a_sentence_and_say_when_the_deadline_decides(tmp_path, cap
     said = capsys.readouterr().err
     assert "bgmodel: 20 of 20 trials never met the threshold" in said
     assert ".py" not in said
+    assert "give more readings or a lower --posterior, or another --gain" in said
+
+
+def test_the_advice_on_a_threshold_is_one_that_decides_more_trials(tmp_path, capsys):
+    """A decision is OUT <= threshold: the higher threshold is met, the lower is not."""
+    given = ("--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1, "--trials", 20)
+    forced = {}
+    for threshold in (0.01, 0.4):
+        out = tmp_path / f"{threshold}.csv"
+        assert run("circuit", "run", out, *given, "--t-max", 4, "--threshold", threshold) == 0
+        said = capsys.readouterr().err
+        forced[threshold] = int(read_table(out)["forced"].sum())
+        advised = "give more readings or a higher --threshold, or another --gain" in said
+        assert advised == (forced[threshold] > 10)
+    assert forced[0.01] > 10 > forced[0.4]
+
+
+@pytest.mark.parametrize(
+    ("criterion", "harder"),
+    [("--threshold", "lower"), ("--posterior", "higher"), ("--delta", "higher")],
+)
+def test_the_advice_on_early_decisions_is_a_criterion_met_later(capsys, criterion, harder):
+    table = pd.DataFrame({"forced": False, "undecided": False, "premature": [True, True, False]})
+    say_of_trials(table, criterion)
+    assert capsys.readouterr().err.endswith(f"without evidence: give a {harder} {criterion}\n")
