@@ -113,11 +113,12 @@ class Compare(Comparison):
 class CircuitLesion(Comparison):
     """Compare edited circuits with the circuit as it is, on the same evidence and noise.
 
-    Each edit is a circuit of its own: a nucleus to lesion, whole ("STN") or by a fraction
-    ("STN=0.2"), a pathway to scale ("D1->SNr=0.9"), a field to change ("STN->GPe.delay_ms=4"), a
-    new row ("D1->GPe weight=-0.1") or a level of dopamine ("dopamine=0.9"); --edits are made
-    before, in all of them; with --edits.recovered each nucleus comes back to its rate at rest after
-    each edit. Behaviour is shown at the intact circuit's threshold, and with
+    Each edit is a circuit of its own: a nucleus to lesion, whole ("STN"), by a fraction ("STN=0.2")
+    or in one channel ("GPe[0]=0.25"), a pathway to scale ("D1->SNr=0.9"), a field to change
+    ("STN->GPe.delay_ms=4"), a new row ("D1->GPe weight=-0.1") or a level of dopamine
+    ("dopamine=0.9"); --edits are made before, in all of them, and the circuit that has these alone
+    is called "as edited"; with --edits.recovered each nucleus comes back to its rate at rest after
+    each edit. Behaviour is shown at the threshold of the circuit before its lesions, and with
     thresholds tuned anew. No experiment says that this is what happens: what a lesion does here is
     the model's prediction.
 
@@ -129,10 +130,13 @@ class CircuitLesion(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import compare_edits
+        from bgmodel.comparison.circuits import AS_EDITED, INTACT, compare_edits
         from bgmodel.comparison.page import behaviour, page
+        from circuits.anatomy import circuit
 
         model, evidence = _model(self)
+        whole = circuit(self.circuit, evidence.hypotheses)
+        before = INTACT if model.circuit == whole else AS_EDITED
         edited = {}
         for edit in self.lesions:
             of_all = {"replaced": self.edits.replaced, "recovered": self.edits.recovered}
@@ -146,10 +150,10 @@ class CircuitLesion(Comparison):
         say_before("lesioning", model, evidence, runs=circuits, more_s=more_s)
         given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
         with bar(circuits * evidence.trials):
-            table = compare_edits(model, edited, evidence, **given)
+            table = compare_edits(model, edited, evidence, before=before, **given)
         files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         text = (
-            f"at the intact circuit's threshold (a prediction):\n{behaviour(table)}\n\n"
+            f"at the threshold of the circuit {before} (a prediction):\n{behaviour(table)}\n\n"
             "against the MSPRT, thresholds tuned anew:\n"
             f"{page(table[table['kind'] == 'value'].drop(columns='kind'))}"
         )

@@ -48,6 +48,7 @@ from circuits.engines import NOISY, THREADED
 from circuits.spec import NATS, Circuit
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
+INTACT, AS_EDITED = "intact", "as edited"
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 DECODER_TAU_MS = 20.0
 THRESHOLDS = 120
@@ -308,6 +309,7 @@ def compare_edits(
     resamples: int = RESAMPLES,
     highest: float = HIGHEST,
     groups: npt.ArrayLike | None = None,
+    before: str = INTACT,
 ) -> pd.DataFrame:
     """Compare edited circuits with the MSPRT, and with the circuit as it is, on the same evidence.
 
@@ -323,6 +325,8 @@ def compare_edits(
         As in ``comparison.compare``.
     highest : float
         Accuracy up to which thresholds are tried: a lower one takes less time.
+    before : str
+        What the circuit as it is, ``model``, is called: it may be edited itself.
 
     Returns
     -------
@@ -348,10 +352,10 @@ def compare_edits(
     levels = _tuned(model, test, max(highest, *accuracies), lowest)
     intact = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
     parts, lost = [], list(accuracies)
-    for name, circuit in {"intact": model.circuit, **edited}.items():
+    for name, circuit in {before: model.circuit, **edited}.items():
         changed = replace(model, circuit=circuit)
         found = tuned = intact
-        if name != "intact":
+        if name != before:
             # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
             both = np.union1d(levels, levels + _moved(model.circuit, circuit, levels))
             both = both[both > _silent(circuit)]
@@ -446,9 +450,9 @@ def _refused(
         lost = [a for a, gone in zip(accuracies, missed, strict=True) if gone]
         why = (
             f"{name} would have to decide at OUT = {listed(due[missed])}, and the nearest accuracy "
-            f"that it reaches is {listed(reached[near][missed])}; evidence decides in it at thresholds of "
-            f"{low:.2f} to {high:.2f} ({rest}, is read from {circuit.readable_nats[0]:.2f} on, and "
-            "noise must not cross them at rest)"
+            f"that it reaches is {listed(reached[near][missed])}; evidence decides in it at "
+            f"thresholds of {low:.2f} to {high:.2f} ({rest}, is read from "
+            f"{circuit.readable_nats[0]:.2f} on, and noise must not cross them at rest)"
         )
     else:
         lost, why = list(accuracies), f"{name} decides without evidence ({rest})"

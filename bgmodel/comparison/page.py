@@ -18,7 +18,7 @@ from bgmodel.comparison.compare import (
 
 
 def behaviour(table: pd.DataFrame) -> str:
-    """Return what variants do at the intact circuit's threshold as text.
+    """Return what variants do at the threshold of the circuit before them as text.
 
     Parameters
     ----------

@@ -114,6 +114,12 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
     shown = capsys.readouterr().out
     assert "a prediction" in shown
     assert {"intact", *edits} == set(pd.read_csv(out, comment="#")["variant"])
+    assert "at the threshold of the circuit intact (a prediction)" in shown
+    new = ("--edits.add", "D1->GPe weight=-0.01", "--force")
+    assert run("circuit", "lesion", out, "STN[0]=0.1", *SMALL, "--accuracies", 0.9, *new) == 0
+    assert re.search(r"as edited +0.9 ", shown := capsys.readouterr().out)
+    assert "intact" not in shown
+    assert set(pd.read_csv(out, comment="#")["variant"]) == {"as edited", "STN[0]=0.1"}
     idle = ("circuit", "lesion", out, "STN.neurons=3", "--engine", "rate", "--force")
     assert run(*idle) == 2
     assert "'STN.neurons=3' says nothing to the rate engine" in capsys.readouterr().err
