@@ -28,6 +28,7 @@ are missing then. In simulated diffusions at .01 the drift came out 6 to 7 % too
 
 MEASURES = {
     "accuracy": "correct of those decided",
+    "choice_0": "share of those decided that chooses the first alternative, that of channel 0",
     "mean_ms": "mean time of a decision from the onset of evidence, ms",
     "median_ms": "median time of a decision, ms",
     "premature": "share that decides before the first reading",
@@ -42,7 +43,13 @@ MEASURES = {
 """Every measure, with its unit."""
 OF_DIFFUSION = ("drift", "bound", "non_decision_ms")
 """Measures by EZ-diffusion."""
-OF_DECIDED = ("accuracy", "mean_ms", "median_ms", "criterion", *OF_DIFFUSION)
+NO_DIFFUSION = (
+    "no diffusion that starts half-way between its bounds has these choices and times (its "
+    "non-decision time would be below 0, or its times do not vary); look at choice_0 for a bias "
+    "to one side"
+)
+"""Why they are withheld where the deadline cuts off few trials."""
+OF_DECIDED = ("accuracy", "choice_0", "mean_ms", "median_ms", "criterion", *OF_DIFFUSION)
 """Measures of those trials alone that were decided in time."""
 
 
@@ -81,14 +88,16 @@ class Behaviour:
 
         NaN where no trial that counts has a weight. The criterion takes the likelihoods at their
         word; times, accuracy and criterion are those of trials that decided in time. Those of a
-        diffusion are NaN with more than two alternatives, and where the deadline cuts off more
-        than ``CUT_OFF`` of all trials.
+        diffusion are NaN with more than two alternatives, where the deadline cuts off more than
+        ``CUT_OFF`` of all trials, and where the non-decision time of all trials, each weighed once,
+        comes out below 0.
         """
         missed, time_ms = self.decided.forced[0], self.decided.time_ms[0]
         correct = self.decided.choice[0] == self.truth
         everyone = np.ones_like(missed)
         found = {
             "accuracy": mean(correct, ~missed, weights),
+            "choice_0": mean(self.decided.choice[0] == 0, ~missed, weights),
             "mean_ms": mean(time_ms, ~missed, weights),
             "median_ms": median(time_ms, ~missed, weights),
             "premature": mean(self.decided.premature[0], everyone, weights),
@@ -98,13 +107,19 @@ class Behaviour:
             "criterion": mean(self.decided.posterior[0], ~missed, weights),
         }
         # A diffusion has two bounds.
-        if self.hypotheses != 2 or missed.mean() > CUT_OFF:
+        of_two = self.hypotheses == 2 and missed.mean() <= CUT_OFF
+        if not of_two or self._diffusion(np.ones((1, len(missed))))["non_decision_ms"][0] < 0:
             return found | {name: np.full(len(weights), np.nan) for name in OF_DIFFUSION}
-        right = ~missed & correct
-        mean_s = mean(time_ms, right, weights) / 1e3
+        return found | self._diffusion(weights)
+
+    def _diffusion(self, weights: Array) -> dict[str, Array]:
+        """Return those ``OF_DIFFUSION``, whatever comes out."""
+        decided, time_ms = ~self.decided.forced[0], self.decided.time_ms[0]
+        right = decided & (self.decided.choice[0] == self.truth)
+        accuracy, mean_s = mean(right, decided, weights), mean(time_ms, right, weights) / 1e3
         variance = mean((time_ms / 1e3) ** 2, right, weights) - mean_s**2
-        parts = ez_diffusion(found["accuracy"], mean_s, variance, weights @ ~missed)
-        return found | dict(zip(OF_DIFFUSION, (*parts[:2], 1e3 * parts[2]), strict=True))
+        drift, bound, other_s = ez_diffusion(accuracy, mean_s, variance, weights @ decided)
+        return dict(zip(OF_DIFFUSION, (drift, bound, 1e3 * other_s), strict=True))
 
 
 def mean(values: npt.ArrayLike, among: Truths, weights: Array) -> Array:

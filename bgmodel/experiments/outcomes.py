@@ -16,7 +16,13 @@ from bgmodel.experiments.experiment import (
     WITHOUT,
     Experiment,
 )
-from bgmodel.experiments.measures import CUT_OFF, DIFFUSION_S, OF_DECIDED, OF_DIFFUSION
+from bgmodel.experiments.measures import (
+    CUT_OFF,
+    DIFFUSION_S,
+    NO_DIFFUSION,
+    OF_DECIDED,
+    OF_DIFFUSION,
+)
 
 VERDICTS = {
     AGREES: "agrees",
@@ -196,13 +202,21 @@ def _withheld(experiment: Experiment, table: pd.DataFrame) -> list[str]:
     predicted = any(p.measure in OF_DIFFUSION for p in experiment.predictions)
     if not predicted and (experiment.task.evidence is not None or experiment.task.channels != 2):
         return []
-    missed = table[table["measure"] == "missed"].set_index("condition")["value"]
-    return [
-        f"{', '.join(OF_DIFFUSION)} of the {condition} are withheld: the deadline cuts off "
-        f"{missed[condition]:.1%} of trials, more than {CUT_OFF:.0%}; give more readings (t_max)"
-        for condition in CONDITIONS[:2]
-        if missed[condition] > CUT_OFF
-    ]
+    values = table.set_index(["condition", "measure"])["value"]
+    found = []
+    for condition in CONDITIONS[:2]:
+        missed = values[condition, "missed"]
+        if missed > CUT_OFF:
+            why = (
+                f"the deadline cuts off {missed:.1%} of trials, more than {CUT_OFF:.0%}; give more "
+                "readings (t_max)"
+            )
+        elif np.isnan(values[condition, OF_DIFFUSION[-1]]):
+            why = NO_DIFFUSION
+        else:
+            continue
+        found.append(f"{', '.join(OF_DIFFUSION)} of the {condition} are withheld: {why}")
+    return found
 
 
 def _edits(experiment: Experiment) -> list[str]:

@@ -13,7 +13,7 @@ import pandas as pd
 from bgmodel.arrays import Array
 from bgmodel.comparison.compare import RESAMPLES, interval, reads_nothing, resampled
 from bgmodel.experiments.experiment import FEWEST_DECIDED, MANY_MISSED
-from bgmodel.experiments.measures import CUT_OFF, MEASURES, OF_DIFFUSION
+from bgmodel.experiments.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_DIFFUSION
 from bgmodel.seeds import stream
 from bgmodel.sweeps.plan import Plan, Setting
 from bgmodel.sweeps.shards import REMARK, read
@@ -82,6 +82,8 @@ def _withheld(values: dict[str, float]) -> str:
     """Return why the parameters of a diffusion are not known, or no text."""
     if values["missed"] > CUT_OFF:
         return f"{', '.join(OF_DIFFUSION)} are withheld: the deadline cuts off late decisions"
+    if np.isnan(values[OF_DIFFUSION[-1]]):
+        return f"{', '.join(OF_DIFFUSION)} are withheld: {NO_DIFFUSION}"
     return ""
 
 

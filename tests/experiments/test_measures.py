@@ -95,3 +95,37 @@ def test_a_diffusion_is_withheld_where_the_deadline_cuts_off_more_than_a_few():
         known = [np.isfinite(found[name]).all() for name in OF_DIFFUSION]
         assert known == [missed / 200 <= CUT_OFF] * 3
         assert np.isfinite(found["accuracy"]).all()
+
+
+def behaving(choice, times, truth, missed=0):
+    """Return decisions, the last so many of them missed."""
+    trials = len(truth)
+    forced = np.arange(trials) >= trials - missed
+    rows = (choice, times, forced, np.zeros(trials, bool), np.full(trials, 0.9))
+    decided = Tradeoff(np.array([0.2]), *(np.asarray(row)[None] for row in rows))
+    return Behaviour(decided, np.zeros(trials, bool), truth, 2)
+
+
+def test_a_diffusion_with_a_time_below_0_is_withheld_whatever_the_resample():
+    """Times that vary as much as they are long: no unbiased diffusion has them."""
+    truth = np.arange(200) % 2
+    choice = np.where(np.arange(200) % 5 == 0, 1 - truth, truth)
+    scattered = np.where(np.arange(200) % 4 < 2, 50.0, 1500.0)
+    weights = np.concatenate([np.ones((1, 200)), stream(2, "w").integers(0, 3, (50, 200))])
+    found = behaving(choice, scattered, truth).measures(weights)
+    assert all(np.isnan(found[name]).all() for name in OF_DIFFUSION)
+    assert np.isfinite(found["mean_ms"]).all()
+    # Without the first row too: a sweep asks for its resamples in parts.
+    assert np.isnan(behaving(choice, scattered, truth).measures(weights[1:])["drift"]).all()
+    later = behaving(choice, scattered + 1000, truth).measures(weights)
+    assert all(np.isfinite(later[name]).all() for name in OF_DIFFUSION)
+    assert later["non_decision_ms"][0] > 0
+
+
+def test_the_share_of_the_first_alternative_is_of_those_decided():
+    truth = np.arange(200) % 2
+    choice = np.where(np.arange(200) < 150, 0, 1)
+    found = behaving(choice, 300 + 10.0 * np.arange(200), truth, missed=40)
+    assert found.measures(np.ones((1, 200)))["choice_0"][0] == 150 / 160
+    weights = np.where(np.arange(200) < 10, 1.0, 0.0)[None]
+    assert found.measures(weights)["choice_0"][0] == 1

@@ -60,6 +60,9 @@ def test_a_page_says_why_a_diffusion_is_withheld():
         "non_decision_ms of the manipulation are withheld: the deadline cuts off 4.0% of" in shown
     )
     assert "of the control are withheld" not in shown
+    biased = (table["condition"] == "control") & (table["measure"] == "non_decision_ms")
+    shown = page(experiment, table.assign(value=table["value"].mask(biased)))
+    assert "of the control are withheld: no diffusion that starts half-way" in shown
 
 
 def judged(shares, foreperiod_ms=500.0, decided=100, measure="mean_ms"):
