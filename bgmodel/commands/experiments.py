@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import tyro
 from tyro.conf import Positional
 
 from bgmodel import files
@@ -34,7 +35,7 @@ class ExperimentRun(Shows):
     the file, written before the run; each part is said to agree, to disagree or to be left open by
     the 95 % interval of the change.
 
-    Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial;
+    Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial --show;
     bgmodel experiment mine.toml outcome.csv --trials 200 --engine population
     """
 
@@ -51,11 +52,16 @@ class ExperimentRun(Shows):
     """Engine, if not that of the file: population takes a second where spikes take minutes."""
     workers: int = 2
     """Threads of the engines that can use several; they change no byte."""
+    shown: Annotated[bool, tyro.conf.arg(name="show")] = False
+    """Print the file of an experiment that is shipped, and run nothing: to start your own from."""
 
     def __call__(self) -> None:
         """Run the command."""
         if not self.file:
             self._list()
+            return
+        if self.shown:
+            self._print()
             return
         self._check()
         experiment = self._experiment()
@@ -80,6 +86,15 @@ class ExperimentRun(Shows):
         text = "\n".join(f"{name:<{width}}{one.name} ({one.source})" for name, one in found.items())
         rows = [(file, one.name, one.source) for file, one in found.items()]
         self.show(text, pd.DataFrame(rows, columns=["file", "name", "source"]))
+
+    def _print(self) -> None:
+        """Print the file of one that is shipped."""
+        from bgmodel.experiments.experiment import read_experiment, shipped_text
+
+        if Path(self.file).suffix == ".toml":
+            raise ValueError(f"show is for an experiment that is shipped, got {self.file!r}")
+        read_experiment(self.file)  # its errors say which there are
+        print(shipped_text(self.file), end="")
 
     def _experiment(self) -> Experiment:
         """Return the experiment of the file, with what the options change."""

@@ -149,15 +149,15 @@ class Experiment:
 
     name: str
     """What was done, in a few words."""
-    published: str
-    """What was found."""
-    source: str
-    """Who found it, and whether the paper or its abstract was read."""
     note: str
     """Why the manipulation stands for what was done, and where the sizes come from."""
     manipulation: Condition
     predictions: tuple[Prediction, ...]
     task: Stimuli
+    published: str = ""
+    """What was found; nothing where the question is new."""
+    source: str = ""
+    """Who found it, and whether the paper or its abstract was read."""
     control: Condition = Condition()
     effects: tuple[Effect, ...] = ()
     """What was found, as numbers, where there are any."""
@@ -262,6 +262,11 @@ def read_experiment(file: str | Path) -> Experiment:
         names = ", ".join(_names())
         raise ValueError(f"an experiment is a .toml file or one of {names}; got {str(file)!r}")
     return toml_files.read(Path(str(inside)), Experiment)
+
+
+def shipped_text(name: str) -> str:
+    """Return the file of an experiment that is shipped, as text."""
+    return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _names() -> list[str]:

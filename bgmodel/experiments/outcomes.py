@@ -148,8 +148,8 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
         The measures, as from ``run_experiment``.
     """
     lines = [
-        f"{experiment.name} ({experiment.source})",
-        f"published: {experiment.published}",
+        f"{experiment.name} ({experiment.source})" if experiment.source else experiment.name,
+        *([f"published: {experiment.published}"] if experiment.published else []),
         experiment.note,
         *_edits(experiment),
         "",

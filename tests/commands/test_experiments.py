@@ -23,6 +23,27 @@ def test_an_experiment_that_is_not_there_is_said(tmp_path, capsys):
     assert "output must end in .parquet or .csv" in capsys.readouterr().err
 
 
+def test_the_file_of_one_that_is_shipped_is_printed_and_runs_as_its_own(tmp_path, capsys):
+    assert run("experiment", "stn_conflict", "--show") == 0
+    mine = tmp_path / "mine.toml"
+    mine.write_text(capsys.readouterr().out)
+    assert read_experiment(mine) == read_experiment("stn_conflict")
+    assert run("experiment", mine, "--show") == 2
+    assert "show is for an experiment that is shipped, got " in capsys.readouterr().err
+    assert run("experiment", "stn", "--show") == 2
+    assert "a .toml file or one of accuracy_dopamine, " in capsys.readouterr().err
+
+
+def test_a_question_that_is_new_has_nothing_published(experiment_file, capsys):
+    text = re.sub(r"^(published|source) = .*\n", "", DELAY, flags=re.MULTILINE)
+    assert "nobody" not in text
+    experiment_file.write_text(text)
+    assert run("experiment", experiment_file, "--trials", 100) == 0
+    page = capsys.readouterr().out
+    assert page.startswith("A longer delay from STN to GPe\n2 ms more, and a pathway")
+    assert "published" not in page
+
+
 DELAY = """
 name = "A longer delay from STN to GPe"
 published = "nothing: a hypothesis"
