@@ -13,7 +13,7 @@ it is like; a row with an amount is a course. A value with blanks stands in quot
     D1->GPe weight=-0.1 delay_ms=4      a pathway
     D1->GPe like=D1->SNr weight=-0.1    a pathway like another
     TRN like=STN bias_nats=-1           a population like another
-    TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20
+    TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20 cite="my data"
     dopamine amount=0.5 to_ms=300       a course: of dopamine
     STN amount=0.2 from_ms=100          or of the input of a population
 """
@@ -116,7 +116,15 @@ def new_row(circuit: Circuit, text: str) -> Row | Course:
         if like is not None and not isinstance(like, kind):
             raise ValueError(f"{name} can't be like {like.name}: one of them is a pathway")
         identity = {"source": source, "target": target} if arrow else {"name": name}
+        if like is not None:
+            given.setdefault("cite", _as(like, given))
         return _row(kind, like, given, identity)
+
+
+def _as(like: Row, given: Iterable[str]) -> str:
+    """Return the source of a row like another: that row, for what is not given."""
+    edited = ", ".join(given)
+    return f"as {like.name}" + (f"; assumed: {edited}" if edited else "")
 
 
 def _course(what: str, given: Mapping[str, str]) -> Course:

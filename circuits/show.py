@@ -33,6 +33,8 @@ PLACES = {
     "FSI": (0.0, 3.0),
     "GPe_ctx": (2.4, 0.6),
 }
+ASSUMED = "assumed"
+"""Source of a row that cites none."""
 COLOURS = {"glutamate": "#b2182b", GABA: "#2166ac"}
 
 
@@ -56,7 +58,7 @@ def nuclei(circuit: Circuit) -> pd.DataFrame:
             "receptor": p.receptor,
             "spread": p.spread,
             "intact": _intact(p),
-            "source": p.cite,
+            "source": p.cite or ASSUMED,
         }
         for p in circuit.populations
     ]
@@ -76,7 +78,7 @@ def pathways(circuit: Circuit) -> pd.DataFrame:
             "by_channel": " ".join(f"{factor:g}" for factor in p.factors),
             "f": p.transfer,
             "receptor": p.receptor,
-            "source": p.cite,
+            "source": p.cite or ASSUMED,
         }
         for p in circuit.projections
     ]
@@ -94,7 +96,7 @@ def courses(circuit: Circuit) -> pd.DataFrame:
             "to_ms": row.to_ms,
             "rise_ms": row.rise_ms,
             "decay_ms": row.decay_ms,
-            "source": row.cite,
+            "source": row.cite or ASSUMED,
         }
         for row in circuit.courses
     ]

@@ -137,7 +137,12 @@ def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
         ),
         (
             "D1 -> GPe like=D1->SNr weight=-0.1",
-            replace(TABLE.projection("D1", "SNr"), target="GPe", weight=-0.1),
+            replace(
+                TABLE.projection("D1", "SNr"),
+                target="GPe",
+                weight=-0.1,
+                cite="as D1->SNr; assumed: weight",
+            ),
         ),
         (
             "TRN like=STN bias_nats=-1 cell.cv=0.2 cite='my data'",
@@ -154,6 +159,13 @@ def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
 )
 def test_a_row_in_text_is_the_row_in_python(text, row):
     assert TABLE.with_rows(text) == TABLE.with_rows(row)
+
+
+def test_a_row_like_another_does_not_cite_its_source_for_numbers_that_are_new():
+    rows = ("TRN like=STN", "X like=GPe baseline_hz=10 cell.tau_ms=9", "Y like=GPe cite='my data'")
+    edited = TABLE.with_rows(*rows)
+    cited = [edited.population(name).cite for name in ("TRN", "X", "Y")]
+    assert cited == ["as STN", "as GPe; assumed: baseline_hz, cell.tau_ms", "my data"]
 
 
 def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():

@@ -37,6 +37,12 @@ def test_edits_show_on_the_page_and_nothing_else_does():
     assert "intact" not in show.text(anatomy.spiking_msprt())
 
 
+def test_a_row_without_a_source_is_assumed():
+    edited = anatomy.spiking_msprt().with_rows("D1->GPe weight=-0.1", "D1 amount=0.1 to_ms=9")
+    assert show.pathways(edited)["source"].iloc[-1] == "assumed"
+    assert show.courses(edited)["source"].tolist() == ["assumed"]
+
+
 def test_the_drawing_shows_every_nucleus_and_pathway():
     extra = Population("PPN", anatomy.bogacz_gurney().populations[0].cell, cite="test")
     circuit = anatomy.spiking_msprt().with_rows(extra, Projection("PPN", "STN", 1, cite="test"))
