@@ -1,10 +1,11 @@
 """The tests beside other tools: PyDDM, ssm-simulators and psignifit on the same problems.
 
 Needs the extra ``compare``. Decisions are those of ``Sprt``, ``Race`` and ``Lca`` by
-``first_crossing``; how the other tools are asked is in ``other_tools.py``. Times are whole
-readings: for a Kolmogorov-Smirnov test each is spread over the reading that it ends with, so that
-p is exact. Over a grid the p-values are held to what they are under equality: the smallest after
-Bonferroni, their evenness, and the sum of squared z. Each table has controls that must fail.
+``first_crossing``; the calls of the other tools are in ``other_tools.py``. Times are whole
+readings: for a Kolmogorov-Smirnov test each is spread evenly over its last reading, so that there
+are no ties. The points of a grid are judged together, by what their p-values are where nothing
+differs: the smallest with Bonferroni's correction, a test that they are uniform, and the sum of
+squared z. Each table has controls, wrong on purpose.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ TOOLS = ("pyddm", "ssms", "psignifit")
 SEPARATIONS, BOUNDS, STARTS = (0.03, 0.05), (0.5, 1.0, 1.5, 2.0, 3.0), (0.0, 0.4)
 """The grid: d per reading; bounds, nats; where Z starts, as a share of the bound."""
 COARSE_D = 0.5
-"""A separation at which a reading is no small step."""
+"""A separation at which one reading is not small beside the bound."""
 WRONG = 1.03
 """Factor on the drift in controls."""
 TRIALS, COARSE_TRIALS, NUMBERS = 20_000, 2000, 10_000_000
@@ -81,12 +82,12 @@ def decided(
 
 
 def spread(readings: Array, *names: object) -> Array:
-    """Return times evenly spread over the reading that each ends with."""
+    """Return times, each drawn evenly from its last reading."""
     return np.asarray(readings - stream(SCORING_SEED, "spread", *names).random(len(readings)))
 
 
 def held(correct: Array, readings: Array, ends: Ends, times: Array) -> dict[str, float]:
-    """Return what a solution says of simulated decisions, z-scores, and KS distance and p."""
+    """Return a solution's error rate and mean, and the simulation against it: z, KS distance, p."""
     from scipy.stats import kstest
 
     n, rate = len(correct), ends.error_rate
@@ -102,7 +103,7 @@ def held(correct: Array, readings: Array, ends: Ends, times: Array) -> dict[str,
 
 
 def walks(d: float, share: float, trials: int) -> pd.DataFrame:
-    """Return a row per bound and solution, the simulation's error rate and mean beside it."""
+    """Return one row per bound and solution, beside the simulation's error rate and mean."""
     rows = []
     for theta in BOUNDS:
         at = d, theta, share * theta
@@ -122,7 +123,7 @@ def walks(d: float, share: float, trials: int) -> pd.DataFrame:
 
 
 def verdict(found: pd.DataFrame) -> dict[str, float]:
-    """Return what the z and p of several points say together."""
+    """Return the joint verdict of the z and p of several points."""
     from scipy.stats import chi2, kstest
 
     points = len(found)
@@ -137,7 +138,7 @@ def verdict(found: pd.DataFrame) -> dict[str, float]:
 
 
 def accumulators(number: int, trials: int) -> pd.DataFrame:
-    """Return one point of a race or an LCA, ours beside theirs and beside two controls."""
+    """Return one point of a race or an LCA: ours against theirs, and against two controls."""
     from scipy.stats import ks_2samp
 
     point = POINTS[number]
@@ -198,7 +199,7 @@ def psychometric(bound: float, bias: float, repeats: int, trials: int) -> pd.Dat
 
 
 def _answered(drive: Array, bound: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return choices and readings of the test on readings of a mean that it does not know."""
+    """Return choices and readings of a test that does not know the mean of its readings."""
     steps = int(12 * (bound + 1) ** 2)
     chosen, readings = [], []
     for part in np.array_split(drive, int(np.ceil(len(drive) * steps / NUMBERS))):
@@ -224,9 +225,9 @@ def _own_width(levels: Array, chosen: Array, readings: Array) -> float:
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield the grid, coarse readings, accumulators and psychometric functions; no threads.
+    """Yield the grid, coarse readings, accumulators and psychometric functions.
 
-    None without the other tools.
+    Nothing if one of the other tools is not installed; threads are not used.
     """
     if any(util.find_spec(name) is None for name in TOOLS):
         return
@@ -271,7 +272,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 def _widths(sets: pd.DataFrame) -> pd.DataFrame:
-    """Return, per bound and bias, how many intervals hold what they should, and means."""
+    """Return, per bound and bias, means, and how many intervals contain each width or threshold."""
     rows = []
     for (bound, bias), part in sets.groupby(["bound", "bias"]):
         row: dict[str, Any] = {"bound": bound, "bias": bias, "sets": len(part)}

@@ -1,10 +1,11 @@
-"""The same problems as PyDDM, ssm-simulators and psignifit state them.
+"""The project's problems as PyDDM, ssm-simulators and psignifit state them.
 
-The time unit is a reading throughout, and what a reading adds has its own scale, so that each
-mapping below is exact but for one: PyDDM's time is continuous. A walk of increments N(d^2/2, d)
-with bounds at +-theta is there a diffusion of drift 1/2 and unit noise in the time d^2 t, with
-bounds moved out by the mean overshoot, .5826 d (Siegmund 1979). The overshoot's variance is a
-quarter of a reading's, which by Wald's second identity takes a quarter of a reading.
+The unit of time is a reading, and the unit of an accumulator the standard deviation of a reading.
+Each mapping is then exact but for one: PyDDM's time is continuous. There a walk with increments of
+mean d^2/2 and standard deviation d and bounds at +-theta is a diffusion of drift 1/2 and unit noise
+in the time d^2 t, with bounds moved out by the mean overshoot, .5826 d (Siegmund 1979). The
+variance of the overshoot is a quarter of that of a reading; by Wald's second identity the walk
+takes a quarter of a reading longer for it.
 """
 
 from __future__ import annotations
@@ -23,20 +24,20 @@ from bgmodel.theory.sprt import OVERSHOOT
 LATE = 0.25
 """Readings that a walk takes longer than the diffusion with corrected bounds."""
 LEFT = 1e-6
-"""Share of trials, about, that no reading decides before the last one."""
+"""Approximate share of trials that are not decided by the last reading."""
 FLOOR = 200.0
-"""Distance of ssm-simulators' floor below the start, in sd of a reading: none gets there."""
+"""Distance of ssm-simulators' floor below the start, in sd of a reading: too far to be reached."""
 SSM_READINGS = 900
-"""Readings of a trial: from 999 on, ssm-simulators takes a response for an omission."""
+"""Readings of a trial: ssm-simulators counts responses from 999 on as omissions."""
 
 GRID = 400
 """Points of psignifit's grid along threshold and width."""
 
 
 class Ends(NamedTuple):
-    """Wrong responses, mean number of readings, and the distribution of times.
+    """Share of wrong responses, mean number of readings, and the distribution of times.
 
-    ``cdf`` (points,) holds the probability of a decision before so many ``readings``, rising.
+    ``cdf`` (points,) holds the probability of a decision by each of ``readings``, rising.
     """
 
     error_rate: float
@@ -45,7 +46,7 @@ class Ends(NamedTuple):
     cdf: Array
 
     def before(self, readings: Array) -> Array:
-        """Return the probability of a decision before so many readings."""
+        """Return the probability of a decision by each number of readings."""
         return np.interp(readings, self.readings, self.cdf)
 
 
@@ -57,7 +58,7 @@ def readings_needed(d: float, theta: float) -> int:
 
 
 def exact(d: float, theta: float, start: float) -> Ends:
-    """Return the walk by Nystrom's solution, the mean of both states.
+    """Return the discrete walk by Nystrom's solution, the mean over both hypotheses.
 
     Parameters
     ----------
@@ -77,16 +78,16 @@ def exact(d: float, theta: float, start: float) -> Ends:
 def by_pyddm(
     d: float, theta: float, start: float, *, overshoot: float = OVERSHOOT, drift: float = 1.0
 ) -> Ends:
-    """Return the diffusion by PyDDM's analytic solution, the mean of both states.
+    """Return the diffusion by PyDDM's analytic solution, the mean over both hypotheses.
 
     Parameters
     ----------
     d, theta, start :
         As for ``exact``.
     overshoot : float
-        By how many d the bounds are moved out; 0 is Wald's approximation.
+        Distance in d by which the bounds are moved out; 0 is Wald's approximation.
     drift : float
-        Factor on the drift: for a control, since another than 1 is wrong.
+        Factor on the drift; other than 1 for a control.
     """
     from pyddm import BoundConstant, DriftConstant, ICPoint, Model, NoiseConstant
 
@@ -110,7 +111,7 @@ def by_pyddm(
     wrong, both = (up_1 + low_2) / 2, (low_1 + up_1 + low_2 + up_2) / 2
     cdf = np.append(0, np.cumsum(both[1:] + both[:-1])) * step / 2
     mean = np.trapezoid(both * times, dx=step) / d**2 + LATE
-    # A decision is made on average half a reading before the reading that shows it.
+    # The diffusion decides on average half a reading before the reading that shows it.
     readings = times / d**2 + LATE - 0.5
     return Ends(float(np.trapezoid(wrong, dx=step)), float(mean), readings, cdf)
 
@@ -133,7 +134,7 @@ class Accumulators:
     separation : float
         Mean of the true channel, sd of a reading.
     bound : float
-        Above the start, sd of a reading.
+        Distance of the bound above the start, sd of a reading.
     leak, inhibition : float, optional
         Per reading, in continuous time; without them it is a race.
     """
@@ -146,7 +147,7 @@ class Accumulators:
 
     @property
     def decays(self) -> tuple[float, float]:
-        """What a reading takes from the mean over channels, and from differences."""
+        """Decay per reading of the mean over channels, and of differences between channels."""
         leak = self.leak or 0.0
         return leak + (self.alternatives - 1) * self.inhibition, leak - self.inhibition
 
@@ -159,8 +160,9 @@ class Accumulators:
     def evidence(self, trials: int, rng: np.random.Generator) -> Evidence:
         """Draw readings of unit variance; truth is hypothesis 0.
 
-        Our LCA holds a reading until the next, theirs adds it at once: each mode of a reading is
-        divided by what of it is left when it was held, so that both add the same.
+        Our LCA takes a reading as constant until the next one, theirs adds it at once. The mean
+        over channels and the differences between them (the two modes) are therefore divided by the
+        part that a constant input leaves after one reading, so that both add the same.
         """
         readings = rng.standard_normal((trials, SSM_READINGS, self.alternatives))
         readings[:, :, 0] += self.separation
@@ -172,16 +174,16 @@ class Accumulators:
     def theirs(self, *, floor: float = FLOOR, drift: float = 1.0) -> tuple[str, dict[str, float]]:
         """Return the name of ssm-simulators' model, and its parameters at a time step of 1.
 
-        Their accumulators can't fall below 0: all is moved up by ``floor``, and the drift by what
-        leak and inhibition take there. A time step subtracts g x_i + b sum_{j != i} x_j, so that g
-        and b are such that both modes fall as ours do.
+        Their accumulators cannot fall below 0: the start and the bound are raised by ``floor``, and
+        the drift by what leak and inhibition take there. A time step subtracts
+        g x_i + b sum_{j != i} x_j; g and b are chosen so that both modes decay as ours do.
 
         Parameters
         ----------
         floor : float
-            0 is where they start by default: a control.
+            Height of the start above their floor; 0, their default, for a control.
         drift : float
-            Factor on the drift: for a control.
+            Factor on the drift; other than 1 for a control.
         """
         n = self.alternatives
         together, apart = (-float(np.expm1(-k)) for k in self.decays)
@@ -220,7 +222,7 @@ def by_psignifit(strength: Array, right: Array, trials: Array) -> dict[str, floa
     Parameters
     ----------
     strength : array (levels,)
-        Signed.
+        Signed strength.
     right, trials : array (levels,)
         Numbers of responses 1 and of trials.
 
@@ -233,7 +235,7 @@ def by_psignifit(strength: Array, right: Array, trials: Array) -> dict[str, floa
     import psignifit
 
     fixed: dict[str, Any] = {"lambda": 0.0, "gamma": 0.0, "eta": 1e-4}
-    # On its default grid of 40 points an interval of these data lies a fifth of a half-width low.
+    # On its default grid of 40 points, intervals of these data lie a tenth of their width too low.
     steps = {"threshold": GRID, "width": GRID}
     found = psignifit.psignifit(
         np.column_stack([strength, right, trials]),

@@ -1,4 +1,4 @@
-"""What makes numbers of a comparison absent or wrong, said before anybody reads them."""
+"""Warnings of what makes numbers of a comparison absent or wrong."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy.typing as npt
 from bgmodel.comparison.compare import Tradeoff, curve, margin
 from bgmodel.evidence import Evidence
 
-SURE = 3.29
-"""Standard errors on either side of an interval of 99.9 %: one false alarm in a thousand."""
+STANDARD_ERRORS = 3.29
+"""Half the width of a 99.9 % interval: one false alarm in a thousand comparisons."""
 
 
 def ceiling(evidence: Evidence) -> float:
@@ -25,14 +25,14 @@ def ceiling(evidence: Evidence) -> float:
 
 
 def warn_of_ceiling(evidence: Evidence, accuracies: Sequence[float]) -> list[float]:
-    """Warn of accuracies that the readings do not allow; return the others.
+    """Warn of accuracies that the readings do not allow, and return the others.
 
     Parameters
     ----------
     evidence : Evidence
-        What is decided on.
+        The trials that are decided.
     accuracies : sequence of float
-        Those that are asked for.
+        The requested accuracies.
     """
     top = ceiling(evidence)
     lost = [accuracy for accuracy in accuracies if accuracy - top > margin(accuracy)]
@@ -47,16 +47,16 @@ def warn_of_ceiling(evidence: Evidence, accuracies: Sequence[float]) -> list[flo
 
 
 def warn_of_own_ceiling(name: str, found: Tradeoff, accuracies: Sequence[float]) -> None:
-    """Warn of accuracies that the readings allow, and a model does not reach.
+    """Warn of accuracies that the readings allow but a model does not reach.
 
     Parameters
     ----------
     name : str
-        What the model is called.
+        The model, as the warning names it.
     found : Tradeoff
-        Its decisions.
+        The model's decisions.
     accuracies : sequence of float
-        Those that the readings allow, as from ``warn_of_ceiling``.
+        Accuracies that the readings allow, as from ``warn_of_ceiling``.
     """
     reached = curve(found, np.ones((1, found.trials)))[0][0]
     best = int(reached.argmax())
@@ -71,23 +71,23 @@ def warn_of_own_ceiling(name: str, found: Tradeoff, accuracies: Sequence[float])
 
 
 def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
-    """Warn where posteriors at the decision do not say how often a decision is right.
+    """Warn if the mean posterior at the decision differs from the accuracy.
 
-    If likelihoods and prior are those of the readings, the posterior of what is chosen has the
-    accuracy as its mean at any stopping rule (a martingale).
+    If likelihoods and prior are those of the readings, the two are equal under any stopping rule,
+    because the posterior is a martingale.
 
     Parameters
     ----------
     stated : array (trials,)
-        Posterior of what is chosen, at the decision.
+        Posterior of the choice, at the decision.
     correct : array (trials,)
         Whether the choice is right.
     """
     posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
     off = right - posterior
-    # Few errors may leave no scatter: that of calibrated posteriors is the least.
+    # Without errors there is no scatter: the variance is at least that of calibrated posteriors.
     variance = max(off.var(), float((posterior * (1 - posterior)).mean()))
-    half = SURE * np.sqrt(variance / len(off))
+    half = STANDARD_ERRORS * np.sqrt(variance / len(off))
     if abs(off.mean()) > half:
         sure = "sure" if off.mean() < 0 else "unsure"
         low, high = off.mean() - half, off.mean() + half

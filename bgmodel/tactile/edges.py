@@ -1,4 +1,4 @@
-"""How far was the edge turned?  Pairs of real taps, in two halves held out in turn."""
+"""Pairs of real taps of an edge: by how much was it turned?  Two halves, held out in turn."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.recordings import read_taps
 from bgmodel.tactile.task import Source
 
-# A 40 mm tip spans about 122 px of the 128; only the scale of displacements hangs on it.
+# A 40 mm tip spans about 122 px of the 128; only the scale of displacements depends on this.
 MM_PER_PX = 0.33
 TOLERANCE_DEG = 0.5
-"""How far the true difference of a pair may lie from the difference asked for."""
+"""Largest distance of a pair's true difference from the requested one."""
 
 
 def decoded_yaw(seed: int, recordings: Path) -> Array:
-    """Return true and read yaw of held-out real taps, (taps, 2) degrees; trains the decoder.
+    """Train the decoder; return true and decoded yaw of other real taps, (taps, 2) degrees.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ def decoded_yaw(seed: int, recordings: Path) -> Array:
 
 
 def halves(seed: int, taps: Array) -> list[Array]:
-    """Return two halves at random: tables of recordings are sorted by yaw."""
+    """Split taps at random into two halves; tables of recordings are sorted by yaw."""
     order = stream(seed, "figR1", "halves").permutation(len(taps))
     return np.array_split(taps[order], 2)
 
 
 def pairs(differences_deg: Sequence[float], taps: Array) -> list[Array]:
-    """Return decoded differences of real pairs, an array for each true difference asked for."""
+    """Return decoded differences of pairs of taps, one array per true difference, degrees."""
     true = wrapped(taps[None, :, 0] - taps[:, None, 0], 360)
     read = wrapped(taps[None, :, 1] - taps[:, None, 1], 360)
     other = ~np.eye(len(taps), dtype=bool)
@@ -57,9 +57,9 @@ def sources(parts: list[Array], differences_deg: Sequence[float]) -> list[Source
     Parameters
     ----------
     parts : list of two arrays (taps, 2), degrees
-        True and read yaw, as from ``halves``.
+        True and decoded yaw, as from ``halves``.
     differences_deg : sequence of float
-        Yaw difference of the two taps of a pair under each hypothesis; 0 for the same edge.
+        Difference of yaw of a pair under each hypothesis; 0 if the edge was not turned.
     """
 
     def from_pairs(pool: Pool) -> list[Array]:

@@ -28,7 +28,7 @@ SYNAPSES = 16.0  # 64 cells, a quarter of them, per nucleus; of all channels whe
 PSP_MV, NMDA_PSP_MV = 3.0, 0.1
 AMPA_MS, NMDA_MS, GABA_MS = 2.0, 100.0, 3.0
 CLAMP_MV = -20.0  # where shunting drives a cell, above rest
-HEIGHT = 0.5  # of the gate: the inhibition that closes it, of one spike of each synapse
+HEIGHT = 0.5  # inhibition that closes a gate, in units of one spike of each synapse
 
 # Noise is .3 mV per step of .1 ms; rest_mv and mv_per_nat are fit_current's for 100 Hz per unit.
 # fmt: off
@@ -53,7 +53,7 @@ def psp_area(peak_mv: float, synapse_ms: float, membrane_ms: float) -> float:
 
 
 class Target(NamedTuple):
-    """What a synapse finds at its target.
+    """The target of a synapse: its cell, and its inhibition at rest.
 
     Parameters
     ----------
@@ -72,12 +72,12 @@ class Target(NamedTuple):
 
     @property
     def bias(self) -> float:
-        """The intrinsic current, on the cell's line."""
+        """The intrinsic current as a bias of the cell's fitted line, nats."""
         return (self.intrinsic_mv - self.cell.rest_mv) / self.cell.mv_per_nat
 
     @property
     def closed_s(self) -> float:
-        """By how much a proximal or somatic spike per second closes a gate.
+        """Fraction of a gate closed per proximal or somatic spike per second, s.
 
         The height is that of GPe, the median over nuclei: 13.36 synapses of either sort.
         """
@@ -87,16 +87,16 @@ class Target(NamedTuple):
 
     @property
     def gate(self) -> float:
-        """What the gates at rest leave of excitation and of distal inhibition."""
+        """Fraction of excitation and of distal inhibition that passes the gates at rest."""
         return (1 - self.closed_s * self.proximal_hz) * (1 - self.closed_s * self.somatic_hz)
 
     def excited(self, peak_mv: float, synapse_ms: float, source_hz: float = HZ) -> float:
-        """Return the weight of a synapse per cell of glutamate, by the peak of its potential."""
+        """Return the weight of glutamate's synapses, by the peak of one postsynaptic potential."""
         area = self.gate * psp_area(peak_mv, synapse_ms, self.cell.tau_ms)
         return SYNAPSES * 1e-3 * area * source_hz / self.cell.mv_per_nat
 
     def inhibited(self, distal: float) -> float:
-        """Return the weight, negative, of synapses of GABA, a part of them distal.
+        """Return the weight, negative, of synapses of GABA, a fraction ``distal`` of them distal.
 
         The others inject the clamping current, ``clamp - intrinsic``, by the mean of both gates.
         """
@@ -114,16 +114,16 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     lies below 5 Hz, here .05. No posterior follows. Cells, synapses, delays, connections and
     intrinsic currents are those of the authors' code (ModelDB 83559), weights follow from the peaks
     of its postsynaptic potentials. A salience of 1 as 40 Hz and the read-out of 50 ms are assumed,
-    and the lines of ``rate`` and ``algebra`` are fitted to the cells alone: spikes rest at other
-    rates.
+    and the lines of ``rate`` and ``algebra`` are fitted to single cells: their rates at rest differ
+    from those of the circuit in spikes.
 
     A linear sum takes the place of shunting. There, inhibition near the soma injects a current
     that clamps the cell, which is additive and is kept, and closes two gates for all that arrives
     further out: the gates are held where the tonic rates of the code, 30 Hz in GPe and SNr, put
     them. Left out as well: the lowest potential of -20 mV, the rebound current of STN, which needs
-    -10 mV, and the skew of STN's time constants: all constants of a cell spread by the 10 % of tau
-    and R. NMDA's currents come from the mean over cells, as populations of their own. Connections
-    have a fixed in-degree, and cells may reach themselves.
+    -10 mV, and the skew of STN's time constants; instead all constants of a cell vary by the 10 %
+    that the code gives tau and R. NMDA's currents come from the mean over cells, as populations of
+    their own. Connections have a fixed in-degree, and cells may reach themselves.
 
     Parameters
     ----------
@@ -222,6 +222,6 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
         reference_nats=0.0,
         readout_tau_ms=50.0,
         range_nats=(-float("inf"), 1.0),
-        most_channels=16,  # beyond, a cell would hear less than one of another channel
+        most_channels=16,  # beyond, a cell would get less than one synapse of each other channel
         about=f"spiking cells select the channel of the largest salience; {HUMPHRIES}",
     )

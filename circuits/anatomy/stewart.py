@@ -24,13 +24,13 @@ def stewart(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
     Weights and thresholds are those of Gurney, Prescott & Redgrave 2001; lags are those of
     synapses, 2 ms from STN and 8 ms from cells of GABA, and the input has none. Saliences 0..1 come
     in; the output of each channel is what SNr stands for, near 0 where it is selected. The authors'
-    functions have no top; their ensembles represent values up to 1.5. No posterior follows.
+    functions have no upper limit; their ensembles represent values up to 1.5. No posterior follows.
 
     Left out are the unequal cells: there each nucleus has 100 leaky integrate-and-fire cells per
-    channel whose thresholds and slopes are drawn, and decoders that make the line of them. Here
+    channel whose thresholds and slopes are drawn, and decoders that combine them to the line. Here
     the cells are alike and regular, as theirs are without noise, and each fires by the line itself:
     200 Hz per unit, the mean of the authors' maximal rates over 1.5. Errors of the decoders are
-    left out with them. The read-out of 10 ms is that of nengo's tests.
+    therefore left out. The read-out of 10 ms is that of nengo's tests.
 
     Parameters
     ----------
