@@ -100,8 +100,10 @@ def said(behind: dict[str, Any]) -> str:
         text = f"{' to '.join(map(str, many))} trials, {text}"
     if parameters.get("fast"):
         text += ", coarse (`make score FAST=1`)"
-    if not parameters.get("circuits"):
+    if "circuits" not in parameters:
         return f"{text}; **with what circuit is not known**"
+    if not parameters["circuits"]:
+        return text
     names = sorted({made["name"] for made in parameters["circuits"].values()})
     text += f", circuit {', '.join(names)}"
     if DEFAULT not in names:
@@ -113,7 +115,8 @@ def said(behind: dict[str, Any]) -> str:
 
 
 def _others(circuits: dict[str, Any]) -> Iterator[str]:
-    for channels, made in circuits.items():
+    for key, made in circuits.items():
+        channels = key.split()[-1]
         if identity(circuit(made["name"], int(channels))) != made:
             yield f"{made['name']}, N = {channels} ({made['sha256'][:8]})"
 

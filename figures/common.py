@@ -56,8 +56,6 @@ class Settings:
     most_cells: float = 3.0
     lesioned_trials: int = 14
     dopamine_trials: int = 40
-    # Of the experiments, every so-many-th is run in spikes too.
-    held_to_spikes: int = 1
 
     @property
     def deltas(self) -> np.ndarray:
@@ -88,7 +86,6 @@ FAST = Settings(
     most_cells=1.0,
     lesioned_trials=8,
     dopamine_trials=8,
-    held_to_spikes=5,
 )
 
 
@@ -129,13 +126,16 @@ OLDER = "table made with an older circuit"
 def older(table: Path) -> bool:
     """Whether a score's table was made with another circuit than today's default.
 
+    Where it names several circuits, whether one of these is another today.
+
     Parameters
     ----------
     table : path
         A ``.csv`` of ``docs/results``, with the hashes of its circuits in its provenance.
     """
     made_with = read_provenance(table)["parameters"]["circuits"]
-    return any(each != identity(circuit(DEFAULT, int(n))) for n, each in made_with.items())
+    today = {key: ([DEFAULT, *key.split()][-2], int(key.split()[-1])) for key in made_with}
+    return any(identity(circuit(*today[key])) != each for key, each in made_with.items())
 
 
 def say_if_older(figure: Figure, *tables: Path) -> None:

@@ -1,8 +1,8 @@
 """Figure D4: every experiment that ships: what others found, as numbers, and what the circuit does.
 
 Predictions and published numbers stand in the experiments' files and were committed before the
-first run. What is found is found by the population engine on all trials of a file; spikes decide
-fewer beside it.
+first run. What is found is found by the population engine on all trials of a file. What spikes do
+beside it, on fewer trials, is a score's table.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from bgmodel.experiments.experiment import (
 )
 from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, outcomes
 from bgmodel.files import read_table, write_table
-from figures.common import FULL, Settings, run
+from figures.common import FULL, Settings, run, say_if_older
 
 AGREE, NOT = "C2", "C1"
 COLOUR = {AGREES: AGREE, COMPATIBLE: AGREE, DISAGREES: NOT, DIFFERS: NOT, WITHOUT: "C3"}
@@ -42,35 +42,34 @@ PANELS = {
 LINEAR_PERCENT = 20.0
 """Up to here the axis of times is linear, beyond it logarithmic."""
 TICKS_PERCENT = (-100, -20, -10, 0, 10, 20, 100, 300)
-SPIKING_SHARE = 0.5
-"""Spiking trials, as a share of what the figures of circuits have; with all of an experiment's they
-would take as long as all other figures."""
 SIZE = 6.0
 PER_LINE = 2
 """Predictions written in one line."""
 
 
-def compute(settings: Settings, *, output: Path) -> None:
-    """Run every experiment on both engines and hold it to its predictions and to numbers."""
+def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
+    """Run every experiment by populations, and hold it and its spikes to what was found."""
+    in_spikes = read_table(spikes)
     parts = []
-    for k, (file, experiment) in enumerate(shipped().items()):
+    for file, experiment in shipped().items():
         share = settings.circuit_trials / FULL.circuit_trials
         # Where one truth alone counts, half of the trials are left.
-        engines = {"population": max(round(share * experiment.task.trials), 240)}
-        if k % settings.held_to_spikes == 0:
-            engines["ensemble"] = max(round(SPIKING_SHARE * settings.circuit_trials), 240)
-        for engine, trials in engines.items():
-            task = replace(experiment.task, trials=trials)
-            one = replace(experiment, task=task, engine=engine)
-            source = one.source.rsplit(", ", 1)[0].removeprefix("derived from ")
-            about = {"file": file, "name": one.name, "by": source, "seed": one.seed}
-            parts.append(_rows(one).assign(trials=trials, engine=engine, **about))
+        trials = max(round(share * experiment.task.trials), 240)
+        one = replace(experiment, task=replace(experiment.task, trials=trials))
+        found = {
+            "population": run_experiment(one).measures.assign(trials=trials),
+            "ensemble": in_spikes[in_spikes["file"] == file].drop(columns="file"),
+        }
+        source = one.source.rsplit(", ", 1)[0].removeprefix("derived from ")
+        about = {"file": file, "name": one.name, "by": source, "seed": one.seed}
+        for engine, measures in found.items():
+            known = about | {"engine": engine, "trials": measures["trials"].iloc[0]}
+            parts.append(_rows(one, measures).assign(**known))
     write_table(pd.concat(parts), output, settings=settings)
 
 
-def _rows(experiment: Experiment) -> pd.DataFrame:
+def _rows(experiment: Experiment, measures: pd.DataFrame) -> pd.DataFrame:
     """Return a row per panel, with the published number if there is one, and per prediction."""
-    measures = run_experiment(experiment).measures
     said = outcomes(experiment, measures).assign(kind="prediction")
     keys = pd.DataFrame(list(PANELS), columns=["measure", "condition"])
     drawn = keys.merge(measures, how="left", on=["measure", "condition"]).assign(kind="effect")
@@ -79,7 +78,7 @@ def _rows(experiment: Experiment) -> pd.DataFrame:
     return pd.concat([drawn.drop(columns="effect_source"), said])
 
 
-def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
+def draw(settings: Settings, data: Path, spikes: Path, *, output: Path) -> Figure:
     """Draw a row per experiment: time, accuracy, and the predictions in words."""
     table = read_table(data)
     numbers = table["file"][table["published"].notna()].unique()
@@ -110,6 +109,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     axes[0].text(-0.02, -0.8, "experiment, source", **_at(axes[0], "right", weight="bold"))
     axes[1].text(1.03, -0.8, "predicted", **_at(axes[1], "left", weight="bold"))
     _key(figure)
+    say_if_older(figure, spikes)
     return figure
 
 

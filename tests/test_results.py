@@ -13,6 +13,8 @@ from benchmarks.scores import __main__ as scores
 from benchmarks.scores import pieces
 from benchmarks.scores.pieces import Piece, Score
 from bgmodel.files import provenance_path, read_table, write_table
+from bgmodel.integrators.basal_ganglia import identity
+from circuits.anatomy import circuit
 from tests.helpers import ROOT
 
 TEMPLATES = [pytest.param(path, id=path.name) for path in pages.templates()]
@@ -73,8 +75,18 @@ def test_a_table_is_written_by_a_score_and_shown_or_named_by_a_page(path):
 def test_a_table_of_another_circuit_says_so():
     behind = {"parameters": {"circuits": CIRCUITS}, "seed": 1, "versions": {"bgmodel": "0"}}
     assert "another circuit than today's**: spiking_msprt, N = 2 (00000000)" in pages.said(behind)
-    behind["parameters"]["circuits"] = {}
+    behind["parameters"]["circuits"] = {}  # no circuit decides in it
+    assert "circuit" not in pages.said(behind)
+    del behind["parameters"]["circuits"]
     assert "with what circuit is not known" in pages.said(behind)
+
+
+def test_each_of_several_circuits_of_a_table_is_held_to_its_own_of_today():
+    today = {f"{name} 2": identity(circuit(name, 2)) for name in ("gpr", "macaque")}
+    behind = {"parameters": {"circuits": today}, "seed": 1, "versions": {"bgmodel": "0"}}
+    assert "another circuit" not in pages.said(behind)
+    today["gpr 2"]["sha256"] = "0" * 64
+    assert "another circuit than today's**: gpr, N = 2 (00000000)" in pages.said(behind)
 
 
 def test_a_page_made_from_a_table_of_another_circuit_says_so(tmp_path):

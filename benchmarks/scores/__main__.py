@@ -3,18 +3,22 @@
 from benchmarks import hssm_check
 from benchmarks.scores import (
     agreement,
+    calibrated,
     conflict,
     crosschecks,
     experiments,
     fits,
+    hick,
     learning,
     lesions,
     levels,
     likelihood,
     limits,
     loss,
+    others,
     parts,
     population,
+    printed,
     published,
     raw,
     recovery,
@@ -41,6 +45,10 @@ MODULES = (
     hssm_check,
     published,
     crosschecks,
+    hick,
+    calibrated,
+    printed,
+    others,
 )
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""What came of the experiments that ship, on the seeds in their files: make score."""
+"""What came of the experiments that ship, on the seeds in their files: make score.
+
+Populations on all trials of a file; spikes on fewer, as measures for figure D4.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +18,9 @@ from circuits.anatomy import DEFAULT
 
 COARSE_SHARE = 0.2
 """Of the trials in an experiment's file."""
-SECONDS = 0.0015
+SECONDS, SPIKING_SECONDS = 0.0015, 0.08
 """CPU time of a trial, about, control, manipulation and bootstrap."""
+SPIKING_TRIALS = 600
 PREDICTION, EFFECT = "prediction", "effect"
 """What a row of a piece is."""
 
@@ -34,25 +38,37 @@ def predictions(experiment: Experiment, workers: int) -> pd.DataFrame:
     return pd.concat([part.rename(columns=numbers) for part in found]).assign(**known)
 
 
+def in_spikes(name: str, experiment: Experiment, workers: int) -> pd.DataFrame:
+    """Return every measure of an experiment in spikes."""
+    found = run_experiment(replace(experiment, engine="ensemble"), workers=workers).measures
+    return found.assign(file=name, trials=experiment.task.trials)
+
+
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield a piece per experiment."""
+    """Yield a piece per experiment and engine."""
+    share = COARSE_SHARE if fast else 1
     for name, experiment in shipped().items():
-        trials = round(experiment.task.trials * (COARSE_SHARE if fast else 1))
+        trials = round(experiment.task.trials * share)
         smaller = replace(experiment, task=replace(experiment.task, trials=trials))
         make = partial(predictions, smaller, workers)
         yield Piece("predictions", name, trials, SECONDS * trials, make)
+        few = round(SPIKING_TRIALS * share)
+        smaller = replace(experiment, task=replace(experiment.task, trials=few))
+        make = partial(in_spikes, name, smaller, workers)
+        yield Piece("spikes", name, few, SPIKING_SECONDS * few, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the outcomes of all predictions, and the model's effects beside the published."""
+    """Return the outcomes of all predictions, effects beside the published, measures in spikes."""
     ends = {"low": "value_low", "high": "value_high"}
     ends |= {"published_low": "published_value_low", "published_high": "published_value_high"}
     found = made["predictions"].rename(columns=ends)
     parts = {name: part.drop(columns="row") for name, part in found.groupby("row")}
-    return {
+    shown = {
         f"{name}s": ("predictions", parts[name].dropna(axis="columns", how="all"))
         for name in (PREDICTION, EFFECT)
     }
+    return shown | {"spikes": ("spikes", made["spikes"])}
 
 
 SCORE = Score("experiments", None, (2,), pieces, tables, circuit=DEFAULT)

@@ -71,7 +71,9 @@ class Score:
     draw : function, optional
         Takes what was found, and a folder for pictures.
     circuit : str
-        The table that is scored.
+        The table that is scored; "" where others alone are.
+    others : tuple of str
+        Names of further tables that are.
     """
 
     name: str
@@ -81,11 +83,17 @@ class Score:
     tables: Callable[[Made], Mapping[str, tuple[str, pd.DataFrame]]]
     draw: Callable[[Made, Path], None] | None = None
     circuit: str = TABLE
+    others: tuple[str, ...] = ()
 
     def behind(self, trials: Sequence[int], fast: bool) -> dict[str, Any]:
         """Return the parameters of a table: trials (the fewest and the most) and circuits."""
         span = sorted({min(trials), max(trials)})
-        circuits = {str(n): identity(circuit(self.circuit, n)) for n in self.channels}
+        named = [(self.circuit, "")] * bool(self.circuit) + [(n, f"{n} ") for n in self.others]
+        circuits = {
+            f"{begun}{n}": identity(circuit(name, n))
+            for name, begun in named
+            for n in self.channels
+        }
         found = {"trials": span[0] if len(span) == 1 else span, "circuits": circuits}
         return found | ({"fast": True} if fast else {})
 

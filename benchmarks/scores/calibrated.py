@@ -1,0 +1,157 @@
+"""Calibration of taps: posteriors beside the share of choices that are right.
+
+If the likelihoods are right, the share of right choices among decisions with a posterior p is p,
+and the MSPRT with the criterion P errs in at most 1 - P of the decisions that cross it. Taps are
+simulated ones of gratings and real ones of an edge; likelihoods are fitted on other taps than those
+that are scored.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import cache, partial
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from benchmarks.scores.agreement import gratings
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel import Msprt, stream
+from bgmodel.arrays import Array
+from bgmodel.comparison.compare import RESAMPLES, interval, resampled, tradeoff
+from bgmodel.evidence import Evidence
+from bgmodel.tactile.task import Folds, Orientations
+
+SCORING_SEED = 75_001
+TACTILE = (2, 4, 8)
+"""Alternatives: orientations of a grating, or differences of an edge's yaw."""
+GRATINGS_MM = (2.0, 2.5)
+SPACING_DEG = 5.0
+"""Between the yaw differences of pairs of real taps."""
+EDGE = f"real taps, edge {SPACING_DEG:g} degrees"
+TAPS = 60
+TRIALS, COARSE_TRIALS = 12_000, 1200
+POSTERIORS = (0.6, 0.7, 0.8, 0.9, 0.95, 0.97, 0.99)
+AFTER = (1, 2, 4, 8)
+"""Numbers of taps after which posteriors are compared with the truth."""
+BINS = np.linspace(0, 1, 11)
+FEWEST = 30
+"""A bin with fewer posteriors than this is left out."""
+
+
+@cache
+def edges(alternatives: int) -> Folds:
+    """Return readings of pairs of real taps of an edge, in two halves held out in turn."""
+    from bgmodel.tactile.edges import halves, sources
+
+    differences = [SPACING_DEG * k for k in range(alternatives)]
+    return Folds(sources(halves(SCORING_SEED, decoded()), differences))
+
+
+@cache
+def decoded() -> Array:
+    """Return true and decoded yaw of real taps; the decoder is trained here."""
+    from bgmodel.tactile.edges import decoded_yaw
+
+    return decoded_yaw(SCORING_SEED, Path(os.environ["BGMODEL_RECORDINGS"]))
+
+
+def sources_of(evidence: str, alternatives: int) -> Folds:
+    """Return the readings of a kind of taps."""
+    if evidence == EDGE:
+        return edges(alternatives)
+    return gratings(Orientations(alternatives), float(evidence.split()[1]))
+
+
+def tapped(
+    evidence: str, alternatives: int, trials: int, seed: int
+) -> tuple[Evidence, npt.NDArray[np.intp]]:
+    """Draw trials of a kind of taps; return them with the number of each trial's fold."""
+    folds = sources_of(evidence, alternatives)
+    rng = stream(seed, "taps", evidence, str(alternatives))
+    taps = folds.draw(trials, TAPS, rng=rng)
+    return taps, np.arange(trials) % len(folds.sources)
+
+
+def criteria(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
+    """Return accuracy, mean posterior and mean number of taps of the MSPRT at each criterion.
+
+    Intervals are over whole groups of taps; of two groups they are the values of each.
+    """
+    found = tradeoff(Msprt().run(evidence), evidence, -np.log(POSTERIORS))
+    weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"), groups)
+    rows = []
+    for k, level in enumerate(np.exp(-found.settings)):
+        row = {"criterion": level, "forced": found.forced[k].mean()}
+        right = found.choice[k] == evidence.truth
+        measures = {
+            "accuracy": right,
+            "expected": found.posterior[k],
+            "taps": found.time_ms[k] / evidence.step_ms,
+            "excess": right - found.posterior[k],
+        }
+        for name, values in measures.items():
+            mean, low, high = interval(weights @ values / weights.sum(axis=1))
+            row |= {name: mean, f"{name}_low": low, f"{name}_high": high}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def calibration(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
+    """Return how often the most probable hypothesis is true, over its posterior.
+
+    The posteriors after all numbers of taps in ``AFTER`` share bins of width .1.
+    """
+    after = evidence.posterior[:, AFTER, :]
+    top, right = after.max(axis=2), after.argmax(axis=2) == evidence.truth[:, None]
+    weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"), groups)
+    rows = []
+    for low, high in pairwise(BINS):
+        inside = (top >= low) & ((top < high) | (high == 1))
+        if inside.sum() < FEWEST:
+            continue
+        count = weights @ inside.sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            share = weights @ (inside & right).sum(axis=1) / count
+        ends = np.nanquantile(share[1:], (0.025, 0.975))
+        row = {"from": low, "to": high, "posterior": top[inside].mean(), "count": inside.sum()}
+        rows.append(row | {"right": share[0], "right_low": ends[0], "right_high": ends[1]})
+    return pd.DataFrame(rows)
+
+
+def kinds() -> list[str]:
+    """Return the kinds of taps; real ones if ``BGMODEL_RECORDINGS`` names their folder."""
+    simulated = [f"grating, {period:g} mm" for period in GRATINGS_MM]
+    return simulated + [EDGE] * ("BGMODEL_RECORDINGS" in os.environ)
+
+
+def scored(what: str, evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
+    """Return criteria or calibration on a kind of taps."""
+    made = {"criteria": criteria, "calibration": calibration}[what]
+    found = made(*tapped(evidence, alternatives, trials, SCORING_SEED))
+    return found.assign(evidence=evidence, alternatives=alternatives)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield criteria and calibration of each kind of taps; threads are not used."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for evidence in kinds():
+        for count in TACTILE:
+            for what in ("criteria", "calibration"):
+                make = partial(scored, what, evidence, count, trials)
+                yield Piece(what, f"{evidence} N = {count}", trials, 5, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return criteria and calibration as they are."""
+    return {name: (name, found) for name, found in made.items()}
+
+
+SCORE = Score("calibrated", SCORING_SEED, (), pieces, tables)
+
+if __name__ == "__main__":
+    main(SCORE)

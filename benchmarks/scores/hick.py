@@ -1,0 +1,300 @@
+"""Times over the number of alternatives: the MSPRT, populations and spikes, Gaussian and tactile.
+
+Hick's law says that times grow with the logarithm of the number. The same trials also give speed
+against accuracy; others give quantiles of times against the probability of a response. The circuit
+is the default one, with its default gain for each number. All deciders see the same trials, spikes
+the first ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.optimize import curve_fit
+from scipy.stats import chi2
+
+from benchmarks.scores.calibrated import TACTILE, kinds, tapped
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel import BasalGanglia, Msprt, stream
+from bgmodel.arrays import Array
+from bgmodel.comparison.circuits import (
+    CIRCUIT,
+    MSPRT,
+    MSPRT_AT_GAIN,
+    decide_at_thresholds,
+    sample_ms,
+    thresholds_of,
+    without_noise_alone,
+)
+from bgmodel.comparison.compare import (
+    MOST_FORCED,
+    RESAMPLES,
+    Tradeoff,
+    curve,
+    interval,
+    resampled,
+    time_at,
+    tradeoff,
+)
+from bgmodel.decision import first_crossing
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators.basal_ganglia import gain_of
+from circuits.anatomy import DEFAULT, circuit
+
+SCORING_SEED, TUNING_SEED = 74_001, 74_002
+"""Of the scored trials, and of those on which thresholds for the quantiles are found."""
+D_PRIME, STEP_MS, READINGS = 0.5, 50.0, 160
+COUNTS = (2, 3, 4, 6, 8, 12, 20)
+"""Alternatives of the Gaussian problem; above ``most_alternatives`` the MSPRT decides alone."""
+SPIKING = {2: 600, 4: 600, 8: 300}
+"""Trials in spikes, by alternatives."""
+TRIALS, COARSE_TRIALS, TACTILE_TRIALS = 5000, 500, 1998
+CENTRED = "population, mean taken off"
+"""The control: the mean over channels is taken off outside the circuit."""
+ACCURACIES = (0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 0.97)
+HICK = (0.9, 0.95)
+"""Accuracies at which a line is fitted over ln N."""
+STRENGTHS = (0.125, 0.25, 0.5, 1.0)
+"""d' of the trials for quantiles; every likelihood is that of d' .5."""
+QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
+FEWEST_RESPONSES = 30
+"""With fewer responses than this, their quantiles are left out."""
+
+
+def drawn(trials: int, alternatives: int, d_prime: float, seed: int = SCORING_SEED) -> Evidence:
+    """Draw the Gaussian problem; the likelihoods are those of d' .5 at any d'."""
+    given = stream(seed, "hick", str(alternatives), f"{d_prime:g}")
+    separation = d_prime / np.sqrt(2)
+    found = gaussian_evidence(
+        trials, READINGS, separation, rng=given, hypotheses=alternatives, step_ms=STEP_MS
+    )
+    taken = found.log_likelihood * (D_PRIME / d_prime)
+    return replace(found, log_likelihood=taken)
+
+
+def deciders(evidence: Evidence, spiking: int) -> dict[str, Tradeoff]:
+    """Return decisions of the tests, of populations, and of spikes on the first trials."""
+    found = {MSPRT: tradeoff(Msprt().run(evidence), evidence)}
+    if evidence.hypotheses > most_alternatives():
+        return found
+    gain = gain_of(circuit(DEFAULT, evidence.hypotheses))
+    found[MSPRT_AT_GAIN] = tradeoff(Msprt(gain).run(evidence), evidence)
+    for engine, trials in (("population", evidence.trials), ("ensemble", spiking)):
+        if trials:
+            model = model_of(evidence, engine)
+            found[engine] = circuit_at(model, evidence[:trials], found[MSPRT_AT_GAIN])
+    return found
+
+
+def circuit_at(model: BasalGanglia, evidence: Evidence, test: Tradeoff) -> Tradeoff:
+    """Return a circuit's decisions at thresholds that noise at rest hardly ever crosses."""
+    levels = without_noise_alone(model, thresholds_of(model.circuit, test))
+    return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+
+
+def most_alternatives() -> int:
+    """Return the largest number of alternatives that the circuit takes."""
+    return circuit(DEFAULT, 2).most_channels
+
+
+def model_of(evidence: Evidence, engine: str) -> BasalGanglia:
+    """Return the default circuit at its default gain, with noise of the scoring seed."""
+    table = circuit(DEFAULT, evidence.hypotheses)
+    options = {"workers": 2, "sample_ms": sample_ms(evidence.step_ms)}
+    return BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options)
+
+
+def at_accuracies(
+    found: dict[str, Tradeoff], groups: npt.NDArray[np.intp] | None = None
+) -> pd.DataFrame:
+    """Return mean times at equal accuracies, and extra times over the MSPRT at the circuit's gain.
+
+    Intervals of 95 % are from a bootstrap over trials, or over whole groups of them. NaN where an
+    accuracy lies beyond the curve of a decider, at settings whose deadline decides most trials, or
+    where the MSPRT is not run at a gain.
+    """
+    rows = []
+    for name, one in found.items():
+        of = None if groups is None else groups[: one.trials]
+        weights = resampled(one.trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"), of)
+        late = one.forced.mean(axis=1) > MOST_FORCED
+        time = time_at(ACCURACIES, curve(one.at(~late), weights))
+        test = found.get(MSPRT_AT_GAIN)
+        longer = np.full_like(time, np.nan)
+        if test is not None:
+            longer = time - time_at(ACCURACIES, curve(first_trials(test, one.trials), weights))
+        for k, accuracy in enumerate(ACCURACIES):
+            row: dict[str, Any] = {"decider": name, "trials": one.trials, "accuracy": accuracy}
+            for what, values in (("time_ms", time[:, k]), ("longer_ms", longer[:, k])):
+                value, low, high = interval(values)
+                value = value if np.isfinite(low) else np.nan
+                row |= {what: value, f"{what}_low": low, f"{what}_high": high}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def first_trials(found: Tradeoff, trials: int) -> Tradeoff:
+    """Return the decisions of the first trials."""
+    names = ("choice", "time_ms", "forced", "premature", "posterior")
+    return Tradeoff(found.settings, *(getattr(found, name)[:, :trials] for name in names))
+
+
+def gaussian(alternatives: int, trials: int, spiking: int) -> pd.DataFrame:
+    """Return times at accuracies on the Gaussian problem."""
+    found = deciders(drawn(trials, alternatives, D_PRIME), spiking)
+    return at_accuracies(found).assign(evidence="Gaussian, d' 0.5", alternatives=alternatives)
+
+
+# ---- quantiles of times against the probability of a response
+
+
+def quantiles(alternatives: int, trials: int, spiking: int) -> pd.DataFrame:
+    """Return quantiles of times of right and wrong responses at one threshold, by strength.
+
+    The threshold of each decider is that of accuracy .9 at d' .5, found on other trials; spikes
+    take the threshold of populations.
+    """
+    tuned = deciders(drawn(min(trials, 1000), alternatives, D_PRIME, TUNING_SEED), 0)
+    rows: list[dict[str, Any]] = []
+    for strength in STRENGTHS:
+        evidence = drawn(trials, alternatives, strength)
+        for name, engine in ((MSPRT_AT_GAIN, ""), ("population", "population")):
+            level = tuned[name].setting(0.9)
+            rows += responses(name, engine, level, evidence, strength)
+        if spiking:
+            level = tuned["population"].setting(0.9)
+            rows += responses("ensemble", "ensemble", level, evidence[:spiking], strength)
+    return pd.DataFrame(rows).assign(alternatives=alternatives)
+
+
+def responses(
+    name: str, engine: str, level: float, evidence: Evidence, strength: float
+) -> Iterator[dict[str, Any]]:
+    """Yield the share of right and of wrong responses, and the quantiles of their times."""
+    if engine:
+        model = model_of(evidence, engine)
+        decided = decide_at_thresholds(model, evidence, [level], decoder_tau_ms=None)[CIRCUIT]
+        choice, time_ms, forced = decided.choice[0], decided.time_ms[0], decided.forced[0]
+    else:
+        gain = gain_of(circuit(DEFAULT, evidence.hypotheses))
+        test = first_crossing(Msprt(gain).run(evidence), level)
+        choice, time_ms, forced = test.choice, test.time_ms, test.forced
+    weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "quantiles"))
+    for response in ("right", "wrong"):
+        chosen = (choice == evidence.truth) == (response == "right")
+        share, low, high = interval(weights @ chosen / weights.sum(axis=1))
+        row = {"decider": name, "strength": strength, "response": response}
+        row |= {"trials": evidence.trials, "threshold": level, "forced": forced.mean()}
+        row |= {"share": share, "share_low": low, "share_high": high}
+        for q in QUANTILES:
+            values = np.full(3, np.nan)
+            if chosen.sum() >= FEWEST_RESPONSES:
+                ends = quantile_interval(time_ms[chosen], q)
+                values = np.array([np.quantile(time_ms[chosen], q), *ends])
+            names = (f"q{100 * q:.0f}_ms", f"q{100 * q:.0f}_ms_low", f"q{100 * q:.0f}_ms_high")
+            row |= dict(zip(names, values, strict=True))
+        yield row
+
+
+def quantile_interval(times: Array, q: float) -> Array:
+    """Return the 95 % interval of a quantile over resampled responses."""
+    rng = stream(SCORING_SEED, "resampled times")
+    again = np.quantile(rng.choice(times, (400, len(times))), q, axis=1)
+    return np.asarray(np.quantile(again, (0.025, 0.975)))
+
+
+# ---- taps
+
+
+def tactile(evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
+    """Return times at accuracies on a kind of taps, which come every 500 ms.
+
+    The posterior is replaced by whether a choice is right: accuracy is then counted, since the
+    likelihoods of taps are fitted and need not be calibrated.
+    """
+    taps, groups = tapped(evidence, alternatives, trials, SCORING_SEED)
+    found = deciders(taps, 0)
+    outside = replace(model_of(taps, "population"), centred=True)
+    found[CENTRED] = circuit_at(outside, taps, found[MSPRT_AT_GAIN])
+    counted = {
+        name: replace(one, posterior=(one.choice == taps.truth).astype(np.float64))
+        for name, one in found.items()
+    }
+    return at_accuracies(counted, groups).assign(evidence=evidence, alternatives=alternatives)
+
+
+# ---- Hick's law
+
+
+def lines(times: pd.DataFrame) -> pd.DataFrame:
+    """Return lines of time over ln N, weighted by the intervals, and how well they fit.
+
+    Returns
+    -------
+    DataFrame
+        Columns decider, accuracy, of (``time_ms`` or ``longer_ms``), counts (how many numbers of
+        alternatives), intercept_ms and slope_ms (per unit of ln N) with standard errors, pearson_r,
+        chi2_p (of the scatter about the line, if it is that of the intervals).
+    """
+    rows = []
+    some = times[times["evidence"].str.startswith("Gaussian") & times["accuracy"].isin(HICK)]
+    for (decider, accuracy), part in some.groupby(["decider", "accuracy"], sort=False):
+        for what in ("time_ms", "longer_ms")[: 1 if decider == MSPRT_AT_GAIN else 2]:
+            known = part.dropna(subset=[what, f"{what}_low"])
+            error = (known[f"{what}_high"] - known[f"{what}_low"]) / (2 * 1.96)
+            known, error = known[error > 0], error[error > 0]
+            if len(known) < 3:
+                continue
+            x = np.log(known["alternatives"])
+            found, covariance = curve_fit(
+                lambda x, a, b: a + b * x, x, known[what], sigma=error, absolute_sigma=True
+            )
+            off = (known[what] - found[0] - found[1] * x) / error
+            errors = np.sqrt(np.diag(covariance))
+            row = {"decider": decider, "accuracy": accuracy, "of": what, "counts": len(known)}
+            row |= {"intercept_ms": found[0], "intercept_se": errors[0]}
+            row |= {"slope_ms": found[1], "slope_se": errors[1]}
+            row |= {"pearson_r": np.corrcoef(x, known[what])[0, 1]}
+            rows.append(row | {"chi2_p": chi2.sf((off**2).sum(), len(known) - 2)})
+    return pd.DataFrame(rows)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield pieces of times, of quantiles and of taps."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    for count in COUNTS:
+        spiking = SPIKING.get(count, 0) // (5 if fast else 1)
+        make = partial(gaussian, count, trials, spiking)
+        seconds = trials * count / 200 + spiking * count / 5
+        yield Piece("times", f"Gaussian N = {count}", trials, seconds, make)
+    for count in (2, 4):
+        spiking = SPIKING[count] // (5 if fast else 1)
+        make = partial(quantiles, count, trials, spiking)
+        seconds = 4 * (trials * count / 200 + spiking * count / 5)
+        yield Piece("quantiles", f"N = {count}", trials, seconds, make)
+    for evidence in kinds():
+        for count in TACTILE:
+            some = min(trials, TACTILE_TRIALS)
+            make = partial(tactile, evidence, count, some)
+            yield Piece("times", f"{evidence} N = {count}", some, some * count / 100, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return times, lines over ln N, and quantiles."""
+    return {
+        "times": ("times", made["times"]),
+        "lines": ("times", lines(made["times"])),
+        "quantiles": ("quantiles", made["quantiles"]),
+    }
+
+
+SCORE = Score("hick", SCORING_SEED, (2, 4, 8), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)

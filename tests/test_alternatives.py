@@ -1,0 +1,80 @@
+"""Scores of many alternatives: lines over ln N, calibration and expected changes, with controls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import ks_2samp
+
+from benchmarks.scores import calibrated, hick, others
+from bgmodel import Msprt, stream
+from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN
+from bgmodel.comparison.compare import tradeoff
+from bgmodel.decision import first_crossing
+from bgmodel.evidence import gaussian_evidence
+
+
+def gaussian(trials=3000, hypotheses=4):
+    rng = stream(1, "alternatives")
+    return gaussian_evidence(trials, 100, 0.5, rng=rng, hypotheses=hypotheses, step_ms=50)
+
+
+def test_times_on_a_line_over_ln_n_give_it_back():
+    counts = np.array([2, 4, 8, 16])
+    ms = 100 + 300 * np.log(counts)
+    rows = {"time_ms": ms, "time_ms_low": ms - 10, "time_ms_high": ms + 10, "accuracy": 0.95}
+    nothing = {f"longer_ms{end}": np.nan for end in ("", "_low", "_high")}
+    known = {"evidence": "Gaussian", "decider": "a", "alternatives": counts}
+    (line,) = hick.lines(pd.DataFrame(rows | nothing | known)).to_dict("records")
+    assert line["slope_ms"] == pytest.approx(300)
+    assert line["intercept_ms"] == pytest.approx(100)
+    assert line["pearson_r"] == pytest.approx(1)
+    assert line["chi2_p"] == pytest.approx(1)
+
+
+def test_a_decider_takes_no_longer_than_itself_and_a_later_one_by_what_it_is_late():
+    evidence = gaussian()
+    test = tradeoff(Msprt(0.5).run(evidence), evidence)
+    late = replace(test, time_ms=test.time_ms + 70)
+    found = hick.at_accuracies({MSPRT: test, MSPRT_AT_GAIN: test, "late": late})
+    known = found.dropna(subset=["longer_ms"]).set_index("decider")["longer_ms"]
+    assert known[MSPRT].to_numpy() == pytest.approx(0, abs=1e-5)
+    assert known["late"].to_numpy() == pytest.approx(70, abs=1e-5)
+
+
+def test_right_and_wrong_responses_of_the_test_take_equally_long_at_any_strength():
+    """Wald 1947: with two alternatives, also if the likelihoods are those of another strength."""
+    for strength in (0.25, 0.5):
+        evidence = hick.drawn(4000, 2, strength)
+        decided = first_crossing(Msprt(0.55).run(evidence), 0.3)
+        right = decided.choice == evidence.truth
+        assert ks_2samp(decided.time_ms[right], decided.time_ms[~right]).pvalue > 0.001
+
+
+@pytest.mark.parametrize(("sure", "kept"), [(1.0, True), (2.0, False)])
+def test_errors_stay_below_what_a_criterion_allows_where_likelihoods_are_right(sure, kept):
+    """Control: log-likelihoods that are twice the right ones."""
+    evidence = gaussian()
+    evidence = replace(evidence, log_likelihood=sure * evidence.log_likelihood)
+    found = calibrated.criteria(evidence, np.arange(evidence.trials))
+    assert (1 - found["accuracy"] <= 1 - found["criterion"]).all() == kept
+    assert (found["excess_high"] >= 0).all() == kept
+    bins = calibrated.calibration(evidence, np.arange(evidence.trials))
+    off = (bins["right"] - bins["posterior"]).abs()
+    assert (off.max() < 0.06) == kept
+
+
+@pytest.mark.parametrize(
+    ("sign", "low", "high", "said"),
+    [
+        (1, 2.1, 5, others.AGREES),
+        (1, 1, 5, others.OPEN),
+        (1, -3, 1, others.DISAGREES),
+        (-1, -5, -2.1, others.AGREES),
+        (-1, -1, 3, others.DISAGREES),
+        (1, np.nan, np.nan, others.OPEN),
+    ],
+)
+def test_a_change_is_as_expected_where_its_whole_interval_says_so(sign, low, high, said):
+    assert others.outcome(others.Expected("mean_percent", sign, 2.0), low, high) == said
