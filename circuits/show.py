@@ -189,12 +189,16 @@ def _drive(circuit: Circuit) -> str:
 
 def constants(circuit: Circuit) -> str:
     """Return the constants of each cell type, one line a type and the nuclei that have it."""
+    per_unit = f"_per_{circuit.unit.removesuffix('s')}"
     owners: dict[Cell, list[str]] = {}
     for p in circuit.populations:
         owners.setdefault(p.cell, []).append(p.name)
     return "\n".join(
         f"{', '.join(names)}: {cell.kind}"
-        + "".join(f", {name} {value:g}" for name, value in vars(cell).items())
+        + "".join(
+            f", {name.replace('_per_nat', per_unit)} {value:g}"
+            for name, value in vars(cell).items()
+        )
         for cell, names in owners.items()
     )
 

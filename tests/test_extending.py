@@ -65,5 +65,5 @@ def test_a_recipe_works_as_it_stands(recipe, tmp_path):
 
 
 def test_every_kind_of_thing_has_its_recipe():
-    kinds = ("cell type", "transfer", "table", "rival", "task", "experiment", "figure")
+    kinds = ("law of cells", "transfer", "table", "rival", "task", "experiment", "figure")
     assert list(RECIPES) == [f"A{'n' if kind == 'experiment' else ''} {kind}" for kind in kinds]

@@ -37,6 +37,16 @@ def test_edits_show_on_the_page_and_nothing_else_does():
     assert "intact" not in show.text(anatomy.spiking_msprt())
 
 
+def test_constants_of_cells_are_in_the_circuits_unit():
+    for name, unit in (("humphries", "salience"), ("spiking_msprt", "nat")):
+        table = anatomy.circuit(name)
+        shown = show.constants(table)
+        assert [f"mv_per_{unit} " in shown, shown.count("mv_per_")] == [
+            any(hasattr(row.cell, "mv_per_nat") for row in table.populations),
+            len({row.cell for row in table.populations if hasattr(row.cell, "mv_per_nat")}),
+        ]
+
+
 def test_a_row_without_a_source_is_assumed():
     edited = anatomy.spiking_msprt().with_rows("D1->GPe weight=-0.1", "D1 amount=0.1 to_ms=9")
     assert show.pathways(edited)["source"].iloc[-1] == "assumed"

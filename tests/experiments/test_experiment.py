@@ -1,12 +1,15 @@
 """Experiments: files read strictly, and conditions that are pairs."""
 
-from dataclasses import replace
+import re
+import tomllib
+from dataclasses import MISSING, fields, replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel import stream
+from bgmodel.edits import Edits
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.experiments.experiment import (
     AGREES,
@@ -15,6 +18,7 @@ from bgmodel.experiments.experiment import (
     RENAMED,
     WITHOUT,
     Condition,
+    Experiment,
     Prediction,
     behaviour_of,
     read_experiment,
@@ -25,7 +29,7 @@ from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
-from tests.helpers import GOOD, run
+from tests.helpers import GOOD, ROOT, run
 
 EFFECT = """[[effects]]
 measure = "{}"
@@ -119,6 +123,21 @@ def test_a_bad_file_gets_one_clear_sentence(experiment_file, tmp_path, capsys, o
     assert error.count("\n") == 1
     assert pd.Series([error]).str.contains(says).all(), error
     assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+def test_the_page_has_every_key_with_its_default():
+    page = (ROOT / "docs/tutorials/experiments.md").read_text()
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", page, re.MULTILINE))
+    in_words = {"the table's": None, "each in turn": None, "none": None, "needed": MISSING}
+    defaults = {f.name: f.default for kind in (Experiment, Stimuli, Edits) for f in fields(kind)}
+    of_parts = ("manipulation", "control", "predictions", "task", "effects")
+    # `task` is a part of an experiment and a key of that part.
+    wanted = {k: v for k, v in defaults.items() if k not in of_parts} | {"task": Stimuli.task}
+    wanted["posterior"] = Experiment.posterior
+    assert set(wanted) == set(rows)
+    for key, text in rows.items():
+        told = in_words[text] if text in in_words else tomllib.loads(f"x = {text.strip('`')}")["x"]
+        assert (tuple(told) if told == [] else told) == wanted[key], key
 
 
 def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file, tmp_path):
