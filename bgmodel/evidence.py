@@ -37,10 +37,11 @@ class Evidence(Facts):
         trial must be 0: they say nothing, and no decision is made there.
     numbers : array (trials,), int, optional
         Number of each trial, which decides its ties; 0, 1, 2, ... if left out.
-    baseline : array (hypotheses,), nats, optional
-        Constant taken from every reading of a hypothesis where each channel of a circuit gets its
-        own evidence: what a reading says on the whole, for instance its mean over all readings
-        (``mean_reading``). It must not depend on the reading. Tests don't need one.
+    baseline : float, nats, optional
+        Constant taken from every reading where each channel of a circuit gets its own evidence:
+        what a reading says on the whole, for instance the mean over all readings and hypotheses
+        (``mean_reading``). One for all hypotheses, or it would be evidence between them; it must
+        not depend on the reading. Tests don't need one.
     expectancy_nats : array (trials, foreperiod steps), nats, optional
         What all hypotheses have in common before the onset, one value per ``step_ms`` of the
         foreperiod; the last one stays on. It says nothing about which is true, and a test does not
@@ -61,7 +62,7 @@ class Evidence(Facts):
     step_ms: float = 1.0
     lengths: npt.NDArray[np.integer] | None = None
     numbers: npt.NDArray[np.integer] | None = None
-    baseline: npt.NDArray[np.float64] | None = None
+    baseline: float | None = None
     expectancy_nats: npt.NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
@@ -86,7 +87,7 @@ class Evidence(Facts):
         object.__setattr__(self, "prior", checked_prior(self.prior, values.shape[2]))
         object.__setattr__(self, "lengths", _checked_lengths(self.lengths, values))
         object.__setattr__(self, "numbers", _per_trial("numbers", self.numbers, len(values)))
-        object.__setattr__(self, "baseline", _checked_baseline(self.baseline, values.shape[2]))
+        object.__setattr__(self, "baseline", _checked_baseline(self.baseline))
         if not 0 <= self.onset_ms <= MOST_MS:
             raise ValueError(f"onset_ms must be >= 0 and at most {MOST_MS:g}, got {self.onset_ms}")
         if not 0 < self.step_ms <= MOST_MS:
@@ -168,25 +169,23 @@ class Evidence(Facts):
             Without a baseline, with what one could be.
         """
         if self.baseline is None:
-            means = ", ".join(f"{value:.3g}" for value in self.mean_reading)
             raise ValueError(
                 "this evidence has no baseline, the constant that each channel takes from its "
-                "readings where it gets its own: give one, nats a hypothesis (the means over all "
-                f"readings here are {means})"
+                "readings where it gets its own: give one, nats a reading (the mean over all "
+                f"readings here is {self.mean_reading:.3g})"
             )
         totals = self.totals
         totals -= np.log(self.prior).mean()
-        if self.baseline.any():
+        if self.baseline:
             read = np.minimum(np.arange(self.steps + 1), self.readings[:, None])
-            totals -= read[:, :, None] * self.baseline
+            totals -= self.baseline * read[:, :, None]
         return totals
 
     @property
-    def mean_reading(self) -> npt.NDArray[np.float64]:
-        """Mean over all readings of what each hypothesis is told, (hypotheses,) nats."""
-        total: npt.NDArray[np.float64] = self.log_likelihood.sum(axis=(0, 1), dtype=np.float64)
-        means: npt.NDArray[np.float64] = total / self.readings.sum()
-        return means
+    def mean_reading(self) -> float:
+        """Mean over all readings and hypotheses of what a reading says, nats."""
+        total = self.log_likelihood.sum(dtype=np.float64)
+        return float(total / (self.readings.sum() * self.hypotheses))
 
     @cached_property
     def posterior(self) -> npt.NDArray[np.float64]:
@@ -256,7 +255,7 @@ def gaussian_evidence(
     samples = rng.standard_normal((trials, steps, hypotheses))
     samples[np.arange(trials), :, truth] += separation
     samples[np.arange(trials), :, (truth + 1) % hypotheses] += conflict * separation
-    return Evidence(separation * samples, truth, step_ms=step_ms, baseline=np.zeros(hypotheses))
+    return Evidence(separation * samples, truth, step_ms=step_ms, baseline=0.0)
 
 
 def expecting(
@@ -313,17 +312,16 @@ def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[n
     return values
 
 
-def _checked_baseline(
-    baseline: npt.ArrayLike | None, hypotheses: int
-) -> npt.NDArray[np.float64] | None:
+def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
     if baseline is None:
         return None
-    values = np.asarray(baseline, dtype=np.float64)
-    if values.shape != (hypotheses,) or not np.isfinite(values).all():
+    value = np.asarray(baseline, dtype=np.float64)
+    if value.shape or not np.isfinite(value):
         raise ValueError(
-            f"baseline must hold {hypotheses} finite numbers, nats, got {values.tolist()}"
+            "baseline must be one finite number for all hypotheses, nats (another for each would be "
+            f"evidence between them), got {value.tolist()}"
         )
-    return values
+    return float(value)
 
 
 def _checked_expectancy(

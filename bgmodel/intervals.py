@@ -95,4 +95,4 @@ def interval_evidence(
     own = (np.arange(trials), slice(None), truth)
     log_ms[own] = preferred.log_mean + preferred.log_sd * noise[own]
     ratio = preferred.log_density(log_ms) - null.log_density(log_ms)
-    return Evidence(ratio, truth, step_ms=1.0, baseline=np.zeros(hypotheses))
+    return Evidence(ratio, truth, step_ms=1.0, baseline=0.0)

@@ -188,9 +188,11 @@ def say_before(
     from bgmodel.compiling import on_compiling
     from circuits.engines import THREADED
 
-    if model.raw and evidence.baseline is not None and evidence.baseline.any():
-        less = ", ".join(f"{value:.3g}" for value in evidence.baseline)
-        say(f"each channel gets its own evidence, less its mean reading, nats: {less}")
+    if model.raw and evidence.baseline:
+        less = f"{evidence.baseline:.3g}"
+        say(
+            f"each channel gets its own evidence, less what a reading says on the mean: {less} nats"
+        )
     at_once, steps = model.batch(evidence), evidence.steps + 1
     model.check_memory(at_once, steps, evidence.step_ms)
     seconds = runs * model.seconds(evidence.trials, evidence.steps, evidence.step_ms)

@@ -90,7 +90,7 @@ class Design:
             np.repeat(values[None], trials, axis=0),
             np.full(trials, leader),
             step_ms=STEP_MS,
-            baseline=np.zeros(count),
+            baseline=0.0,
         )
 
 

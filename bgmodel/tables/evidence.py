@@ -77,7 +77,7 @@ def trials_from_table(
         ``log p(reading | hypothesis)`` in nats. Optionally ``truth``, a hypothesis's name, and
         ``participant_id``: trials of two participants are two, whatever their ids. Trials may
         differ in length, and rows may come in any order. Other columns come back with the results.
-        The evidence's baseline is each column's mean over all rows.
+        The evidence's baseline is the mean of all these numbers.
     prior, onset_ms, step_ms :
         As in ``Evidence``.
 

@@ -177,9 +177,9 @@ class Source:
             )
 
     @property
-    def baseline(self) -> Array:
-        """Mean of what each hypothesis is told by a reading, all true ones alike, nats."""
-        return np.asarray(np.mean([part.mean(axis=0) for part in self.log_likelihood], axis=0))
+    def baseline(self) -> float:
+        """Mean of what a reading says, over hypotheses, all true ones alike, nats."""
+        return float(np.mean([part.mean() for part in self.log_likelihood]))
 
     @cached_property
     def log_ratios(self) -> tuple[Array, ...]:
@@ -223,7 +223,7 @@ class Folds:
             part = readings.draw(len(truth[fold::count]), steps, rng=rng, step_ms=step_ms)
             values[fold::count] = part.log_likelihood
             truth[fold::count] = np.asarray(part.truth)
-        baseline = np.mean([readings.baseline for readings in self.sources], axis=0)
+        baseline = float(np.mean([readings.baseline for readings in self.sources]))
         return Evidence(values, truth, step_ms=step_ms, baseline=baseline)
 
     def groups(self, trials: int) -> npt.NDArray[np.intp]:

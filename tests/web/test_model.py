@@ -61,7 +61,7 @@ def test_rates_and_out_are_those_of_the_algebra(js, name, channels, lesions, dop
     )
     model = BasalGanglia(table, "algebra", gain_of(circuit(name, channels)))
     values = np.array([[total]], dtype=float)
-    shown = Evidence(values, np.array([0]), baseline=np.zeros(channels))
+    shown = Evidence(values, np.array([0]), baseline=0.0)
     try:
         activity = model.activity(shown)
     except ValueError:
@@ -84,7 +84,7 @@ def test_decisions_are_first_crossings(js, name, channels):
     task = {"seed": 7, "dPrime": 0.6, "conflict": 0.4, "trials": 24, "readings": 25}
     walks = np.array(js(f"walks({channels}, {json.dumps(task)})"))
     readings = np.diff(walks, axis=1, prepend=0)
-    shown = Evidence(readings, np.zeros(24, dtype=int), baseline=np.zeros(channels))
+    shown = Evidence(readings, np.zeros(24, dtype=int), baseline=0.0)
     table, threshold = edited(name, channels, {"STN": 0.05}, 1.05), 0.25
     runs = {
         "circuitOut": BasalGanglia(table, "algebra", gain_of(circuit(name, channels))),

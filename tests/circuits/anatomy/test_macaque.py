@@ -136,7 +136,7 @@ def test_it_does_not_oscillate_at_rest_nor_where_it_decides(channels):
 
 
 def test_endless_evidence_saturates_cortex_and_nothing_runs_away():
-    evidence = Evidence(np.tile([4.0, -4.0], (1, 60, 1)), baseline=np.zeros(2), step_ms=50.0)
+    evidence = Evidence(np.tile([4.0, -4.0], (1, 60, 1)), baseline=0.0, step_ms=50.0)
     model = BasalGanglia(anatomy.macaque(2), "population", 0.55, options={"noise": False})
     found = model.activity(evidence)
     assert found.rates_hz["ctx"].max() <= 0.8 + 11 * MOST_NATS + 1e-3
@@ -149,7 +149,7 @@ def test_each_channel_gets_its_own_evidence_and_the_control_takes_the_mean_off()
     raw = model.drive(evidence)
     other = evidence.log_likelihood.copy()
     other[..., 3] += 1
-    changed = Evidence(other, baseline=np.zeros(4))
+    changed = Evidence(other, baseline=0.0)
     np.testing.assert_array_equal(model.drive(changed)[..., :3], raw[..., :3])
     control = BasalGanglia(anatomy.macaque(4), "algebra", 0.5, centred=True).drive(evidence)
     np.testing.assert_allclose(control, raw - raw.mean(axis=2, keepdims=True), atol=1e-12)
@@ -157,14 +157,30 @@ def test_each_channel_gets_its_own_evidence_and_the_control_takes_the_mean_off()
 
 def test_evidence_without_a_baseline_is_refused_with_what_it_could_be():
     evidence = Evidence(np.tile([-1.0, -3.0], (2, 4, 1)))
-    with pytest.raises(ValueError, match=r"no baseline.*means over all readings here are -1, -3"):
+    with pytest.raises(ValueError, match=r"no baseline.*mean over all readings here is -2"):
         BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(evidence)
-    whole = Evidence(evidence.log_likelihood, baseline=[-1.0, -3.0])
-    assert not BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(whole).any()
+    whole = Evidence(evidence.log_likelihood, baseline=-2.0)
+    drive = BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(whole)
+    np.testing.assert_allclose(drive[:, -1], [[2.0, -2.0]] * 2)
+
+
+def test_a_baseline_that_differs_between_hypotheses_would_be_evidence_and_is_refused():
+    with pytest.raises(ValueError, match=r"baseline must be one finite number.*got \[-1.0, -3.0\]"):
+        Evidence(np.tile([-1.0, -3.0], (2, 4, 1)), baseline=[-1.0, -3.0])
+
+
+@given(st.integers(0, 2**31), st.integers(2, 5), st.floats(-9, 9))
+def test_what_channels_are_told_differs_by_the_evidence_between_them_alone(seed, channels, mean):
+    """So that OUT can be -ln P whatever the readings say on the mean, and whichever is true."""
+    rng = np.random.default_rng(seed)
+    values = rng.normal(mean, 2, (3, 6, channels)) + rng.normal(0, 3, channels)
+    evidence = Evidence(values, baseline=mean, prior=rng.dirichlet(np.full(channels, 3)))
+    own, totals = evidence.own_totals, evidence.totals
+    np.testing.assert_allclose(own - own[..., :1], totals - totals[..., :1], atol=1e-9)
 
 
 def test_a_baseline_is_taken_from_no_more_readings_than_there_are():
     readings = np.zeros((2, 3, 2))
-    readings[0] = readings[1, :1] = [-1.0, -2.0]
-    evidence = Evidence(readings, lengths=np.array([3, 1]), baseline=[-1.0, -2.0])
+    readings[0] = readings[1, :1] = -1.5
+    evidence = Evidence(readings, lengths=np.array([3, 1]), baseline=-1.5)
     assert not evidence.own_totals.any()
