@@ -318,8 +318,8 @@ def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
     value = np.asarray(baseline, dtype=np.float64)
     if value.shape or not np.isfinite(value):
         raise ValueError(
-            "baseline must be one finite number for all hypotheses, nats (another for each would be "
-            f"evidence between them), got {value.tolist()}"
+            "baseline must be one finite number for all hypotheses, nats (another for each would "
+            f"be evidence between them), got {value.tolist()}"
         )
     return float(value)
 
