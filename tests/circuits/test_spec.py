@@ -153,7 +153,10 @@ def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes(
             lambda c: c.edited("GPe.intact_by_channel=0.5,2"),
             r"intact_by_channel must lie in 0\.\.1",
         ),
-        (lambda c: c.without("GPe", 0.5, channel=0).recovered(), "channels would need different"),
+        (
+            lambda c: c.without("GPe", 0.5, channel=0).recovered(),
+            "STN gets another input at rest in",
+        ),
     ],
 )
 def test_a_lesion_that_one_channel_cannot_have_is_refused(edit, message):

@@ -112,14 +112,14 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
     given = (*edits, *SMALL, "--accuracies", 0.9)
     assert run("circuit", "lesion", out, *given) == 0
     shown = capsys.readouterr().out
-    assert "a prediction" in shown
-    assert {"intact", *edits} == set(pd.read_csv(out, comment="#")["variant"])
-    assert "at the threshold of the circuit intact (a prediction)" in shown
-    new = ("--edits.add", "D1->GPe weight=-0.01", "--force")
-    assert run("circuit", "lesion", out, "STN[0]=0.1", *SMALL, "--accuracies", 0.9, *new) == 0
-    assert re.search(r"as edited +0.9 ", shown := capsys.readouterr().out)
-    assert "intact" not in shown
-    assert set(pd.read_csv(out, comment="#")["variant"]) == {"as edited", "STN[0]=0.1"}
+    # The cells of SMALL are an edit too.
+    assert "at the threshold of the circuit as edited (a prediction)" in shown
+    assert {"as edited", *edits} == set(pd.read_csv(out, comment="#")["variant"])
+    quick = ("--engine", "rate", "--trials", 100, "--t-max", 40, "--accuracies", 0.9, "--force")
+    for edited, before in (((), "intact"), (("--edits.add", "D1->GPe weight=-0.01"), "as edited")):
+        assert run("circuit", "lesion", out, "STN[0]=0.1", *quick, *edited) == 0
+        assert re.search(rf"{before} +0.9 ", capsys.readouterr().out)
+        assert set(pd.read_csv(out, comment="#")["variant"]) == {before, "STN[0]=0.1"}
     idle = ("circuit", "lesion", out, "STN.neurons=3", "--engine", "rate", "--force")
     assert run(*idle) == 2
     assert "'STN.neurons=3' says nothing to the rate engine" in capsys.readouterr().err
