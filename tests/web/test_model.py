@@ -79,7 +79,8 @@ def test_minus_ln_p_is_the_tests(js):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_decisions_are_first_crossings(js, name, channels=3):
+def test_decisions_are_first_crossings(js, name):
+    channels = 3
     task = {"seed": 7, "dPrime": 0.6, "conflict": 0.4, "trials": 24, "readings": 25}
     walks = np.array(js(f"walks({channels}, {json.dumps(task)})"))
     readings = np.diff(walks, axis=1, prepend=0)
