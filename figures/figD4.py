@@ -36,7 +36,7 @@ SHORT = {"mean_ms": "time", "anticipatory": "anticipation"}
 ARROWS = {"up": "↑", "down": "↓", "none": "="}
 PANELS = {
     ("mean_ms", PERCENT): ("change of time, %", (-140.0, 420.0)),
-    ("accuracy", "change"): ("change of accuracy", (-0.29, 0.23)),
+    ("accuracy", "change"): ("change of accuracy", (-0.34, 0.23)),
 }
 """What is drawn of every experiment, and the ends of its axis."""
 LINEAR_PERCENT = 20.0
