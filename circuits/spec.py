@@ -280,7 +280,7 @@ class Circuit:
         return 1 if self.population(name).pooled else self.channels
 
     def intact_of(self, name: str) -> Array:
-        """Return what lesions leave of a population, (its channels,) from 0 to 1."""
+        """Return the surviving fraction of a population, (its channels,)."""
         row = self.population(name)
         left = row.intact_by_channel or (1.0,) * self.channels_of(name)
         return row.intact * np.array(left, dtype=np.float64)

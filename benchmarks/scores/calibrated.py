@@ -102,7 +102,7 @@ def criteria(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
 
 
 def calibration(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
-    """Return how often the most probable hypothesis is true, over its posterior.
+    """Return the calibration curve: share right over the posterior of the most probable.
 
     The posteriors after all numbers of taps in ``AFTER`` share bins of width .1.
     """

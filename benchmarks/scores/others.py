@@ -209,7 +209,7 @@ def computes(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
 
 
 def changes(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
-    """Return what each edit changes at the threshold of accuracy .9, beside what is expected."""
+    """Return the effects of each edit at the threshold of accuracy .9, beside the expected."""
     model, decided = tuned(entrant, alternatives)
     threshold = decided.setting(ACCURACY)
     given = {conflict: drawn(alternatives, conflict, trials) for conflict in (0.0, CONFLICT)}
@@ -273,7 +273,7 @@ def outcome(expected: Expected, low: float, high: float) -> str:
 
 
 def seen(model: BasalGanglia, evidence: Evidence, threshold: float) -> dict[str, Array]:
-    """Return what is measured of each trial at a threshold, (trials,) each.
+    """Return choices, times and rates of STN at a threshold, (trials,) each.
 
     The rate of STN is the mean over channels and ``WINDOW_MS``, whenever the trial decides.
     """

@@ -117,7 +117,7 @@ def exact(seeds: int) -> Iterator[dict[str, Any]]:
 
 
 def rows(name: str, seeds: int) -> pd.DataFrame:
-    """Return what is printed of a circuit."""
+    """Return printed numbers of a circuit beside those of its table."""
     made = {"humphries": humphries, "stewart": stewart, "exact": exact}[name]
     return pd.DataFrame([{"circuit": name, "seeds": seeds} | row for row in made(seeds)])
 
