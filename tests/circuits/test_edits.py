@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
+from circuits.courses import Course
 from circuits.engines import algebra
 from circuits.spec import Population, Projection
 
@@ -166,6 +167,15 @@ def test_a_row_like_another_does_not_cite_its_source_for_numbers_that_are_new():
     edited = TABLE.with_rows(*rows)
     cited = [edited.population(name).cite for name in ("TRN", "X", "Y")]
     assert cited == ["as STN", "as GPe; assumed: baseline_hz, cell.tau_ms", "my data"]
+
+
+def test_a_row_of_dopamine_or_with_an_amount_is_a_course():
+    """No population can be called dopamine; an amount, in time, is of a course alone."""
+    drive, level = TABLE.with_rows("STN amount=-0.2 to_ms=50", "dopamine amount=0.5").courses
+    assert drive == Course("STN", -0.2, to_ms=50)
+    assert level == Course("dopamine", 0.5)
+    with pytest.raises(ValueError, match="a course of dopamine has no 'weight'"):
+        TABLE.with_rows("dopamine weight=1")
 
 
 def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():

@@ -1,5 +1,6 @@
 """What a prediction is worth: agreement, open, or a decision without evidence."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,8 @@ def test_the_threshold_alone_moves_what_it_must():
     shown = page(experiment, table)
     assert "bound up, by 0.005: the model agrees" in shown
     assert all(name in shown for name in MEASURES)
+    for measure, form in (("mean_ms", r"\d+"), ("decided", r"\d+"), ("accuracy", r"0\.\d{3}")):
+        assert re.search(rf"^{measure} +{form}( |$)", shown, re.MULTILINE)
     assert "drift: 1/s, bound: no unit (EZ-diffusion, noise s = 0.1 per √s)" in shown
     few = table.assign(value=table["value"].where(~table["measure"].isin(["drift", "bound"])))
     assert "EZ-diffusion" not in page(experiment, few)

@@ -48,6 +48,12 @@ def test_outputs_are_those_of_the_piecewise_linear_fixed_point(first, second, le
         np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
 
 
+def test_every_unit_has_the_rate_constant_of_the_paper():
+    """K = 25 a second: 40 ms (Gurney, Prescott & Redgrave 2001b); saliences are not filtered."""
+    taus = {p.name: p.tau_ms for p in anatomy.gpr().populations}
+    assert taus == {"ctx": 0} | dict.fromkeys(("D1", "D2", "STN", "GPe", "SNr"), 1000 / 25)
+
+
 def test_the_level_of_dopamine_multiplies_the_two_gains():
     drive = np.array([[[0.6, 0.2]]])
     for level in (0.5, 1.0, 1.25):

@@ -64,6 +64,17 @@ def test_two_rivals_apart_and_the_others_out_of_the_running_are_read_as_the_tabl
     assert np.abs(off_nats(anatomy.macaque(channels))).max() < 0.002
 
 
+def test_delays_are_those_of_the_animal_and_synapses_have_the_times_of_their_receptors():
+    """Delays: Lienard & Girard 2014. Times: AMPA and GABA 4 ms, but for what is tuned."""
+    delays = {"ctx->D1": 7, "ctx->D2": 7, "ctx->STN": 3, "D1->SNr": 11, "D2->GPe": 7}
+    delays |= {"STN->GPe": 3, "STN->SNr": 3, "GPe->STN": 10, "GPe->SNr": 3}
+    tuned = {"D1->SNr": 6, "STN->GPe": 3, "STN->SNr": 19}
+    for channels in ALTERNATIVES:
+        rows = {p.name: p for p in anatomy.macaque(channels).projections if p.name in delays}
+        assert {name: p.delay_ms for name, p in rows.items()} == delays
+        assert {name: p.tau_ms for name, p in rows.items()} == dict.fromkeys(delays, 4) | tuned
+
+
 @pytest.mark.parametrize("channels", ALTERNATIVES)
 def test_it_rests_at_ln_n_and_says_that_it_reads_up_to_there(channels):
     table = anatomy.macaque(channels)
