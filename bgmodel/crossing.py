@@ -10,6 +10,8 @@ from bgmodel.compiling import compiled, inlined
 
 # Sums of readings that differ by less are equal, as in ``theory``: 0.1 + 0.2 reaches 0.3.
 ROUNDING = 1e-10
+CELLS = 4096
+"""Cells of |Z| up to the highest bar, in which ``tally_odds`` looks bars up."""
 
 
 @inlined
@@ -152,44 +154,61 @@ def tally_all(
     return np.cumsum(correct)[:count], np.cumsum(steps)[:count], np.cumsum(forced)[:count]
 
 
+@inlined
+def _first_bars(bars: Array, cells: int) -> tuple[float, Integers]:
+    """Return the cells per nat, and per cell of |Z| the number of bars that are surely reached."""
+    count = bars.shape[0] - 1
+    scale = cells / bars[count - 1] if count > 0 and bars[count - 1] > 0 else 0.0
+    first = np.zeros(cells + 1, np.int64)
+    for cell in range(2, cells + 1):
+        k = first[cell - 1]
+        while k < count and bars[k] * scale <= cell - 1:
+            k += 1
+        first[cell] = k
+    return scale, first
+
+
 @compiled
 def tally_odds(
     log_likelihood: Reals, start: float, truth: Integers, bars: Array, readings: Integers,
     numbers: Integers,
 ) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64]]:  # fmt: skip
-    """Return the sums of ``tally_all`` for the SPRT; bars on |Z| rise, the last is inf."""
+    """Return the sums of ``tally_all`` for the SPRT; bars on |Z| rise, the last is inf.
+
+    A reading counts for the bars that were not reached before it. For these a choice is right if
+    the changes of "the truth leads" sum to 1. Both are kept at the first such bar and summed at the
+    end, so that nothing depends on which bars a reading reaches.
+    """
     count = bars.shape[0] - 1
     correct = np.zeros(count + 1, np.int64)
-    steps = np.zeros(count + 1)
-    forced = 0 * correct
+    steps, forced = 0 * correct, 0 * correct
     row = np.empty(2)
+    scale, first = _first_bars(bars, CELLS)
     for n in range(log_likelihood.shape[0]):
-        z, p, bar, last = start, 0, bars[0], readings[n]
+        z, p, last, led = start, 0, readings[n], 0
         for t in range(last + 1):
             if t > 0:
                 reading = log_likelihood[n, t - 1]
                 z += np.float64(reading[1]) - np.float64(reading[0])
+                steps[p] += 1
+            leads = int(z > 0)
+            if abs(z) <= ROUNDING:
+                row[0], row[1] = z, -z
+                leads = lowest(row, numbers[n])
+            right = int(leads == truth[n])
+            correct[p] += right - led
+            led = right
             # Before any reading a bar must be passed, later it may be met.
             above = abs(z) + (ROUNDING if t > 0 else -ROUNDING)
-            if above < bar and t < last:
-                continue
-            end = p
-            while above >= bars[end]:
-                end += 1
-            if t == last:  # the deadline: what is still open is forced
-                forced[end] += 1
-                end = count
-            row[0], row[1] = z, -z
-            choice = int(z > 0) if abs(z) > ROUNDING else lowest(row, numbers[n])
-            right = choice == truth[n]
-            correct[p] += right
-            correct[end] -= right
-            steps[p] += t
-            steps[end] -= t
-            p, bar = end, bars[end]
+            p = max(p, first[int(min(above * scale, CELLS))])
+            while above >= bars[p]:
+                p += 1
             if p == count:
                 break
-    return np.cumsum(correct)[:count], np.cumsum(steps)[:count], np.cumsum(forced)[:count]
+        if p < count:  # the deadline: what is still open is forced
+            forced[p] += 1
+    taken = np.cumsum(steps)[:count].astype(np.float64)
+    return np.cumsum(correct)[:count], taken, np.cumsum(forced)[:count]
 
 
 @compiled

@@ -20,6 +20,8 @@ LANES = 128
 LOWEST = np.float32(-1e30)
 AT_ONCE = 4
 """Readings between two counts."""
+AT_A_TIME = 3
+"""Thresholds that are counted together."""
 MOST_STEPS = 32_767
 f32, i32, u32, u64 = np.float32, np.int32, np.uint32, np.uint64
 # Products and sums may be one operation; there is no NaN.
@@ -74,7 +76,8 @@ def gaussian_tally(
         )
     bars = -np.log(np.expm1(levels)) if hypotheses == 2 else -np.exp(levels)
     order = np.argsort(bars)
-    counted = _count(trials, steps, f32(separation), bars[order].astype(f32), u64(seed), hypotheses)
+    rising = np.append(bars[order], np.full(AT_A_TIME - 1, np.inf)).astype(f32)
+    counted = _count(trials, steps, f32(separation), rising, u64(seed), hypotheses)
     taken, correct, forced = (values[np.argsort(order)] for values in counted)
     return Tally(trials, correct, taken.astype(np.float64), forced)
 
@@ -158,34 +161,51 @@ def fill_normals(out: Any, key: Any) -> None:
 
 
 @inlined
-def _read_two(sums: Any, noise: Any, mean: Any, sd: Any, score: Any, right: Any) -> None:
+def _read_two(
+    sums: Any, noise: Any, mean: Any, sd: Any, before: Any, after: Any, marks: Any, led: Any
+) -> None:
     """Add a reading to Z of two hypotheses; the score is |Z|, and the truth leads above 0."""
     for lane in range(LANES):
-        z = sums[0, lane] + mean + sd * noise[0, lane]
+        old = sums[0, lane]
+        z = old + mean + sd * noise[0, lane]
         sums[0, lane] = z
-        score[lane] = abs(z)
-        right[lane] = i32(z > f32(0))
+        after[lane] = max(before[lane], abs(z))
+        marks[lane] = i32(1 + (i32(i32(z > f32(0)) - i32(old > f32(0))) << 16))
 
 
 @inlined
-def _read_many(sums: Any, noise: Any, mean: Any, sd: Any, score: Any, right: Any) -> None:
+def _read_many(
+    sums: Any, noise: Any, mean: Any, sd: Any, before: Any, after: Any, marks: Any, led: Any
+) -> None:
     """Add a reading to the sums y of N hypotheses; the score is ``-sum_j exp(y_j - max y)``."""
     for lane in range(LANES):
         sums[0, lane] += mean
-        score[lane] = LOWEST
+        after[lane] = LOWEST
     for channel in range(sums.shape[0]):
         for lane in range(LANES):
             y = sums[channel, lane] + sd * noise[channel, lane]
             sums[channel, lane] = y
-            score[lane] = max(score[lane], y)
+            after[lane] = max(after[lane], y)
     for lane in range(LANES):
-        right[lane] = i32(sums[0, lane] == score[lane])
+        leads = i32(sums[0, lane] == after[lane])
+        marks[lane] = i32(1 + (i32(leads - led[lane]) << 16))
+        led[lane] = leads
         noise[0, lane] = f32(0)
     for channel in range(sums.shape[0]):
         for lane in range(LANES):
-            noise[0, lane] -= _exp(sums[channel, lane] - score[lane])
+            noise[0, lane] -= _exp(sums[channel, lane] - after[lane])
     for lane in range(LANES):
-        score[lane] = noise[0, lane]
+        after[lane] = max(before[lane], noise[0, lane])
+
+
+@inlined
+def _marked(bar: Any, best: Any, marks: Any) -> Any:
+    """Return the sum of the marks of those readings of a lane that were below a threshold."""
+    a = marks[0] if best[0] < bar else i32(0)
+    b = marks[1] if best[1] < bar else i32(0)
+    c = marks[2] if best[2] < bar else i32(0)
+    d = marks[3] if best[3] < bar else i32(0)
+    return i32(i32(a + b) + i32(c + d))
 
 
 @inlined
@@ -193,25 +213,30 @@ def _note(counts: Any, above: Any, bars: Any, best: Any, marks: Any) -> None:
     """Add the marks of the readings before which a threshold, of rising ones, was not reached.
 
     Those that all lanes have reached take nothing, and those that none has take one sum: it goes
-    into ``above`` at the first of them.
+    into ``above`` at the first of them. The others go three at a time, which share what they read;
+    the last two bars are out of reach, so that there are always three.
     """
-    count = bars.shape[0]
-    reached, nobody = 0, count
+    reached, nobody = 0, bars.shape[0] - AT_A_TIME + 1
     least, most = best[0, 0], best[AT_ONCE, 0]
     for lane in range(LANES):
         least, most = min(least, best[0, lane]), max(most, best[AT_ONCE, lane])
-    while reached < count and bars[reached] <= least:
+    while reached < nobody and bars[reached] <= least:
         reached += 1
     while nobody > reached and bars[nobody - 1] > most:
         nobody -= 1
-    for k in range(reached, nobody):
-        bar = bars[k]
+    nobody += (reached - nobody) % AT_A_TIME
+    for k in range(reached, nobody, AT_A_TIME):
+        bar, next_bar, last_bar = bars[k], bars[k + 1], bars[k + 2]
         for lane in range(LANES):
-            a = marks[0, lane] if best[0, lane] < bar else i32(0)
-            b = marks[1, lane] if best[1, lane] < bar else i32(0)
-            c = marks[2, lane] if best[2, lane] < bar else i32(0)
-            d = marks[3, lane] if best[3, lane] < bar else i32(0)
-            counts[k, lane] += i32(i32(a + b) + i32(c + d))
+            # All is read before anything is written: it stays in registers.
+            score = (best[0, lane], best[1, lane], best[2, lane], best[3, lane])
+            mark = (marks[0, lane], marks[1, lane], marks[2, lane], marks[3, lane])
+            first = _marked(bar, score, mark)
+            second = _marked(next_bar, score, mark)
+            third = _marked(last_bar, score, mark)
+            counts[k, lane] += first
+            counts[k + 1, lane] += second
+            counts[k + 2, lane] += third
     for lane in range(LANES):
         both = i32(marks[0, lane] + marks[1, lane])
         above[nobody, lane] += i32(both + i32(marks[2, lane] + marks[3, lane]))
@@ -222,7 +247,7 @@ def _emptied(counts: Any, above: Any, lanes: int, taken: Any, correct: Any) -> N
     """Move counts to their sums: below 2^16 readings, above it correct choices."""
     for lane in range(LANES):
         whole = i32(0)
-        for k in range(counts.shape[0]):
+        for k in range(taken.shape[0]):
             whole += above[k, lane]
             if lane < lanes:
                 found = i32(counts[k, lane] + whole)
@@ -236,7 +261,7 @@ def _emptied(counts: Any, above: Any, lanes: int, taken: Any, correct: Any) -> N
 @inlined
 def _decide(
     key: Any, steps: int, mean: Any, sd: Any, bars: Any, sums: Any, noise: Any, best: Any,
-    marks: Any, score: Any, right: Any, led: Any, counts: Any, above: Any,
+    marks: Any, led: Any, counts: Any, above: Any,
 ) -> None:  # fmt: skip
     """Let one set of lanes go through its readings, from a score that ``best`` starts with.
 
@@ -254,13 +279,9 @@ def _decide(
                 fill_normals(noise[2 * pair : 2 * pair + 2], key)
         now = noise[at * channels : (at + 1) * channels]
         if channels == 1:
-            _read_two(sums, now, mean, sd, score, right)
+            _read_two(sums, now, mean, sd, best[at], best[at + 1], marks[at], led)
         else:
-            _read_many(sums, now, mean, sd, score, right)
-        for lane in range(LANES):
-            marks[at, lane] = i32(1 + ((right[lane] - led[lane]) << 16))
-            led[lane] = right[lane]
-            best[at + 1, lane] = max(best[at, lane], score[lane])
+            _read_many(sums, now, mean, sd, best[at], best[at + 1], marks[at], led)
         if at == AT_ONCE - 1 or step == steps - 1:
             for idle in range(at + 1, AT_ONCE):
                 marks[idle] = 0
@@ -272,19 +293,18 @@ def _decide(
 @numba.njit(cache=True, nogil=True, fastmath=FAST)
 def _count(trials: int, steps: int, separation: Any, bars: Any, seed: Any, hypotheses: int) -> Any:
     """Return readings taken, correct choices and forced ones (K,), summed over trials."""
-    count = bars.shape[0]
+    count = bars.shape[0] - AT_A_TIME + 1
     taken, correct = np.zeros(count, np.int64), np.zeros(count, np.int64)
     forced = np.zeros(count, np.int64)
     channels = 1 if hypotheses == 2 else hypotheses
     sd = f32(separation * np.sqrt(f32(2))) if channels == 1 else separation
     mean, start = f32(separation * separation), f32(0 if channels == 1 else -hypotheses)
-    counts = np.zeros((count, LANES), np.int32)
-    above = np.zeros((count + 1, LANES), np.int32)
+    counts = np.zeros((bars.shape[0], LANES), np.int32)
+    above = np.zeros((bars.shape[0] + 1, LANES), np.int32)
     sums = np.empty((channels, LANES), np.float32)
     best = np.empty((AT_ONCE + 1, LANES), np.float32)
     marks = np.empty((AT_ONCE, LANES), np.int32)
     noise = np.empty((AT_ONCE * channels, LANES), np.float32)
-    score, right = np.empty(LANES, np.float32), np.empty(LANES, np.int32)
     led = np.empty(LANES, np.int32)
     blocks = (trials + LANES - 1) // LANES
     full = min(MOST_STEPS, 65_535 // steps)
@@ -294,9 +314,7 @@ def _count(trials: int, steps: int, separation: Any, bars: Any, seed: Any, hypot
             _emptied(counts, above, LANES, taken, correct)
         best[0] = start
         key = _mixed(seed + u64(0x9E3779B97F4A7C15) * u64(block + 1))
-        _decide(
-            key, steps, mean, sd, bars, sums, noise, best, marks, score, right, led, counts, above
-        )
+        _decide(key, steps, mean, sd, bars, sums, noise, best, marks, led, counts, above)
         for k in range(count):
             for lane in range(lanes):
                 forced[k] += best[0, lane] < bars[k]
