@@ -55,6 +55,10 @@ class Settings:
     # Cells of figure C4, over those of the table.
     most_cells: float = 3.0
     lesioned_trials: int = 14
+    # Every so-many-th lesion of figure C5 decides in spikes too.
+    spiking_every: int = 3
+    # Of a reading in figure C3; an easier task takes less time.
+    d_prime: float = 0.5
     dopamine_trials: int = 40
 
     @property
@@ -84,7 +88,9 @@ FAST = Settings(
     varied_trials=100,
     varied=14,
     most_cells=1.0,
-    lesioned_trials=8,
+    lesioned_trials=5,
+    spiking_every=6,
+    d_prime=1.0,
     dopamine_trials=8,
 )
 

@@ -43,7 +43,7 @@ def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Ev
         rng = stream(settings.seed, "figC3", count)
         trials = max(int(share * most), 100)
         given = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
-        yield f"N = {count}", gaussian_evidence(trials, 120, 0.5 / np.sqrt(2), **given)
+        yield f"N = {count}", gaussian_evidence(trials, 120, settings.d_prime / np.sqrt(2), **given)
     readings = tactile(taps)
     rng = stream(settings.seed, "figC3", "tactile")
     yield TACTILE, readings.draw(most, 40, rng=rng, step_ms=50.0)

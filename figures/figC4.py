@@ -52,7 +52,7 @@ def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: fl
 
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
-    evidence = gaussian(settings, "neurons", 2 * settings.varied_trials, 2, 0.5)
+    evidence = gaussian(settings, "neurons", 2 * settings.varied_trials, 2, settings.d_prime)
     gain = gain_of(circuit(DEFAULT))
     test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
     parts = []

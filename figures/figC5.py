@@ -21,8 +21,6 @@ from figures.common import BRIEF, Settings, letter, run
 CHANNELS = 4
 AT, HIGHEST = 0.95, 0.96
 LOG_ODDS = (1.75, 2.25, 2.75)
-SPIKING_EVERY = 3
-"""Every so-many-th lesion decides in spikes too."""
 
 
 def steady(settings: Settings, *, output: Path) -> None:
@@ -46,7 +44,8 @@ def behaviour(settings: Settings, *, output: Path) -> None:
     )
     given = {"accuracies": (AT,), "highest": HIGHEST}
     every, parts = lesions(table), []
-    for engine, names in (("population", list(every)), ("ensemble", list(every)[::SPIKING_EVERY])):
+    in_spikes = list(every)[:: settings.spiking_every]
+    for engine, names in (("population", list(every)), ("ensemble", in_spikes)):
         model = BasalGanglia(table, engine, gain_of(table), settings.seed, BRIEF)
         edited = {name: every[name] for name in names}
         found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
