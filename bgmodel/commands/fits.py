@@ -141,7 +141,7 @@ class FitRun(Shows):
             raise ValueError(f"criterion must be one of {allowed}, got {self.criterion!r}")
 
     def _check_parameters(self, models: dict[str, Model]) -> None:
-        """Raise ValueError for a parameter that none of the models has."""
+        """Raise ValueError for a parameter that none of the models has; say which one lacks it."""
         known = {each.name: 0 for model in models.values() for each in model.parameters}
         for option, names in (("free", self.free), ("hold", self._hold), ("vary", self._vary)):
             for name in names:
@@ -150,6 +150,14 @@ class FitRun(Shows):
                     raise ValueError(
                         f"{option} must name a parameter, one of {there}, got {name!r}"
                     )
+        for name, model in models.items():
+            own = {each.name for each in model.parameters} | {"criterion"}
+            lacking = ", ".join(each for each in self.free if each not in own)
+            if lacking:
+                say(
+                    f"{name} has no {lacking}, so that what --free leaves out is held in it; "
+                    "'criterion' is each model's own"
+                )
 
     def _asked(self) -> dict[str, Any]:
         """Return all that two fits of one folder must share: whose they are, they need not."""
