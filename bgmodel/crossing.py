@@ -158,7 +158,7 @@ def tally_all(
 def _first_bars(bars: Array, cells: int) -> tuple[float, Integers]:
     """Return the cells per nat, and per cell of |Z| the number of bars that are surely reached."""
     count = bars.shape[0] - 1
-    scale = cells / bars[count - 1] if count > 0 and bars[count - 1] > 0 else 0.0
+    scale = cells / bars[count - 1] if count > 0 and bars[count - 1] > ROUNDING else 0.0
     first = np.zeros(cells + 1, np.int64)
     for cell in range(2, cells + 1):
         k = first[cell - 1]
@@ -200,7 +200,7 @@ def tally_odds(
             led = right
             # Before any reading a bar must be passed, later it may be met.
             above = abs(z) + (ROUNDING if t > 0 else -ROUNDING)
-            p = max(p, first[int(min(above * scale, CELLS))])
+            p = max(p, first[int(min(max(above, 0.0) * scale, CELLS))])
             while above >= bars[p]:
                 p += 1
             if p == count:
