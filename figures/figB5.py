@@ -38,7 +38,7 @@ MEASURED = {"stn_percent": "rate of STN", "accuracy": "share right", "mean_perce
 COLOURS = {
     "as expected": "#bfe3c0",
     "not as expected": "#f3c1b5",
-    "not decidable": "#e6e6e6",
+    "left open": "#e6e6e6",
     "does not decide": "#f7e3a8",
     "decides without evidence": "#d9d3ee",
     "nothing to change": "white",

@@ -18,11 +18,13 @@ from benchmarks.scores import (
     others,
     parts,
     population,
+    posteriors,
     printed,
     published,
     raw,
     recovery,
     sensitivity,
+    worst,
 )
 from benchmarks.scores.pieces import main
 
@@ -36,10 +38,12 @@ MODULES = (
     levels,
     learning,
     experiments,
+    posteriors,
     fits,
     conflict,
     recovery,
     sensitivity,
+    worst,
     population,
     likelihood,
     hssm_check,

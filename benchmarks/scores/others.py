@@ -135,7 +135,7 @@ EDITS: Mapping[str, Edit] = {
         SLOWER,
     ),
 }
-AGREES, DISAGREES, OPEN = "as expected", "not as expected", "not decidable"
+AGREES, DISAGREES, OPEN = "as expected", "not as expected", "left open"
 NOTHING, WITHOUT, NEVER = "nothing to change", "decides without evidence", "does not decide"
 
 

@@ -7,37 +7,56 @@ decide on every kind of evidence, spikes on some. These seeds tuned nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import pandas as pd
 
-from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds
+from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds, sample_ms
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, compare_with_msprt
+from bgmodel.comparison.compare import ACCURACIES
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, circuit
 
 TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200
 SPIKING = ("Gaussian, d' 0.5, N = 2", "Gaussian, d' 1, N = 2", "Gaussian, d' 1, N = 4")
+SLOW, SLOW_MS, SLOW_TRIALS = "8 orientations, 2 mm", 500.0, 1000
+"""Evidence that no circuit of spikes reads 20 times a second is read twice a second too."""
+LOWER = (0.8, 0.85, 0.9)
+"""Accuracies that are reached on it: its likelihoods are too sure for more."""
 FASTER, SLOWER = 60, 8
 """Times that populations are faster than spikes in ``kinds``, and this table is slower."""
 MEASURES = ("agreement", "within_50_ms", "pearson_r", "extra_ms")
 OTHER_NOISE = "circuit with other noise"
 
 
-def decisions(kind: Kind, engine: str, centred: bool, trials: int, workers: int) -> pd.DataFrame:
+def decisions(
+    kind: Kind,
+    engine: str,
+    centred: bool,
+    trials: int,
+    workers: int,
+    *,
+    step_ms: float = 50.0,
+    accuracies: Sequence[float] = ACCURACIES,
+) -> pd.DataFrame:
     """Return the comparison of the circuit on a kind of evidence, raw or centred."""
     table = circuit(DEFAULT, kind.count)
-    options = {"workers": workers, "sample_ms": 1.0}
+    options = {"workers": workers, "sample_ms": sample_ms(step_ms)}
     model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options, centred or None)
-    evidence = drawn(kind, trials, 50.0)
-    groups = groups_of(kind.name, trials)
     found = compare_with_msprt(
-        model, evidence, seed=SCORING_SEED, rivals=(), ceiling=not centred, groups=groups
+        model,
+        drawn(kind, trials, step_ms),
+        seed=SCORING_SEED,
+        rivals=(),
+        ceiling=not centred,
+        groups=groups_of(kind.name, trials),
+        accuracies=accuracies,
     )
+    name = kind.name if step_ms == 50.0 else f"{kind.name}, every {step_ms:g} ms"
     given = "mean taken off" if centred else "raw"
-    return found.assign(evidence=kind.name, engine=engine, given=given, trials=trials)
+    return found.assign(evidence=name, engine=engine, given=given, trials=trials)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -50,6 +69,13 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             # Most of it is the bootstrap.
             seconds = kind.seconds * trials / 100 * SLOWER / FASTER + trials / 70
             yield Piece("decisions", name, trials, seconds, make)
+            if kind.name == SLOW and not fast:
+                slow = partial(
+                    decisions, kind, "population", centred, SLOW_TRIALS, workers,
+                    step_ms=SLOW_MS, accuracies=LOWER,
+                )  # fmt: skip
+                seconds = 0.3 * SLOW_TRIALS
+                yield Piece("decisions", f"{name}, every 500 ms", SLOW_TRIALS, seconds, slow)
         if kind.name in SPIKING:
             few = COARSE_SPIKING if fast else SPIKING_TRIALS
             make = partial(decisions, kind, "ensemble", False, few, workers)

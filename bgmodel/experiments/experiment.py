@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SHIPPED = resources("bgmodel.experiments") / "shipped"
-AGREES, DISAGREES, OPEN = "agrees", "disagrees", "not decidable"
+AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
 WITHOUT = "decides without evidence"
 """The outcome, whatever was predicted, where the manipulated circuit reads nothing."""
 FEWEST_DECIDED = 20
@@ -83,7 +83,7 @@ class Prediction:
             raise ValueError('at_least must be > 0 where the direction is "none", got 0')
 
     def outcome(self, low: float, high: float) -> str:
-        """Return what the 95 % interval of the change says: agrees, disagrees, not decidable."""
+        """Return what the 95 % interval of the change says: agrees, disagrees, left open."""
         if not (np.isfinite(low) and np.isfinite(high)):
             return OPEN
         if self.direction == "none":

@@ -58,10 +58,10 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         One row per prediction: measure, direction, at_least, value, low, high (of the change), and
         outcome: "agrees" if the whole interval lies beyond at_least in the direction (within
-        +-at_least for "none"), "disagrees" if none of it does, else "not decidable"; "decides
+        +-at_least for "none"), "disagrees" if none of it does, else "left open"; "decides
         without evidence", whatever was predicted, if most manipulated trials decide before their
         first reading or most foreperiods end in a response within half a second. Where fewer than
-        ``FEWEST_DECIDED`` trials are decided, what is said of decisions is not decidable.
+        ``FEWEST_DECIDED`` trials are decided, what is said of decisions is left open.
     """
     blind, few = _blind(experiment, table), _few(table)
     change = table[table["condition"] == "change"].set_index("measure")
@@ -107,7 +107,7 @@ def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFram
         One row per effect: condition ("change" or "percent"), measure, published, published_low,
         published_high, value, low, high (the model's), effect_source, and comparison:
         "compatible" if the 95 % interval of the model's minus the published one holds 0, else
-        "differs"; "decides without evidence" and "not decidable" as in ``outcomes``. Both
+        "differs"; "decides without evidence" and "left open" as in ``outcomes``. Both
         samples are independent: the ends of the interval are those of Zou & Donner 2008,
         ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``,
         ``d = m - p``.

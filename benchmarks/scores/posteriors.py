@@ -1,0 +1,103 @@
+"""What the default circuit does at a posterior, and how far a loss may go: make score.
+
+For users who write an experiment: accuracy, time and late trials at each posterior, and what is
+left of them after a loss of STN or of GPe. By populations, two alternatives, the default gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel import stream
+from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.sprt import criterion_from_posterior
+from circuits.anatomy import DEFAULT, circuit
+from circuits.spec import Circuit
+
+SCORING_SEED = 78_001
+TRIALS, COARSE_TRIALS = 5000, 200
+READINGS, STEP_MS, D_PRIME = 240, 50.0, 0.5
+LATE_MS = 60 * STEP_MS
+"""A time that is called late: an experiment would need more readings than this."""
+ASKED = (0.6, 0.7, 0.75, 0.8, 0.82, 0.85, 0.9, 0.93)
+"""Posteriors that are asked of the circuit as it is."""
+AT = 0.82
+"""What experiments decide at unless they say another."""
+LOST = (0.05, 0.1, 0.15, 0.2, 0.3, 0.5)
+LESS_GPE = ((0.2, 0.7, None), (0.25, 0.7, None), (0.25, 0.6, None), (0.25, 0.6, 0))
+"""Share of GPe that is lost, a lower posterior, and the channel if it is lost in one."""
+SECONDS = 0.0015
+"""CPU time of a trial of a circuit, about."""
+
+
+def cases() -> Iterator[tuple[str, Circuit, tuple[float, ...]]]:
+    """Yield what is lost, the circuit after that, and the posteriors that are asked."""
+    table = circuit(DEFAULT)
+    yield "nothing", table, ASKED
+    for name in ("STN", "GPe"):
+        for share in LOST:
+            yield f"{name} {share:.0%}", table.without(name, share), (AT,)
+    for share, posterior, channel in LESS_GPE:
+        where = "GPe" if channel is None else f"GPe[{channel}]"
+        yield f"{where} {share:.0%}", table.without("GPe", share, channel=channel), (posterior,)
+
+
+def behaviour(trials: int, workers: int) -> pd.DataFrame:
+    """Return what each circuit does at each posterior that is asked of it, on the same trials."""
+    evidence = gaussian_evidence(
+        trials,
+        READINGS,
+        D_PRIME / np.sqrt(2),
+        rng=stream(SCORING_SEED, "posteriors"),
+        step_ms=STEP_MS,
+    )
+    rows = []
+    for lost, table, asked in cases():
+        model = BasalGanglia(
+            table, "population", gain_of(circuit(DEFAULT)), SCORING_SEED, {"workers": workers}
+        )
+        found = decide_at_thresholds(
+            model, evidence, criterion_from_posterior(asked), decoder_tau_ms=None
+        )[CIRCUIT]
+        for k, out_nats in enumerate(found.settings):
+            decided = ~found.forced[k]
+            time_ms, choice = pd.Series(found.time_ms[k]), pd.Series(found.choice[k])
+            rows.append(
+                {
+                    "lost": lost,
+                    "posterior": float(np.exp(-out_nats)),
+                    "trials": trials,
+                    "accuracy": (choice == evidence.truth)[decided].mean(),
+                    "mean_ms": time_ms[decided].mean(),
+                    "late": (~decided | (time_ms > LATE_MS)).mean(),
+                    "missed": 1 - decided.mean(),
+                    "premature": found.premature[k].mean(),
+                    "choice_0": (choice == 0)[decided].mean(),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield one piece."""
+    trials = COARSE_TRIALS if fast else TRIALS
+    make = partial(behaviour, trials, workers)
+    yield Piece("behaviour", "all", trials, SECONDS * trials * len(list(cases())), make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return a row per loss and posterior."""
+    return {"behaviour": ("behaviour", made["behaviour"])}
+
+
+SCORE = Score("posteriors", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)

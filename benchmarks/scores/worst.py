@@ -1,0 +1,85 @@
+"""The worst changes of one number of the default table, again in spikes: make score.
+
+``sensitivity`` finds, by populations, which changes cost r of decision times most once homeostasis
+has brought all rates at rest back; its table names them. Here spikes decide on the first trials
+of the same evidence, each change beside the circuit as it is. Where that table names others than
+before, their pieces are computed anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import pandas as pd
+
+from benchmarks.pages import RESULTS
+from benchmarks.scores import sensitivity
+from benchmarks.scores.pieces import Made, Piece, Score, main, wide
+from benchmarks.scores.sensitivity import BIASES, MEASURES, SHOWN, Case
+from bgmodel.comparison.circuits import compare_edits
+from bgmodel.files import read_table
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.anatomy import DEFAULT, circuit
+
+TRIALS, COARSE_TRIALS = 600, 200
+SECONDS = 0.15
+"""CPU time of a trial of a change, about."""
+SHARED = ["channels", "fraction", "variant"]
+
+
+def in_spikes(
+    channels: int, fraction: float, variant: str, trials: int, workers: int
+) -> pd.DataFrame:
+    """Return the effect of a change on each measure, in spikes.
+
+    Parameters
+    ----------
+    channels : int
+        Number of alternatives.
+    fraction, variant : float, str
+        The change, and what ``sensitivity`` calls it.
+    trials, workers : int
+        Trials of each circuit; threads.
+    """
+    table, seed = circuit(DEFAULT, channels), sensitivity.SCORING_SEED
+    found = compare_edits(
+        BasalGanglia(table, "ensemble", gain_of(table), seed, {"workers": workers}),
+        {variant: Case(channels, fraction, True, BIASES).edited()[variant]},
+        sensitivity.evidence(channels, sensitivity.TRIALS)[:trials],
+        seed=seed,
+        accuracies=SHOWN[1:],
+        resamples=200,
+    )
+    found = found[(found["kind"] == "change") & found["measure"].isin(MEASURES)]
+    found = wide(found[found["variant"] == variant], ["variant", "accuracy"])
+    return found.assign(channels=channels, fraction=fraction, trials=trials)
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield a piece for each change that the table names."""
+    path = RESULTS / "sensitivity_worst.csv"
+    if not path.is_file():
+        return
+    trials = COARSE_TRIALS if fast else TRIALS
+    for row in read_table(path).itertuples():
+        make = partial(in_spikes, row.channels, row.fraction, row.variant, trials, workers)
+        name = f"N = {row.channels}, {row.variant}"
+        yield Piece("changes", name, trials, SECONDS * trials, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return each change, in spikes and beside it by populations."""
+    found = made["changes"].drop(columns="accuracy")
+    for name in MEASURES:
+        new = {f"{name}{end}": f"{name}_spikes{end}" for end in ("", "_low", "_high")}
+        found = found.rename(columns=new)
+    found = found.rename(columns={"trials": "trials_spikes"})
+    named = read_table(RESULTS / "sensitivity_worst.csv")
+    return {"changes": ("changes", named.merge(found, on=SHARED))}
+
+
+SCORE = Score("worst", sensitivity.SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
