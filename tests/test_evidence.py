@@ -45,6 +45,56 @@ def test_evidence_without_sense_is_refused(call, says):
         call()
 
 
+def small():
+    """Return two trials, the first of one reading, the second of two, of two hypotheses."""
+    values = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.5, 2.0], [0.0, 1.5]]])
+    given = {"prior": [0.25, 0.75], "lengths": [1, 2], "step_ms": 50.0, "onset_ms": 100.0}
+    return Evidence(values, np.array([0, 1]), **given)
+
+
+def test_sums_of_what_readings_say():
+    drawn = small()
+    log = np.log([0.25, 0.75])
+    want = log + np.array([[[0, 0], [1, 0], [1, 0]], [[0, 0], [0.5, 2], [0.5, 3.5]]])
+    np.testing.assert_allclose(drawn.totals, want, rtol=1e-14)
+    odds = np.exp(want[..., 1] - want[..., 0])
+    np.testing.assert_allclose(drawn.posterior[..., 1], odds / (1 + odds), rtol=1e-14)
+    assert drawn.mean_reading == pytest.approx(5 / 6)  # 3 readings of 2 hypotheses
+    own = replace(drawn, baseline=0.5).own_totals
+    read = 0.5 * np.array([[0, 1, 1], [0, 1, 2]])[..., None]  # none after the last reading
+    np.testing.assert_allclose(own, want - log.mean() - read, rtol=1e-14)
+
+
+def test_a_part_keeps_the_numbers_of_its_trials_and_what_belongs_to_all():
+    drawn = small()
+    part = drawn[1:]
+    assert (part.trials, part.steps, part.hypotheses) == (1, 2, 2)
+    assert (part.trial_numbers.tolist(), part.truth.tolist(), part.lengths.tolist()) == (
+        [1],
+        [1],
+        [2],
+    )
+    assert part[np.array([True])].trial_numbers.tolist() == [1]
+    assert (part.step_ms, part.onset_ms, part.prior.tolist()) == (50.0, 100.0, [0.25, 0.75])
+
+
+def test_facts_are_those_of_the_set():
+    want = {"trials": "2", "readings": "up to 2", "hypotheses": "2", "step_ms": "50"}
+    want |= {"onset_ms": "100", "prior": "0.25 0.75"}
+    truth = "known, favoured by 1.33 nats per reading"  # 1, 1.5 and 1.5 nats in 3 readings
+    assert small().facts() == want | {"truth": truth}
+    plain = Evidence(np.zeros((1, 3, 2)))
+    first = {"trials": "1", "readings": "3", "hypotheses": "2", "step_ms": "1"}
+    assert plain.facts() == first | {"truth": "unknown"}
+
+
+@pytest.mark.parametrize("name", ["step_ms", "onset_ms"])
+def test_times_beyond_which_milliseconds_would_be_rounded_are_refused(name):
+    assert getattr(replace(small(), **{name: 1e9}), name) == 1e9
+    with pytest.raises(ValueError, match=f"{name} must be .* at most 1e\\+09, got 1100000000.0"):
+        replace(small(), **{name: 1.1e9})
+
+
 def test_expectancy_rises_over_the_foreperiod_and_tells_a_test_nothing():
     drawn = gaussian_evidence(400, 6, 0.5, rng=stream(3, "x"), step_ms=50.0)
     ahead = expecting(drawn, 3.0, 200.0, rng=stream(3, "r"))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from bgmodel.theory.empirical import empirical_chain
 from bgmodel.theory.sprt import Empirical, gaussian_pair, walk
 
 
@@ -19,3 +20,17 @@ def test_quantiles_of_a_gaussian_agree_with_it(d, t_max):
         # The quantiles are a little narrower than the Gaussian, which alone costs about 1e-6.
         assert coarse.p_upper == pytest.approx(fine.p_upper, abs=4e-6)
         assert coarse.mean_steps == pytest.approx(fine.mean_steps, rel=4e-6)
+
+
+def test_where_one_reading_always_decides_nothing_is_left_for_cells():
+    """Light atoms need cells; none where all lie beyond a bound, however close the bounds are."""
+    values = np.concatenate([np.linspace(-2, -1, 1000), np.linspace(1, 2, 1000)])
+    x = Empirical.of_sample(values)
+    assert not x.heavy.all()
+    states = [
+        len(empirical_chain(x, -bound, bound, 0.0, None, cells=64)[0]) for bound in (1e-3, 1.5)
+    ]
+    assert states[0] == 1
+    assert states[1] > 64
+    found = walk(x, -1e-3, 1e-3)
+    assert (found.p_upper, found.mean_steps) == pytest.approx((0.5, 1.0), abs=1e-12)

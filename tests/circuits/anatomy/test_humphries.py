@@ -13,6 +13,7 @@ from circuits import anatomy
 from circuits.anatomy.humphries import GPE, MSN, SNR, STN, psp_area
 from circuits.engines import run
 from circuits.laws.firing import fit_current
+from tests.circuits.helpers import hashes
 
 PRINTED_HZ = {"GPe": 30, "SNr": 30, "STN": 12}
 SELECTED_HZ = 5
@@ -104,3 +105,7 @@ def test_a_cell_hears_at_least_one_cell_of_each_channel():
     assert anatomy.humphries(16).projection("STN", "SNr").probability * 64 == 1
     with pytest.raises(ValueError, match="humphries takes at most 16 alternatives"):
         anatomy.humphries(17)
+
+
+def test_no_number_changes_by_accident():
+    assert hashes("humphries") == ("3bef6ddd", "7c3b1a9a")

@@ -12,6 +12,7 @@ from circuits.engines import run
 from circuits.laws import stability
 from circuits.laws.posterior import off_nats
 from circuits.transfer import MOST_NATS
+from tests.circuits.helpers import hashes
 
 ALTERNATIVES = (2, 4, 8)
 LEADER_MS, STEP_MS = 500, 50.0
@@ -195,3 +196,7 @@ def test_a_baseline_is_taken_from_no_more_readings_than_there_are():
     readings[0] = readings[1, :1] = -1.5
     evidence = Evidence(readings, lengths=np.array([3, 1]), baseline=-1.5)
     assert not evidence.own_totals.any()
+
+
+def test_no_number_changes_by_accident():
+    assert hashes("macaque") == ("9c4bc534", "ce663daa")

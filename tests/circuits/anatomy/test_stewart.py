@@ -10,6 +10,7 @@ import pytest
 
 from circuits import anatomy
 from circuits.engines import run
+from tests.circuits.helpers import hashes
 
 OF_NENGO = [0.8, 0.4, 0.4, 0.4, 0.4]
 
@@ -72,3 +73,7 @@ def test_similar_utilities_take_longer():
 def test_dopamine_outside_its_range_is_refused():
     with pytest.raises(ValueError, match=r"dopamine must lie in 0\.\.1, got -0\.1"):
         anatomy.stewart(dopamine=-0.1)
+
+
+def test_no_number_changes_by_accident():
+    assert hashes("stewart") == ("db9d8650", "a587a88b")
