@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream, tally
 from bgmodel.decision import any_crossing, crossing_of_each
@@ -177,3 +178,13 @@ def test_a_crossing_between_onset_and_the_first_reading_is_premature():
     decision = first_crossing(Trace(out, time_ms, 0.0, 50.0), 0.2)
     assert decision.premature.tolist() == [True, False]
     assert decision.time_ms.tolist() == [31.0, 50.0]
+
+
+def test_a_trace_draws_one_trial_from_the_onset_to_its_end():
+    out = np.arange(12.0).reshape(2, 3, 2)
+    trace = Trace(out, np.array([0.0, 10.0, 20.0]), 5.0, 10.0, np.array([3, 2]))
+    ax = trace.plot(1, Figure().subplots())
+    assert [line.get_ydata().tolist() for line in ax.lines[:2]] == [[6, 8], [7, 9]]
+    assert ax.lines[0].get_xdata().tolist() == [-5.0, 5.0]
+    with pytest.raises(ValueError, match=r"trial must lie in 0..1, got 2"):
+        trace.plot(2)

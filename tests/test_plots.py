@@ -20,6 +20,20 @@ def test_the_wilson_interval_is_that_of_scipy(k, n):
     assert plots.wilson(k, n) == pytest.approx((interval.low, interval.high), abs=1e-4)
 
 
+def test_times_are_drawn_by_choice_and_the_undecided_are_counted(ax):
+    plots.choice_times(ax, [0, 2, -1, 0], [100.0, 300.0, np.nan, 200.0])
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["chose 0", "chose 2"]
+    counts = [sum(bar.get_height() for bar in bars) for bars in ax.containers]
+    assert counts == [2, 1]
+    assert ax.get_title() == "1 of 4 undecided"
+
+
+def test_out_is_drawn_a_line_per_hypothesis(ax):
+    plots.output(ax, [-10.0, 0.0], np.array([[0.7, 0.6], [0.1, 2.0]]))
+    assert [line.get_ydata().tolist() for line in ax.lines[:2]] == [[0.7, 0.1], [0.6, 2.0]]
+    assert ax.lines[0].get_xdata().tolist() == [-10.0, 0.0]
+
+
 def test_psychometric_shows_proportions(ax):
     assert plots.psychometric(ax, [1, 2], [5, 9], [10, 10], color="k") is ax
     assert ax.lines[0].get_ydata().tolist() == [0.5, 0.9]

@@ -136,6 +136,9 @@ def test_long_trials_do_not_overflow_the_counts():
         ({"thresholds": [0.8]}, "between 0 and ln 2 nats"),
         ({"thresholds": [[0.1]]}, "must be"),
         ({"hypotheses": 1}, "hypotheses at least 2"),
+        ({"seed": -1}, "seed must be a whole number from 0, below 2.64, got -1"),
+        ({"seed": 1.5}, "seed must be a whole number"),
+        ({"seed": 2**64}, "seed must be a whole number"),
     ],
 )
 def test_numbers_that_make_no_sense_are_refused(changed, says):

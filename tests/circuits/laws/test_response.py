@@ -10,7 +10,7 @@ from scipy.special import erfcx
 from circuits import anatomy
 from circuits.cells import Phase
 from circuits.laws.firing import lif_rate_hz
-from circuits.laws.response import lif_response, phase_spectrum
+from circuits.laws.response import NODES, lif_response, phase_spectrum
 
 TABLE = anatomy.spiking_msprt()
 SLOW, FAST = [1e-3], [3000.0]
@@ -91,3 +91,13 @@ def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv)
     law = (more - less) / (2 * step) / (2 * cell.tau_ms / 1000)
     print(f"{name} {above_mv}: {gained:.4f}, law {law:.4f}")
     assert gained == pytest.approx(law, rel=0.03)
+
+
+def test_nothing_special_is_where_the_mean_input_meets_a_node():
+    """Drift is 0 there, and its exponential over itself is 1 in the limit."""
+    cell = TABLE.population("D1").cell
+    step = (cell.threshold_mv - cell.reset_mv) / NODES
+    node = cell.threshold_mv - 10.5 * step
+    found = lif_response(cell, [node, node + 1e-6], [10.0])
+    for part in found:
+        np.testing.assert_allclose(part[0], part[1], rtol=1e-4)
