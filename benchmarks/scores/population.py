@@ -222,7 +222,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 def of_rates(found: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return how far the power of rates is off those of spikes, and the scatter of OUT by size."""
+    """Return the misfit of power spectra to those of spikes, and the scatter of OUT by size."""
     index = ["channels", "nats", "size", "what", "measure"]
     wide = found.set_index([*index, "engine"])["value"].unstack("engine").reset_index()
     wide = wide.rename(columns={AGAIN: "again"})

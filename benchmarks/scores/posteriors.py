@@ -50,7 +50,7 @@ def cases() -> Iterator[tuple[str, Circuit, tuple[float, ...]]]:
 
 
 def behaviour(trials: int, workers: int) -> pd.DataFrame:
-    """Return what each circuit does at each posterior that is asked of it, on the same trials."""
+    """Return accuracy, times and late trials of each circuit at its posteriors, same trials."""
     evidence = gaussian_evidence(
         trials,
         READINGS,

@@ -83,7 +83,7 @@ class Prediction:
             raise ValueError('at_least must be > 0 where the direction is "none", got 0')
 
     def outcome(self, low: float, high: float) -> str:
-        """Return what the 95 % interval of the change says: agrees, disagrees, left open."""
+        """Return the verdict of the change's 95 % interval: agrees, disagrees or left open."""
         if not (np.isfinite(low) and np.isfinite(high)):
             return OPEN
         if self.direction == "none":

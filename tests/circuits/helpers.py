@@ -36,7 +36,7 @@ def run_rate(circuit, drive, **options):
 
 
 def hashes(name):
-    """Return how the numbers of a table are told from others: its hash for 2 and 4 alternatives.
+    """Return the hashes of all numbers of a table, for 2 and for 4 alternatives.
 
     Results hang on these numbers. One that is meant to change changes its hash in the table's test,
     and what was measured with it is measured again.
