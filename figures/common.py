@@ -57,7 +57,7 @@ class Settings:
     lesioned_trials: int = 14
     # Every so-many-th lesion of figure C5 decides in spikes too.
     spiking_every: int = 3
-    # Of a reading in figure C3, and in C4 where cells differ in number; easier tasks take less time.
+    # Of a reading in figures C3 and C4 a; an easier task takes less time.
     d_prime: float = 0.5
     dopamine_trials: int = 40
 

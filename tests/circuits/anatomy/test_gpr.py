@@ -50,7 +50,7 @@ def test_outputs_are_those_of_the_piecewise_linear_fixed_point(first, second, le
 
 
 def test_every_unit_has_the_rate_constant_of_the_paper():
-    """The constant is 25 a second, 40 ms (Gurney, Prescott & Redgrave 2001b); saliences are not filtered."""
+    """25 a second, 40 ms (Gurney, Prescott & Redgrave 2001b); saliences are not filtered."""
     taus = {p.name: p.tau_ms for p in anatomy.gpr().populations}
     assert taus == {"ctx": 0} | dict.fromkeys(("D1", "D2", "STN", "GPe", "SNr"), 1000 / 25)
 
