@@ -15,6 +15,8 @@ TOLERANCE = 1e-9
 """Error, nats, below which the step that follows, which squares it, is the last."""
 LARGEST_MOVE = 1.0
 MOST_DAMPING = 4.0
+PATIENCE, CAUTION = 100, 10.0
+"""Steps after which damping is so much stronger: undamped, some go round between kinks for ever."""
 
 
 def wired(circuit: Circuit) -> Wiring:
@@ -90,14 +92,15 @@ def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Inde
     within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
     weight, deliver = wiring.weight[blocks][:, within], wiring.deliver[within][:, blocks]
     slow = np.array([wiring.row(b).transfer == "exp" for b in blocks])
-    for _ in range(MOST_STEPS):
+    for step in range(MOST_STEPS):
         here = x[:, blocks]
         units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
         error = (outside + wiring.inputs(units))[:, blocks] - here
         size = np.abs(error).max(axis=1)
         gain = weight * wiring.units_slope(units)[:, None, within]
         jacobian = gain @ (deliver * wiring.rates_slope(x)[:, None, blocks]) - np.eye(len(blocks))
-        jacobian -= np.minimum(size, MOST_DAMPING)[:, None, None] * np.eye(len(blocks))
+        damping = (1.0 if step < PATIENCE else CAUTION) * np.minimum(size, MOST_DAMPING)
+        jacobian -= damping[:, None, None] * np.eye(len(blocks))
         try:
             move = np.linalg.solve(jacobian, -error[..., None])[..., 0]
         except np.linalg.LinAlgError:

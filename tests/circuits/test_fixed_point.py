@@ -41,3 +41,13 @@ def test_a_nucleus_that_inhibits_itself_alone_settles_where_its_rates_do():
     np.testing.assert_allclose(exact, alone / 1.2, rtol=1e-9)
     settled = run(circuit, drive, engine="rate", step_ms=10).output_nats[0, -1]
     np.testing.assert_allclose(settled, exact, atol=1e-6)
+
+
+@pytest.mark.parametrize("channels", [2, 6, 100, 150, 300])
+def test_gpr_rests_where_its_equations_do_by_hand_for_any_number_of_channels(channels):
+    # STN s = .25 - GPe g, g = .9 N s + .2, output .9 N s - .3 g + .2; striatum is silent.
+    s = 0.05 / (1 + 0.9 * channels)
+    g = 0.9 * channels * s + 0.2
+    wiring = fixed_point.wired(anatomy.gpr(channels))
+    output = wiring.rates(fixed_point.rest(wiring))[wiring.owner == wiring.owner[-1]]
+    np.testing.assert_allclose(output, 100 * (0.9 * channels * s - 0.3 * g + 0.2), rtol=1e-9)
