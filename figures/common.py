@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import os
+import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import matplotlib as mpl
@@ -103,12 +109,47 @@ def run(**steps: Callable[..., Any]) -> None:
     parser.add_argument("--output", type=Path, required=True)
     parser.add_argument("--fast", action="store_true")
     given = parser.parse_args()
-    settings = FAST if given.fast else FULL
-    with mpl.rc_context():
+    _make(steps[given.step], given.inputs, given.output, given.fast)
+
+
+def begin(held: Connection) -> None:
+    """Begin a process of steps, which holds a file, and ends as soon as its parent is gone."""
+
+    def end() -> None:
+        parent = parent_process()
+        if parent:
+            parent.join()
+        held.close()
+        os._exit(1)
+
+    Thread(target=end, daemon=True).start()
+
+
+def make(script: str, step: str, inputs: Sequence[str], output: str, fast: bool) -> None:
+    """Make a table or a picture: a step of a script, by its name.
+
+    Raises
+    ------
+    RuntimeError
+        The step failed, as is said on stderr, or asked for the end of its process, which belongs
+        to other steps too.
+    """
+    try:
+        found = getattr(import_module(f"figures.{script}"), step)
+        _make(found, [Path(path) for path in inputs], Path(output), fast)
+    except BaseException as error:
+        # Snakemake, told to be quiet, does not.
+        traceback.print_exc()
+        raise RuntimeError(f"figures/{script}.py, step {step}") from error
+
+
+def _make(step: Callable[..., Any], inputs: Sequence[Path], output: Path, fast: bool) -> None:
+    # Steps share processes: none may change how the next one warns or draws.
+    with warnings.catch_warnings(), mpl.rc_context():
         plt.style.use(STYLE)
-        made = steps[given.step](settings, *given.inputs, output=given.output)
+        made = step(FAST if fast else FULL, *inputs, output=output)
         if isinstance(made, Figure):
-            save(made, given.output)
+            save(made, output)
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -73,6 +73,8 @@ class Figures:
         command = [sys.executable, "-m", "snakemake", "-s", "figures/Snakefile"]
         # A run that was killed leaves Snakemake's own lock behind: those of `only_run` do its work.
         command += ["--cores", str(self.cores), "--rerun-incomplete", "--nolock"]
+        # Steps are handed to processes that the file of rules keeps: threads wait for them.
+        command += ["--force-use-threads"]
         command += ["--quiet", "all", "--config", f"owner={owner}"]
         command += [f"fast={int(self.fast)}", f"recordings={recordings or ''}"]
         return [*command, "--", *(self.targets or ["all"])]

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from fcntl import LOCK_EX, flock
 
 import psutil
 import pytest
@@ -172,17 +173,28 @@ def test_nothing_of_a_killed_run_lives_on_or_is_taken_for_finished(checkout, kil
     checkout.assert_goes_on()
 
 
-def test_a_run_waits_for_the_jobs_of_one_that_was_killed(checkout):
-    command, snakemake, job = checkout.held()
-    kill(snakemake, command)
-    psutil.wait_procs([command, snakemake], timeout=20)
-    again = checkout.start()
-    until(lambda: "waiting for the last jobs" in checkout.said())
-    assert job.is_running()
-    assert again.poll() is None
+def test_a_run_waits_for_what_is_left_of_one_that_was_killed(checkout):
+    family = checkout.held()
+    lock = checkout.folder / ".snakemake" / "jobs.lock"
+    for process in family:
+        assert str(lock) in {file.path for file in process.open_files()}
+    kill(*family)
+    psutil.wait_procs(family, timeout=20)
     checkout.release()
+    with lock.open("a+") as left:
+        flock(left, LOCK_EX)
+        again = checkout.start()
+        until(lambda: "waiting for the last jobs" in checkout.said())
+        assert again.poll() is None
     assert again.wait(60) == 0, checkout.said()
     assert checkout.files() == WHOLE
+
+
+def test_no_job_outlives_snakemake_and_the_command(checkout):
+    command, snakemake, *jobs = checkout.held()
+    kill(snakemake, command)
+    assert not psutil.wait_procs(jobs, timeout=20)[1]
+    checkout.assert_goes_on()
 
 
 def test_a_figure_that_fails_says_so_in_the_last_line(checkout):
