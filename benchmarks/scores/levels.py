@@ -20,7 +20,7 @@ from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 40_007
 TRIALS, COARSE_TRIALS, COARSE_EVERY = 2000, 200, 2
-SECONDS = 0.5
+SECONDS = 1.0
 """CPU time of a trial at all levels, about."""
 ASKED = (0.75, 0.99)
 """Posteriors that dopamine should span."""
