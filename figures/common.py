@@ -55,9 +55,13 @@ class Settings:
     delta_step: float = 0.1
     calibrated_mm: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
     circuit_trials: int = 600
+    # However few are asked for, of a condition of figure C3.
+    fewest_trials: int = 100
     varied_trials: int = 100
     # So many changes of the circuit's numbers: those that move its fixed point most.
     varied: int = 40
+    # Of these, so many are made in spikes too.
+    varied_in_spikes: int = 5
     # Cells of figure C4, over those of the table.
     most_cells: float = 3.0
     lesioned_trials: int = 14
@@ -90,12 +94,14 @@ FAST = Settings(
     episodes=4_000,
     delta_step=0.5,
     calibrated_mm=(1.5, 2.0),
-    circuit_trials=120,
-    varied_trials=100,
-    varied=14,
+    circuit_trials=80,
+    fewest_trials=60,
+    varied_trials=60,
+    varied=10,
+    varied_in_spikes=2,
     most_cells=1.0,
-    lesioned_trials=5,
-    spiking_every=6,
+    lesioned_trials=3,
+    spiking_every=12,
     d_prime=1.0,
     dopamine_trials=8,
 )

@@ -41,7 +41,7 @@ def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Ev
     most = settings.circuit_trials
     for count, share in ((2, 1.0), (4, 0.5), (8, 0.2)):
         rng = stream(settings.seed, "figC3", count)
-        trials = max(int(share * most), 100)
+        trials = max(int(share * most), settings.fewest_trials)
         given = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
         yield f"N = {count}", gaussian_evidence(trials, 120, settings.d_prime / np.sqrt(2), **given)
     readings = tactile(taps)

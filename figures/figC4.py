@@ -33,8 +33,6 @@ SIZES = (0.1, 0.3, 1.0, 3.0)
 """Cells of every population, over the table's."""
 AT, HIGHEST = 0.95, 0.96
 SHOWN = 14
-SPIKING = 5
-"""Changes that are made in spikes too."""
 SPAN_MS = 50.0
 # Where a change is asked how far it moves OUT: about the thresholds.
 OUTS = (0.15, 0.3, 0.6)
@@ -104,7 +102,7 @@ def numbers(settings: Settings, *, output: Path) -> None:
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]
     given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
     parts = []
-    for engine, count in (("population", len(names)), ("ensemble", SPIKING)):
+    for engine, count in (("population", len(names)), ("ensemble", settings.varied_in_spikes)):
         edited = {name: every[name] for name in names[:count]}
         model = BasalGanglia(table, engine, gain_of(table), settings.seed, BRIEF)
         found = compare_edits(model, edited, evidence, seed=settings.seed, **given)

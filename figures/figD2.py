@@ -72,7 +72,7 @@ def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
 def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
     table = circuit(DEFAULT, channels)
     low, high = working_range(table, THRESHOLD_NATS)
-    levels = levels_between(low * 1.001, high * 0.999, 40)
+    levels = levels_between(low * 1.001, high * 0.999, 24)
     exact = [criterion(table, level, THRESHOLD_NATS, gain_of(table)) for level in levels]
     ax.plot(
         levels, exact, lw=0.8, color=colour, label=f"N = {channels}: fixed point (a), MSPRT (b)"

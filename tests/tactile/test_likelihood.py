@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import norm, t
 
 from bgmodel.seeds import stream
-from bgmodel.tactile.likelihood import Density, calibration, fit_likelihood
+from bgmodel.tactile.likelihood import Density, _fit_t, calibration, fit_likelihood
 from bgmodel.tactile.task import Orientations
 
 
@@ -134,3 +136,17 @@ def test_inner_folds_without_a_reading_are_left_out_or_refused():
     with pytest.raises(ValueError, match="too few taps to judge"):
         # A small part of the taps never gives a reading of the second hypothesis.
         fit_likelihood(pool, lambda p: [p[0], p[1] if len(p[1]) > 30 else p[1][:0]], (-180, 180))
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    taps=st.integers(8, 400),
+    df=st.floats(0.8, 40),
+    scale=st.floats(1e-3, 30),
+    decimals=st.sampled_from([0, 2, 12]),
+    seed=st.integers(0, 2**20),
+)
+def test_a_students_t_is_fitted_as_scipy_fits_it(taps, df, scale, decimals, seed):
+    x = np.round(3 + scale * stream(seed, "t").standard_t(df, taps), decimals)
+    start = {"loc": np.median(x), "scale": x.std() / 2}
+    np.testing.assert_array_equal(_fit_t(x), t.fit(x, 4.0, **start))
