@@ -21,7 +21,7 @@ from bgmodel.comparison.circuits import (
     msprt_tradeoffs,
     thresholds_about,
 )
-from bgmodel.comparison.compare import Tradeoff, compare, curve, tradeoff
+from bgmodel.comparison.compare import FEWEST_TRIALS, Tradeoff, compare, curve, tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
@@ -41,7 +41,7 @@ def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Ev
     most = settings.circuit_trials
     for count, share in ((2, 1.0), (4, 0.5), (8, 0.2)):
         rng = stream(settings.seed, "figC3", count)
-        trials = max(int(share * most), settings.fewest_trials)
+        trials = max(int(share * most), FEWEST_TRIALS)
         given = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
         yield f"N = {count}", gaussian_evidence(trials, 120, settings.d_prime / np.sqrt(2), **given)
     readings = tactile(taps)
