@@ -9,6 +9,7 @@ of the level, no gap, no evidence and no test.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -63,6 +64,7 @@ def _odds(circuit: Circuit) -> Array:
     return np.linspace(0.0, min(circuit.reach_nats, most, silent), 201)
 
 
+@lru_cache(maxsize=1024)
 def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float]:
     """Return the lowest and highest level at which the fixed point decides, and by evidence.
 
@@ -148,6 +150,7 @@ def playable_levels(
     return levels_between(*usable_range(model, threshold_nats), count)
 
 
+@lru_cache(maxsize=1024)
 def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float) -> float:
     """Return the posterior at which the fixed point decides, the other alternatives equal.
 
@@ -176,8 +179,9 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
             f"levels {low:.2f} to {high:.2f}, got {level:g}"
         )
     first = int(np.argmax(past <= 0))
+    edited = circuit.dopamine(level)
     found = brentq(
-        lambda o: float(decided_out(circuit, level, o)) - threshold_nats,
+        lambda o: float(leader_out(edited, o)) - threshold_nats,
         odds[first - 1],
         odds[first],
         xtol=1e-7,

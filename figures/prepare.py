@@ -51,13 +51,13 @@ def yaws() -> dict[float, bool]:
 
 def held_out(settings: Settings, done: Path, stored: Path, *, output: Path) -> None:
     """Simulate fresh taps at the yaws of the tasks and decode them."""
-    network = Decoder.load(stored)
+    network, contacts = Decoder.load(stored), contact_library()
     parts = []
     for period in settings.periods_mm:
         for yaw, often in yaws().items():
             count = settings.held_out_taps if often else settings.orientation_taps
             rng = stream(settings.seed, "held-out taps", period, yaw)
-            taps = simulate(np.full(count, period), yaw, rng=rng, **SENSOR)
+            taps = simulate(np.full(count, period), yaw, rng=rng, library=contacts, **SENSOR)
             decoded = network.decode(taps)
             parts.append(taps.labels[["period_mm", "yaw_deg"]].assign(**decoded))
     table = pd.concat(parts, ignore_index=True).drop(columns="strength")
