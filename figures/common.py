@@ -99,7 +99,7 @@ FAST = Settings(
     most_cells=1.0,
     lesioned_trials=3,
     spiking_every=12,
-    d_prime=1.4,
+    d_prime=1.2,
     dopamine_trials=8,
 )
 

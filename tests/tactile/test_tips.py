@@ -17,6 +17,19 @@ def test_pins_of_every_layout_lie_a_pitch_apart_about_the_centre(layout, pins):
     assert rest.mean(axis=0) == pytest.approx(0, abs=1e-12)
 
 
+@pytest.mark.parametrize(("layout", "pairs"), [("square", 2 * 19 * 18), ("hexagonal", 342)])
+def test_neighbours_of_a_lattice_are_a_pitch_apart(layout, pairs):
+    # A hexagon of k rings of a triangular lattice has 9 k^2 + 3 k pairs of neighbours.
+    rest = Tip(layout, pitch_mm=1.0).rest_mm()
+    apart = np.linalg.norm(rest[:, None] - rest, axis=2)
+    assert np.isclose(apart, 1.0, rtol=0, atol=1e-12).sum() == 2 * pairs
+
+
+def test_circles_of_pins_are_a_pitch_apart():
+    radius = np.linalg.norm(Tip("circular", pitch_mm=1.0).rest_mm(), axis=1)
+    assert radius == pytest.approx(np.repeat(np.arange(11), [1, *range(6, 61, 6)]))
+
+
 @pytest.mark.parametrize(
     ("made", "change", "message"),
     [

@@ -34,3 +34,17 @@ def test_where_one_reading_always_decides_nothing_is_left_for_cells():
     assert states[1] > 64
     found = walk(x, -1e-3, 1e-3)
     assert (found.p_upper, found.mean_steps) == pytest.approx((0.5, 1.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cells", "upper", "states"),
+    [(200, 2.0, 200), (201, 2.0, 202), (50, 29.9, 124)],
+)
+def test_there_are_as_many_cells_as_asked_an_even_number_and_four_to_a_standard_deviation(
+    cells, upper, states
+):
+    # Readings with an sd of 1 in atoms too light to be followed, but for the start: one state more.
+    values = ndtri((np.arange(2000) + 0.5) / 2000)
+    x = Empirical.of_sample(values / values.std())
+    onward = empirical_chain(x, -1.0, upper, 0.0, None, cells)[0]
+    assert onward.shape == (1 + states, 1 + states)
