@@ -65,6 +65,8 @@ class Settings:
     lesioned_trials: int = 14
     # Every so-many-th lesion of figure C5 decides in spikes too.
     spiking_every: int = 3
+    # And every so-many-th level of figure D2.
+    spiking_levels: int = 5
     # Of a reading in figures C3 and C4 a; an easier task takes less time.
     d_prime: float = 0.5
     dopamine_trials: int = 40
@@ -94,13 +96,14 @@ FAST = Settings(
     calibrated_mm=(1.5, 2.0),
     circuit_trials=100,
     varied_trials=100,
-    varied=10,
+    varied=8,
     varied_in_spikes=2,
     most_cells=1.0,
     lesioned_trials=3,
     spiking_every=12,
+    spiking_levels=9,
     d_prime=1.2,
-    dopamine_trials=8,
+    dopamine_trials=6,
 )
 
 

@@ -17,8 +17,6 @@ from circuits.anatomy import DEFAULT, circuit
 from figures.common import Settings, letter, run
 
 COLOURS = {2: "C0", 4: "C1"}
-SPIKING_EVERY = 5
-"""Spikes are held beside populations at every so-many-th level."""
 EARLY = 0.02
 """Share of responses before the first reading above which noise is said to decide."""
 ENGINES = (("rate", "o", "rates"), ("population", "d", "with noise"), ("ensemble", "s", "spikes"))
@@ -26,7 +24,8 @@ ENGINES = (("rate", "o", "rates"), ("population", "d", "with noise"), ("ensemble
 
 def compute(settings: Settings, *, output: Path) -> None:
     """Let all circuits decide at levels across their working range, N = 2 and 4."""
-    found = levels_against_msprt(settings.seed, settings.circuit_trials // 2, SPIKING_EVERY)
+    trials, every = settings.circuit_trials // 2, settings.spiking_levels
+    found = levels_against_msprt(settings.seed, trials, every)
     write_table(found, output, seed=settings.seed, settings=settings)
 
 
