@@ -12,7 +12,7 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import check_whole
 from bgmodel.files import remove_partial_files
 
-MINUTES = {True: 9.0, False: 23.0}
+MINUTES = {True: 6.0, False: 18.0}
 """CPU time of all figures, minutes, coarse or not; measured on an AMD EPYC with AVX-512."""
 
 
