@@ -16,7 +16,7 @@ TOLERANCE = 1e-9
 LARGEST_MOVE = 1.0
 MOST_DAMPING = 4.0
 PATIENCE, CAUTION = 100, 10.0
-"""Steps after which damping is so much stronger: undamped, some go round between kinks for ever."""
+"""Steps after which damping is so much stronger: with less, some circle between kinks for ever."""
 
 
 def wired(circuit: Circuit) -> Wiring:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import parent_process
-from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -118,14 +117,13 @@ def run(**steps: Callable[..., Any]) -> None:
     _make(steps[given.step], given.inputs, given.output, given.fast)
 
 
-def begin(held: Connection) -> None:
-    """Begin a process of steps, which holds a file, and ends as soon as its parent is gone."""
+def begin() -> None:
+    """Begin a process of steps, which ends as soon as its parent is gone."""
 
     def end() -> None:
         parent = parent_process()
         if parent:
             parent.join()
-        held.close()
         os._exit(1)
 
     Thread(target=end, daemon=True).start()
