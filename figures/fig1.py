@@ -28,10 +28,10 @@ TITLE = {"fontsize": 8, "fontweight": "bold"}
 def compute(settings: Settings, done: Path, *, output: Path) -> None:
     """Tap every grating at many phases without noise: how much of it reaches the pins."""
     nuisance = Nuisance(marker_noise_um=0, offset_sd_mm=0, shear_sd_mm=0, force_n=(1.5, 1.5))
-    rows = []
+    contacts, rows = contact_library(), []
     for period in settings.periods_mm:
-        rng = stream(settings.seed, "fig1", period)
-        taps = simulate(np.full(64, period), YAW_DEG, rng=rng, nuisance=nuisance)
+        rng, periods = stream(settings.seed, "fig1", period), np.full(64, period)
+        taps = simulate(periods, YAW_DEG, rng=rng, nuisance=nuisance, library=contacts)
         size = np.linalg.norm(taps.displacement_mm, axis=2)
         # What changes from phase to phase at one place is what the grating alone does.
         modulation = np.sqrt(2) * (size - size.mean(axis=0)).std(axis=0).mean()
