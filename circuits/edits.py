@@ -11,7 +11,7 @@ A new row is its name and its fields; what is not given is the default, or that 
 it is like; a row with an amount is a course. A value with blanks stands in quotes::
 
     D1->GPe weight=-0.1 delay_ms=4      a pathway
-    D1->GPe like=D1->SNr weight=-0.1    a pathway like another
+    D1->GPe like=D1->SNr weight=-0.1    a pathway like another, of the circuit or written above
     TRN like=STN bias_nats=-1           a population like another
     TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20 cite="my data"
     dopamine amount=0.5 to_ms=300       a course: of dopamine
@@ -96,23 +96,38 @@ def _changed(row: Row, texts: Sequence[str]) -> Row:
         return _row(type(row), row, given, {})
 
 
-def new_row(circuit: Circuit, text: str) -> Row | Course:
-    """Return the row that a text adds to a circuit.
+def new_rows(circuit: Circuit, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
+    """Return the rows that are added to a circuit, those that are text read.
+
+    A row in text may be like one of the circuit or one above it.
 
     Raises
     ------
     ValueError
         One sentence with the row as it was written and what is allowed.
     """
+    known: dict[str, Row] = {row.name: row for row in circuit.populations}
+    known |= {row.name: row for row in circuit.projections}
+    new: list[Row | Course] = []
+    for given in rows:
+        new.append(row := _read(circuit, known, given) if isinstance(given, str) else given)
+        if not isinstance(row, Course):
+            known[row.name] = row
+    return new
+
+
+def _read(circuit: Circuit, known: Mapping[str, Row], text: str) -> Row | Course:
+    """Return the row that a text is."""
     with naming(text):
         name, given = _new(text)
         if name == DOPAMINE or any(field in OF_COURSES for field in given):
             return _course(name, given)
-        if name in {p.name for p in circuit.populations} | {p.name for p in circuit.projections}:
+        if name in known:
             raise ValueError(f"{name} is there already; {A_CHANGE}")
         source, arrow, target = name.partition("->")
         kind = Projection if arrow else Population
-        like = circuit.row(given.pop("like")) if "like" in given else None
+        old = given.pop("like", None)
+        like = None if old is None else known[old] if old in known else circuit.row(old)
         if like is not None and not isinstance(like, kind):
             raise ValueError(f"{name} can't be like {like.name}: one of them is a pathway")
         identity = {"source": source, "target": target} if arrow else {"name": name}

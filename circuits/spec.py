@@ -16,7 +16,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.checks import check_number, check_types
 from circuits.courses import DOPAMINE, Course, extremes
-from circuits.edits import changed_rows, naming, new_row, with_fields
+from circuits.edits import changed_rows, naming, new_rows, with_fields
 from circuits.rows import GABA, GLUTAMATE, PATTERNS, RECEPTORS, SIGNS, Population, Projection
 
 NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite")
@@ -597,7 +597,7 @@ class Circuit:
                 raise ValueError(
                     f"a row is a Population, a Projection, a Course or text, got {row!r}"
                 )
-        new = [new_row(self, row) if isinstance(row, str) else row for row in rows]
+        new = new_rows(self, rows)
         with naming(*(row for row in rows if isinstance(row, str))):
             return self._with_tables(
                 self.populations + tuple(row for row in new if isinstance(row, Population)),

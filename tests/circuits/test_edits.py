@@ -187,6 +187,23 @@ def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
     assert (algebra.run(edited, drive).output_nats > algebra.run(TABLE, drive).output_nats).all()
 
 
+def test_a_row_may_be_like_one_above_it():
+    nucleus = "Arky cell=Rate transmitter=GABA"
+    paths = "Arky->D1 weight=-0.1 delay_ms=6", "Arky->D2 like=Arky->D1"
+    edited = TABLE.with_rows(nucleus, "B like=Arky baseline_hz=3", *paths)
+    first, second = (edited.projection("Arky", name) for name in ("D1", "D2"))
+    assert replace(second, target="D1", cite=first.cite) == first
+    assert second.cite == "as Arky->D1"
+    assert edited.population("B").baseline_hz == 3
+    assert edited.population("B").transmitter == "GABA"
+    python = Projection("Arky", "D1", -0.1, delay_ms=6)
+    assert TABLE.with_rows(nucleus, python, paths[1]).projection("Arky", "D2") == second
+    with pytest.raises(ValueError, match=r"'Arky->D2 like=Arky->D1': .* has no pathway Arky->D1"):
+        TABLE.with_rows(nucleus, *reversed(paths))
+    with pytest.raises(ValueError, match="'Arky like=STN': Arky is there already"):
+        TABLE.with_rows(nucleus, "Arky like=STN")
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
