@@ -232,7 +232,8 @@ def gaussian_evidence(
     Each reading holds one unit-variance sample a channel, and ``log p(reading | H_i)`` is
     ``separation * x_i`` up to a shared constant (Bogacz & Gurney 2007, with g* = separation).
     For two hypotheses the log-likelihood ratio has mean ``+-separation**2`` and variance
-    ``2 separation**2``: a separation of ``sqrt(2) d'`` in the single-channel convention.
+    ``2 separation**2``, so one reading tells two alternatives apart with ``d' = sqrt(2)
+    separation``.
 
     Parameters
     ----------

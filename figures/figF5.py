@@ -63,7 +63,7 @@ def seen_from_motion(
     before_ms : float, ms
         From motion to evidence; rates are those at rest.
     t0_ms : float, ms
-        All of the time that is not decision.
+        All of the non-decision time.
     rest : dict of float
         Rates at rest, Hz.
     """

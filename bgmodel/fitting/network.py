@@ -81,7 +81,7 @@ class LikelihoodNetwork(Facts):
         threshold : array, nats
             OUT at which the circuit decides.
         t0 : array, s
-            Mean time that is not decision.
+            Mean non-decision time.
         rt : array, s
             Times of responses.
         response : array

@@ -43,7 +43,7 @@ class Parameter:
 
 
 RESPONSE = (
-    Parameter("t0_s", 0.05, 1.5, 0.3, "mean time that is not decision"),
+    Parameter("t0_s", 0.05, 1.5, 0.3, "mean non-decision time"),
     Parameter("t0_sd_s", 0.01, 0.3, 0.05, "its standard deviation from trial to trial"),
     Parameter("lapse", 0.001, 0.2, 0.01, "share of trials that are lapses"),
 )

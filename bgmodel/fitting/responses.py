@@ -1,4 +1,4 @@
-"""From decisions to responses: the time that is not decision, lapses, and how likely data are."""
+"""From decisions to responses: the non-decision time, lapses, and how likely data are."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def responded(decided: Array, grid: Grid, *, t0_s: Array, t0_sd_s: Array, lapse:
     grid : Grid
         Of the decisions and of the responses.
     t0_s, t0_sd_s : array (cells,), s
-        Mean and standard deviation of the time that is not decision; Gaussian.
+        Mean and standard deviation of the non-decision time; Gaussian.
     lapse : array (cells,)
         Probability of a lapse: either response, at any time of the grid.
 
