@@ -111,6 +111,8 @@ class FitRun(Shows):
             for who, some in people
         }
         self.note(choices.summary())
+        for who, some in people:
+            _say_lean(who, some)
         try:
             made = [kept.person(who, some, asked[who]) for who, some in people]
         except KeyboardInterrupt:
@@ -241,6 +243,24 @@ def _need() -> None:
         import emcee  # noqa: F401
     except ImportError as error:
         raise ImportError('fits need cma and emcee: pip install ".[fit]"') from error
+
+
+def _say_lean(who: str, choices: Choices) -> None:
+    """Say where a participant leans to one response: no model does."""
+    from bgmodel.comparison.cautions import STANDARD_ERRORS
+    from bgmodel.fitting.design import lean
+
+    named = choices.conditions.add_prefix(" ").assign(who=who)
+    for levels, part in named.groupby(list(named), sort=True):
+        share, z = lean(choices.where(part.index.to_numpy()))
+        if abs(z) > STANDARD_ERRORS:
+            columns = [f",{column} {level}" for column, level in zip(named, levels, strict=True)]
+            say(
+                f"{who}{''.join(columns[:-1])}: response {int(share > 0)} comes in "
+                f"{abs(share):.1%} of trials more than if both sides were alike ({abs(z):.1f} "
+                "standard errors). No model has a bias to one response: this one enters the other "
+                "parameters"
+            )
 
 
 def _check_strengths(choices: Choices) -> None:

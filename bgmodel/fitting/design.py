@@ -63,6 +63,41 @@ class Design:
         return Design(self.strength, self.conditions, few)
 
 
+def lean(choices: Choices) -> tuple[float, float]:
+    """Return how much more often response 1 comes than if both sides were alike, and its z.
+
+    Models are the same for both sides: a strength and its mirror image have one probability of a
+    right response, and strength 0 has a half. The first number is the share of responses beyond
+    that; the second is this number over its standard error where there is no bias, with the number
+    of right responses at each strength given (Cochran 1954; Mantel & Haenszel 1959).
+
+    Parameters
+    ----------
+    choices : Choices
+        Of one person in one condition. Trials without a response do not count. Where there are no
+        strengths, or a strength has no mirror image, nothing is known: 0 and 0.
+    """
+    if choices.strength is None:
+        return 0.0, 0.0
+    answered = choices.response >= 0
+    strength, ones = choices.strength[answered], choices.response[answered] == 1
+    beyond, variance = 0.0, 0.0
+    for size in np.unique(np.abs(strength)):
+        positive, negative = ones[strength == size], ones[strength == -size]
+        if size == 0:
+            beyond += positive.sum() - positive.size / 2
+            variance += positive.size / 4
+            continue
+        trials, right = positive.size + negative.size, positive.sum() + (~negative).sum()
+        # Right responses on one side more than its share; as many are missing on the other.
+        beyond += 2 * (positive.sum() - positive.size * right / trials)
+        spread = positive.size * negative.size * right * (trials - right)
+        variance += 4 * spread / (trials**2 * max(trials - 1, 1))
+    if not variance:
+        return 0.0, 0.0
+    return float(beyond / len(ones)), float(beyond / np.sqrt(variance))
+
+
 def design_of(choices: Choices, by: Sequence[str] = ()) -> Design:
     """Return the cells of a table of choices, by strength and some of its conditions.
 

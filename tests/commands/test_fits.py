@@ -115,6 +115,31 @@ def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):
     assert fails(capsys, "mine.csv", *given, *models, *arguments).startswith(says)
 
 
+def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_has_it(capsys):
+    """Half of b's wrong answers without the drug, and none of a's, become response 1."""
+    rng = np.random.default_rng(72)
+    side = np.tile([1, -1], 400)
+    table = pd.DataFrame(
+        {
+            "participant_id": np.repeat(["a", "b"], 400),
+            "rt": 0.4 + rng.exponential(0.2, 800),
+            "response": ((rng.random(800) < 0.8) == (side > 0)).astype(int),
+            "coherence": 0.2 * side,
+            "drug": np.tile(np.repeat(["on", "off"], 200), 2),
+        }
+    )
+    leans = (table["participant_id"] == "b") & (table["drug"] == "off") & (side < 0)
+    table.loc[leans & (np.arange(800) % 3 > 0), "response"] = 1
+    table.to_csv("leans.csv", index=False)
+    assert run("fit", "leans.csv", *COHERENCE, *GAP, *QUICK, "--vary", "criterion=drug") == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if "sides were alike" in line]
+    assert len(said) == 1
+    assert said[0].startswith("bgmodel: b, drug off: response 1 comes in ")
+    table[table["participant_id"] == "a"].to_csv("even.csv", index=False)
+    assert run("fit", "even.csv", *COHERENCE, *GAP, *QUICK) == 0
+    assert "sides were alike" not in capsys.readouterr().err
+
+
 def test_a_source_that_there_is_not_is_one_sentence(capsys):
     assert fails(capsys, "no.csv", *GAP).startswith("there is no")
     assert fails(capsys, "cavanagh", *GAP).startswith("source must be a .csv, .tsv or .parquet or")
