@@ -13,7 +13,7 @@ from bgmodel.commands.checks import check_whole
 from bgmodel.files import remove_partial_files
 
 MINUTES = {True: 6.0, False: 18.0}
-"""CPU time of all figures, minutes, coarse or not; measured on an AMD EPYC with AVX-512."""
+"""CPU time of all figures, minutes, coarse or not; measured on two cores of an AMD EPYC."""
 
 
 def _names() -> list[str]:

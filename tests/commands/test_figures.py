@@ -49,4 +49,14 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     (command,) = ran
     assert command[command.index("--") + 1 :] == asked
     assert f"fast={int('--fast' in arguments)}" in command
-    assert f": {count}, there already: 0" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f": {count}, there already: 0" in said
+    # How long all of them take; of a part nothing is known.
+    assert ("about 18 minutes of CPU" in said) == (not arguments)
+    folder = tmp_path / "figures" / ("fast" if "--fast" in arguments else "out")
+    folder.mkdir()
+    (folder / "fig2.png").touch()
+    assert main(["figures", *arguments]) == 0
+    said = capsys.readouterr().out
+    assert f": {count}, there already: 1" in said
+    assert "minutes" not in said
