@@ -52,7 +52,7 @@ def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
     if not dt_ms > 0:
         raise ValueError(f"dt_ms must be > 0, got {dt_ms}")
     count = round(time_ms / dt_ms)
-    if abs(count * dt_ms - time_ms) > 1e-9 * max(1.0, time_ms):
+    if not math.isclose(count * dt_ms, time_ms, rel_tol=1e-9, abs_tol=1e-9):
         raise ValueError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}")
     return count
 

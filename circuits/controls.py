@@ -77,7 +77,8 @@ def correlated(
 def linear_stn(circuit: Circuit) -> Circuit:
     """Return the circuit whose STN is linear: its exponential's tangent at rest.
 
-    At rest a channel's activity is Sigma / N = a; there ``e^u`` is about ``a (u + 1 - ln a)``. It
+    At rest a channel's activity is a, ``e^u``; there ``e^u`` is about ``a (u + 1 - ln a)``. The
+    slope a goes into the weights of what reaches STN, for a pathway of what it sends may bend. It
     has no floor, for a line that stops at 0 is still convex, and no noise, which favours it. OUT is
     then the average less the winner, as far as cortex is not silent. It falls further than -ln P:
     SNr gets ``SPARE_NATS`` more tonic drive, or it would fall silent before a decision at .95.
@@ -86,14 +87,14 @@ def linear_stn(circuit: Circuit) -> Circuit:
     wiring = wired(circuit)
     rates = rest_rates(wiring)[wiring.blocks_of("STN")]
     rest = float(wiring.activity(rates, "STN").mean())
-    bias = circuit.population("STN").bias_nats + 1 - float(np.log(rest))
+    bias = rest * (circuit.population("STN").bias_nats + 1 - float(np.log(rest)))
     spare = circuit.population("SNr").bias_nats + SPARE_NATS
     edited = circuit.with_population(
         "STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias
     )
     for p in circuit.projections:
-        if p.source == "STN":
-            edited = edited.scaled("STN", p.target, rest)
+        if p.target == "STN":
+            edited = edited.scaled(p.source, "STN", rest)
     return edited.with_population("SNr", bias_nats=spare)
 
 

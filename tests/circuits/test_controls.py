@@ -5,7 +5,8 @@ import pytest
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import circuit
-from circuits.controls import correlated, perturbed
+from circuits.controls import correlated, linear_stn, perturbed
+from circuits.engines import run
 
 SEED = 51
 TABLE = circuit("spiking_msprt", 4)
@@ -31,3 +32,24 @@ def test_shared_noise_has_the_size_that_was_asked():
     assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(
         0.2 * np.sqrt(2 * np.exp(-1)), rel=0.25
     )
+
+
+@pytest.mark.parametrize("channels", [2, 3, 8])
+def test_with_a_linear_stn_out_is_the_mean_over_channels_less_each(channels):
+    """A tangent at rest: all but SNr, which gets .6 nats more, rests as it did, to rounding.
+
+    STN's pathway to GPe bends, so a slope put into its weight would move GPe. Away from rest what
+    is left is the leak of the inhibition that cancels what channels share.
+    """
+    table = circuit("macaque", channels)
+    drive = np.zeros((2, 1, channels))
+    drive[1, 0, :2] = 0.3, -0.2
+    found, intact = (
+        run(x, drive, engine="algebra", step_ms=50) for x in (linear_stn(table), table)
+    )
+    for name, rates in found.rates_hz.items():
+        if name != "SNr":
+            np.testing.assert_allclose(rates[0], intact.rates_hz[name][0], rtol=1e-9)
+    rest, moved = found.output_nats[:, -1]
+    np.testing.assert_allclose(rest, intact.output_nats[0, -1] + 0.6, rtol=1e-9)
+    np.testing.assert_allclose(moved - rest, drive[1, 0].mean() - drive[1, 0], atol=1e-5)
