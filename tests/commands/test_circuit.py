@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 
+from bgmodel.files import read_provenance
 from tests.helpers import run
 
 
@@ -104,3 +105,18 @@ def test_bad_use_of_show_and_run_gets_one_clear_sentence(capsys, arguments, says
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert says in lines[0]
+
+
+@pytest.mark.parametrize(("engine", "noisy"), [("algebra", False), ("population", True)])
+def test_a_result_names_its_seed_where_something_was_drawn_with_it(tmp_path, engine, noisy):
+    """Evidence is drawn with it, or noise; a table of evidence at the fixed point has neither."""
+    given = pd.DataFrame({"trial": [0, 0, 1, 1], "step": [1, 2, 1, 2], "ll_a": [1.0, 1, -1, -1]})
+    given.assign(ll_b=-given["ll_a"]).to_csv(tmp_path / "mine.csv", index=False)
+    out = tmp_path / "out.csv"
+    asked = ["--engine", engine, "--seed", 5, "--force"]
+    assert run("circuit", "run", out, *asked, "--trials", 4, "--t-max", 4) == 0
+    assert (pd.read_csv(out)["seed"] == 5).all()
+    assert read_provenance(out)["seed"] == 5
+    assert run("circuit", "run", out, *asked, "--evidence", tmp_path / "mine.csv") == 0
+    assert (read_provenance(out)["seed"] == 5) == noisy
+    assert (pd.read_csv(out)["seed"] == 5).all() == noisy

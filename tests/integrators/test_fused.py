@@ -6,7 +6,14 @@ from scipy import stats
 
 from bgmodel import Msprt, criterion_from_gap, stream, tally
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.integrators.fused import LANES, _two_normals, fill_normals, gaussian_tally
+from bgmodel.integrators.fused import (
+    LANES,
+    _exp,
+    _log,
+    _two_normals,
+    fill_normals,
+    gaussian_tally,
+)
 from bgmodel.theory.sprt import gaussian_pair, sprt, walk
 
 SEED, TRIALS = 2025, 400_000
@@ -25,6 +32,19 @@ def normals(keys):
         fill_normals(out, np.uint64(key + 10**6))
         found.append(out.copy())
     return np.array(found, dtype=np.float64)
+
+
+def test_exponential_and_logarithm_are_those_of_numpy_to_what_they_say():
+    """Over all that they are given: differences of nats down to -80, and uniform numbers."""
+    rng = np.random.default_rng(SEED)
+    falls = np.concatenate([[0.0, -80.0], -rng.uniform(0, 80, 5000), -rng.uniform(0, 2, 5000)])
+    falls = falls.astype(np.float32)
+    found = np.array([_exp(x) for x in falls], dtype=np.float64)
+    np.testing.assert_allclose(found, np.exp(falls.astype(np.float64)), rtol=2e-7)
+    assert _exp(np.float32(-90.0)) == _exp(np.float32(-80.0))
+    shares = np.concatenate([[2.0**-25, 1 - 2.0**-24], rng.uniform(0, 1, 5000)]).astype(np.float32)
+    found = np.array([_log(u) for u in shares], dtype=np.float64)
+    np.testing.assert_allclose(found, np.log(shares.astype(np.float64)), rtol=2e-7, atol=1e-7)
 
 
 def test_the_noise_is_normal_and_white():
