@@ -25,6 +25,7 @@ from bgmodel.experiments.experiment import (
     run_experiment,
     shipped,
 )
+from bgmodel.experiments.measures import MEASURES
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
@@ -125,9 +126,12 @@ def test_a_bad_file_gets_one_clear_sentence(experiment_file, tmp_path, capsys, o
     assert [path.name for path in tmp_path.iterdir()] == ["in"]
 
 
-def test_the_page_has_every_key_with_its_default():
+def test_the_page_has_every_key_with_its_default_and_every_measure():
     page = (ROOT / "docs/tutorials/experiments.md").read_text()
-    rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", page, re.MULTILINE))
+    keys, measures = page.split("## What is measured")
+    named = re.findall(r"^\| (`.+?`) \|", measures, re.MULTILINE)
+    assert set(re.findall(r"`(\w+)`", " ".join(named))) == set(MEASURES)
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", keys, re.MULTILINE))
     in_words = {"the table's": None, "each in turn": None, "none": None, "needed": MISSING}
     defaults = {f.name: f.default for kind in (Experiment, Stimuli, Edits) for f in fields(kind)}
     of_parts = ("manipulation", "control", "predictions", "task", "effects")
