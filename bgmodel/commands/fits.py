@@ -250,13 +250,13 @@ def _say_lean(who: str, choices: Choices) -> None:
     from bgmodel.comparison.cautions import STANDARD_ERRORS
     from bgmodel.fitting.design import lean
 
-    named = choices.conditions.add_prefix(" ").assign(who=who)
-    for levels, part in named.groupby(list(named), sort=True):
+    every = choices.conditions
+    for levels, part in every.groupby(list(every)) if len(every.columns) else [((), every)]:
         share, z = lean(choices.where(part.index.to_numpy()))
         if abs(z) > STANDARD_ERRORS:
-            columns = [f",{column} {level}" for column, level in zip(named, levels, strict=True)]
+            named = [f", {column} {level}" for column, level in zip(every, levels, strict=True)]
             say(
-                f"{who}{''.join(columns[:-1])}: response {int(share > 0)} comes in "
+                f"{who}{''.join(named)}: response {int(share > 0)} comes in "
                 f"{abs(share):.1%} of trials more than if both sides were alike ({abs(z):.1f} "
                 "standard errors). No model has a bias to one response: this one enters the other "
                 "parameters"

@@ -64,12 +64,12 @@ class Design:
 
 
 def lean(choices: Choices) -> tuple[float, float]:
-    """Return how much more often response 1 comes than if both sides were alike, and its z.
+    """Return the bias to response 1, as a share of all responses, and its z score.
 
     Models are the same for both sides: a strength and its mirror image have one probability of a
-    right response, and strength 0 has a half. The first number is the share of responses beyond
-    that; the second is this number over its standard error where there is no bias, with the number
-    of right responses at each strength given (Cochran 1954; Mantel & Haenszel 1959).
+    right response, and strength 0 has a half. The bias is the responses 1 beyond that, over all
+    responses; z is the bias over its standard error where there is none, with the number of right
+    responses at each strength given (Cochran 1954; Mantel & Haenszel 1959).
 
     Parameters
     ----------

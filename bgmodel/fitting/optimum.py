@@ -190,7 +190,7 @@ def _own_random_numbers() -> Iterator[None]:
 
 
 def starts_of(likelihood: Likelihood) -> list[Array]:
-    """Return where a search begins: the non-decision time from the fastest times, and two others.
+    """Return the starting points of a search, with the non-decision time from the fastest times.
 
     One start has parameters where they stand unless a fit moves them. The other has those that
     stand at a bound in the middle of their range: a likelihood may have a hill on either side.

@@ -116,7 +116,7 @@ def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):
 
 
 def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_has_it(capsys):
-    """Half of b's wrong answers without the drug, and none of a's, become response 1."""
+    """Two thirds of b's responses to negative strengths, without the drug, become response 1."""
     rng = np.random.default_rng(72)
     side = np.tile([1, -1], 400)
     table = pd.DataFrame(
