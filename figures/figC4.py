@@ -149,7 +149,7 @@ def _correlation(ax, table: pd.DataFrame) -> None:
     ax.set(ylim=(0.3, 1.02))
     _size_ticks(ax)
     ax.legend(loc="lower left", handlelength=1.2, fontsize="small")
-    letter(ax, "b  beside the MSPRT, N = 2")
+    letter(ax, "b  agreement, N = 2")
 
 
 def _size_ticks(ax) -> None:

@@ -75,6 +75,18 @@ def test_tally_and_each_agree_with_first_crossing():
     assert (each.time_ms == decision.time_ms[rows]).all()
 
 
+def test_tallies_of_two_halves_pool_to_that_of_all_trials():
+    evidence = some_evidence()
+    thresholds = np.linspace(0.02, 1.0, 5)
+    halves = [evidence[: evidence.trials // 2], evidence[evidence.trials // 2 :]]
+    first, second = (tally(Msprt().run(half), half.truth, thresholds) for half in halves)
+    pooled, every = first + second, tally(Msprt().run(evidence), evidence.truth, thresholds)
+    assert pooled.trials == every.trials
+    assert pooled.correct.tolist() == every.correct.tolist()
+    assert pooled.forced.tolist() == every.forced.tolist()
+    assert pooled.steps == pytest.approx(every.steps)
+
+
 def test_of_several_that_cross_at_once_the_largest_margin_wins():
     out = np.array([[[2.0, 2.0, 2.0], [0.5, 0.2, 0.2]]])
     trace = Trace(out, np.array([0.0, 1.0]))

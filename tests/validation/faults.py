@@ -70,6 +70,7 @@ def edited(source: str, place: ast.expr | ast.stmt, new: ast.AST) -> str:
     before = b"".join(lines[:start]) + lines[start][: place.col_offset]
     after = lines[end][place.end_col_offset :] + b"".join(lines[end + 1 :])
     text = ast.unparse(new) if isinstance(place, ast.stmt) else f"({ast.unparse(new)})"
+    text = text.replace("\n", "\n" + " " * place.col_offset)
     return (before + text.encode() + after).decode()
 
 
