@@ -1,5 +1,6 @@
 """A circuit as an integrator: its drive, its batches, its warnings."""
 
+import os
 import warnings
 from dataclasses import replace
 
@@ -34,6 +35,19 @@ def test_without_integrate_and_fire_cells_own_laws_are_the_lines():
         for laws in ("table", "cells")
     )
     np.testing.assert_allclose(own.output_nats, line.output_nats, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("cores", "workers", "share"), [(4, 1, 1), (4, 2, 2), (4, 4, 4), (4, 9, 4), (None, 3, 1)]
+)
+def test_a_run_is_said_to_take_less_time_with_more_workers_up_to_the_cores(
+    monkeypatch, cores, workers, share
+):
+    """Where the number of cores is not known, one is counted on."""
+    alone = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 1}).seconds(100, 30, 50.0)
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    model = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": workers})
+    assert model.seconds(100, 30, 50.0) == pytest.approx(alone / share)
 
 
 def test_a_threshold_that_noise_crosses_is_warned_of():
