@@ -28,10 +28,6 @@ class Model(Protocol):
     """What a fit asks of a model: its parameters, and when it decides."""
 
     @property
-    def name(self) -> str:
-        """What it is called."""
-
-    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """All that can be moved, those of responses last."""
 

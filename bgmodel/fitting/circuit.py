@@ -98,11 +98,6 @@ class CircuitModel:
         check_engine(self.engine)
 
     @property
-    def name(self) -> str:
-        """The circuit's name."""
-        return self.circuit.name
-
-    @property
     def criterion_name(self) -> str:
         """``threshold_nats``, or what stands in its place."""
         return self.axes[0].parameter.name if self.criterion.instead else THRESHOLD
