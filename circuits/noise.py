@@ -111,9 +111,13 @@ def bits8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.floa
 
 def ones8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.float32]:
     """Return the number of ones among the 8 bits of each neuron at a tick: mean 4, variance 2."""
-    counts = byte_counts(words(stream, tick // TICKS_A_WORD, neurons))
-    ones = (counts >> np.uint32(8 * (tick % TICKS_A_WORD))) & np.uint32(15)
-    return ones.astype(np.float32)
+    return counts_at(byte_counts(words(stream, tick // TICKS_A_WORD, neurons)), tick)
+
+
+def counts_at(counts: npt.NDArray[np.uint32], tick: int) -> npt.NDArray[np.float32]:
+    """Return the count that belongs to a tick, of those that ``byte_counts`` gives of its words."""
+    count = (counts >> np.uint32(8 * (tick % TICKS_A_WORD))) & np.uint32(15)
+    return count.astype(np.float32)
 
 
 def uniform(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.float64]:

@@ -14,8 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits import noise, transfer
-from circuits.arrays import Array, Complex, Index
+from circuits.arrays import Array, Complex, Index, Truths
 from circuits.spec import Circuit, Population, Projection
+
+Placed = list[tuple[transfer.Transfer, Truths]]
+"""Transfers, and where along an array's last axis each holds."""
 
 
 @dataclass(frozen=True)
@@ -116,32 +119,38 @@ class Wiring:
 
         Weights are multiplied by ``factors`` (units,).
         """
-        passed = self._by_name(units, self._unit_transfers) * factors
+        passed = _applied(self._unit_transfers, units) * factors
         return np.asarray(passed @ self.weight.T + self.bias)
 
     def units_slope(self, units: Array) -> Array:
         """Return the slope (..., units) of the units' transfer."""
-        return self._by_name(units, self._unit_transfers, "slope")
+        return _applied(self._unit_transfers, units, "slope")
 
     def units_curvature(self, units: Array) -> Array:
         """Return the second derivative (..., units) of the units' transfer."""
-        return self._by_name(units, self._unit_transfers, "curvature")
+        return _applied(self._unit_transfers, units, "curvature")
 
     def rates(self, x: Array) -> Array:
         """Return the rates (..., blocks), Hz, that inputs (..., blocks) in nats stand for."""
-        activity = self._by_name(x, self._block_transfers)
+        activity = _applied(self._block_transfers, x)
         return np.maximum(self.baseline_hz + self.gain_hz_per_nat * activity, self.floor_hz)
+
+    def block_rates(self, block: int, x: Array) -> Array:
+        """Return the rates, Hz, that inputs of any shape, nats, of one block stand for."""
+        activity = transfer.named(self.row(block).transfer)(x)
+        rates = self.baseline_hz[block] + self.gain_hz_per_nat[block] * activity
+        return np.asarray(np.maximum(rates, self.floor_hz[block]), dtype=np.float64)
 
     def rates_slope(self, x: Array) -> Array:
         """Return the slope (..., blocks) of ``rates``, Hz/nat."""
-        rate = self.baseline_hz + self.gain_hz_per_nat * self._by_name(x, self._block_transfers)
-        slope = self._by_name(x, self._block_transfers, "slope")
+        rate = self.baseline_hz + self.gain_hz_per_nat * _applied(self._block_transfers, x)
+        slope = _applied(self._block_transfers, x, "slope")
         return self.gain_hz_per_nat * slope * (rate > self.floor_hz)
 
     def rates_curvature(self, x: Array) -> Array:
         """Return the second derivative (..., blocks) of ``rates``, Hz/nat^2."""
-        rate = self.baseline_hz + self.gain_hz_per_nat * self._by_name(x, self._block_transfers)
-        curvature = self._by_name(x, self._block_transfers, "curvature")
+        rate = self.baseline_hz + self.gain_hz_per_nat * _applied(self._block_transfers, x)
+        curvature = _applied(self._block_transfers, x, "curvature")
         return self.gain_hz_per_nat * curvature * (rate > self.floor_hz)
 
     def synapse(self, frequency_hz: Array) -> Complex:
@@ -157,22 +166,24 @@ class Wiring:
         return (rates - row.baseline_hz) / row.gain_hz_per_nat
 
     @cached_property
-    def _unit_transfers(self) -> list[str]:
-        return [self.projection(u).transfer for u in range(self.units)]
+    def _unit_transfers(self) -> Placed:
+        return _places_of([self.projection(u).transfer for u in range(self.units)])
 
     @cached_property
-    def _block_transfers(self) -> list[str]:
-        return [self.row(b).transfer for b in range(self.blocks)]
+    def _block_transfers(self) -> Placed:
+        return _places_of([self.row(b).transfer for b in range(self.blocks)])
 
-    @staticmethod
-    def _by_name(values: Array, names: list[str], what: str = "function") -> Array:
-        result = np.empty_like(values)
-        kinds = np.array(names, dtype=object)
-        for name in dict.fromkeys(names):
-            law = transfer.named(name)
-            here = kinds == name
-            result[..., here] = getattr(law, what)(values[..., here])
-        return result
+
+def _places_of(names: list[str]) -> Placed:
+    kinds = np.array(names, dtype=object)
+    return [(transfer.named(name), kinds == name) for name in dict.fromkeys(names)]
+
+
+def _applied(placed: Placed, values: Array, what: str = "function") -> Array:
+    result = np.empty_like(values)
+    for law, here in placed:
+        result[..., here] = getattr(law, what)(values[..., here])
+    return result
 
 
 def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:

@@ -141,7 +141,7 @@ class _Trial:
         for b, cells in self.cells.items():
             own = sum((path.tick(k, self.fired, factors) for path in self.own[b]), np.float64(0.0))
             fired[b] = cells.tick(k, nats[b] + own)
-            self.rates[k, b] = fired[b].sum() * spike_hz(cells.neurons, self.clock.dt_ms)
+            self.rates[k, b] = fired[b].sum() * cells.spike_hz
         self.fired.append(fired)
         if k >= self.longest:
             self.fired[k - self.longest] = {}  # heard by nobody any more
@@ -159,6 +159,7 @@ class _Cells:
         w = scheme.wiring
         self.row, self.stream, self.dt_s = w.row(block), stream, scheme.dt_ms / 1000
         self.wiring, self.block, self.neurons = w, block, self.row.neurons
+        self.spike_hz = spike_hz(self.neurons, scheme.dt_ms)
         self.decay = scheme.block_decay[block]
         cell, factors = self.row.cell, NO_SPREAD
         if self.row.spread:
@@ -173,17 +174,25 @@ class _Cells:
     def tick(self, k: int, nats: Any) -> Truths:
         """Return which cells fire at tick k under an input, nats, of all or of each."""
         heard = nats if self.row.cell.hears == "nats" else self._expected(nats)
-        ones = noise.ones8(self.stream, k, self.neurons)
+        if k % noise.TICKS_A_WORD == 0:
+            words = noise.words(self.stream, k // noise.TICKS_A_WORD, self.neurons)
+            self.counts = noise.byte_counts(words)
+        ones = noise.counts_at(self.counts, k)
         fired, *state = self.step(heard, ones, *self.state, *self.constants)
-        self.state = tuple(np.broadcast_to(value, self.neurons) for value in state)
-        return np.broadcast_to(fired, self.neurons)
+        self.state = tuple(self._each(value) for value in state)
+        given: Truths = self._each(fired)
+        return given
+
+    def _each(self, value: Any) -> Any:
+        """Return a value of all cells or of each as one of each."""
+        # numpy.broadcast_to takes longer than what is done with most values.
+        whole = np.shape(value) == (self.neurons,)
+        return value if whole else np.broadcast_to(value, self.neurons)
 
     def _expected(self, nats: Any) -> Array:
         """Return the expected spikes in a tick, of all cells or of each, their input filtered."""
         self.x = self.decay * self.x + (1 - self.decay) * nats
-        inputs = np.zeros((len(self.x), self.wiring.blocks))
-        inputs[:, self.block] = self.x
-        return self.wiring.rates(inputs)[:, self.block] * self.dt_s
+        return self.wiring.block_rates(self.block, self.x) * self.dt_s
 
 
 class _OwnInputs:

@@ -37,6 +37,16 @@ def test_a_marker_at_the_rim_is_cut_off_where_the_picture_ends():
     assert min(small[0].max(), small[-1].max(), small[:, 0].max(), small[:, -1].max()) > 0.5
 
 
+@pytest.mark.parametrize(("radius", "blur"), [(1.2, 0.5), (3.0, 0.6), (6.0, 1.2)])
+def test_a_marker_is_a_disc_with_a_logistic_edge_on_all_sides(radius, blur):
+    """Beside the formula in every pixel: what lies outside the patch that is drawn is dark."""
+    places = np.array([[15.0, 14.0], [28.4, 29.3], [13.5, 32.0]])
+    rows, columns = np.indices((48, 48))
+    distance = np.hypot(columns - places[:, :1, None], rows - places[:, 1:, None])
+    want = (1 / (1 + np.exp(3 * (distance - radius) / blur))).max(axis=0)
+    np.testing.assert_allclose(_discs(places, radius, (48, 48)), want, atol=2e-4)
+
+
 def test_a_picture_that_cannot_be_drawn_is_refused():
     with pytest.raises(ValueError, match=r"displacement_mm: got shape \(3, 2\)"):
         render(np.zeros((3, 2)))
