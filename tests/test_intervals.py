@@ -20,6 +20,20 @@ def test_intervals_have_the_mean_and_the_sd_that_are_given(cells, coherence):
     assert np.sqrt(square - mean**2) == pytest.approx(kind.sd_ms)
 
 
+def test_numbers_are_those_of_the_authors_row_by_row():
+    """Caballero, Humphries & Gurney 2018, their code; copied a second time, in their order."""
+    rows = {
+        "preferred mean": [54.11, 51.96, 46.11, 37.74, 29.86],
+        "preferred sd": [33.13, 32.18, 30.49, 28.01, 25.98],
+        "null mean": [59.37, 62.90, 65.53, 70.15, 83.45],
+        "null sd": [34.54, 35.32, 36.14, 37.15, 40.63],
+    }
+    for name, cells in (("preferred", PREFERRED), ("null", NULL)):
+        assert list(cells) == [0.032, 0.064, 0.128, 0.256, 0.512]
+        assert [each.mean_ms for each in cells.values()] == rows[f"{name} mean"]
+        assert [each.sd_ms for each in cells.values()] == rows[f"{name} sd"]
+
+
 def divergence(one, other):
     """Return the Kullback-Leibler divergence of two normal densities of logarithms."""
     apart = one.log_sd**2 + (one.log_mean - other.log_mean) ** 2
