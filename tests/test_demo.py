@@ -36,6 +36,19 @@ def test_it_says_and_draws_both_decisions(found):
     plt.close(figure)
 
 
+def test_rasters_have_the_spikes_from_the_onset_on_of_as_many_cells_as_the_title_says(found):
+    figure = demos.draw(found)
+    for panel, name in zip(figure.axes[2:], demos.NUCLEI, strict=True):
+        spikes = found.spikes[name]
+        late = spikes[(spikes["time_ms"] > 0) & (spikes["neuron"] < demos.CELLS)]
+        drawn = np.concatenate(
+            [line.get_xdata() for line in panel.lines if line.get_marker() == "s"]
+        )
+        assert sorted(drawn) == sorted(late["time_ms"])
+    assert f"{demos.CELLS} cells per alternative" in figure.axes[2].get_title()
+    plt.close(figure)
+
+
 def test_the_command_writes_a_picture_and_says_what_one_sees(found, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(demos, "demo", lambda *_: found)
     assert run("demo", tmp_path / "demo.svg") == 0

@@ -123,3 +123,9 @@ def test_expectancy_needs_a_foreperiod(foreperiod_ms):
         replace(drawn, onset_ms=100.0, expectancy_nats=np.zeros((3, 2)))
     with pytest.raises(ValueError, match=r"^most_nats must be >= 0 and finite, got -1"):
         expecting(drawn, -1.0, 100.0, rng=stream(3, "r"))
+
+
+@pytest.mark.parametrize("baseline", [[0.1, 0.2], [0.0], np.nan, np.inf])
+def test_a_baseline_is_one_finite_number(baseline):
+    with pytest.raises(ValueError, match="baseline must be one finite number for all hypotheses"):
+        Evidence(np.zeros((2, 3, 2)), baseline=baseline)

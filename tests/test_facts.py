@@ -52,6 +52,22 @@ def test_a_record_is_one_short_line_and_a_table_of_the_same_facts(records):
             assert f"{name} {value}" in said
 
 
+def test_of_many_thresholds_trials_are_counted_at_each():
+    decision = first_crossing(TRACE, THRESHOLDS, forced=False)
+    facts = decision.facts()
+    assert facts["thresholds"] == str(len(THRESHOLDS))
+    assert facts["trials"] == str(EVIDENCE.trials)
+    counts = {
+        "undecided": (decision.choice == -1).sum(axis=1),
+        "premature": decision.premature.sum(axis=1),
+        "forced": first_crossing(TRACE, THRESHOLDS).forced.sum(axis=1),
+    }
+    facts["forced"] = first_crossing(TRACE, THRESHOLDS).facts()["forced"]
+    assert counts["forced"].any()
+    for name, count in counts.items():
+        assert facts[name] == span(count, ".0f")
+
+
 def test_what_is_not_known_is_said_and_nothing_is_warned_of(recwarn):
     blank = first_crossing(TRACE, 1e-9, forced=False)
     assert "mean_time_ms unknown" in repr(blank)

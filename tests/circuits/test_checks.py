@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.checks import whole_ticks
+from circuits.checks import is_whole, whole_ticks
 from circuits.ticks import Clock, Scheme
 from circuits.wiring import wire
 from tests.circuits.helpers import run_rate
@@ -29,3 +29,13 @@ def test_times_are_whole_ticks():
         Clock(1, 1, settle_ms=-1)
     with pytest.raises(ValueError, match="step_ms must be a multiple of sample_ms, got 3 and 2"):
         Clock(1, 3, sample_ms=2)
+
+
+@pytest.mark.parametrize("value", [3, 3.0, np.int32(3), np.float32(3), -2, 0])
+def test_a_whole_number_is_one_of_whatever_type(value):
+    assert is_whole(value)
+
+
+@pytest.mark.parametrize("value", [2.5, np.inf, True, np.bool_(True), "3", None, [3]])
+def test_what_is_no_whole_number(value):
+    assert not is_whole(value)

@@ -1,5 +1,7 @@
 """The commands `circuit show` and `circuit run`."""
 
+import importlib.util
+
 import pandas as pd
 import pytest
 
@@ -31,6 +33,31 @@ def test_show_says_whose_noise_it_is(capsys):
     assert "OUT scatters by 0.028 nats" in capsys.readouterr().out
     assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
     assert "does not scatter" in capsys.readouterr().out
+
+
+def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys):
+    cells, rest = "there are no cells that spike", "without evidence, 4 trials of 5 s"
+    for table, asked, wanted in (
+        ("appendix_b", [], ()),
+        ("appendix_b", ["--rest"], (cells,)),
+        ("spiking_msprt", [], ()),
+        ("spiking_msprt", ["--rest"], (rest,)),
+    ):
+        assert run("circuit", "show", table, *asked) == 0
+        said = capsys.readouterr().out
+        assert [each for each in (cells, rest) if each in said] == list(wanted)
+
+
+def test_only_nwb_needs_its_library(capsys, tmp_path, monkeypatch):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *_: found(name) if name != "pynwb" else None
+    )
+    options = [tmp_path / "d.csv", "--engine", "algebra", "--trials", 2, "--t-max", 2]
+    assert run("circuit", "run", *options, "--rates", tmp_path / "r.csv") == 0
+    options[0] = tmp_path / "e.csv"
+    assert run("circuit", "run", *options, "--nwb", tmp_path / "r.nwb") == 2
+    assert 'NWB needs pynwb: pip install ".[nwb]"' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate", "population"])

@@ -13,7 +13,8 @@ def test_the_command_says_before_it_starts_how_long_it_takes(tmp_path, monkeypat
 
     monkeypatch.setattr("bgmodel.learning.level.level_outcomes", stop)
     assert main(["circuit", "learn", str(tmp_path / "a.csv")]) == 2
-    said = capsys.readouterr().err
+    out, said = capsys.readouterr()
+    assert "read " not in out
     assert "learning in macaque on rate, 16 circuits, 500 trials of up to 1.6 s: about" in said
     assert said.index("about") < said.index("started")
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
 from bgmodel.comparison.designed import (
     APART,
@@ -13,6 +14,7 @@ from bgmodel.comparison.designed import (
     STEP_MS,
     THRESHOLDS,
     UNABLE,
+    _intervals,
     check_read,
     designed,
     designed_circuit,
@@ -196,3 +198,13 @@ def test_a_leader_that_is_not_chosen_leaves_the_difference_unknown():
     shown = text(found)
     assert "unknown: the leader is chosen in fewer than 90% of trials" in shown
     assert outcomes(found)["max vs next"] != FOLLOWS
+
+
+def test_means_over_trials_have_the_intervals_of_students_t():
+    moved = np.random.default_rng(8).normal(20, 5, (3, 40))
+    moved[1, 4] = np.nan
+    value, low, high = _intervals(moved)
+    for row, *found in zip(moved, value, low, high, strict=True):
+        known = row[np.isfinite(row)]
+        interval = ttest_1samp(known, 0).confidence_interval(0.95)
+        np.testing.assert_allclose(found, [known.mean(), interval.low, interval.high])

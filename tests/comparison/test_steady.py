@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from bgmodel.comparison.steady import leader_drive, leader_out, out_shift, steady_out, steady_shifts
+from bgmodel.comparison.steady import (
+    leader_drive,
+    leader_out,
+    lesions,
+    out_shift,
+    steady_out,
+    steady_shifts,
+)
 from circuits.anatomy import circuit
+from circuits.table_files import digest
 
 SEED, GAIN = 51, 0.5
 TABLE = circuit("spiking_msprt", 4)
@@ -62,3 +70,19 @@ def test_a_leader_is_ahead_of_each_other_channel_by_its_log_odds(channels):
     assert np.abs(drive.sum(axis=1)).max() < 1e-12
     found = leader_out(circuit("bogacz_gurney", channels), odds)
     np.testing.assert_allclose(found, np.log1p((channels - 1) * np.exp(-odds)), atol=1e-9)
+
+
+def test_a_lesion_is_what_its_name_says():
+    table = circuit("macaque", 2)
+    edited = lesions(table)
+    assert len(edited) == 10
+    for name, lesioned in edited.items():
+        left = name.removesuffix(", replaced")
+        nucleus, _, percent = left.removesuffix(" %").partition(" ")
+        lost = int(percent) / 100 if percent else 1.0
+        alike = (
+            table.scaled("ctx", "STN", 1 - lost)
+            if nucleus == "hyperdirect"
+            else table.without(nucleus, lost, replaced=left != name)
+        )
+        assert digest(lesioned) == digest(alike)

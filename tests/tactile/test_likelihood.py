@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 
 from bgmodel.seeds import stream
-from bgmodel.tactile.likelihood import Density, _fit_t, calibration, fit_likelihood
+from bgmodel.tactile.likelihood import (
+    Density,
+    _fit_t,
+    _log_density,
+    _silverman,
+    calibration,
+    fit_likelihood,
+)
 from bgmodel.tactile.task import Orientations
 
 
@@ -18,6 +25,14 @@ def as_they_are(pool):
 def normal_pool(gap, taps=1000, seed=1):
     rng = stream(seed, "likelihood", gap)
     return [rng.normal(-gap / 2, 20, taps), rng.normal(gap / 2, 20, taps)]
+
+
+@pytest.mark.parametrize("period", [None, 180.0])
+@pytest.mark.parametrize("step", [0.5, 1.0])
+def test_the_density_of_taps_that_say_the_same_is_the_kernel(period, step):
+    grid = np.arange(-90, 90 + step, step)
+    logs = _log_density(np.full(50, 10.0), grid, period, 50, Density(bandwidth_deg=4.0))
+    np.testing.assert_allclose(np.exp(logs) / step, norm.pdf(grid, 10, 4), atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", ["kde", "t"])
@@ -150,3 +165,9 @@ def test_a_students_t_is_fitted_as_scipy_fits_it(taps, df, scale, decimals, seed
     x = np.round(3 + scale * stream(seed, "t").standard_t(df, taps), decimals)
     start = {"loc": np.median(x), "scale": x.std() / 2}
     np.testing.assert_array_equal(_fit_t(x), t.fit(x, 4.0, **start))
+
+
+def test_a_bandwidth_does_not_depend_on_where_the_circle_begins():
+    x = np.random.default_rng(3).normal(0, 12, 400)
+    widths = [_silverman(np.mod(x + turn, 180), 180.0, 400) for turn in (0, 40, 90, 175)]
+    np.testing.assert_allclose(widths, _silverman(x, None, 400), rtol=1e-9)

@@ -1,8 +1,9 @@
 """Networks have the layers that are stated."""
 
+import numpy as np
 import pytest
 
-from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork
+from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
 
 torch = pytest.importorskip("torch")
 
@@ -27,3 +28,8 @@ def test_the_network_for_edges_has_two_hidden_layers_and_drops_a_tenth_after_eac
     assert widths == [256, 256, 2]
     assert dropped == pytest.approx([0.1, 0.1])
     assert layers(EdgeNetwork.build((662,), 0.5, 2.0)) == ([128, 128, 2], pytest.approx([0.2, 0.2]))
+
+
+def test_angles_are_wrapped_to_half_a_period_about_zero():
+    turned = wrapped(np.array([-100.0, -90.0, 0.0, 89.0, 90.0, 190.0]), 180.0)
+    np.testing.assert_allclose(turned, [80.0, -90.0, 0.0, 89.0, -90.0, 10.0])

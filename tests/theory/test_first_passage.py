@@ -219,6 +219,22 @@ def test_only_a_start_strictly_beyond_a_bound_takes_no_reading():
     assert sprt(*gaussian_pair(1.0), 2.0, prior_s2=0.7).mean_steps > 1
 
 
+@pytest.mark.parametrize("d", [0.0, -1.0, np.nan, np.inf, -np.inf])
+def test_readings_lie_a_finite_way_apart(d):
+    with pytest.raises(ValueError, match="finite and > 0"):
+        gaussian_pair(d)
+
+
+def test_a_walk_that_never_moves_needs_bounds_that_are_one_or_a_deadline():
+    still = Empirical.of_sample([0.0])
+    end = walk(still, 0.0, 0.0)
+    assert (end.p_upper, end.p_lower, end.p_forced, end.mean_steps) == (0.5, 0.5, 0.0, 1.0)
+    late = walk(still, -1.0, 1.0, t_max=3)
+    assert (late.p_upper, late.p_forced, late.mean_steps) == (0.5, 1.0, 3.0)
+    with pytest.raises(ValueError, match="other than 0 somewhere, or t_max given"):
+        walk(still, -1.0, 1.0)
+
+
 values = st.lists(st.floats(-3, 3), min_size=1, max_size=40)
 gaussians = st.builds(Gaussian, st.floats(-2, 2), st.floats(0.05, 3))
 empiricals = values.map(Empirical.of_sample)

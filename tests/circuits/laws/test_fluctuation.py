@@ -9,7 +9,7 @@ from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
-from circuits.laws.fluctuation import extra
+from circuits.laws.fluctuation import FREQUENCIES_HZ, MOST_TURN, extra, swept
 from circuits.spec import Circuit, Population, Projection
 from tests.circuits.helpers import state
 
@@ -102,3 +102,17 @@ def test_a_circuit_whose_noise_is_not_known_is_refused(table, what):
 def test_an_unknown_law_lists_the_known_ones():
     with pytest.raises(ValueError, match="laws must be one of table, cells, finite, got 'own'"):
         algebra.run(TABLE, np.zeros((1, 1, 2)), laws="own")
+
+
+def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
+    table = anatomy.spiking_msprt()
+    most = []
+    for times, more in ((1.0, False), (1.8, True)):
+        wiring, x = state(table.scaled("STN", "GPe", times))
+        frequency, found = swept(wiring, x[None])
+        turns = np.abs(np.log(found.det[:, 1:] / found.det[:, :-1]))
+        assert (np.diff(frequency) > 0).all()
+        assert turns.max() <= MOST_TURN
+        assert (len(frequency) > len(FREQUENCIES_HZ)) == more
+        most.append(len(frequency))
+    assert max(most) < 2 * len(FREQUENCIES_HZ)
