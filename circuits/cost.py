@@ -7,8 +7,9 @@ from circuits.spec import Circuit
 
 CELL_BYTES = {"ensemble": 40.0, "brian2": 100.0, "plain": 100.0}
 """Memory of a cell: in each thread of the compiled engine, in each trial of Brian2; measured."""
-CELL_S = {"ensemble": 2e-6, "brian2": 8e-4, "plain": 3e-3}
-"""CPU time of a cell and a simulated second at a tick of .1 ms, s; measured."""
+CELL_S = {"ensemble": 2e-6, "brian2": 8e-4, "plain": 6e-4}
+"""CPU time of a cell and a simulated second at a tick of .1 ms, s; measured. Of plain between half
+(15 000 cells and more) and twice as much (3 600)."""
 BLOCK_S = {"population": 1e-5, "rate": 1e-5, "algebra": 3e-5}
 """CPU time of a population's channel and a simulated second (20 readings, to the fixed point), s;
 measured."""
