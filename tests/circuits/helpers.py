@@ -1,10 +1,14 @@
 """Drives, tables and states that several modules of `circuits` are tried on."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from circuits import anatomy, fixed_point
+from circuits.cells import Phase, Rate
 from circuits.engines import run
 from circuits.laws.mean_field import settled
+from circuits.spec import Circuit, Population, Projection
 from circuits.table_files import digest
 
 CLOSE = 1e-9
@@ -42,3 +46,15 @@ def hashes(name):
     and what was measured with it is measured again.
     """
     return tuple(digest(anatomy.circuit(name, channels))[:8] for channels in (2, 4))
+
+
+def creeping(growth_hz):
+    """Return a circuit whose common mode feeds itself, so that it grows so fast and never turns."""
+    rows = (
+        Population("source", Phase(1.0), 50.0, 10.0, neurons=100),
+        Population("target", Rate(signed=True), 50.0, 10.0, tau_ms=5.0),
+    )
+    itself = Projection("target", "target", (1 + growth_hz * 0.005) / 2, "diffuse")
+    paths = (Projection("source", "target", 0.1), itself)
+    table = Circuit("creeping", rows, paths, 2, input="source", readout="target")
+    return replace(table, reference_nats=np.log(2))

@@ -9,9 +9,10 @@ from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
-from circuits.laws.fluctuation import FREQUENCIES_HZ, MOST_TURN, extra, swept
+from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, swept
+from circuits.laws.spectra import out_variance
 from circuits.spec import Circuit, Population, Projection
-from tests.circuits.helpers import state
+from tests.circuits.helpers import creeping, state
 
 TABLE = anatomy.spiking_msprt()
 
@@ -112,7 +113,27 @@ def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
         frequency, found = swept(wiring, x[None])
         turns = np.abs(np.log(found.det[:, 1:] / found.det[:, :-1]))
         assert (np.diff(frequency) > 0).all()
-        assert turns.max() <= MOST_TURN
+        assert turns.max() <= 0.5
         assert (len(frequency) > len(FREQUENCIES_HZ)) == more
         most.append(len(frequency))
     assert max(most) < 2 * len(FREQUENCIES_HZ)
+
+
+def test_noise_is_refused_where_a_state_creeps_away():
+    """As slowly as the lowest frequency shows."""
+    with pytest.raises(ValueError, match="the fixed point of creeping as edited is unstable"):
+        out_variance(creeping(0.0074))
+    assert np.isfinite(out_variance(creeping(-0.0074))["source"]).all()
+
+
+@pytest.mark.parametrize(("steep", "share"), [(0.3, 0.01), (1.0, 0.01), (8.0, 0.08)])
+def test_a_slope_that_changes_by_a_hundredth_has_a_kink(steep, share):
+    """Of itself where it is steep, of 1 where it is flat; within a hundred-millionth of a nat."""
+    at = np.array([-3 * KINK_NATS, -KINK_NATS / 2, 0.0, KINK_NATS / 2, 3 * KINK_NATS])
+    for change, seen in (
+        (1.1 * share, [False, True, True, True, False]),
+        (0.9 * share, [False] * 5),
+    ):
+        for start, sign in ((steep, 1), (-steep, 1), (steep + change, -1)):
+            jumps = _jumps(lambda x: start + sign * change * (x > 0), at)  # noqa: B023
+            assert jumps.tolist() == seen

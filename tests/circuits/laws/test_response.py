@@ -101,3 +101,14 @@ def test_nothing_special_is_where_the_mean_input_meets_a_node():
     found = lif_response(cell, [node, node + 1e-6], [10.0])
     for part in found:
         np.testing.assert_allclose(part[0], part[1], rtol=1e-4)
+
+
+def test_a_mean_further_than_nine_sd_below_threshold_counts_as_there():
+    """Such a cell is silent: less than a spike in an hour."""
+    cell = TABLE.population("D1").cell
+    mean = cell.threshold_mv - cell.noise_mv * np.array([9.0, 10.5, 50.0])
+    for part in lif_response(cell, mean, [1.0, 50.0]):
+        np.testing.assert_array_equal(part[1:], part[:1].repeat(2, axis=0))
+    assert lif_rate_hz(cell, mean[0]) < 1 / 3600
+    near = lif_response(cell, mean[:1] + cell.noise_mv, [1.0])
+    assert near.spectrum > lif_response(cell, mean[:1], [1.0]).spectrum

@@ -11,7 +11,7 @@ from circuits import anatomy
 from circuits.engines import algebra
 from circuits.laws import stability
 from circuits.laws.stability import growth, onset, roots
-from tests.circuits.helpers import MEMBERS, run_rate
+from tests.circuits.helpers import MEMBERS, creeping, run_rate
 
 
 @pytest.mark.filterwarnings("ignore:S runs from")
@@ -182,3 +182,18 @@ def test_loops_amplify_as_far_as_they_are_from_their_limit():
     assert near[1] == pytest.approx(limit.frequency_hz, rel=0.08)
     assert beyond[0] == np.inf
     assert stability.ringing(anatomy.spiking_msprt(2))[0] < 3
+
+
+def test_what_creeps_away_without_a_turn_is_unstable_too():
+    """One root on the right, as slow as the lowest frequency at which turns are counted shows."""
+    for growth_hz, unstable in ((0.136, True), (-0.136, False)):
+        table = creeping(growth_hz)
+        assert growth(table) == pytest.approx(growth_hz, rel=1e-6)
+        assert np.isinf(stability.ringing(table)[0]) == unstable
+
+
+@pytest.mark.parametrize(("total", "found"), [(43.7, 43.7), (47.0, np.inf)])
+def test_an_onset_is_looked_for_up_to_the_first_step_beyond_forty_nats(total, found):
+    """Steps of 15 % from a quarter of a nat on go to 38.3 and 44.05."""
+    delay_ms = brentq(lambda d: closed_form(5, 10, (d, d))[0] - total, 0.05, 2)
+    assert onset(loop(5, 10, (delay_ms, delay_ms))).total_nats == pytest.approx(found, rel=1e-6)
