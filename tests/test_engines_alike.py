@@ -1,5 +1,7 @@
 """One table, all engines: the same answer where the theory gives one, the same spikes where not."""
 
+import importlib
+import inspect
 from dataclasses import replace
 from functools import cache
 
@@ -10,8 +12,9 @@ from scipy.special import log_softmax, logsumexp
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.engines import DROPPING, ENGINES, NOISY, SPIKING, run
+from circuits.engines import DROPPING, ENGINES, MODULES, NOISY, SPIKING, run
 from circuits.spec import Projection
+from circuits.ticks import Clock
 
 SEED = 11
 FAST = {"algebra": {}, "rate": {}, "population": {}, "ensemble": {}, "brian2": {}, "plain": {}}
@@ -43,6 +46,16 @@ def test_a_step_that_is_no_time_is_refused(engine, step_ms):
 def test_a_drive_beyond_the_range_is_said_by_the_fixed_point_too():
     with pytest.warns(UserWarning, match="S runs from"):
         run(TABLE, np.full((1, 1, 3), [30.0, -15, -15]), engine="algebra", step_ms=50)
+
+
+@pytest.mark.parametrize("engine", [engine for engine in ENGINES if engine != "algebra"])
+def test_times_that_are_not_given_are_those_of_every_engine(engine):
+    """A tick of .1 ms in the engines that spike, a sample per ms, .3 s to settle."""
+    module = importlib.import_module(f"circuits.engines.{MODULES[engine]}")
+    for of in (module.run, Clock):
+        known = {n: p.default for n, p in inspect.signature(of).parameters.items()}
+        assert (known["sample_ms"], known["settle_ms"]) == (1.0, 300.0)
+        assert known["dt_ms"] == (0.1 if engine in SPIKING or of is Clock else None)
 
 
 def test_every_engine_is_tested():

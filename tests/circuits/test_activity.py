@@ -56,6 +56,7 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
     alone = replace(alone, reference_nats=np.log(2))
     found = ensemble.run(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
     frequency, power = found.spectrum("source", from_ms=500)
+    assert frequency[1] == 1  # Hz: a segment is a second unless told otherwise
     inside = (frequency > 5) & (frequency < 480)
     # Two channels are averaged: their number is that of both.
     law = 2 * phase_spectrum(Phase(1.0), [hz], frequency[inside])[0] / (2 * cells)

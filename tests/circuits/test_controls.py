@@ -15,6 +15,7 @@ TABLE = circuit("spiking_msprt", 4)
 def test_every_number_is_varied_once_each_way():
     made = perturbed(TABLE, 0.2)
     assert len({str(table) for table in made.values()} | {str(TABLE)}) == len(made) + 1
+    assert perturbed(TABLE) == made  # a fifth unless told otherwise
     assert made["STN cv +20%"].population("STN").cell.cv == pytest.approx(0.36)
     assert made["ctx->STN delay_ms -20%"].projection("ctx", "STN").delay_ms == 2.0
     assert made["GPe tau_ms +20%"].population("GPe").cell.tau_ms == pytest.approx(12)
@@ -23,6 +24,7 @@ def test_every_number_is_varied_once_each_way():
 
 def test_shared_noise_has_the_size_that_was_asked():
     noisy = correlated(TABLE, 0.2)
+    assert noisy.population("shared").baseline_hz == 20.0
     silence = np.zeros((40, 10, 4))
     sd = []
     for table in (TABLE, noisy):

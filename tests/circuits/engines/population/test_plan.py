@@ -1,9 +1,11 @@
 """What is laid out before a run: the tick."""
 
+import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.engines.population.plan import tick_ms
+from circuits.engines.population.plan import CELLS, Laws, plan, tick_ms
+from circuits.ticks import Clock, Scheme
 from circuits.wiring import wire
 
 
@@ -24,3 +26,10 @@ def test_the_tick_is_the_longest_that_all_delays_and_times_are_multiples_of(
     """One of 1/2, 1/4, 1/5 and 1/10 ms; the other delays of the table are whole milliseconds."""
     circuit = anatomy.circuit("macaque", 2).with_projection("STN", "GPe", delay_ms=delay_ms)
     assert tick_ms(wire(circuit), *times_ms) == tick
+
+
+def test_filters_follow_the_state_with_fifty_milliseconds():
+    """After so long all but 1/e of a step of the state is in their coefficients."""
+    scheme = Scheme(wire(anatomy.spiking_msprt(2)), 0.5)
+    clock = plan(scheme, Clock(1, 50, 0.5), Laws(CELLS, noise=True)).clock[0]
+    assert (1 - clock["follow_slowly"]) ** (50 / 0.5) == pytest.approx(np.exp(-1), rel=1e-4)

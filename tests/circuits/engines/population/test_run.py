@@ -12,6 +12,7 @@ from circuits import anatomy, transfer
 from circuits.cells import Phase, Rate
 from circuits.cells.cell import Line
 from circuits.engines import algebra, run
+from circuits.engines.population import run as engine
 from circuits.engines.population.answers import Mixture, Straight
 from circuits.laws.response import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
@@ -165,6 +166,10 @@ def test_what_it_does_not_know_is_refused_in_one_sentence():
         (FULL, {"seed": None}, "the population engine needs a seed"),
         (FULL, {"laws": "table"}, "laws must be one of lines, cells, got 'table'"),
         (FULL.with_connections(0.2), {}, "connects 20%: use ensemble"),
+        (FULL.with_connections(0.2), {"laws": "lines"}, "connects 20%: use ensemble"),
+        (FULL.with_connections(0.2), {"noise": False}, "connects 20%: use ensemble"),
+        (FULL, {"first_trial": -1}, "first_trial must be a whole number >= 0, got -1"),
+        (FULL, {"workers": 1.5}, r"workers must be a whole number >= 1, got 1\.5"),
         (adex, {}, "AdEx.rate_hz"),
         (adex, {"laws": "lines"}, "AdEx"),
         (FULL, {"workers": 0}, "workers must be a whole number >= 1, got 0"),
@@ -353,3 +358,31 @@ def test_few_cells_and_clocks_are_said_every_time():
 def test_a_cell_near_saturation_is_no_error():
     circuit = FULL.with_cell("GPe", refractory_ms=3.0)
     assert np.isfinite(populations(circuit, np.zeros((2, 1, 2))).output_nats).all()
+
+
+@pytest.mark.parametrize(("hz", "runs"), [(0.95e6, True), (1.05e6, False)])
+def test_rates_run_away_from_a_million_hz_on(hz, runs):
+    refused = contextlib.nullcontext() if runs else pytest.raises(ValueError, match="run away")
+    with refused:
+        run(source(Rate(), hz), np.zeros((1, 1, 2)), engine="rate", step_ms=10, settle_ms=1)
+
+
+@pytest.mark.parametrize(("amplified", "said"), [(7.9, False), (8.1, True)])
+def test_loops_that_amplify_more_than_eight_times_are_near_an_oscillation(
+    amplified, said, monkeypatch
+):
+    monkeypatch.setattr(engine, "_ringing", lambda circuit: (amplified, 20.0))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = populations(source(Phase(0.5), 40.0), np.zeros((1, 1, 2)), step_ms=10, settle_ms=0)
+    assert any("near an oscillation" in str(one.message) for one in caught) == said
+    assert found.about["seed"] == SEED
+
+
+def test_nothing_is_said_of_many_cells_that_filters_meet_or_without_noise():
+    given = {"step_ms": 10, "settle_ms": 0}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", ".*deprecated")
+        populations(FULL, np.zeros((1, 1, 2)), **given)
+        populations(FULL.with_neurons(10), np.zeros((1, 1, 2)), noise=False, **given)

@@ -1,0 +1,71 @@
+"""What cells answer, in tables: from where to where, how near, and when a word is said."""
+
+import numpy as np
+import pytest
+
+from circuits import anatomy, transfer
+from circuits.cells import Phase
+from circuits.engines.population.answers import (
+    Mixture,
+    Straight,
+    _pace,
+    _rough,
+    answers,
+    looked_up,
+)
+
+GPE = anatomy.spiking_msprt().population("GPe")
+LIF = Mixture(GPE.cell, Straight("linear", GPE.baseline_hz, GPE.gain_hz_per_nat))
+
+
+@pytest.mark.parametrize(
+    ("mixture", "top_hz"),
+    [(Mixture(Phase(0.3), Straight("linear", 40.0, 10.0)), 1000.0), (LIF, 0.95 * 500)],
+)
+def test_filters_follow_rates_of_one_mhz_to_400_hz_and_the_law_up_to_its_limit(mixture, top_hz):
+    """A cell with a refractory period of 2 ms stays below 500 Hz: its law is known to .95 of it."""
+    found = answers(mixture, 0.1)
+    ends = mixture.rate_hz(np.array([found.lowest, found.highest, found.top]))
+    np.testing.assert_allclose(ends, [1e-3, 400, top_hz], rtol=0.02)
+    np.testing.assert_allclose(found.hz[[0, -1]], ends[[0, 2]], rtol=1e-9)
+
+
+def test_a_law_that_ends_is_followed_to_a_thousandth_of_its_ends():
+    """A ramp of 34 Hz between 0 and 1 nat."""
+    found = answers(Mixture(Phase(0.3), Straight("ramp", 0.0, 34.0)), 0.1)
+    np.testing.assert_allclose(found.lowest * 34, 1e-3, rtol=0.05)
+    np.testing.assert_allclose([found.highest, found.top], [0.999, 0.95], rtol=1e-5)
+
+
+def test_filters_go_with_the_logarithm_of_the_rate_from_a_tenth_of_a_hz_on():
+    pace = _pace(np.array([0.001, 0.05, 0.1, 0.2, 40.0, 39.0]))
+    np.testing.assert_allclose(np.exp(pace), [0.1, 0.1, 0.1, 0.2, 40, 40], rtol=1e-6)
+    assert (np.diff(pace) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("misfit", "hz", "said"),
+    [(0.26, 1.1, True), (0.26, 119.0, True), (0.24, 40.0, False), (0.9, 0.9, False),
+     (0.9, 121.0, False)],
+)  # fmt: skip
+def test_a_filter_that_is_off_by_a_quarter_is_worth_a_word_from_1_to_120_hz(misfit, hz, said):
+    sentence = _rough(Phase(0.3), "its noise", np.array([20.0, hz]), np.array([0.1, misfit]))
+    assert (f"its noise at {hz:.0f} Hz only within {misfit:.0%}" in sentence) == said
+    assert bool(sentence) == said
+
+
+@pytest.mark.parametrize("share", [0.95, 1.05])
+def test_a_law_is_looked_up_if_it_bends_by_less_than_a_five_hundredth_between_points(
+    share, monkeypatch
+):
+    """A sine of 1 lies above its chord by 1 - cos of half a step; 8 191 steps of 128 nats."""
+    turn = 2 * np.arccos(1 - share * 2e-3) / (128 / 8191)
+    wave = transfer.Transfer(lambda x: np.sin(turn * x), np.cos, np.sin, "sin({x})", "a wave")
+    name = f"wave {share}"
+    monkeypatch.setitem(transfer.TRANSFERS, name, wave)
+    if share > 1:
+        with pytest.raises(ValueError, match="bends too much"):
+            looked_up(name)
+    else:
+        low, high, values = looked_up(name)
+        np.testing.assert_array_equal(values, np.sin(turn * np.linspace(low, high, len(values))))
