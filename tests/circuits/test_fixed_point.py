@@ -1,11 +1,15 @@
 """The fixed point: it stays, and its parts come upstream first."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from circuits import anatomy, fixed_point
+from circuits.cells import Rate
 from circuits.engines import run
-from circuits.spec import Projection
+from circuits.spec import Circuit, Population, Projection
+from circuits.wiring import Wiring
 from tests.circuits.helpers import evidence
 
 
@@ -51,3 +55,42 @@ def test_gpr_rests_where_its_equations_do_by_hand_for_any_number_of_channels(cha
     wiring = fixed_point.wired(anatomy.gpr(channels))
     output = wiring.rates(fixed_point.rest(wiring))[wiring.owner == wiring.owner[-1]]
     np.testing.assert_allclose(output, 100 * (0.9 * channels * s - 0.3 * g + 0.2), rtol=1e-9)
+
+
+def steps_of(monkeypatch, circuit, name, drive):
+    """Return the states of the first channel of a population that rates are asked for, nats."""
+    wiring, seen, rates = fixed_point.wired(circuit), [], Wiring.rates
+    block = wiring.blocks_of(name)[0]
+
+    def noted(self, x):
+        seen.append(x[0, block])
+        return rates(self, x)
+
+    monkeypatch.setattr(Wiring, "rates", noted)
+    fixed_point.solve(wiring, np.array([drive]))
+    return np.array(seen)
+
+
+def test_an_exponent_goes_to_its_fixed_point_by_one_nat_a_step(monkeypatch):
+    found = steps_of(monkeypatch, anatomy.bogacz_gurney(), "STN", [9.0, -2.0])
+    steps = np.abs(np.diff(found))
+    assert steps.max() == pytest.approx(1.0, rel=1e-12)
+    np.testing.assert_allclose(steps[2:5], 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("patience", "share"), [(100, 5), (0, 41)])
+def test_where_blocks_are_silent_a_step_is_a_fifth_of_the_error_and_later_less(
+    patience, share, monkeypatch
+):
+    """Far from the end, dx/dt = error is damped by 4; after too many steps, by 40."""
+    rows = (
+        Population("source", Rate(signed=True), 0.0, 10.0),
+        Population("target", Rate(), 0.0, 10.0, bias_nats=-40.0, transfer="rectified"),
+    )
+    paths = (Projection("source", "target", 1.0), Projection("target", "target", 0.5))
+    table = Circuit("silent", rows, paths, 2, input="source", readout="target")
+    monkeypatch.setattr(fixed_point, "PATIENCE", patience)
+    table = replace(table, reference_nats=np.log(2))
+    found = steps_of(monkeypatch, table, "target", [30.0, 30.0])
+    error = -10 - found[1:6]
+    np.testing.assert_allclose(np.diff(found[1:6]), error[:-1] / share, rtol=1e-12)

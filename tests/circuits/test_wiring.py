@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from circuits import anatomy
+from circuits import anatomy, fixed_point
 from circuits.cells import Rate
 from circuits.engines import run
 from circuits.spec import Circuit, Population, Projection
@@ -59,3 +59,14 @@ def test_a_table_of_whole_numbers_is_that_of_floats():
 def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
     with pytest.raises(ValueError, match=f"no nucleus 'GPi': its {role} must be one of ctx"):
         replace(anatomy.spiking_msprt(), **{role: "GPi"})
+
+
+def test_a_lesion_that_is_not_replaced_gives_nothing_back_beside_one_that_is():
+    table = anatomy.macaque(2)
+    both = fixed_point.wired(table.without("GPe", 0.5, replaced=True).without("D2", 0.3))
+    alone, whole = fixed_point.wired(table.without("D2", 0.3)), wire(table)
+    of = [table.projections[path].source for path in whole.path]
+    given = {name: both.constant[[s == name for s in of]] for name in ("GPe", "D2", "STN")}
+    for name in ("D2", "STN"):
+        np.testing.assert_array_equal(given[name], alone.constant[[s == name for s in of]])
+    assert (given["GPe"] > whole.constant[[s == "GPe" for s in of]]).all()

@@ -51,3 +51,23 @@ def test_factors_of_a_lif_are_of_its_time_constant_its_slope_and_its_way_up():
     way = cell.threshold_mv - cell.reset_mv
     lower = 0.5825971579390107 * step
     assert top["unit"] == pytest.approx((way - lower) / (1.5 * way - lower), rel=1e-6)
+
+
+@pytest.mark.parametrize("dt_ms", [0.05, 0.2])
+def test_a_ticks_noise_keeps_the_spread_of_the_membrane(dt_ms):
+    """What decays in a tick is drawn anew: sd^2 = sd^2 exp(-2 dt/tau) + step^2."""
+    cell = SPIKING.population("GPe").cell
+    kept = cell.noise_mv * np.exp(-dt_ms / cell.tau_ms)
+    assert np.hypot(cell.step_mv(dt_ms), kept) == pytest.approx(cell.noise_mv, rel=1e-12)
+
+
+def test_a_cell_that_varies_by_nothing_is_the_cell_and_its_factors_those_of_a_tick():
+    cell, factors = SPIKING.population("GPe").cell, np.array([1.2, 0.9, 1.1])
+    assert cell.varied(np.ones(3)) == (cell, 1.0)
+    other, times = cell.varied(factors)
+    assert times == 1.0
+    own, made = cell.constants(factors, 0.1), other.constants(np.ones(3), 0.1)
+    for name in ("decay", "rest", "slope", "noise_step"):
+        # Own units are those in which all cells have one threshold.
+        expected = own[name] / (1 if name == "decay" else own["unit"])
+        npt.assert_allclose(made[name], expected, rtol=1e-6, err_msg=name)
