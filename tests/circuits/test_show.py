@@ -33,7 +33,9 @@ def test_edits_show_on_the_page_and_nothing_else_does():
     assert "spread" in page
     assert "1 0.9" in show.text(anatomy.spiking_msprt().scaled("ctx", "D1", 0.9, channel=1))
     assert "0.75 1" in show.text(anatomy.spiking_msprt().without("GPe", 0.25, channel=0))
-    assert "by_channel" not in show.text(anatomy.spiking_msprt())
+    for silent in ("by_channel", "probability", "spread"):
+        assert silent not in show.text(anatomy.spiking_msprt())
+    assert "probability" in show.text(anatomy.spiking_msprt().with_connections(0.25))
     assert "intact" not in show.text(anatomy.spiking_msprt())
 
 
@@ -63,6 +65,25 @@ def test_the_drawing_shows_every_nucleus_and_pathway():
     arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None)]
     assert len(arrows) == len(circuit.projections)
     assert circuit.population("GPe").transmitter == GABA
+    plt.close(figure)
+
+
+def test_an_arrow_is_as_wide_as_the_root_of_its_weight_and_dotted_where_nothing_passes():
+    """From .6 points at 0 to 3 at 4 nats, no further; a lesion of the whole source leaves dots."""
+    weights = {"D1": 1.0, "D2": 4.0, "STN": 9.0}
+    circuit = anatomy.spiking_msprt()
+    for name, weight in weights.items():
+        circuit = circuit.with_projection("ctx", name, weight=weight)
+    circuit = circuit.with_projection("common", "ctx", weight=0.0).without("D2")
+    figure, ax = plt.subplots()
+    show.draw(circuit, ax)
+    arrows = [text.arrow_patch for text in ax.texts if getattr(text, "arrow_patch", None)]
+    drawn = {p.name: arrow for p, arrow in zip(circuit.projections, arrows, strict=True)}
+    width = {name: arrow.get_linewidth() for name, arrow in drawn.items()}
+    assert [width[f"ctx->{name}"] for name in weights] == pytest.approx([1.8, 3.0, 3.0])
+    assert width["common->ctx"] == pytest.approx(0.6)
+    dotted = {name for name, arrow in drawn.items() if arrow.get_linestyle() in (":", "dotted")}
+    assert dotted == {"common->ctx", *(name for name in drawn if name.startswith("D2->"))}
     plt.close(figure)
 
 

@@ -179,3 +179,11 @@ def test_an_edit_without_a_state_of_rest_warns():
     runaway = BASE.with_rows(Projection("STN", "STN", 0.5, "diffuse")).without("common")
     with pytest.warns(UserWarning, match="as edited has no state of rest"):
         ensemble.run(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
+
+
+def test_a_bar_shows_how_far_a_run_is_where_it_is_asked_for(capsys):
+    given = {"step_ms": 1, "seed": 7, "settle_ms": 0}
+    ensemble.run(BASE, np.zeros((9, 1, 2)), **given)
+    assert not capsys.readouterr().err
+    ensemble.run(BASE, np.zeros((9, 1, 2)), progress=True, **given)
+    assert "9/9" in capsys.readouterr().err
