@@ -276,3 +276,12 @@ def test_a_file_is_for_one_number_of_alternatives(tmp_path):
 def test_all_cell_types_have_their_name_in_files():
     assert {"Rate", "Lif", "Phase"} <= set(CELLS)
     assert CELLS["Lif"] is Lif
+
+
+@pytest.mark.parametrize(
+    ("nats", "written"), [(9e14, "900000000000000"), (1.1e15, "1100000000000000.0")]
+)
+def test_a_float_is_written_as_a_whole_number_below_ten_to_the_fifteenth(nats, written):
+    circuit = replace(anatomy.spiking_msprt(), reach_nats=nats)
+    assert f"reach_nats = {written}\n" in table_files.text(circuit)
+    assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit

@@ -62,3 +62,22 @@ def test_a_pacemaker_that_is_too_regular_for_two_sections_says_so():
     rates = np.array([20.0, 40.0])
     power = phase_spectrum(Phase(0.1), rates, FREQUENCIES_HZ)
     assert filters.colour(power / rates[:, None], rates).misfit.min() > 0.5
+
+
+def test_a_misfit_is_the_largest_up_to_100_hz():
+    """Of an answer with a step at 100 Hz, and of a pacemaker's colour, both beyond two poles."""
+    low, s = FREQUENCIES_HZ <= 100, PER_RAD_S
+    gain = np.where(low, 1.0, 0.2).astype(complex)[None]
+    fit = filters.following(gain)
+    n1, n2, d1, d2 = fit.coefficients[0]
+    off = np.abs((1 + n1 * s + n2 * s**2) / (1 + d1 * s + d2 * s**2) - gain[0])
+    assert fit.misfit[0] == pytest.approx(off[low].max(), rel=1e-9)
+    assert off[~low].max() != pytest.approx(off[low].max(), rel=0.05)
+    power = np.where(low, 1.0, 0.2)[None]
+    fit = filters.colour(power, np.array([25.0]))
+    found = np.ones(len(s))
+    for b1, b0, a1, a0 in fit.coefficients.reshape(-1, 4):
+        found *= np.abs((s**2 + b1 * s + b0) / (s**2 + a1 * s + a0)) ** 2
+    off = np.abs(found / power[0] - 1)
+    assert fit.misfit[0] == pytest.approx(off[low].max(), rel=1e-9)
+    assert off[~low].max() != pytest.approx(off[low].max(), rel=0.05)
