@@ -7,6 +7,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import circuit
 from circuits.controls import correlated, linear_stn, perturbed
 from circuits.engines import run
+from circuits.laws.response import phase_spectrum
 
 SEED = 51
 TABLE = circuit("spiking_msprt", 4)
@@ -34,6 +35,20 @@ def test_shared_noise_has_the_size_that_was_asked():
     assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(
         0.2 * np.sqrt(2 * np.exp(-1)), rel=0.25
     )
+
+
+@pytest.mark.parametrize(("given", "cells", "tau_ms"), [({}, 20, 20.0), ({"cells": 5}, 5, 20.0),
+                                                         ({"tau_ms": 50.0}, 20, 50.0)])  # fmt: skip
+def test_shared_noise_has_its_size_in_closed_form(given, cells, tau_ms):
+    """Power of renewal spikes through an exponential filter, summed over all frequencies."""
+    noisy = correlated(TABLE, 0.2, **given)
+    row, path = noisy.population("shared"), noisy.projection("shared", "ctx")
+    assert (row.neurons, path.tau_ms, path.delay_ms) == (cells, tau_ms, 1)
+    frequency = np.concatenate([[0.0], np.geomspace(1e-3, 1e5, 4000)]) + 1e-6
+    power = phase_spectrum(row.cell, [row.baseline_hz], frequency)[0] / cells
+    power = power * (path.weight / row.gain_hz_per_nat) ** 2
+    passed = power / (1 + (2 * np.pi * frequency * tau_ms / 1e3) ** 2)
+    assert np.sqrt(2 * np.trapezoid(passed, frequency)) == pytest.approx(0.2, rel=1e-4)
 
 
 @pytest.mark.parametrize("channels", [2, 3, 8])

@@ -10,7 +10,7 @@ from circuits import anatomy
 from circuits.cells import Lif, Rate
 from circuits.engines import algebra
 from circuits.fixed_point import rest_rates, wired
-from circuits.spec import Population, Projection
+from circuits.spec import Circuit, Population, Projection
 from circuits.table_files import digest
 from circuits.wiring import wire
 
@@ -371,3 +371,10 @@ def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away(
     ):
         assert not other.exact
     assert not anatomy.spiking_msprt().exact
+
+
+def test_a_table_of_ones_own_takes_a_thousand_alternatives():
+    rows = Population("ctx", Rate()), Population("SNr", Rate(), transmitter="GABA")
+    table = Circuit("mine", rows, (Projection("ctx", "SNr", 1.0),), 1000)
+    with pytest.raises(ValueError, match="mine takes at most 1000 alternatives, got 1001"):
+        table.with_channels(1001)

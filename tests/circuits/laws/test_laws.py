@@ -13,7 +13,7 @@ from circuits import anatomy, fixed_point, transfer
 from circuits.cells import Phase, Rate
 from circuits.engines import algebra, run
 from circuits.engines.ensemble import run as ensemble
-from circuits.laws.fluctuation import linear
+from circuits.laws.fluctuation import linear, swept
 from circuits.laws.mean_field import own_rates, settled
 from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.laws.stability import growth, ringing
@@ -276,6 +276,18 @@ def kinked(*, source_nats=0.0, target_nats=1.0, path="linear", row="linear", bas
     link = Projection("source", "target", 1.0, tau_ms=4.0, transfer=path)
     table = Circuit("kinked", rows, (link,), 2, input="source", readout="target")
     return replace(table, reference_nats=np.log(2))
+
+
+def test_out_is_the_read_outs_rate_averaged_and_filtered():
+    """Of each frequency sinc^2(f T) / (1 + (2 pi f tau)^2) is left; half of two channels' mean."""
+    table = replace(kinked(), readout_tau_ms=16.0)
+    wiring, x, _ = at_point(table, REST)
+    frequency, _ = swept(wiring, x)
+    power = 2 * rate_spectrum(table, "target", frequency) / 10.0**2
+    angle = np.pi * frequency * 0.03
+    left = (np.sin(angle) / angle) ** 2 / (1 + (2 * np.pi * frequency * 0.016) ** 2)
+    found = sum(part[0] for part in out_variance(table, mean_ms=30.0).values())
+    assert found == pytest.approx(np.trapezoid(power * left, frequency), rel=1e-9)
 
 
 @pytest.mark.parametrize(

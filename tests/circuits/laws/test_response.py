@@ -112,3 +112,16 @@ def test_a_mean_further_than_nine_sd_below_threshold_counts_as_there():
     assert lif_rate_hz(cell, mean[0]) < 1 / 3600
     near = lif_response(cell, mean[:1] + cell.noise_mv, [1.0])
     assert near.spectrum > lif_response(cell, mean[:1], [1.0]).spectrum
+
+
+def test_a_refractory_period_is_not_seen_where_it_is_a_whole_number_of_turns():
+    """After 2 ms a modulation of 500 Hz is where it was: but for the rate nothing is another."""
+    cell = TABLE.population("GPe").cell
+    mean = cell.threshold_mv + np.array([-1.0, 2.0])
+    held, free = (
+        lif_response(replace(cell, refractory_ms=ms), mean, [250.0, 500.0]) for ms in (2.0, 0.0)
+    )
+    slower = held.spectrum[:, 1] / free.spectrum[:, 1]
+    assert (slower < 0.98).all()
+    np.testing.assert_allclose(held.gain[:, 1] / free.gain[:, 1], slower, rtol=1e-9)
+    assert (np.abs(held.gain[:, 0] / free.gain[:, 0] / slower - 1) > 1e-6).all()

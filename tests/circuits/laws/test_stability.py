@@ -197,3 +197,12 @@ def test_an_onset_is_looked_for_up_to_the_first_step_beyond_forty_nats(total, fo
     """Steps of 15 % from a quarter of a nat on go to 38.3 and 44.05."""
     delay_ms = brentq(lambda d: closed_form(5, 10, (d, d))[0] - total, 0.05, 2)
     assert onset(loop(5, 10, (delay_ms, delay_ms))).total_nats == pytest.approx(found, rel=1e-6)
+
+
+@pytest.mark.parametrize("total", [1.5, 2.5, 3.5])
+def test_one_loop_amplifies_as_its_closed_form(total):
+    """L = -(S - 1) exp(-s D) / ((1 + s a)(1 + s b)), at the frequency that is told."""
+    amplified, hertz = stability.ringing(replace(loop(6, 14, (5, 5)), reference_nats=total))
+    s = 2j * np.pi * hertz * 1e-3
+    around = -(total - 1) * np.exp(-10 * s) / ((1 + 6 * s) * (1 + 14 * s))
+    assert amplified == pytest.approx(1 / abs(1 - around), rel=1e-9)

@@ -10,8 +10,10 @@ from circuits import anatomy
 from circuits.engines import plain as plain_engine
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble import run as ensemble
+from circuits.engines.ensemble.plan import plan
 from circuits.spec import Projection
-from circuits.ticks import cell_factors
+from circuits.ticks import Clock, cell_factors
+from circuits.wiring import wire
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)
@@ -187,3 +189,13 @@ def test_a_bar_shows_how_far_a_run_is_where_it_is_asked_for(capsys):
     assert not capsys.readouterr().err
     ensemble.run(BASE, np.zeros((9, 1, 2)), progress=True, **given)
     assert "9/9" in capsys.readouterr().err
+
+
+def test_cells_have_constants_of_their_own_only_where_they_differ():
+    """A loop over cells that are alike reads none: it is the fast one."""
+    for circuit, differ in ((BASE, False), (BASE.with_spread(0.1), True)):
+        wiring = wire(circuit)
+        laid = plan(wiring, Clock(1, 50), np.zeros(wiring.blocks, bool))
+        spiking = [differ and wiring.row(b).spiking for b in range(wiring.blocks)]
+        assert (laid.blocks["variation"] != kernel.IDENTICAL).tolist() == spiking
+        assert (laid.constants is not None) == differ
