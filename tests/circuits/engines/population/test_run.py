@@ -12,6 +12,8 @@ from circuits import anatomy, transfer
 from circuits.cells import Phase, Rate
 from circuits.cells.cell import Line
 from circuits.engines import algebra, run
+from circuits.engines.population import kernel
+from circuits.engines.population import plan as layout
 from circuits.engines.population import run as engine
 from circuits.engines.population.answers import Mixture, Straight
 from circuits.laws.response import phase_spectrum
@@ -386,3 +388,17 @@ def test_nothing_is_said_of_many_cells_that_filters_meet_or_without_noise():
         warnings.filterwarnings("ignore", ".*deprecated")
         populations(FULL, np.zeros((1, 1, 2)), **given)
         populations(FULL.with_neurons(10), np.zeros((1, 1, 2)), noise=False, **given)
+
+
+def test_coefficients_that_are_never_looked_up_anew_are_those_of_a_state_that_stays(monkeypatch):
+    """Cells that lag, driven to other rates: what follows their state is looked up now and then."""
+    drive = np.tile([0.8, -0.8], (1, 1, 1))
+    given = {"step_ms": 200, "settle_ms": 0, "noise": False}
+    moved = populations(FULL, drive, **given).output_nats
+    with monkeypatch.context() as patch:
+        patch.setattr(kernel, "REFRESH", 2**20)
+        once = populations(FULL, drive, **given).output_nats
+    monkeypatch.setattr(layout, "SLOW_MS", 1e12)
+    still = populations(FULL, drive, **given).output_nats
+    np.testing.assert_array_equal(once, still)
+    assert np.abs(moved - still).max() > 1e-4
