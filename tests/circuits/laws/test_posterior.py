@@ -1,0 +1,45 @@
+"""How far OUT lies off -ln P: nothing in exact tables, a bias where the read-out has one."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.engines import algebra
+from circuits.laws.posterior import off_nats
+
+
+@pytest.mark.parametrize("make", [anatomy.bogacz_gurney, anatomy.appendix_b])
+@pytest.mark.parametrize(("channels", "rivals"), [(2, None), (2, 1), (5, None), (5, 1), (5, 3)])
+def test_out_of_an_exact_table_is_off_by_nothing(make, channels, rivals):
+    for circuit in (make(channels), replace(make(channels), centred=True, reach_nats=40.0)):
+        assert off_nats(circuit, rivals) == pytest.approx((0, 0), abs=1e-8)
+
+
+@pytest.mark.parametrize("nats", [0.05, 0.2])
+def test_what_the_read_out_gets_more_is_what_it_lies_off(nats):
+    table = anatomy.bogacz_gurney(3)
+    bias = table.population("SNr").bias_nats + nats
+    found = off_nats(table.with_population("SNr", bias_nats=bias))
+    assert found == pytest.approx((nats, nats), abs=1e-8)
+
+
+def test_rivals_beyond_the_reach_of_a_centred_drive_are_cut_there():
+    """One rival level with the leader, OUT ln 2 of it; a third channel counts as 2 nats behind."""
+    table = replace(anatomy.bogacz_gurney(3), centred=True, reach_nats=2.0)
+    table = replace(table, readable_nats=(np.log(2) - 1e-9, np.log(2)))
+    found = off_nats(table, 1)
+    drive = np.array([0.0, 0.0, -2.0])
+    out = algebra.run(table, (drive - drive.mean())[None, None]).output_nats[0, 0, 0]
+    assert found == pytest.approx((out - np.log(2),) * 2, abs=1e-6)
+    assert found[0] == pytest.approx(np.log(2 + np.exp(-2)) - np.log(2), abs=1e-6)
+
+
+@pytest.mark.parametrize("rivals", [0, 3])
+def test_so_many_rivals_as_there_are_channels_or_none_are_refused(rivals):
+    with pytest.raises(ValueError, match=re.escape(f"rivals must lie in 1..2, got {rivals}")):
+        off_nats(anatomy.bogacz_gurney(3), rivals)
+    with pytest.raises(ValueError, match="not nats: OUT as -ln P has no meaning there"):
+        off_nats(anatomy.gpr(3))
