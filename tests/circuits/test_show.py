@@ -68,6 +68,36 @@ def test_the_drawing_shows_every_nucleus_and_pathway():
     plt.close(figure)
 
 
+def test_nuclei_stand_in_rows_and_columns_with_even_margins():
+    """Cortex above striatum, what pools beside it; nuclei of no textbook in a row below all."""
+    rows = [replace(anatomy.spiking_msprt().population("STN"), name=name) for name in "AB"]
+    circuit = anatomy.macaque().with_rows(*rows)
+    figure, ax = plt.subplots()
+    show.draw(circuit, ax)
+    names = {row.name for row in circuit.populations}
+    x, y = ({t.get_text(): t.get_position()[k] for t in ax.texts} for k in (0, 1))
+    assert names <= set(x)
+    assert y["ctx"] == y["FSI"] == show.PLACES["common"][1] > y["D1"] == y["STN"] > y["GPe"]
+    assert x["D1"] == x["FSI"] == x["A"] < x["D2"] == x["ctx"] < x["STN"]
+    assert x["STN"] == show.PLACES["common"][0]
+    assert y["A"] == y["B"] == y["SNr"] - 1
+    for of, (low, high) in ((x, ax.get_xlim()), (y, ax.get_ylim())):
+        inside = [of[name] for name in names]
+        assert min(inside) - low == pytest.approx(high - max(inside))
+    plt.close(figure)
+
+
+@pytest.mark.parametrize(
+    ("count", "given", "inches"), [(1, {}, 3), (5, {}, 6), (5, {"height": 2}, 10)]
+)
+def test_a_new_figure_has_room_for_every_panel(count, given, inches):
+    """Six inches wide; 1.2 for a panel unless told otherwise, three at least."""
+    axes = show.panels(count, **given)
+    assert axes[0].figure.get_size_inches() == pytest.approx((6, inches))
+    assert len(axes) == count
+    plt.close(axes[0].figure)
+
+
 def test_an_arrow_is_as_wide_as_the_root_of_its_weight_and_dotted_where_nothing_passes():
     """From .6 points at 0 to 3 at 4 nats, no further; a lesion of the whole source leaves dots."""
     weights = {"D1": 1.0, "D2": 4.0, "STN": 9.0}

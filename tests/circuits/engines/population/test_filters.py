@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy import signal
+from scipy import optimize, signal
 
 from circuits.cells import Phase
 from circuits.engines.population import filters
@@ -62,6 +62,33 @@ def test_a_pacemaker_that_is_too_regular_for_two_sections_says_so():
     rates = np.array([20.0, 40.0])
     power = phase_spectrum(Phase(0.1), rates, FREQUENCIES_HZ)
     assert filters.colour(power / rates[:, None], rates).misfit.min() > 0.5
+
+
+def test_an_answer_without_lag_or_colour_has_the_filter_next_to_where_the_fit_begins():
+    """What stands above must be what stands below: at the least distance from both beginnings."""
+    flat, hz = np.ones((2, len(FREQUENCIES_HZ))), np.array([25.0, 25.0])
+    # From n and log d to n = d, where (n - n0) + log(n / d0) / n = 0.
+    first, second = (
+        optimize.brentq(lambda x, n=n, d=d: x - n + np.log(x / d) / x, d / 9, 9 * d)
+        for n, d in ((0.3, 0.6), (0.03, 0.05))
+    )
+    found = filters.following(flat.astype(complex)).coefficients
+    np.testing.assert_allclose(found, np.tile([first, second], (2, 2)), rtol=1e-4)
+    # From the logarithms of 1, 1 over 1, 4 and of 3, 9 over 3, 9: to their means.
+    found = filters.colour(flat, hz).coefficients
+    np.testing.assert_allclose(found, np.tile([1, 2, 1, 2, 3, 9, 3, 9], (2, 1)), rtol=1e-3)
+
+
+def test_a_coefficient_that_the_answer_hardly_tells_is_held_to_the_state_before_and_the_first():
+    """A number that weighs as much as what holds it goes to the mean of the three."""
+    goals = np.array([4.0, 7.0])
+    found = filters._along(
+        2,
+        lambda p, state: 0.03 * (p - goals[state]),
+        lambda p, state: 0.03 * np.eye(1),
+        np.array([1.0]),
+    )
+    np.testing.assert_allclose(found[:, 0], [(4 + 1 + 1) / 3, (7 + 2 + 1) / 3], rtol=1e-9)
 
 
 def test_a_misfit_is_the_largest_up_to_100_hz():
