@@ -1,5 +1,6 @@
 """Activity: totals, decoded rates, spectra, and drives that do not fit."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from scipy.special import logsumexp
 
 from circuits import anatomy
-from circuits.activity import checked_drive, total_nats
+from circuits.activity import checked_drive, total_nats, warn_beyond_range
 from circuits.cells import Phase
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
@@ -85,3 +86,16 @@ def test_a_drive_that_does_not_fit_is_refused(circuit, drive, message):
     for engine in (checked_drive, algebra.run, lambda *a: run_rate(*a, step_ms=1)):
         with pytest.raises(ValueError, match=message):
             engine(circuit, drive)
+
+
+def test_a_circuit_in_saliences_says_between_which_inputs_it_works():
+    """A channel is driven by what it rests at and its own evidence."""
+    circuit = replace(anatomy.gpr(), range_nats=(0.0, 0.9))
+    rest = circuit.rest_drive
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_beyond_range(circuit, np.array([-rest, 0.9 - rest]))
+    for drive in ([-rest - 0.25, 0.5], [0.2, 1.3 - rest]):
+        said = f"the input runs from {rest + drive[0]:.2f} to {rest + drive[1]:.2f} salience"
+        with pytest.warns(UserWarning, match=said):
+            warn_beyond_range(circuit, np.array(drive))

@@ -4,7 +4,8 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from circuits.ticks import Clock, spike_hz
+from circuits import anatomy, noise
+from circuits.ticks import Clock, cell_factors, spike_hz
 
 
 def test_the_clock_counts_what_it_says():
@@ -20,3 +21,18 @@ def test_the_rate_of_a_tick_is_exact_in_whatever_order_spikes_are_added(neurons)
     npt.assert_allclose(each, 1e4 / neurons, rtol=1e-12)
     one_by_one = np.cumsum(np.full(neurons, each))
     npt.assert_array_equal(one_by_one, each * np.arange(1, neurons + 1))
+
+
+def test_constants_of_cells_follow_their_draws_down_to_a_tenth():
+    """More ones in a cell's word, larger constants; the mean of a channel is the row's."""
+    circuit = anatomy.spiking_msprt().with_neurons(400)
+    key = noise.stream_key(circuit.wiring_seed, 0, "GPe/1")
+    for spread, least in ((0.2, 0.3), (1.0, 0.1)):
+        found = cell_factors(circuit.with_spread(spread), "GPe", 1)
+        for i, factors in enumerate(found):
+            draws = noise.bits32(key, noise.CELLS_TICK + i, 400)
+            assert (np.diff(factors[np.argsort(draws)]) >= 0).all()
+        assert (found.min() == least) == (spread == 1.0)
+        if spread < 1:
+            npt.assert_allclose(found.mean(axis=1), 1, rtol=1e-12)
+            npt.assert_allclose(found.std(axis=1), spread, rtol=0.1)

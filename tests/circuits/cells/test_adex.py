@@ -129,3 +129,11 @@ def test_factors_of_an_adex_are_of_its_time_constant_its_slope_and_its_way_to_th
     assert top["knee"] == pytest.approx(2 * one["knee"], rel=1e-6)
     assert slope["knee"] == one["knee"]
     assert top["slope"] == one["slope"]
+
+
+def test_an_adex_starts_anywhere_between_reset_and_knee_and_is_ready():
+    c = ADEX.constants(np.ones(3), 0.1)
+    for uniform in (0.0, 0.25, 1.0):
+        v, w, wait = ADEX.begin(np.float64(uniform), *c.values())
+        assert v == pytest.approx(uniform * (ADEX.knee_mv - ADEX.reset_mv), rel=1e-6)
+        assert w == wait == 0

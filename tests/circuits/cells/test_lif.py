@@ -71,3 +71,14 @@ def test_a_cell_that_varies_by_nothing_is_the_cell_and_its_factors_those_of_a_ti
         # Own units are those in which all cells have one threshold.
         expected = own[name] / (1 if name == "decay" else own["unit"])
         npt.assert_allclose(made[name], expected, rtol=1e-6, err_msg=name)
+
+
+def test_a_lif_starts_anywhere_between_reset_and_its_threshold_and_is_ready():
+    """In the units of its population, where its own threshold is that of all."""
+    cell = BASE.population("GPe").cell
+    c = cell.constants(np.array([1.0, 1.0, 1.3]), 0.1)
+    for uniform in (0.0, 0.25, 1.0):
+        v, wait = cell.begin(np.float64(uniform), *c.values())
+        assert v == pytest.approx(uniform * c["threshold"] * c["unit"], rel=1e-6)
+        assert wait == 0
+    assert c["unit"] < 0.8

@@ -206,3 +206,12 @@ def test_one_loop_amplifies_as_its_closed_form(total):
     s = 2j * np.pi * hertz * 1e-3
     around = -(total - 1) * np.exp(-10 * s) / ((1 + 6 * s) * (1 + 14 * s))
     assert amplified == pytest.approx(1 / abs(1 - around), rel=1e-9)
+
+
+def test_a_tone_that_all_targets_take_for_nothing_changes_no_root():
+    """Rates stand for activity from a baseline on: another one is no other circuit."""
+    table = anatomy.bogacz_gurney()
+    other = table.with_population("STN", baseline_hz=13.0).with_population("GPe", baseline_hz=9.0)
+    drive = (0.7, -0.4)
+    assert growth(other, drive) == pytest.approx(growth(table, drive), rel=1e-6)
+    assert stability.ringing(other, drive) == pytest.approx(stability.ringing(table, drive))
