@@ -378,3 +378,12 @@ def test_a_table_of_ones_own_takes_a_thousand_alternatives():
     table = Circuit("mine", rows, (Projection("ctx", "SNr", 1.0),), 1000)
     with pytest.raises(ValueError, match="mine takes at most 1000 alternatives, got 1001"):
         table.with_channels(1001)
+
+
+@pytest.mark.parametrize(("factor", "neurons"), [(0.5, 150), (2, 600), (1.004, 301), (1e-6, 1)])
+def test_so_many_times_the_cells_are_rounded_and_one_is_left(factor, neurons):
+    found = anatomy.spiking_msprt().with_neurons_times(factor)
+    assert {row.neurons for row in found.populations if row.spiking} == {neurons}
+    for silly in (0, -1, math.inf):
+        with pytest.raises(ValueError, match=f"factor must be > 0 and finite, got {silly}"):
+            found.with_neurons_times(silly)

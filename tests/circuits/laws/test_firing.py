@@ -160,7 +160,7 @@ def test_cells_at_the_tick_without_the_lowered_threshold_fire_too_little():
 
 def test_the_mean_potential_inverts_the_rate():
     cell = SPIKING.population("GPe").cell
-    for rate in (0.5, 12.0, 200.0):
+    for rate in (1e-6, 0.5, 12.0, 200.0):
         assert lif_rate_hz(cell, lif_mean_mv(cell, rate)) == pytest.approx(rate, rel=1e-9)
     for rate in (0, -1, 500, np.nan):
         with pytest.raises(ValueError, match=r"rate_hz must lie in 0\.\.1000/refractory_ms"):

@@ -324,3 +324,15 @@ def test_a_loop_amplifies_more_where_evidence_drives_it():
     assert ringing(table, (0.0, 0.0)) == ringing(table)
     with pytest.raises(ValueError, match=r"drive must be \(2,\), got shape \(3,\)"):
         ringing(table, np.zeros(3))
+
+
+def test_what_comes_on_top_of_rates_moves_along_the_bend_of_a_pathway():
+    """S - ln S has the slope 1/2 at 2 nats and 2/3 at 3, to which 20 Hz more of the source take."""
+    wiring, x, activity = at_point(kinked(path="s_minus_log_s", source_nats=2.0), REST)
+    np.testing.assert_allclose(activity, 2.0)
+    source, target = (wiring.blocks_of(name)[0] for name in ("source", "target"))
+    more = np.zeros((1, wiring.blocks))
+    more[0, wiring.blocks_of("source")] = 20.0
+    there, here = (linear(wiring, x, [5.0], extra).into[0, 0, target, source]
+                   for extra in (more, 0.0))  # fmt: skip
+    assert there / here == pytest.approx((2 / 3) / (1 / 2), rel=1e-9)

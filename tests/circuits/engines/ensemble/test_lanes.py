@@ -2,6 +2,7 @@
 
 import numpy as np
 import numpy.testing as npt
+import pytest
 
 from circuits import noise
 from circuits.engines.ensemble import lanes
@@ -107,3 +108,14 @@ def test_the_loop_of_phase_cells_does_what_numpy_does():
     npt.assert_allclose(v, expected, rtol=1e-5, atol=1e-6)
     npt.assert_array_equal(bits(fired), spikes)
     assert spikes.any(axis=1).all()
+
+
+@pytest.mark.parametrize("held", [1, 3, 20, 300])
+def test_a_cell_waits_so_many_ticks_and_is_at_its_reset_then_exactly(held):
+    """Whole numbers of a power of two: no rounding is left of the wait."""
+    v, ticks = np.float32(-held) * lanes.WAIT, 0
+    while v < lanes.WAITING:
+        v, ticks = np.float32(v + lanes.WAIT), ticks + 1
+    assert (ticks, v) == (held, 0)
+    # Nor does a potential, of either sign, look like a wait.
+    assert lanes.WAITING < -1e5 < -held

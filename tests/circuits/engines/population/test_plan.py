@@ -48,3 +48,14 @@ def test_noise_is_that_of_so_many_cells_in_a_tick():
     expected = np.where(spiking, count / count**2, 0)
     np.testing.assert_allclose(made[True]["noise"] ** 2, expected, rtol=1e-6)
     assert not made[False]["noise"].any()
+
+
+@pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
+def test_what_units_pass_on_at_rest_keeps_blocks_there(name):
+    """Tone and pathways that bend included."""
+    wiring = wire(anatomy.circuit(name, 3))
+    scheme = Scheme(wiring, 0.5)
+    laid = plan(scheme, Clock(1, 50, 0.5), Laws(LINES, noise=False))
+    arrives = wiring.weight @ laid.units["passed"] + wiring.bias
+    np.testing.assert_allclose(arrives, laid.blocks["rest_x"], rtol=1e-5, atol=1e-5)
+    assert (wiring.constant != 0).any()
