@@ -284,3 +284,19 @@ def test_a_weight_that_no_rule_could_find_is_refused():
         anatomy.macaque().balanced("D1")
     with pytest.raises(ValueError, match="has no pathway FSI->SNr"):
         anatomy.macaque().balanced("FSI")
+
+
+def test_a_population_without_afferents_moves_by_its_own_error_with_the_time_constant():
+    """W is 1 then: in a tenth of tau, the step unless told otherwise, a tenth of what is wanted."""
+    circuit = anatomy.bogacz_gurney()
+    course = recovery(circuit, circuit, rebound_nats={"ctx": 0.2})
+    ctx = course[course["population"] == "ctx"]
+    np.testing.assert_allclose(np.diff(ctx["time"]), 0.1, rtol=1e-9)
+    moved = ctx["bias_nats"] - circuit.population("ctx").bias_nats
+    np.testing.assert_allclose(moved, 0.2 * (1 - 0.9 ** np.arange(len(moved))), atol=1e-9)
+
+
+def test_a_rule_has_a_hundred_time_constants_to_settle_unless_told_otherwise():
+    circuit = anatomy.macaque(2)
+    with pytest.raises(ValueError, match=r"does not recover: after 100 time constants"):
+        recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, step=10.0)
