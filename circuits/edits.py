@@ -198,7 +198,7 @@ def _row(
     constants = {k.removeprefix(OF_CELL): v for k, v in given.items() if k.startswith(OF_CELL)}
     own = {k: v for k, v in given.items() if k != "cell" and not k.startswith(OF_CELL)}
     values = {**_typed(kind, own), **identity}
-    if cell and (constants or "cell" in given):
+    if cell:
         kept = old.cell if isinstance(old, Population) and "cell" not in given else None
         values["cell"] = _made(cell, kept, _typed(cell, constants), f"{owner}: the cell")
     row: Row = _made(kind, old, values, owner)
