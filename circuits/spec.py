@@ -416,7 +416,7 @@ class Circuit:
 
         rows = [
             replace(self.population(name), bias_nats=bias)
-            for name, bias in biases(self, reference, rebound_nats or {}).items()
+            for name, bias in biases(self, reference, rebound_nats).items()
         ]
         found = self._with(*rows)
         return found if found == found.unlesioned else replace(found, chronic=True)

@@ -116,11 +116,12 @@ def test_a_file_of_ones_own_needs_no_more_than_what_differs():
     # Where rows share lines they are counted.
     with pytest.raises(ValueError, match=r"^mine\.toml, populations, row 3: transmitter must"):
         table_reader.parse(text.replace('"Rate", "GABA"', '"Rate", "gaba"'), "mine.toml")
-    one_line = text.replace('"mine"],\n', '"mine"],', 1).replace('"D1",  "Rate"', '"D1", "Rat"')
+    other = text.replace('"mine"],\n', '"mine"],', 1).replace('["SNr",', '\n["SNr",')
+    other = other.replace('"D1",  "Rate"', '"D1", "Rat"')
     with pytest.raises(
         ValueError, match=r"^mine\.toml, populations, row 2: there is no cell 'Rat'"
     ):
-        table_reader.parse(one_line, "mine.toml")
+        table_reader.parse(other, "mine.toml")
 
 
 TEXT = table_files.text(anatomy.spiking_msprt(2))
