@@ -39,3 +39,16 @@ def test_the_text_says_what_the_function_does(name):
 )
 def test_laws_end_where_they_are_said_to(name, x, activity):
     np.testing.assert_allclose(named(name)(x), activity, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "activity", "x"),
+    [
+        ("rectified", [-0.1, 0, 9], [np.nan, 0, 9]),
+        ("saturating", [-0.1, 0, 5.5, 5.6], [np.nan, 0, 5.5, np.nan]),
+        ("ramp", [-0.1, 0, 1, 1.1], [np.nan, 0, 1, np.nan]),
+        ("exp", [-1, 0, 1, np.e], [np.nan, np.nan, 0, 1]),
+    ],
+)
+def test_an_activity_that_no_input_has_has_no_inverse(name, activity, x):
+    np.testing.assert_allclose(named(name).inverse(np.array(activity)), x)
