@@ -128,9 +128,8 @@ class Effect:
     @property
     def interval(self) -> tuple[float, float]:
         """Its 95 % interval; NaN where none was published."""
-        if self.low is None or self.high is None:
-            return np.nan, np.nan
-        return self.low, self.high
+        low, high = (np.nan if end is None else end for end in (self.low, self.high))
+        return low, high
 
 
 @dataclass(frozen=True)

@@ -176,7 +176,7 @@ def _effects(experiment: Experiment, table: pd.DataFrame) -> list[str]:
     lines = ["", "published, as a number, and the model's:"] if experiment.effects else []
     for row in beside_published(experiment, table).to_dict("records"):
         relative = row["condition"] == PERCENT
-        whole = row["measure"].endswith("_ms") and not relative
+        whole = row["measure"].endswith("_ms")
         form = "+.1f" if relative else "+.0f" if whole else "+.3f"
         published = f"{row['published']:{form}}"
         if np.isfinite(row["published_low"]):

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+import warnings
 from dataclasses import MISSING, fields, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 import pytest
 
 from bgmodel import stream
+from bgmodel.comparison.compare import Tradeoff
 from bgmodel.edits import Edits
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.experiments.experiment import (
@@ -18,6 +20,7 @@ from bgmodel.experiments.experiment import (
     RENAMED,
     WITHOUT,
     Condition,
+    Effect,
     Experiment,
     Prediction,
     behaviour_of,
@@ -25,7 +28,7 @@ from bgmodel.experiments.experiment import (
     run_experiment,
     shipped,
 )
-from bgmodel.experiments.measures import MEASURES
+from bgmodel.experiments.measures import MEASURES, Behaviour
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
@@ -178,10 +181,50 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file,
         ("none", 1, (1.1, 2), DISAGREES),
         ("none", 1, (-2, -1.1), DISAGREES),
         ("up", 1, (np.nan, np.nan), OPEN),
+        ("up", 1, (np.nan, 0.5), OPEN),
+        ("up", 1, (1.5, np.inf), OPEN),
     ],
 )
 def test_the_interval_decides(direction, at_least, interval, outcome):
     assert Prediction("accuracy", direction, at_least).outcome(*interval) == outcome
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_an_effect_without_an_interval_is_a_number_nevertheless(value):
+    assert np.isnan(Effect("mean_ms", 5.0, "nobody").interval).all()
+    assert Effect("mean_ms", 5.0, "nobody", 4.0, 6.0).interval == (4.0, 6.0)
+    for ends in ((), (-np.inf, np.inf)):
+        with pytest.raises(ValueError, match="value must lie between low and high, got"):
+            Effect("mean_ms", value, "nobody", *ends)
+
+
+@pytest.mark.parametrize(("missed", "warned"), [(5, 0), (6, 2), (80, 2)])
+def test_more_than_a_twentieth_of_trials_undecided_in_time_is_warned_of(
+    experiment_file, monkeypatch, missed, warned
+):
+    """Of 100 in both conditions; below 20 decided ones the control is refused."""
+    experiment = read_experiment(experiment_file)
+    experiment = replace(experiment, task=replace(experiment.task, trials=100, t_max=4))
+
+    def late(forced):
+        def behaviour(model, evidence, threshold_nats, foreperiod_ms):
+            rows = (evidence.truth, 9.0 + np.arange(100), np.arange(100) < forced)
+            rows = (*rows, np.zeros(100, bool), np.full(100, 0.9))
+            decided = Tradeoff(np.array([threshold_nats]), *(row[None] for row in rows))
+            return Behaviour(decided, np.zeros(100, bool), evidence.truth, 2)
+
+        return behaviour
+
+    monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", late(missed))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run_experiment(experiment)
+    said = [str(w.message) for w in caught if "decides in time in" in str(w.message)]
+    assert len(said) == warned
+    assert all(f"decides in time in {100 - missed} of 100 trials" in text for text in said)
+    monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", late(81))
+    with pytest.raises(ValueError, match="decides in time in 19 of 100 trials, at least 20 are"):
+        run_experiment(experiment)
 
 
 def test_intervals_are_those_of_pairs(experiment_file):

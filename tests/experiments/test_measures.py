@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from bgmodel import stream
 from bgmodel.comparison.compare import Tradeoff
 from bgmodel.experiments.measures import (
-    CUT_OFF,
     DIFFUSION_S,
     OF_DIFFUSION,
     Behaviour,
@@ -83,18 +82,36 @@ def test_ez_at_the_edges_is_moved_by_half_a_trial():
 
 
 def test_a_diffusion_is_withheld_where_the_deadline_cuts_off_more_than_a_few():
-    """One trial of 200 is a few, three are more; other measures stay."""
-    truth = np.arange(200) % 2
-    choice = np.where(np.arange(200) < 20, 1 - truth, truth)
-    times = 300 + 10.0 * (np.arange(200) % 37)
-    for missed in (1, 3):
-        forced = np.arange(200) >= 200 - missed
-        rows = (choice, times, forced, np.zeros(200, bool), np.full(200, 0.9))
-        decided = Tradeoff(np.array([0.2]), *(row[None] for row in rows))
-        found = Behaviour(decided, np.zeros(200, bool), truth, 2).measures(np.ones((1, 200)))
+    """A hundredth of the trials is a few, one more is not; other measures stay."""
+    truth = np.arange(1000) % 2
+    choice = np.where(np.arange(1000) < 100, 1 - truth, truth)
+    times = 300 + 10.0 * (np.arange(1000) % 37)
+    for missed, few in ((1, True), (10, True), (11, False)):
+        found = behaving(choice, times, truth, missed).measures(np.ones((1, 1000)))
         known = [np.isfinite(found[name]).all() for name in OF_DIFFUSION]
-        assert known == [missed / 200 <= CUT_OFF] * 3
+        assert known == [few] * 3
         assert np.isfinite(found["accuracy"]).all()
+
+
+def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
+    """Later by 400 ms its non-decision time is; slower by twice, its bound and drift change so."""
+    truth, weights = np.arange(500) % 2, np.ones((1, 500))
+    choice = np.where(np.arange(500) % 10 < 2, 1 - truth, truth)
+    times = 900 + 200 * stream(3, "times").standard_gamma(2.0, 500)
+    right = times[choice == truth] / 1000
+    want = ez_diffusion(0.8, right.mean(), right.var(), 500)
+    found, later, slower, wrong_later = (
+        behaving(choice, t, truth).measures(weights)
+        for t in (times, times + 400, 2 * times, times + 400 * (choice != truth))
+    )
+    assert (found["drift"][0], found["bound"][0]) == pytest.approx(want[:2])
+    assert found["non_decision_ms"][0] == pytest.approx(1000 * want[2])
+    assert later["non_decision_ms"][0] == pytest.approx(found["non_decision_ms"][0] + 400)
+    assert slower["non_decision_ms"][0] == pytest.approx(2 * found["non_decision_ms"][0])
+    for name, other in (("drift", 0.5**0.5), ("bound", 2**0.5)):
+        assert later[name] == pytest.approx(found[name])
+        assert wrong_later[name] == pytest.approx(found[name])
+        assert slower[name] == pytest.approx(other * found[name])
 
 
 def behaving(choice, times, truth, missed=0):

@@ -68,6 +68,27 @@ def test_a_page_says_why_a_diffusion_is_withheld():
     assert "of the control are withheld: no diffusion that starts half-way" in shown
 
 
+@pytest.mark.parametrize(
+    ("channels", "measure", "told"),
+    [(2, "mean_ms", True), (2, "bound", True), (4, "mean_ms", False), (4, "bound", True)],
+)
+def test_a_diffusion_that_nobody_asked_for_is_missed_where_there_could_be_one(
+    channels, measure, told
+):
+    experiment = replace(shipped()["stn_no_conflict"], effects=())
+    experiment = replace(
+        experiment,
+        predictions=(Prediction(measure, "down", 20.0),),
+        task=replace(experiment.task, channels=channels),
+    )
+    values = dict.fromkeys(MEASURES, 0.0) | {"non_decision_ms": np.nan, "decided": 100.0}
+    rows = [(c, m, v, v, v) for c in ("control", "change") for m, v in values.items()]
+    rows += [("manipulation", m, v, v, v) for m, v in (values | {"non_decision_ms": 9}).items()]
+    table = pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
+    assert ("of the control are withheld" in page(experiment, table)) == told
+    assert "of the manipulation are withheld" not in page(experiment, table)
+
+
 def judged(shares, foreperiod_ms=500.0, decided=100, measure="mean_ms"):
     """Return the outcome of a change of -100 +- 10 that was predicted, for shares of responses."""
     experiment = shipped()["stn_no_conflict"]
@@ -129,13 +150,12 @@ def test_the_edit_alone_makes_the_outcome(name):
     assert (held["value"] == 0).all()
 
 
-def held_to(effect, low, high):
+def held_to(effect, low, high, value=0.0, **shares):
     """Return the verdict on a model's change of 0 with its interval, beside an effect."""
     experiment = replace(shipped()["stn_no_conflict"], effects=(effect,))
-    rows = [("manipulation", name, 0.1, 0.1, 0.1) for name in MEASURES]
-    rows += [("manipulation", "decided", 100.0, 100.0, 100.0)]
-    rows = [row for row in rows if row[1:3] != ("decided", 0.1)]
-    rows += [(c, "mean_ms", 0.0, low, high) for c in ("change", "percent")]
+    values = dict.fromkeys(MEASURES, 0.1) | {"decided": 100.0} | shares
+    rows = [("manipulation", name, one, one, one) for name, one in values.items()]
+    rows += [(c, effect.measure, value, low, high) for c in ("change", "percent")]
     table = pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
     row = beside_published(experiment, table).iloc[0]
     return row["condition"], row["comparison"]
@@ -149,6 +169,20 @@ def test_an_effect_is_compatible_where_the_difference_of_both_holds_0():
     assert held_to(Effect("mean_ms", 5.0, "nobody"), -3, 3) == ("change", NO_INTERVAL)
     # Each end of an interval has its own width: what counts is the one that points to the other.
     assert held_to(Effect("mean_ms", 5.1, "nobody", -30.0, 9.1), -3, 3) == ("change", COMPATIBLE)
+
+
+def test_an_effect_is_left_open_where_the_model_has_no_number_or_hardly_decides():
+    """Of what is said of decisions alone: how many are missed is known nevertheless."""
+    of_times = Effect("mean_ms", 1.0, "nobody", -3.0, 5.0)
+    of_missed = Effect("missed", 1.0, "nobody", -3.0, 5.0)
+    for effect in (of_times, of_missed):
+        assert held_to(effect, -3, 3) == ("change", COMPATIBLE)
+        assert held_to(effect, np.nan, np.nan, np.nan) == ("change", OPEN)
+        assert held_to(effect, -3, 3, premature=0.9) == ("change", WITHOUT)
+    assert held_to(of_times, -3, 3, decided=19) == ("change", OPEN)
+    assert held_to(of_times, -3, 3, decided=20) == ("change", COMPATIBLE)
+    assert held_to(of_missed, -3, 3, decided=19) == ("change", COMPATIBLE)
+    assert held_to(of_times, -3, 3, decided=19, premature=0.9) == ("change", WITHOUT)
 
 
 def test_percent_are_those_of_the_control():
