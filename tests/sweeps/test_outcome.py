@@ -96,6 +96,42 @@ def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path):
     assert (panel.get_ylabel(), panel.get_xlabel()) == ("STN, part lesioned", "posterior")
 
 
+@pytest.mark.parametrize(
+    ("key", "label"),
+    [
+        ("STN", "STN, part lesioned"),
+        ("STN->GPe", "STN->GPe, factor"),
+        ("STN.bias_nats", "STN.bias_nats"),
+        ("rebound SNr", "rebound SNr"),
+        ("D1->GPe delay_ms=4 weight", "D1->GPe delay_ms=4 weight"),
+        ("dopamine", "dopamine"),
+        ("task.d_prime", "task.d_prime"),
+    ],
+)
+def test_an_axis_says_what_its_numbers_are_of(key, label):
+    plan = Plan(grid={key: (0.1, 0.2)}, show=("mean_ms",))
+    panel = outcome.draw(plan, points_of(plan, [300.0, 200.0])).axes[0]
+    assert (panel.get_xlabel(), panel.get_ylabel()) == (label, "mean (ms)")
+
+
+def points_of(plan, values, remarks=None):
+    """Return a table of one measure at each point of a plan."""
+    table = pd.DataFrame(list(plan.each))
+    table = table.assign(measure=plan.show[0], value=values, low=values, high=values, trials=80)
+    return table.assign(remark=remarks or "")
+
+
+def test_a_star_stands_at_every_number_that_has_a_remark():
+    plan = Plan(grid={"posterior": (0.7, 0.8, 0.9)}, show=("accuracy",))
+    said = points_of(plan, [0.6, 0.7, np.nan], ["", "few decide", "rates run away"])
+    (panel,) = (figure := outcome.draw(plan, said)).axes
+    assert [(star.get_text(), star.xy) for star in panel.texts] == [("*", (0.8, 0.7))]
+    assert "*: see `remark`" in figure.get_suptitle()
+    (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
+    assert not panel.texts
+    assert "*" not in figure.get_suptitle()
+
+
 def test_three_keys_have_a_table_and_no_figure():
     plan = Plan(grid={"STN": (0.1,), "GPe": (0.1,), "dopamine": (1.0,)})
     with pytest.raises(ValueError, match="one key or two, got STN, GPe, dopamine"):

@@ -1,12 +1,13 @@
 """The file of a sweep: keys, points, and the names of shards."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from bgmodel.edits import Edits
-from bgmodel.sweeps.plan import BLOCK, Plan, read_plan
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.sweeps.plan import BLOCK, Plan, Setting, read_plan
 from circuits.anatomy import circuit
 from circuits.table_files import write
 from tests.helpers import long_table, some_evidence
@@ -28,6 +29,22 @@ def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
         (0.0, 0.9), (0.0, 1.0), (0.0, 1.1), (0.1, 0.9), (0.1, 1.0), (0.1, 1.1)
     ]  # fmt: skip
     assert found.axes == {"STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
+
+
+def test_points_one_by_one_are_as_good_as_a_grid():
+    grid = Plan(grid={"STN": (0.0, 0.1), "dopamine": (0.9,)})
+    points = Plan(points=({"STN": 0.0, "dopamine": 0.9}, {"STN": 0.1, "dopamine": 0.9}))
+    assert points.each == grid.each
+    assert points.axes == grid.axes
+    assert points.settings() == grid.settings()
+
+
+def test_what_a_sweep_does_not_say_is_as_in_an_experiment():
+    """A reader who turns one into the other keeps the numbers; only the engine is a faster one."""
+    of_both = [{f.name: f.default for f in fields(kind)} for kind in (Setting, Experiment)]
+    names = {*of_both[0]} & {*of_both[1]} - {"task", "engine"}
+    assert names == {"circuit", "gain", "posterior", "foreperiod_ms", "seed"}
+    assert len({tuple(one[name] for name in sorted(names)) for one in of_both}) == 1
 
 
 @pytest.mark.parametrize(
@@ -74,6 +91,7 @@ def test_numbers_of_the_task_and_the_run_change_by_their_names():
         ("grid = {STN = [0.1]}\npoints = [{GPe = 0.1}]", "either"),
         ("grid = {STN = []}", "each key of grid needs one value or more"),
         ("points = [{STN = 0.1}, {GPe = 0.1}]", "all points must name the same keys"),
+        ("points = [{}]", "all points must name the same keys, one or more"),
         ("colour = 1\ngrid = {STN = [0.1]}", "there is no key 'colour'; there are task, edits"),
         ("show = ['speed']\ngrid = {STN = [0.1]}", "show must name accuracy, .*; got 'speed'"),
     ],

@@ -97,6 +97,16 @@ def test_a_response_at_the_deadline_is_one():
     assert read_choices(table, deadline_s=latest).trials == TRIALS
 
 
+@pytest.mark.parametrize(("median", "seconds"), [(50.0, True), (50.5, False)])
+def test_times_are_taken_for_seconds_up_to_a_median_of_50(median, seconds):
+    table = people().assign(rt=median + np.arange(TRIALS) - (TRIALS - 1) / 2)
+    if seconds:
+        assert read_choices(table).rt_s.tolist() == table["rt"].tolist()
+        return
+    with pytest.raises(ValueError, match=r"in seconds, got a median of 50\.5: divide by 1000"):
+        read_choices(table)
+
+
 def test_what_hssm_writes_as_missing_is_missing_whatever_the_response():
     table, known = people(), read_choices(silent(people(), [3, 40]), deadline_s=9.0)
     table.loc[[3, 40], "rt"] = MISSING_RT

@@ -151,6 +151,35 @@ def test_cells_of_a_csv_come_back_as_they_were_written(tmp_path, cells, kind):
     )
 
 
+def test_the_ending_of_a_file_says_how_it_is_read_and_numbers_are_the_same(tmp_path):
+    """Readings follow on in 1 ms unless it is said otherwise."""
+    table = long_table(gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    table.to_csv(tmp_path / "mine.csv", index=False)
+    table.to_parquet(tmp_path / "mine.parquet")
+    known = trials_from_table(table)
+    for path in (tmp_path / "mine.csv", tmp_path / "mine.parquet"):
+        evidence = read_trials(path).evidence
+        np.testing.assert_array_equal(evidence.log_likelihood, known.evidence.log_likelihood)
+        assert (evidence.onset_ms, evidence.step_ms) == (0, 1)
+        later = read_trials(path, onset_ms=20.0, step_ms=50.0, prior=[0.25, 0.75]).evidence
+        assert (later.onset_ms, later.step_ms) == (20, 50)
+        assert later.prior.tolist() == [0.25, 0.75]
+    assert (known.evidence.onset_ms, known.evidence.step_ms) == (0, 1)
+    for name in ("absent.csv", "absent.parquet"):
+        with pytest.raises(ValueError, match=f"there is no table .*{name}"):
+            read_trials(tmp_path / name)
+
+
+def test_a_million_nats_are_the_most_that_a_reading_says():
+    table = long_table(gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    at = np.arange(len(table))
+    most = table.assign(ll_a=np.where(at == 3, 1e6, -1e6))
+    assert np.ptp(trials_from_table(most).evidence.log_likelihood[..., 0]) == 2e6
+    for beyond in (1.000001e6, -1.000001e6):
+        with pytest.raises(ValueError, match=r"ll_b must be .* at trial 1, step 1 \(1 such"):
+            trials_from_table(table.assign(ll_b=np.where(at == 5, beyond, 0.0)))
+
+
 def changed(name, values):
     return lambda good: good.assign(**{name: values})
 
@@ -222,6 +251,7 @@ def test_bad_tables_get_one_clear_sentence(says):
         ("trial,step,ll_a,ll_b\n0,0,1,2\n0,1,1,5,2,5\n", "decimal sign a comma"),
         ('trial,step,ll_a,ll_b\n0,0,"-1,5",2\n', "got '-1,5'.*decimal sign a comma"),
         ("", "can't be read as .csv"),
+        ("trial\n0\n", r"needs the columns trial, step and at least two .*, got \['trial'\]"),
         ("trial,step,ll_a,ll_b\n", "at least one trial"),
         ("trial,step,ll_a,ll_b\n0,0,1,\n", "ll_b must be a finite number"),
         ("trial,step,ll_a,ll_b\n0,0,1,inf\n", "ll_b must be a finite number"),
