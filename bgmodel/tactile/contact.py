@@ -159,8 +159,8 @@ class _Problem:
         """Iterate from a pressure until the misfit is below `tol`."""
         pressure = pressure * (self.total / pressure.sum())
         displacement = self.displace(pressure)
-        direction, slope, before = np.zeros_like(self.gap), 1.0, None
-        error = scale = np.nan
+        direction, before = np.zeros_like(self.gap), None
+        error = scale = slope = np.nan
         for _ in range(max_iterations):
             touching = pressure > 0
             clearance = self.gap + displacement

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.tactile.camera import _discs, marker_pixels, render
+from bgmodel.tactile.camera import _discs, marker_pixels, pixels_per_mm, render
 from bgmodel.tactile.tips import Tip
 
 
@@ -54,6 +54,25 @@ def test_a_picture_that_cannot_be_drawn_is_refused():
         render(0, marker_mm=5.0)
     with pytest.raises(ValueError, match="shape: got"):
         render(0, shape=(4, 4))
+
+
+def test_a_marker_is_bright_and_as_wide_as_its_diameter_on_a_dark_ground():
+    """Of 225 on 18 in its middle, and half-way between the two at its edge."""
+    tip, side = Tip(), 481
+    pixels = pixels_per_mm(tip, (side, side))
+    # The aperture, a pitch beyond the corner pin 9 pitches away each way, fills the height.
+    assert pixels == pytest.approx(side / 2 / (1.2 * (9 * 2**0.5 + 1)))
+    for marker_mm, image in (
+        (0.6, render(0, tip, shape=(side, side))),
+        (0.9, render(0, tip, shape=(side, side), marker_mm=0.9)),
+    ):
+        middle, half = side // 2, round(0.6 * pixels)
+        assert image[middle, middle] == 225
+        # The pins stand in squares: farthest from them, and least lit, are their middles.
+        assert image[middle - half, middle - half] == 18
+        near = image[middle - half : middle + half + 1, middle - half : middle + half + 1]
+        area = np.count_nonzero(near > (18 + 225) / 2) / pixels**2
+        assert area == pytest.approx(np.pi * (marker_mm / 2) ** 2, rel=0.08)
 
 
 def test_light_falls_with_the_square_of_the_distance_and_ends_at_the_rim():

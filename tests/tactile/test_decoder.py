@@ -7,12 +7,13 @@ import pandas as pd
 import pytest
 
 from bgmodel.seeds import stream
-from bgmodel.tactile.decoder import EDGE, Decoder, Training, train
-from bgmodel.tactile.networks import GratingNetwork, wrapped
+from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, train
+from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
 
 QUICK = Training(width=0.1, epochs=3, validation=0.2)
+ABOUT = {"taps": "striped"}
 
 
 def striped_taps(count=400, seed=1, layout="square", limit=90):
@@ -29,7 +30,7 @@ def striped_taps(count=400, seed=1, layout="square", limit=90):
 
 @pytest.fixture(scope="module")
 def decoder():
-    return train(striped_taps(1200), seed=3, training=QUICK)
+    return train(striped_taps(1200), seed=3, training=QUICK, about=ABOUT)
 
 
 def test_a_decoder_reads_the_angle_of_unseen_taps(decoder):
@@ -42,7 +43,7 @@ def test_a_decoder_reads_the_angle_of_unseen_taps(decoder):
 
 
 def test_the_same_seed_gives_the_same_weights(decoder, tmp_path):
-    again = train(striped_taps(1200), seed=3, training=QUICK)
+    again = train(striped_taps(1200), seed=3, training=QUICK, about=ABOUT)
     first, second = decoder.save(tmp_path / "a.safetensors"), again.save(tmp_path / "b.safetensors")
     assert first.read_bytes() == second.read_bytes()
     other = train(striped_taps(1200), seed=4, training=QUICK).save(tmp_path / "c.safetensors")
@@ -55,6 +56,7 @@ def test_a_stored_decoder_is_the_decoder(decoder, tmp_path):
     assert np.array_equal(back.decode(taps)["psi_deg"], decoder.decode(taps)["psi_deg"])
     assert back.training == QUICK
     assert back.about["seed"] == 3
+    assert back.about["taps"] == "striped"
     assert not list(tmp_path.glob(".*"))
 
 
@@ -71,6 +73,12 @@ def test_edges_are_read_in_all_directions():
     fresh = pushed(300, 2)
     error = wrapped(edge.decode(fresh)["edge_deg"] - fresh.labels["yaw_deg"].to_numpy(), 360)
     assert error.std() < 15
+
+
+def test_edges_are_decoded_with_the_settings_behind_the_results_on_real_taps():
+    """docs/results.md is measured again where these change."""
+    found = (EDGE.epochs, EDGE.batch, EDGE.learning_rate, EDGE.l2, EDGE.validation)
+    assert found == (20, 128, 2e-3, 0.0, 0.15)
 
 
 def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path):
@@ -92,6 +100,48 @@ def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path)
         Taps.concatenate([gratings, of_edges])
     with pytest.raises(ValueError, match="stimulus must be one of grating, edge, got 'leaf'"):
         replace(gratings, stimulus="leaf")
+
+
+def test_pins_within_a_thousandth_of_a_millimetre_are_those_it_was_trained_on(decoder):
+    taps = striped_taps(5, seed=2)
+    near, beyond = (replace(taps, rest_mm=taps.rest_mm + s) for s in (0.0009, 0.00115))
+    known = decoder.decode(taps)["psi_deg"]
+    np.testing.assert_array_equal(decoder.decode(near)["psi_deg"], known)
+    with pytest.raises(ValueError, match="got taps of 361 pins or at other places"):
+        decoder.decode(beyond)
+
+
+def loss_of(kind, hidden=(), l2=0.0, which=0):
+    """Return the loss of outputs that err by 1 in one of them, behind other layers."""
+    import torch
+
+    outputs = len(kind.weights)
+    last = torch.nn.Linear(2, outputs)
+    last.weight.data.zero_()
+    last.bias.data = torch.eye(outputs)[which]
+    network = torch.nn.Sequential(*hidden, last)
+    optimiser = torch.optim.SGD(network.parameters(), 0.0)
+    schedule = torch.optim.lr_scheduler.ConstantLR(optimiser, 1.0)
+    x, y = torch.ones(20, 2), torch.zeros(20, outputs)
+    return _epoch(network, Training(l2=l2, batch=5), kind, x, y, optimiser, schedule)
+
+
+def test_the_label_counts_ten_times_as_much_as_cosine_and_sine_which_count_alike():
+    """As both do for an edge: no direction is worth more than another."""
+    label, cosine, sine = (loss_of(GratingNetwork, which=k) for k in range(3))
+    assert label == pytest.approx(10 * cosine)
+    assert cosine == pytest.approx(sine)
+    assert cosine == pytest.approx(1 / 3)
+    assert [loss_of(EdgeNetwork, which=k) for k in range(2)] == pytest.approx([1 / 2, 1 / 2])
+
+
+def test_weights_of_hidden_layers_alone_are_decayed():
+    import torch
+
+    hidden = torch.nn.Linear(2, 2)
+    hidden.weight.data.fill_(0.5)
+    plain, decayed = (loss_of(EdgeNetwork, [hidden], l2) for l2 in (0.0, 0.3))
+    assert decayed - plain == pytest.approx(0.3 * 4 * 0.5**2)
 
 
 def test_mirror_images_keep_the_truth():
@@ -142,6 +192,12 @@ def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
         (lambda d: d.decode(striped_taps(9, layout="circular")), "got taps of 331 pins"),
         (lambda d: train(striped_taps(40), seed=1), "at least 128 taps"),
         (lambda d: train(striped_taps(limit=180), seed=1), "yaw_deg must lie in -90..90"),
+        (
+            lambda d: train(
+                replace(striped_taps(100, limit=200), stimulus="edge"), seed=1, training=EDGE
+            ),
+            r"yaw_deg must lie in -180\.\.180",
+        ),
         (lambda d: Training(width=0), "width must be > 0"),
         (lambda d: Training(epochs=0), "epochs must be at least 1"),
         (lambda d: Training(validation=1.0), "validation must lie between"),

@@ -1,9 +1,13 @@
 """Pairs of taps on an edge: their halves, their differences, and who is fitted on whom."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from bgmodel.tactile.edges import halves, pairs, sources
+from bgmodel.tactile.decoder import EDGE
+from bgmodel.tactile.edges import decoded_yaw, halves, pairs, sources
+from bgmodel.tactile.taps import Taps
+from bgmodel.tactile.tips import Tip
 
 DIFFERENCES = (0.0, 5.0)
 
@@ -60,3 +64,38 @@ def test_each_half_is_scored_by_what_the_other_half_tells():
     # Fitted on the random half, no reading says anything worth a tenth of that.
     told = np.ptp(scored_good.likelihood(np.array([0.0, 5.0])), axis=1)
     assert told.max() < 0.1
+
+
+def test_a_difference_of_two_directions_spans_a_whole_turn_and_no_more():
+    for found in sources(halves(3, taps_of(120, seed=62)), DIFFERENCES):
+        assert np.isfinite(found.likelihood([-180.0, 180.0])).all()
+        for beyond in (-180.1, 180.1):
+            with pytest.raises(ValueError, match=r"covers -180\.\.180 degrees"):
+                found.likelihood(beyond)
+
+
+def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypatch, tmp_path):
+    """With the places of the first's pins; a tip of 40 mm spans about 122 px."""
+    rest = Tip("circular").rest_mm()
+
+    def read_taps(folder, *, mm_per_px, rest=rest):
+        assert 122 * mm_per_px == pytest.approx(40, rel=0.02)
+        yaw = {"csv_train": [1.0, 2.0], "csv_val": [30.0, -40.0, 50.0]}[folder.name]
+        still = np.zeros((len(yaw), len(rest), 2), np.float32)
+        return Taps(still, rest + (folder.name == "csv_val"), pd.DataFrame({"yaw_deg": yaw}))
+
+    def train(taps, *, seed, training):
+        assert (seed, training) == (5, EDGE)
+        assert taps.labels["yaw_deg"].tolist() == [1, 2]
+        np.testing.assert_array_equal(taps.rest_mm, rest)
+        return Decoder
+
+    class Decoder:
+        @staticmethod
+        def decode(taps):
+            np.testing.assert_array_equal(taps.rest_mm, rest + 1)
+            return {"edge_deg": taps.labels["yaw_deg"].to_numpy() + 3}
+
+    monkeypatch.setattr("bgmodel.tactile.edges.read_taps", read_taps)
+    monkeypatch.setattr("bgmodel.tactile.edges.train", train)
+    assert decoded_yaw(5, tmp_path).tolist() == [[30, 33], [-40, -37], [50, 53]]

@@ -35,6 +35,28 @@ def test_the_density_of_taps_that_say_the_same_is_the_kernel(period, step):
     np.testing.assert_allclose(np.exp(logs) / step, norm.pdf(grid, 10, 4), atol=1e-7)
 
 
+def test_taps_that_say_the_same_are_known_to_a_degree_and_no_better():
+    """However many: their bandwidth has a least value, where no other is asked for."""
+    grid = np.arange(-90, 90.25, 0.25)
+    for taps in (50, 50_000):
+        logs = _log_density(np.full(taps, 10.0), grid, None, taps, Density())
+        np.testing.assert_allclose(np.exp(logs) / 0.25, norm.pdf(grid, 10, 1), atol=1e-6)
+
+
+def test_a_bandwidth_is_silvermans_of_a_spread_that_a_few_wild_readings_leave():
+    """Silverman (1986, eq. 3.31), 0.9 A n^(-1/5): of sd 12 and 32 taps it is 5.4."""
+    normal = 12 * norm.ppf((np.arange(4000) + 0.5) / 4000)
+    assert _silverman(normal, None, 32) == pytest.approx(5.4, rel=2e-3)
+    assert _silverman(normal, None, 1024) == pytest.approx(2.7, rel=2e-3)
+    wild = np.concatenate([normal, np.full(40, 3000.0), np.full(40, -3000.0)])
+    assert _silverman(wild, None, 32) == pytest.approx(5.4, rel=0.05)
+    # Of two values the sd is the smaller spread; where most taps are alike, the only one.
+    flat = np.where(np.arange(4000) % 2, 12.0, -12.0)
+    assert _silverman(flat, None, 32) == pytest.approx(5.4)
+    alike = np.where(np.arange(4000) < 3600, 0.0, 40.0)
+    assert _silverman(alike, None, 32) == pytest.approx(0.45 * alike.std())
+
+
 @pytest.mark.parametrize("kind", ["kde", "t"])
 def test_the_log_ratio_of_two_gaussians_is_the_exact_one(kind):
     likelihood = fit_likelihood(

@@ -91,6 +91,33 @@ def test_same_seed_same_bytes_and_no_look_ahead(library):
         assert whole.labels[:40].equals(start.labels)
 
 
+def test_unless_a_library_is_given_the_one_of_the_skin_and_the_tip_is_asked_for(
+    library, monkeypatch
+):
+    asked = []
+
+    def contact_library(plan):
+        asked.append(plan)
+        return library
+
+    monkeypatch.setattr("bgmodel.tactile.library.contact_library", contact_library)
+    soft, small = Skin(gel_mm=9.0), Tip(radius_mm=15.0)
+    for given in ({}, {"skin": soft}, {"tip": small}, {"skin": soft, "tip": small}):
+        simulate(2.0, 0.0, rng=np.random.default_rng(0), **given)
+    assert asked == [
+        LibraryPlan(),
+        LibraryPlan(skin=soft),
+        LibraryPlan(radius_mm=15.0),
+        LibraryPlan(skin=soft, radius_mm=15.0),
+    ]
+
+
+def test_the_tip_that_is_given_is_the_one_that_taps(library):
+    rng = np.random.default_rng
+    taps = simulate(2.0, 0.0, rng=rng(0), tip=Tip("hexagonal", pitch_mm=1.5), library=library)
+    assert np.array_equal(taps.rest_mm, Tip("hexagonal", pitch_mm=1.5).rest_mm())
+
+
 def test_nuisances_have_their_size(library):
     def taps(**change):
         nuisance = dataclasses.replace(Nuisance(), **change)

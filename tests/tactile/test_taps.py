@@ -1,6 +1,7 @@
 """Taps: maps of their displacement, parts and joins."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bgmodel.tactile.sensor import simulate
@@ -44,3 +45,21 @@ def test_parts_of_taps_join_to_the_taps_that_were_selected(library):
         taps.select([True, False, True])
     with pytest.raises(ValueError, match=r"Taps\.displacement_mm"):
         Taps(taps.displacement_mm[:2], taps.rest_mm, taps.labels)
+
+
+def test_the_order_in_which_pins_are_listed_changes_no_map():
+    rng = np.random.default_rng(7)
+    rest, moved = Tip().rest_mm(), rng.normal(size=(2, 361, 2)).astype(np.float32)
+    labels, order = pd.DataFrame({"yaw_deg": [0.0, 1.0]}), rng.permutation(361)
+    known = Taps(moved, rest, labels).maps()
+    # Rows of the picture run from the top down, as the pins of the square array do.
+    assert known[0, 0].argmax() == np.linalg.norm(moved[0], axis=1).argmax()
+    listed = Taps(moved[:, order], rest[order], labels).maps()
+    np.testing.assert_allclose(listed, known, atol=1e-4)
+
+
+def test_pins_that_all_move_alike_show_an_even_picture():
+    labels = pd.DataFrame({"yaw_deg": [0.0, 1.0]})
+    moved = np.zeros((2, 361, 2), np.float32)
+    moved[1] = 0.25, 0.0
+    assert not Taps(moved, Tip().rest_mm(), labels).maps().any()

@@ -1,6 +1,9 @@
 """The tactile tasks on the held-out taps that ship with the package."""
 
+import json
 import warnings
+from dataclasses import asdict
+from importlib import resources
 
 import numpy as np
 import pandas as pd
@@ -10,8 +13,14 @@ from hypothesis import strategies as st
 
 from bgmodel import Msprt, Sprt, stream, tally, threshold_from_gap
 from bgmodel.comparison.compare import interval, resampled
+from bgmodel.files import read_provenance
 from bgmodel.learning.gap import fold_sources, increments
+from bgmodel.tactile.decoder import Training
+from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.likelihood import Density
+from bgmodel.tactile.pressing import LibraryPlan
+from bgmodel.tactile.sensor import Nuisance
+from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.task import (
     Folds,
     Orientations,
@@ -20,7 +29,9 @@ from bgmodel.tactile.task import (
     folds,
     held_out_taps,
     source,
+    tap_pool,
 )
+from bgmodel.tactile.tips import Tip
 from bgmodel.theory.sprt import sprt
 from tests.helpers import run
 
@@ -28,16 +39,29 @@ TAPS = held_out_taps()
 
 
 def test_the_shipped_table_is_small_and_says_where_it_is_from():
-    from importlib import resources
-
-    from bgmodel.files import read_provenance
-
     with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
         assert path.stat().st_size < 200_000
         about = read_provenance(path)
     assert about["parameters"]["command"] == "make shipped-taps"
     assert {"tip", "skin", "nuisance", "training"} <= set(about["parameters"])
     assert 25 < about["parameters"]["validation_mae_deg"] < 30
+
+
+@pytest.mark.parametrize("kind", [Tip, Skin, Nuisance, Training])
+def test_the_shipped_taps_are_those_of_a_sensor_and_a_decoder_that_are_told_nothing(kind):
+    """Else the package's own taps would not be what it simulates unless asked otherwise."""
+    with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
+        made = read_provenance(path)["parameters"][kind.__name__.lower()]
+    assert made == {**json.loads(json.dumps(asdict(kind()))), "kind": kind.__name__}
+
+
+def test_the_shipped_taps_are_of_every_grating_that_the_default_library_holds():
+    """And that is the default sensor's, over all its forces, one of them in the middle."""
+    plan, force_n = LibraryPlan(), Nuisance().force_n
+    assert tuple(np.unique(TAPS["period_mm"])) == PERIODS_MM == plan.periods_mm
+    assert (plan.skin, plan.radius_mm) == (Skin(), Tip().radius_mm)
+    assert plan.forces_n == pytest.approx((force_n[0], np.mean(force_n), force_n[1]))
+    assert plan.depth_mm == Grating(2.0).depth_mm
 
 
 @pytest.mark.parametrize("period", [3.0, 4.0, 5.0])
@@ -149,6 +173,30 @@ def test_every_reading_is_as_likely_to_be_drawn():
     for truth in (0, 1):
         counts = np.bincount(values[truth::2].ravel().astype(int), minlength=10)
         assert np.abs(counts - 5000).max() < 5 * np.sqrt(4500)
+
+
+def test_a_tap_takes_half_a_second_unless_it_is_said_otherwise():
+    table = Source([np.zeros((3, 2))] * 2, ("a", "b"), None)
+    for drawn in (table, Folds([table])):
+        assert drawn.draw(4, 2, rng=stream(1, "step")).step_ms == 500
+        assert drawn.draw(4, 2, rng=stream(1, "step"), step_ms=50.0).step_ms == 50
+
+
+def test_a_difference_of_two_orientations_spans_a_whole_turn_and_no_more():
+    """Two angles within -90..90 differ by -180..180; an orientation itself repeats after 180."""
+    likelihood = source(
+        TAPS, SameDifferent(), period_mm=3.0, fold=0, density=Density(shrink=1.0)
+    ).likelihood
+    assert np.isfinite(likelihood([-180.0, 180.0])).all()
+    for beyond in (-180.1, 180.1):
+        with pytest.raises(ValueError, match=r"covers -180\.\.180 degrees"):
+            likelihood(beyond)
+
+
+def test_taps_count_at_a_yaw_within_a_hundredth_of_a_degree():
+    yaws = [-45.0, 45.0095, 44.9905, 45.0115, 44.9885]
+    taps = pd.DataFrame({"period_mm": 2.0, "yaw_deg": yaws, "psi_deg": np.arange(5.0)})
+    assert [part.tolist() for part in tap_pool(taps, SameDifferent(), 2.0)] == [[0], [1, 2]]
 
 
 @pytest.mark.parametrize(

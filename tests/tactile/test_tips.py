@@ -35,8 +35,15 @@ def test_circles_of_pins_are_a_pitch_apart():
     [
         (Tip, {"layout": "round"}, r"Tip\.layout: got 'round'"),
         (Tip, {"pitch_mm": 0.0}, r"Tip\.pitch_mm"),
+        (Tip, {"pitch_mm": np.inf}, r"Tip\.pitch_mm"),
+        (Tip, {"pin_mm": -0.1}, r"Tip\.pin_mm"),
+        (Tip, {"camera_height_mm": 0.0}, r"Tip\.camera_height_mm"),
     ],
 )
 def test_tips_without_sense_are_refused(made, change, message):
     with pytest.raises(ValueError, match=message):
         made(**change)
+
+
+def test_pins_of_no_length_are_allowed_and_stand_where_others_do():
+    assert np.array_equal(Tip(pin_mm=0.0).rest_mm(), Tip().rest_mm())
