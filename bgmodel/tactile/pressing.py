@@ -153,7 +153,7 @@ def _transfers(plan: LibraryPlan) -> NDArray[np.complex128]:
     x, y = _frequencies(n, plan.stored_dx_mm)
     k = np.hypot(x, y)
     waves = response(plan.skin, k)
-    lateral = 1j * waves.interface_lateral / np.where(k > 0, k, 1.0)
+    lateral = 1j * waves.interface_lateral / np.where(k > 0, k, 1)
     depth = waves.interface_depth
     transfers = np.stack([x * lateral, y * lateral, depth + 0j, 1j * x * depth, 1j * y * depth])
     # The highest frequency has no sign; the skin leaves nothing of it.

@@ -62,6 +62,11 @@ def test_the_interface_under_a_small_contact_moves_as_boussinesq_says():
         (LibraryPlan, {"stored_dx_mm": 0.3}, r"LibraryPlan\.stored_dx_mm"),
         (LibraryPlan, {"stored_dx_mm": 0.0625}, "the stored one not the smaller"),
         (LibraryPlan, {"radius_mm": np.nan}, r"LibraryPlan\.radius_mm"),
+        (LibraryPlan, {"radius_mm": -20.0}, r"LibraryPlan\.radius_mm"),
+        (LibraryPlan, {"tol": 0.0}, r"LibraryPlan\.tol"),
+        (LibraryPlan, {"forces_n": (1.5,)}, r"LibraryPlan\.forces_n"),
+        (LibraryPlan, {"forces_n": (0.0, 1.5)}, r"LibraryPlan\.forces_n"),
+        (LibraryPlan, {"field_side_mm": 34.0}, r"LibraryPlan\.field_side_mm.* kept_mm = 36"),
         (LibraryPlan, {"periods_mm": (1.1,)}, "whole number of cells"),
     ],
 )

@@ -7,7 +7,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.tactile.recordings import find_recordings, pins_found, read_taps
+from bgmodel.tactile.recordings import (
+    _lattice,
+    _median_layout,
+    _tracker,
+    find_recordings,
+    pins_found,
+    read_taps,
+)
+from bgmodel.tactile.tips import Tip
 from tests.tactile.recorded import MM_PER_PX, PITCH, SIZE, draw, field, hexagon, write
 
 
@@ -87,6 +95,63 @@ def test_a_speck_between_pins_is_no_pin(tmp_path, truth):
     images = [draw(hexagon() + moved / 6, specks=[tuple(gap)], radius=2) for moved in truth]
     taps = read_taps(write(tmp_path / "speck", images), mm_per_px=MM_PER_PX)
     assert taps.rest_mm.shape == (91, 2)
+
+
+def shaken(points, taps=12):
+    """Return taps of blobs that all move alike, a little and each time elsewhere."""
+    angle = 2 * np.pi * np.arange(taps) / taps
+    return [points + PITCH / 20 * np.array([np.cos(a), np.sin(a)]) for a in angle]
+
+
+def outwards(pin, pitches):
+    """Return a place beyond a pin, as seen from the middle of the hexagon."""
+    away = pin - (SIZE - 1) / 2
+    return pin + pitches * PITCH * away / np.linalg.norm(away)
+
+
+def rim(rings=5):
+    """Return the indices of a corner of the hexagon, and of a pin half-way along a side."""
+    away = hexagon(rings) - (SIZE - 1) / 2
+    corner = np.abs(away - [rings * PITCH, 0]).sum(axis=1).argmin()
+    beside = np.abs(away - PITCH * np.array([0, (rings - 1) * 0.75**0.5])).sum(axis=1).argmin()
+    return corner, beside
+
+
+@pytest.mark.parametrize(("seen", "pins"), [(3, 90), (4, 91), (12, 91)])
+def test_a_pin_is_one_that_three_tenths_of_the_taps_show(seen, pins):
+    taps = shaken(hexagon())
+    hidden = [np.delete(tap, 45, axis=0) if k >= seen else tap for k, tap in enumerate(taps)]
+    assert _median_layout(hidden).shape == (pins, 2)
+
+
+@pytest.mark.parametrize(("pitches", "pins"), [(0.65, 127), (0.75, 128)])
+def test_of_two_places_closer_than_seven_tenths_of_a_pitch_one_is_a_pin(pitches, pins):
+    places = hexagon(6)
+    _, beside = rim(6)
+    extra = np.concatenate([places, [outwards(places[beside], pitches)]])
+    assert len(_median_layout(shaken(extra))) == pins
+
+
+def test_a_pin_has_three_neighbours_at_a_pitch_or_its_diagonal():
+    """A corner of a square array has them; a speck a pitch beyond a corner of a hexagon has one."""
+    square = Tip().rest_mm()
+    assert np.array_equal(_lattice(square), square)
+    places, (corner, _) = hexagon(), rim()
+    speck = np.concatenate([places, [outwards(places[corner], 1.0)]])
+    assert np.array_equal(_lattice(speck), places)
+
+
+def test_a_pin_is_followed_up_to_three_quarters_of_a_pitch():
+    places, (corner, _) = hexagon(), rim()
+    track = _tracker(places)
+    for pitches, found in ((0.74, 91), (0.76, 90)):
+        moved = places.copy()
+        moved[corner] = outwards(places[corner], pitches)
+        motion, seen = track(moved)
+        assert seen == found
+        # One that is lost stays with its neighbours, which have not moved.
+        want = moved - places if found == 91 else np.zeros_like(places)
+        np.testing.assert_allclose(motion, want, atol=1e-9)
 
 
 def test_workers_do_not_change_the_result(recording):
