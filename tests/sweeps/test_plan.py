@@ -84,6 +84,14 @@ def test_numbers_of_the_task_and_the_run_change_by_their_names():
     assert found.threshold_nats == pytest.approx(-np.log(0.9))
 
 
+def test_bounds_of_a_setting_are_those_of_its_words():
+    assert Setting(foreperiod_ms=0.5, seed=0).foreperiod_ms == 0.5
+    for wrong in ({"foreperiod_ms": 0.0}, {"foreperiod_ms": np.inf}, {"seed": -1}):
+        (name,) = wrong
+        with pytest.raises(ValueError, match=f"^{name} must be "):
+            Setting(**wrong)
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [

@@ -53,7 +53,19 @@ def test_a_picture_that_cannot_be_drawn_is_refused():
     with pytest.raises(ValueError, match="marker_mm"):
         render(0, marker_mm=5.0)
     with pytest.raises(ValueError, match="shape: got"):
-        render(0, shape=(4, 4))
+        render(0, shape=(15, 16))
+    assert render(0, shape=(16, 16)).any()
+    assert render(0, marker_mm=Tip().pitch_mm).any()
+
+
+def test_a_picture_is_480_by_640_unless_it_is_said_otherwise():
+    tip, image = Tip(), render(0)
+    assert np.array_equal(image, render(0, tip, shape=(480, 640)))
+    assert pixels_per_mm(tip) == pixels_per_mm(tip, (480, 480))
+    # The aperture's middle is the picture's: whatever is drawn is symmetric about it.
+    assert marker_pixels(0, tip).mean(axis=0) == pytest.approx([319.5, 239.5])
+    assert np.array_equal(image, image[::-1])
+    assert np.array_equal(image, image[:, ::-1])
 
 
 def test_a_marker_is_bright_and_as_wide_as_its_diameter_on_a_dark_ground():

@@ -12,6 +12,7 @@ from bgmodel.tactile.likelihood import (
     _fit_t,
     _log_density,
     _silverman,
+    _thinned,
     calibration,
     fit_likelihood,
 )
@@ -109,6 +110,26 @@ def test_left_out_the_cap_is_the_odds_that_so_many_taps_could_contradict(taps):
     ratio = np.abs(np.diff(likelihood(np.linspace(-170, 170, 99))))
     assert np.exp(ratio.max()) == pytest.approx(min(taps))
     assert np.exp(likelihood.cap_nats) == pytest.approx(min(taps))
+
+
+def test_a_likelihood_takes_four_taps_per_inner_fold_and_is_known_at_each_half_degree():
+    few = normal_pool(80, 40)
+    likelihood = fit_likelihood(few, as_they_are, (-180, 180), density=Density(inner_folds=10))
+    np.testing.assert_allclose(np.diff(likelihood.grid_deg), 0.5)
+    with pytest.raises(ValueError, match="at least 40 taps of each kind, got 39"):
+        fit_likelihood([few[0], few[1][1:]], as_they_are, (-180, 180))
+
+
+@pytest.mark.parametrize("rows", [7918, 7920, 8000])
+def test_some_of_many_pairs_are_of_all_taps_alike(rows):
+    """Pairs come in rows of equal length: whatever that is, none is taken twice."""
+    pairs = np.arange(10 * rows)
+    some = _thinned(pairs)
+    assert len(np.unique(some)) == len(some) == 4000
+    in_row = np.bincount(some // rows, minlength=10)
+    assert np.abs(in_row - 400).max() < 40
+    for few in (pairs[:3999], pairs[:4000]):
+        assert np.array_equal(_thinned(few), few)
 
 
 def test_circular_readings_wrap():

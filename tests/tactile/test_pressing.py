@@ -27,6 +27,14 @@ def test_every_parameter_is_in_the_name():
         assert dataclasses.replace(TINY, **{field.name: value}).name != TINY.name, field.name
 
 
+def test_mirror_images_are_not_solved():
+    """Phases 0 and 1/2 are their own images; a smooth plate has no phase."""
+    for phases, solved in ((2, 2), (3, 2), (4, 3), (7, 4), (8, 5)):
+        plan = dataclasses.replace(TINY, phases=phases)
+        assert plan.solved_phases(4.0) == solved
+        assert plan.solved_phases(0.0) == 1
+
+
 def test_equal_plans_share_a_name():
     same = dataclasses.replace(PLAN, radius_mm=20, periods_mm=[0, 2, 5], skin=Skin(gel_mm=15))
     assert same == PLAN

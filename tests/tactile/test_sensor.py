@@ -148,6 +148,14 @@ def test_frames_are_kept_at_the_peak(library):
     assert noise.std() == pytest.approx(9.5e-3, rel=0.05)
 
 
+def test_of_frames_that_differ_by_noise_alone_any_is_kept(library):
+    nuisance = Nuisance(noise_per="frame", frames=2)
+    assert nuisance.press_profile().tolist() == [1, 1]
+    rng = np.random.default_rng(2)
+    taps = simulate(np.full(40, 5.0), 0.0, rng=rng, nuisance=nuisance, library=library)
+    assert 0.2 < taps.labels.frame.mean() < 0.8
+
+
 @pytest.mark.parametrize(
     ("made", "change", "message"),
     [

@@ -63,3 +63,25 @@ def test_pins_that_all_move_alike_show_an_even_picture():
     moved = np.zeros((2, 361, 2), np.float32)
     moved[1] = 0.25, 0.0
     assert not Taps(moved, Tip().rest_mm(), labels).maps().any()
+
+
+def test_a_file_gives_back_its_taps_and_one_of_before_there_were_edges_holds_gratings(tmp_path):
+    labels = pd.DataFrame({"yaw_deg": [0.0, 1.0], "frame": [3, 4]})
+    moved = np.random.default_rng(7).normal(size=(2, 361, 2)).astype(np.float32)
+    taps = Taps(moved, Tip().rest_mm(), labels, "edge")
+    path = taps.save(tmp_path / "taps.npz", {"seed": 5})
+    found, about = Taps.load(path)
+    assert about == {"seed": 5}
+    assert found.stimulus == "edge"
+    assert np.array_equal(found.displacement_mm, moved)
+    assert np.array_equal(found.rest_mm, taps.rest_mm)
+    pd.testing.assert_frame_equal(found.labels, labels)
+    with np.load(path) as stored:
+        old = {name: stored[name] for name in stored.files if name != "stimulus"}
+    np.savez(path, **old)
+    assert Taps.load(path)[0].stimulus == "grating"
+    np.savez(path, **{name: value for name, value in old.items() if name != "rest_mm"})
+    with pytest.raises(ValueError, match="does not hold taps of this program"):
+        Taps.load(path)
+    with pytest.raises(ValueError, match=r"there are no taps .*absent\.npz"):
+        Taps.load(tmp_path / "absent.npz")
