@@ -104,6 +104,7 @@ def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
         behaving(choice, t, truth).measures(weights)
         for t in (times, times + 400, 2 * times, times + 400 * (choice != truth))
     )
+    assert (found["accuracy"], found["decided"]) == (pytest.approx([0.8]), [500])
     assert (found["drift"][0], found["bound"][0]) == pytest.approx(want[:2])
     assert found["non_decision_ms"][0] == pytest.approx(1000 * want[2])
     assert later["non_decision_ms"][0] == pytest.approx(found["non_decision_ms"][0] + 400)

@@ -1,11 +1,13 @@
 """The table and the figure of a sweep."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.comparison.compare import RESAMPLES, interval, resampled
-from bgmodel.experiments.measures import MEASURES
+from bgmodel.comparison.compare import RESAMPLES, Tradeoff, interval, resampled
+from bgmodel.experiments.measures import MEASURES, Behaviour
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import outcome, shards
@@ -130,6 +132,69 @@ def test_a_star_stands_at_every_number_that_has_a_remark():
     (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
     assert not panel.texts
     assert "*" not in figure.get_suptitle()
+
+
+def test_a_line_has_bars_from_the_lower_to_the_upper_end():
+    plan = Plan(grid={"posterior": (0.9, 0.7)}, show=("accuracy",))
+    table = points_of(plan, [0.8, 0.6]).assign(low=[0.75, 0.5], high=[0.9, 0.65])
+    figure = outcome.draw(plan, table)
+    (bars,) = figure.axes[0].containers[0].lines[2]
+    np.testing.assert_allclose(
+        bars.get_segments(), [[[0.7, 0.5], [0.7, 0.65]], [[0.9, 0.75], [0.9, 0.9]]]
+    )
+    told = "(80 trials per point; bars: 95 % interval, bootstrap)"
+    assert figure.get_suptitle() == f"macaque {told}"
+    named = replace(plan, name="who decides")
+    assert outcome.draw(named, table).get_suptitle() == f"who decides {told}"
+    some = outcome.draw(plan, table.assign(trials=[60, 80])).get_suptitle()
+    assert some.startswith("macaque (60 to 80 trials per point;")
+
+
+@pytest.mark.parametrize(("across", "written"), [(30, True), (31, False)])
+def test_a_map_of_few_points_says_each_number_in_white_on_dark(across, written):
+    """Below the mean is dark; a star has a remark, a dash no number, and 60 numbers are few."""
+    posteriors = tuple(0.6 + 0.01 * k for k in range(across))
+    plan = Plan(grid={"STN": (0.0, 0.2), "posterior": posteriors}, show=("mean_ms",))
+    values = np.r_[np.full(across, 9.5), np.full(across, 300.4)]
+    remarks = np.full(2 * across, "", dtype=object)
+    remarks[[1, across]], values[2] = "few decide", np.nan
+    figure = outcome.draw(plan, points_of(plan, values, list(remarks)))
+    assert figure.get_suptitle() == "macaque (80 trials per point; *: see `remark` in the table)"
+    found = [text.get_text() for text in figure.axes[0].texts]
+    if not written:
+        assert found == []
+        return
+    assert found[:4] == ["9.500", "9.500*", "-", "9.500"]
+    assert found[across : across + 2] == ["300*", "300"]
+    colours = [text.get_color() for text in figure.axes[0].texts]
+    assert set(colours[:2]) == {"w"}
+    assert set(colours[across:]) == {"k"}
+
+
+def test_a_map_without_any_number_is_a_map_of_dashes():
+    plan = Plan(grid={"STN": (0.0, 0.2), "posterior": (0.7, 0.9)}, show=("accuracy",))
+    figure = outcome.draw(plan, points_of(plan, [np.nan] * 4, ["rates run away"] * 4))
+    assert [text.get_text() for text in figure.axes[0].texts] == ["-*"] * 4
+
+
+def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withheld(
+    tmp_path, monkeypatch
+):
+    """Times that do not vary are those of no diffusion."""
+    for channels, says in (
+        (2, "drift, bound, non_decision_ms are withheld: no diffusion"),
+        (4, ""),
+    ):
+        plan = Plan(grid={"task.channels": (channels,)}, task=TASK)
+        truth = np.arange(80) % channels
+        rows = (truth, np.full(80, 400.0), np.zeros(80, bool), np.zeros(80, bool), truth + 0.9)
+        decided = Tradeoff(np.array([0.2]), *(row[None] for row in rows))
+        found = Behaviour(decided, np.zeros(80, bool), truth, channels)
+        monkeypatch.setattr(outcome, "read", lambda *_, found=found: (found, ""))
+        (setting,) = plan.settings()
+        (remark,) = set(outcome.measured(setting, tmp_path)["remark"])
+        assert remark.startswith(says)
+        assert bool(remark) == bool(says)
 
 
 def test_three_keys_have_a_table_and_no_figure():
