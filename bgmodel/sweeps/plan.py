@@ -104,8 +104,6 @@ class Setting:
         """Raise ValueError for what can be seen before a run."""
         gain_of(self.table, self.gain)
         criterion_from_posterior(self.posterior, self.hypotheses)
-        if self.task.evidence is not None:
-            _read(self.task)
 
     def model(self, seed: int) -> BasalGanglia:
         """Return the circuit with its engine, its gain and the noise of a seed."""

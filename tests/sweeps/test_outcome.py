@@ -187,7 +187,7 @@ def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withhel
     ):
         plan = Plan(grid={"task.channels": (channels,)}, task=TASK)
         truth = np.arange(80) % channels
-        rows = (truth, np.full(80, 400.0), np.zeros(80, bool), np.zeros(80, bool), truth + 0.9)
+        rows = (truth, np.full(80, 400.0), np.zeros(80, bool), np.zeros(80, bool), np.full(80, 0.9))
         decided = Tradeoff(np.array([0.2]), *(row[None] for row in rows))
         found = Behaviour(decided, np.zeros(80, bool), truth, channels)
         monkeypatch.setattr(outcome, "read", lambda *_, found=found: (found, ""))

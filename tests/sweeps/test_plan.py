@@ -7,6 +7,7 @@ import pytest
 
 from bgmodel.edits import Edits
 from bgmodel.experiments.experiment import Experiment
+from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps.plan import BLOCK, Plan, Setting, read_plan
 from circuits.anatomy import circuit
 from circuits.table_files import write
@@ -162,10 +163,11 @@ def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both(
 
 
 def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_path):
-    shown = some_evidence(trials=30, hypotheses=2)
+    shown = some_evidence(trials=30, steps=21, hypotheses=3)
     long_table(shown).to_csv(tmp_path / "own.csv", index=False)
     (found,) = settings(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\nSTN = [0.1]")
-    assert (found.trials, found.hypotheses) == (30, 2)
+    assert (found.trials, found.steps, found.hypotheses) == (30, 21, 3)
+    assert found.table.channels == 3
     parts = [found.given(first, 12).evidence for first in (0, 12, 24)]
     assert [part.trials for part in parts] == [12, 12, 6]
     whole = np.concatenate([part.log_likelihood for part in parts])
@@ -180,6 +182,60 @@ def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_p
         assert found.circuit == str(tmp_path / "mine.toml")
     with pytest.raises(ValueError, match="there is no 'TRN' to change"):
         settings(tmp_path, "[grid]\nTRN = [0.1]\ncircuit = ['mine.toml']")
+
+
+@pytest.mark.parametrize("truth", [True, False])
+def test_a_table_without_the_truth_is_refused_before_anything_runs(tmp_path, truth):
+    long_table(some_evidence(trials=30), truth).to_csv(tmp_path / "own.csv", index=False)
+    text = "[grid]\n'task.evidence' = ['own.csv']"
+    if truth:
+        assert len(settings(tmp_path, text)) == 1
+        return
+    with pytest.raises(ValueError, match=r"own\.csv: a sweep counts errors: its evidence needs"):
+        settings(tmp_path, text)
+
+
+def test_readings_and_alternatives_of_what_is_drawn_are_those_of_the_task():
+    task = Stimuli(trials=30, t_max=17, channels=4)
+    drawn = Setting(task=task)
+    assert (drawn.trials, drawn.steps, drawn.hypotheses) == (30, 17, 4)
+    evidence = drawn.given(0, 12).evidence
+    assert (evidence.trials, evidence.steps, evidence.hypotheses) == (12, 17, 4)
+    tactile = Setting(task=replace(task, task="same-different", channels=2))
+    assert tactile.hypotheses == 2
+
+
+@pytest.mark.parametrize(
+    ("engine", "seed", "options"),
+    [
+        ("algebra", None, {}),
+        ("rate", None, {}),
+        ("population", 7, {"rates": False}),
+        ("ensemble", 7, {"rates": False}),
+        ("brian2", 7, {}),
+    ],
+)
+def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engine, seed, options):
+    model = Setting(engine=engine).model(7)
+    assert (model.engine, model.seed, model.options) == (engine, seed, options)
+
+
+def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
+    """FSI is a nucleus of macaque alone, and common one of spiking_msprt."""
+    other = circuit("spiking_msprt")
+    for values in ({"common": 0.2, "circuit": other.name}, {"circuit": other.name, "common": 0.2}):
+        (found,) = Plan(points=(values,)).settings()
+        assert found.table == other.without("common", 0.2)
+    with pytest.raises(ValueError, match=r"there is no 'FSI' to change; .* nuclei D1, D2, GPe,"):
+        Plan(points=({"FSI": 0.2, "circuit": other.name},)).settings()
+
+
+def test_a_file_is_warned_of_where_any_point_names_no_circuit(tmp_path, recwarn):
+    for text in ("points = [{circuit = 'macaque'}]", "circuit = 'macaque'\ngrid = {STN = [0.1]}"):
+        plan(tmp_path, text)
+    assert not recwarn.list
+    with pytest.warns(UserWarning, match="sweep.toml names no circuit and runs on macaque"):
+        plan(tmp_path, "grid = {STN = [0.1]}")
 
 
 def test_a_tactile_task_depends_on_its_taps():
