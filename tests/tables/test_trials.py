@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from bgmodel import Msprt, first_crossing
+from bgmodel.evidence import Evidence
 from bgmodel.tables.trials import Trials, trial_table
 from tests.helpers import some_evidence
 
@@ -44,3 +45,39 @@ def test_a_users_condition_is_theirs_unless_one_is_given_and_other_results_are_o
     assert [name for name in found if name.startswith("given_")] == (
         ["given_rt", "given_condition"] if condition else ["given_rt"]
     )
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_choice_is_right_where_it_is_the_truth_and_nobody_knows_without_one(known):
+    drawn = some_evidence(trials=60, steps=4)
+    evidence = drawn if known else Evidence(drawn.log_likelihood)
+    decision = first_crossing(Msprt().run(evidence), 0.3)
+    found = trial_table(decision, Trials(evidence, list("abc")), model="m")
+    assert found["response"].tolist() == ["abc"[choice] for choice in decision.choice]
+    assert not found["undecided"].any()
+    if known:
+        assert found["stimulus"].tolist() == list("abc") * 20
+        assert 0 < found["correct"].sum() < 60
+        assert ((found["response"] == found["stimulus"]) == (found["correct"] == 1)).all()
+    else:
+        assert set(found["stimulus"]) == {""}
+        assert found["correct"].isna().all()
+
+
+def test_a_summary_says_from_how_few_readings_to_how_many():
+    drawn = some_evidence(trials=3, steps=4)
+    lengths = np.array([4, 2, 3])
+    values = drawn.log_likelihood * (np.arange(4) < lengths[:, None])[..., None]
+    ragged = Evidence(values, drawn.truth, lengths=lengths)
+    one, several = (Trials(e, list("abc")).summary() for e in (drawn, ragged))
+    assert one == "read 3 trials of 4 readings, hypotheses a, b, c"
+    assert several == "read 3 trials of 2 to 4 readings, hypotheses a, b, c"
+    left = Trials(drawn, list("abc"), varying=["eye_x", "eye_y"]).summary()
+    assert left == f"{one}; columns that change within a trial are left out: eye_x, eye_y"
+
+
+def test_a_table_of_trials_holds_one_threshold():
+    evidence = some_evidence(trials=3, steps=4)
+    decision = first_crossing(Msprt().run(evidence), [0.1, 0.2])
+    with pytest.raises(ValueError, match=r"holds one threshold, got decisions of shape \(2, 3\)"):
+        trial_table(decision, Trials(evidence, list("abc")), model="m")

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.seeds import stream
-from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, train
+from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, _fit, train
 from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
@@ -144,6 +144,40 @@ def test_weights_of_hidden_layers_alone_are_decayed():
     assert decayed - plain == pytest.approx(0.3 * 4 * 0.5**2)
 
 
+@pytest.mark.parametrize(
+    ("errors", "passes", "best"),
+    [
+        ([5, 3, 4, 4, 4, 1], 5, 2),
+        ([5, 3, 4, 4, 2, 4], 6, 5),
+        ([5, 4, 3, 3, 3, 3], 6, 6),
+        ([5, 6, 6, 4, 9, 9], 4 + 2, 4),
+    ],
+)
+def test_training_ends_after_its_patience_and_keeps_the_best_pass(
+    monkeypatch, errors, passes, best
+):
+    """Three passes without a smaller error; of equal ones the last is kept."""
+    import torch
+
+    network, told = GratingNetwork.build((19, 19), 0.1, 0.0), iter(errors)
+    monkeypatch.setattr(
+        GratingNetwork, "errors", staticmethod(lambda *_: {"mae_deg": float(next(told))})
+    )
+
+    def epoch(network, *_):
+        with torch.no_grad():
+            network[-1].bias += 1
+        return 0.0
+
+    monkeypatch.setattr("bgmodel.tactile.decoder._epoch", epoch)
+    network[-1].bias.data.zero_()
+    maps, yaw = striped_taps(8).maps(), np.zeros(8)
+    training = replace(QUICK, epochs=6, patience=3)
+    history = _fit(network, training, maps, yaw, maps, yaw)
+    assert [row["mae_deg"] for row in history] == errors[:passes]
+    assert network[-1].bias.tolist() == [best] * 3
+
+
 def test_mirror_images_keep_the_truth():
     """A mirrored tap is what a mirrored grating would have given."""
     taps = striped_taps(4)
@@ -201,6 +235,10 @@ def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
         (lambda d: Training(width=0), "width must be > 0"),
         (lambda d: Training(epochs=0), "epochs must be at least 1"),
         (lambda d: Training(validation=1.0), "validation must lie between"),
+        (lambda d: Training(validation=0.0), "validation must lie between"),
+        (lambda d: Training(dropout=2.1), r"dropout must lie in 0\.\.2, got 2\.1"),
+        (lambda d: Training(dropout=-0.1), r"dropout must lie in 0\.\.2"),
+        (lambda d: Training(learning_rate=0.0), "learning_rate must be > 0"),
         (lambda d: Training(network="forest"), "network must be one of"),
     ],
 )

@@ -49,6 +49,41 @@ def test_a_feature_with_a_variance_of_a_thousandth_counts_half_after_normalisati
         assert float(out.detach().var(correction=0)) == pytest.approx(0.5, rel=1e-3)
 
 
+def test_what_a_network_for_gratings_should_say_is_read_as_the_yaw():
+    """A label of 0 to 1 over half a turn, and cos and sin of twice the yaw (Pestell 2022)."""
+    targets = GratingNetwork.targets(np.array([-90.0, -45.0, 0.0, 45.0, 90.0]))
+    np.testing.assert_allclose(targets[:, 0], [0, 0.25, 0.5, 0.75, 1])
+    np.testing.assert_allclose(targets[:, 1], [-1, 0, 1, 0, -1], atol=1e-12)
+    np.testing.assert_allclose(targets[:, 2], [0, -1, 0, 1, 0], atol=1e-12)
+    yaw = np.linspace(-89, 89, 30)
+    read = GratingNetwork.read(GratingNetwork.targets(yaw))
+    np.testing.assert_allclose(read["psi_deg"], yaw)
+    np.testing.assert_allclose(read["orientation_deg"], yaw)
+    np.testing.assert_allclose(read["strength"], 1)
+    beyond = GratingNetwork.read(np.array([[-0.1, 3.0, 4.0], [1.1, 0.0, -2.0]]))
+    assert beyond["psi_deg"].tolist() == [-90, 90]
+    assert beyond["strength"].tolist() == [5, 2]
+    assert beyond["orientation_deg"] == pytest.approx([np.degrees(np.arctan2(4, 3)) / 2, -45])
+
+
+def test_an_orientation_errs_the_shorter_way_and_a_direction_too():
+    read = {"psi_deg": np.array([85.0, 1.0]), "orientation_deg": np.array([85.0, 1.0])}
+    found = GratingNetwork.errors(read, np.array([-85.0, -1.0]))
+    assert found == {"mae_deg": (170 + 2) / 2, "orientation_mae_deg": (10 + 2) / 2}
+    edge = EdgeNetwork.errors({"edge_deg": np.array([179.0, -1.0])}, np.array([-179.0, 3.0]))
+    assert edge == {"mae_deg": 3, "sd_deg": 1}
+
+
+def test_what_a_network_for_edges_should_say_is_read_as_the_direction():
+    assert EdgeNetwork.targets(np.array([0.0, 90.0, 180.0])) == pytest.approx(
+        np.array([[1, 0], [0, 1], [-1, 0]])
+    )
+    yaw = np.linspace(-179, 179, 30)
+    read = EdgeNetwork.read(3 * EdgeNetwork.targets(yaw))
+    np.testing.assert_allclose(read["edge_deg"], yaw)
+    np.testing.assert_allclose(read["strength"], 3)
+
+
 def test_angles_are_wrapped_to_half_a_period_about_zero():
     turned = wrapped(np.array([-100.0, -90.0, 0.0, 89.0, 90.0, 190.0]), 180.0)
     np.testing.assert_allclose(turned, [80.0, -90.0, 0.0, 89.0, -90.0, 10.0])
