@@ -14,8 +14,9 @@ from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
 
 SENSITIVITY = Parameter(
-    "sensitivity", 0.1, 100.0, 10.0, "drift per unit of strength, 1/sqrt(s), of unit noise"
+    "sensitivity", 0.02, 18.0, 4.0, "drift per unit of strength, 1/sqrt(s), of unit noise"
 )
+"""Its bounds and start are drifts at the largest strength of a design; see ``likelihood_of``."""
 BOUND = Parameter("bound", 0.1, 8.0, 0.7, "half of the gap in units of the noise, sqrt(s)")
 FALL = Parameter("fall_s", 0.1, 20.0, 1.0, "time in which the gap falls by a factor e, s")
 

@@ -19,8 +19,6 @@ OPTIMUM_SEED = 24_101
 """Of the search, which draws."""
 TOLERANCE_NATS = 0.01
 """Change of the log likelihood below which the search ends."""
-DRIFTS = (0.02, 18.0, 4.0)
-"""Least and largest drift at the largest strength, 1/sqrt(s), and where a search begins."""
 POPULATION = 16
 """Points that a generation of the search looks at."""
 RESPONSES = tuple(each.name for each in RESPONSE)
@@ -74,10 +72,11 @@ def likelihood_of(
 ) -> Likelihood:
     """Return the likelihood of a design's data; arguments as of ``parameters.freedom``.
 
-    Sensitivity may be anything that makes the drift at the largest strength ``DRIFTS``.
+    Sensitivity may be anything that brings the drift at the largest strength within its bounds.
     """
     given = {"free": free, "fixed": fixed, "vary": vary}
-    low, high, start = (drift / design.strength.max() for drift in DRIFTS)
+    drifts = (SENSITIVITY.low, SENSITIVITY.high, SENSITIVITY.start)
+    low, high, start = (drift / design.strength.max() for drift in drifts)
     known = [
         replace(each, low=low, high=high, start=start) if each.name == SENSITIVITY.name else each
         for each in model.parameters

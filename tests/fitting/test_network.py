@@ -10,7 +10,7 @@ from benchmarks import hssm_check
 from benchmarks.scores import likelihood
 from bgmodel import stream
 from bgmodel.fitting.circuit import CircuitModel
-from bgmodel.fitting.crossings import Crossings, decided
+from bgmodel.fitting.crossings import DRIFTS, Crossings, decided
 from bgmodel.fitting.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.integrators.basal_ganglia import identity
@@ -98,6 +98,18 @@ def test_the_network_is_near_the_circuit_that_is_simulated_anew(network):
 def test_the_network_is_that_of_todays_circuit(network):
     """Where this fails: python -m benchmarks.likelihood_network makes it anew."""
     assert network.about["circuit"] == identity(circuit(DEFAULT, 2))
+
+
+def test_the_network_knows_all_between_which_a_fit_moves_its_circuit(network):
+    """Whoever goes on in HSSM from a fit finds the same bounds, noise and spread of t0."""
+    model = CircuitModel(circuit(DEFAULT, 2))
+    moved = {each.name: each for each in model.parameters}
+    for name, own in (("threshold", "threshold_nats"), ("t0", "t0_s")):
+        assert network.bounds[name] == pytest.approx((moved[own].low, moved[own].high))
+    assert network.bounds["v"] == (-max(DRIFTS), max(DRIFTS))
+    assert network.about["noise_nats"] == model.noise_nats
+    assert network.about["t0_sd_s"] == moved["t0_sd_s"].start
+    assert network.about["engine"] == model.engine
 
 
 def test_the_network_states_its_error(network):

@@ -1,11 +1,17 @@
 """Which parameters a fit moves, and in which cells."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.circuit import CRITERIA, CircuitModel
 from bgmodel.fitting.parameters import Parameter, freedom
+from circuits.anatomy import circuit
 
 A, B = Parameter("a", 0.0, 10.0, 4.0), Parameter("b", -1.0, 1.0, 0.5)
 C = Parameter("c", 0.0, 1.0, 0.25, free=False)
@@ -76,3 +82,19 @@ def test_held_is_what_stands_in_all_cells_or_in_those_of_one_level():
     assert freedom(parameters, levels, 3, fixed={"a": 4.0}).held == {"a": 4.0, "c": 3.0}
     assert freedom(parameters, levels, 3, vary={"b": "drug"}).held == {"c": 3.0}
     assert freedom(parameters, levels, 3, vary={"b": "drug/off"}).held == {"b": 2.0, "c": 3.0}
+
+
+MACAQUE = circuit("macaque", 2)
+MODELS = [GapModel(falls=True), *(CircuitModel(MACAQUE, criterion=c) for c in CRITERIA.values())]
+EVERY = {each.name: each for model in MODELS for each in model.parameters}
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_page_of_fits_says_between_what_each_parameter_moves_and_where_it_starts(name):
+    """Who reads a value at a bound in a table must find the bound."""
+    page = (Path(__file__).parents[2] / "docs/tutorials/fit.md").read_text()
+    said = re.search(rf"[^\n]*`{name}`[^\n]*? ([\d.]+), ([\d.]+) and ([\d.]+)", page)
+    each = EVERY[name]
+    assert [float(x) for x in said.groups()] == pytest.approx(
+        [each.low, each.high, each.start], abs=5e-4
+    )

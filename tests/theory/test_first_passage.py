@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from bgmodel.theory.sprt import Empirical, Gaussian, gaussian_pair, sprt, walk
 
@@ -197,6 +197,31 @@ def test_the_mirrored_walk_swaps_the_responses(t_max):
         assert one.p_upper == pytest.approx(other.p_lower, abs=1e-9)
         assert one.mean_steps == pytest.approx(other.mean_steps, rel=1e-9)
         assert one.p_upper != pytest.approx(other.p_upper, abs=0.1)
+
+
+@pytest.mark.parametrize("factor", [0.05, 20.0])
+@pytest.mark.parametrize(("lower", "upper"), [(-500.0, 500.0), (-1.5, 500.0), (-2.0, 3.0)])
+def test_a_walk_knows_no_unit(lower, upper, factor):
+    """All in units of the sd: readings, bounds and start may be multiplied by one factor."""
+    for mean in (0.3, -1.2):
+        own = walk(Gaussian(mean, 0.9), lower, upper, start=0.4, t_max=12)
+        scaled = Gaussian(factor * mean, factor * 0.9)
+        bounds = factor * lower, factor * upper
+        other = walk(scaled, *bounds, start=factor * 0.4, t_max=12)
+        assert other.p_upper == pytest.approx(own.p_upper, abs=1e-11)
+        assert other.steps_pmf == pytest.approx(own.steps_pmf, abs=1e-11)
+
+
+@pytest.mark.parametrize("sd", [0.2, 1.3])
+@pytest.mark.parametrize("mean", [1.0, -1.0])
+def test_far_from_all_bounds_the_deadline_asks_for_the_sign_of_a_gaussian_sum(mean, sd):
+    """Z_t is N(start + t mean, t sd^2), closed form; no reading brings it to a bound."""
+    for t_max in (1, 2, 5, 40):
+        end = walk(Gaussian(mean, sd), -180.0, 180.0, start=-0.6 * mean, t_max=t_max)
+        wanted = ndtr(mean * (t_max - 0.6) / (sd * np.sqrt(t_max)))
+        assert end.p_upper == pytest.approx(wanted, abs=1e-11)
+        assert end.p_forced == pytest.approx(1, abs=1e-11)
+        assert end.steps_pmf[:-1] == pytest.approx(0, abs=1e-11)
 
 
 @pytest.mark.parametrize("lower_upper", [(-1.5, 1.5), (-0.3, 2.0)])
