@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import norm
 
 from bgmodel import Msprt, stream
 from bgmodel.comparison.cautions import (
@@ -86,6 +87,9 @@ def test_wrong_likelihoods_are_warned_of_with_both_numbers(factor, sure):
         warn_of_calibration(stated, right)
     low, high = map(float, re.findall(r"interval (\S+) to ([^)]+)\)", str(found[0].message))[0])
     assert low < (right - stated).mean() < high
+    # 99.9 %; the variance of a calibrated choice is P (1 - P).
+    variance = max((right - stated).var(), (stated * (1 - stated)).mean())
+    assert high - low == pytest.approx(2 * norm.isf(0.0005) * np.sqrt(variance / 1000), abs=2e-3)
     assert low * high > 0
 
 

@@ -10,9 +10,12 @@ from bgmodel.comparison.compare import (
     compare,
     curve,
     equivalent,
+    interval,
     levels,
     margin,
+    reads_nothing,
     resampled,
+    shown,
     tradeoff,
 )
 from bgmodel.decision import Trace
@@ -206,3 +209,47 @@ def test_a_group_of_one_trial_each_is_no_group():
         resampled(50, 20, stream(1, "g"), np.arange(40))
     with pytest.raises(ValueError, match="groups must be two or more for an interval, got 1"):
         resampled(50, 20, stream(1, "g"), np.zeros(50))
+
+
+def test_a_circuit_reads_nothing_if_most_responses_come_within_half_a_second_of_rest():
+    """At a constant hazard half a second, twice over, is survived by (1 - p)^2 of the trials."""
+    assert [reads_nothing(0, p, 500.0) for p in (0.49, 0.51)] == [False, True]
+    for p in (0.48, 0.52):
+        assert reads_nothing(0, 1 - (1 - p) ** 2, 1000.0) == (p > 0.5)
+        assert reads_nothing(0, 1 - np.sqrt(1 - p), 250.0) == (p > 0.5)
+    # Either share is enough, and half is not most.
+    assert [reads_nothing(p, 0.0, 500.0) for p in (0.5, 0.51)] == [False, True]
+
+
+@pytest.mark.parametrize(("share", "most"), [(0.45, False), (0.5, False), (0.55, True)])
+def test_what_most_trials_do_counts(share, most):
+    """Decided before the first reading, or by the deadline: then nothing is compared."""
+    some = np.broadcast_to(np.arange(800) < 800 * share, TEST.forced.shape)
+    early = replace(TEST, premature=some)
+    assert (early.without_evidence == most).all()
+    for pair in ((TEST, replace(TEST, forced=some)), (replace(TEST, forced=some), TEST)):
+        table = compare(*pair, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
+        assert np.isnan(value(table, "agreement", 0.9)) == most
+
+
+def test_an_interval_leaves_a_fortieth_of_its_resamples_on_either_side():
+    values = np.concatenate([[7.0], np.linspace(0, 1, 1001)])
+    assert interval(values) == pytest.approx((7, 0.025, 0.975))
+
+
+def test_an_interval_is_known_where_the_value_is_and_all_but_a_twentieth_of_its_resamples():
+    values = np.concatenate([[7.0], np.linspace(0, 1, 1000)])
+    for unknown, known in ((40, True), (60, False)):
+        some = values.copy()
+        some[1 : 1 + unknown] = np.nan
+        assert interval(some)[0] == 7
+        assert np.isfinite(interval(some)[1:]).tolist() == [known, known]
+    values[0] = np.nan
+    assert np.isnan(interval(values)).all()
+
+
+def test_a_number_that_is_not_known_is_said_to_be_so():
+    assert shown(1.25, 1.0, 1.5, ".2f") == "1.25 [1.00, 1.50]"
+    assert shown(np.nan, 1.0, 1.5, ".2f") == "unknown"
+    for ends in ((np.nan, 1.5), (1.0, np.nan), (np.nan, np.nan)):
+        assert shown(1.25, *ends, ".2f") == "1.25 [unknown]"

@@ -1,6 +1,7 @@
 """Designed trials: closed forms of each theory, and deciders whose theory is known."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import ttest_1samp
 
@@ -10,6 +11,7 @@ from bgmodel.comparison.designed import (
     FOLLOWS,
     LEAD,
     MSPRT,
+    OPEN,
     RISE_NATS_S,
     STEP_MS,
     THRESHOLDS,
@@ -19,6 +21,8 @@ from bgmodel.comparison.designed import (
     designed,
     designed_circuit,
     designs,
+    kappa_of,
+    readings_of,
     text,
     theories,
     verdicts,
@@ -208,3 +212,56 @@ def test_means_over_trials_have_the_intervals_of_students_t():
         known = row[np.isfinite(row)]
         interval = ttest_1samp(known, 0).confidence_interval(0.95)
         np.testing.assert_allclose(found, [known.mean(), interval.low, interval.high])
+
+
+def told(*differences):
+    """Return the outcome of differences in ms, without noise, at one threshold each."""
+    rows = {"theory": "one", "threshold": np.arange(len(differences)), "value": differences}
+    return outcomes(pd.DataFrame(rows).assign(low=differences, high=differences))["one"]
+
+
+def test_a_theory_is_followed_within_60_ms_and_told_apart_beyond_100():
+    """As the legend says; between the two, or with what is not known, it is left open."""
+    assert told(59.0, -59.0) == FOLLOWS
+    assert told(61.0, 0.0) == told(99.0, -99.0) == told(120.0, 99.0) == OPEN
+    assert told(101.0, -101.0) == APART
+    assert told(10.0, np.nan) == OPEN
+    legend = text(designed(Msprt(), OWN[MSPRT]))
+    assert f"{FOLLOWS}: all intervals within 60 ms; {APART}: at each OUT an interval" in legend
+    assert "beyond 100 ms" in legend
+
+
+def test_a_difference_is_known_if_the_leader_is_chosen_in_nine_trials_of_ten():
+    moved = np.ones((2, 100))
+    moved[0, :9], moved[1, :11] = np.nan, np.nan
+    assert np.isfinite(_intervals(moved)[0]).tolist() == [True, False]
+
+
+def test_only_what_has_noise_is_shown_with_an_interval():
+    table = designed(Msprt(), OWN[MSPRT])
+    body, _, _ = text(table).partition("\n\n")
+    assert "[" not in body
+    body, _, _ = text(table.assign(low=table["value"] - 3, high=table["value"] + 3)).partition(
+        "\n\n"
+    )
+    others = (table["held"] != "").sum()
+    assert body.count("[") == others
+    # With equal rivals it is 0 by how thresholds are put, and nothing is held.
+    assert [line.split()[3] for line in body.splitlines()[1:]].count("-") == len(OWN[MSPRT])
+
+
+def test_trials_last_half_as_long_again_as_the_theory_needs():
+    """Of three rivals on average 0 one, all else hopeless, stands 2/3 of 1.6 nats up."""
+    rise_s = (1.5 + 1.6 * 2 / 3) / 2.0
+    needed = 1.5 * rise_s / (STEP_MS / 1000)
+    assert needed <= readings_of(MaxVsNext(), [-1.5]) <= needed + 5
+
+
+def test_without_nats_a_design_is_given_as_it_is():
+    for design in designs():
+        plain = design.evidence(3).own_totals[0, 1, 1:]
+        assert plain == pytest.approx(design.rivals)
+    model = BasalGanglia(anatomy.gpr(4), "rate", 0.1)
+    assert kappa_of(model) == 1
+    assert kappa_of(exact("macaque", 0.3)) == 0.3
+    assert theories()[MSPRT] == Msprt()
