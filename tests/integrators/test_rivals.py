@@ -13,7 +13,15 @@ from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.cli import main
 from bgmodel.comparison.compare import curve, tradeoff
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
+from bgmodel.integrators.rivals import (
+    RIVALS,
+    Lca,
+    LinearGpe,
+    MaxVsAverage,
+    MaxVsNext,
+    Race,
+    rivals_on,
+)
 from bgmodel.integrators.sprt import at_readings
 
 
@@ -167,3 +175,15 @@ def test_first_crossing_takes_any_rival():
     for kind in RIVALS.values():
         decision = first_crossing(kind().run(evidence), -0.5)
         assert np.mean(decision.choice == evidence.truth) > 0.3
+
+
+def test_constants_that_are_not_given_are_those_that_bogacz_and_gurney_print():
+    """Leak and inhibition of 100 per second each; the linear GPe of the exact test's gain."""
+    evidence = drawn(20)
+    for short, full in ((Lca(), Lca(100, 100)), (LinearGpe(), LinearGpe(1, 1))):
+        assert np.array_equal(short.run(evidence).out_nats, full.run(evidence).out_nats)
+
+
+def test_without_a_zero_only_rivals_that_compare_are_left():
+    assert rivals_on(True) == list(RIVALS)
+    assert rivals_on(False) == ["max vs average", "max vs next"]

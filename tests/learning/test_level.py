@@ -230,3 +230,25 @@ def short(start_level=1.0, runs=2, **options):
 def test_learning_of_a_level_without_sense_is_refused(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "refused"),
+    [(0.85, 0.85, False), (0.95, 0.5, True), (0.5, 0.95, True), (0.5, 0.5, False)],
+)
+def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cost(
+    right, wrong, refused
+):
+    """Of times as shares of xi, the longest of right choices and of errors."""
+    steps = np.full((1, 400), 0.3 * XI)
+    error = np.zeros((1, 400), bool)
+    error[0, ::7] = True
+    steps[0, 302], steps[0, 350] = right * XI, wrong * XI
+    assert error[0, 350]
+    assert not error[0, 302]
+    learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
+    if refused:
+        with pytest.raises(ValueError, match="xi must be longer than any trial"):
+            after_errors(learned, XI)
+    else:
+        assert after_errors(learned, XI)["errors"].item() == error[0, 200:].mean()

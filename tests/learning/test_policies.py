@@ -70,3 +70,22 @@ def test_bernoulli_gradient_agrees_with_the_finite_difference():
 def test_policies_without_sense_are_refused(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+@pytest.mark.parametrize("bounds", [(0.0, 8.0), (0.75, 2.0)])
+def test_exploration_narrows_from_a_quarter_of_the_range_to_a_twentieth(bounds):
+    """Half of the way is gone after 2000 trials."""
+    policy, width = GaussianPolicy(bounds=bounds), bounds[1] - bounds[0]
+    assert policy.sd(0) == pytest.approx(width / 4)
+    assert policy.sd(2000) == pytest.approx((width / 4 + width / 20) / 2)
+    assert policy.sd(10**12) == pytest.approx(width / 20)
+
+
+def test_binary_units_halve_and_none_stops_exploring():
+    """The weights end at 4: a unit is still off, or on, in one trial of 1 + e^4."""
+    policy = BernoulliPolicy()
+    assert len(policy.sizes) == policy.noise == 8
+    assert policy.sizes[:-1] / policy.sizes[1:] == pytest.approx(2)
+    seldom = 1 / (1 + np.exp(4))
+    for mean, share in ((8.0, 1 - seldom), (0.0, seldom), (2.0, 0.25)):
+        assert policy.mean(policy.start(2, mean)) == pytest.approx(8 * share)

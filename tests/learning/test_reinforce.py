@@ -140,3 +140,31 @@ def test_learning_that_cannot_go_on_keeps_what_it_had_reached():
     assert kept.played.shape == (3, 40)
     assert np.isfinite(kept.played).all()
     assert kept.learned == pytest.approx(kept.mean_played[:, -1])
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01])
+def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
+    """REINFORCE (Williams 1992): rate, error, and (x - mu) / sd^2; at first it only watches.
+
+    The error counts as a share of the baseline, of a reading where rewards are smaller than that.
+    """
+    learned = learn(
+        lambda k, x: -unit * (10 + (x - 3) ** 2),
+        2.0,
+        rngs=[stream(SEED, "step", run) for run in range(3)],
+        policy=GaussianPolicy(bounds=(-6.0, 10.0), first_share=0.02, last_share=0.02),
+        learner=Learner(episodes=1202),
+    )
+    mean, sd = learned.mean_played, 0.02 * 16
+    # A hundred trials: what a share of .01 of each reward in the baseline is the inverse of.
+    assert (mean[:, :101] == 2.0).all()
+    assert (mean[:, 101] != 2.0).all()
+    watched = learned.reward[:, :100].mean(axis=1)
+    assert learned.prediction_error[:, 100] == pytest.approx(learned.reward[:, 100] - watched)
+    for k in (100, 200, 1000, 1200):
+        error = learned.prediction_error[:, k]
+        share = error / np.maximum(np.abs(learned.reward[:, k] - error), 1.0)
+        score = (learned.played[:, k] - mean[:, k]) / sd**2
+        # Values twice as wide as gaps of 8 nats: four times the step.
+        rate = 4 * 0.04 / (1 + k / 1000)
+        assert mean[:, k + 1] - mean[:, k] == pytest.approx(rate * share * score, rel=1e-6)

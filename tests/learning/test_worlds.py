@@ -34,6 +34,13 @@ def test_a_world_switches_and_each_has_its_trials():
             lambda: LevelOutcomes(np.array([1.0, 1.1]), *[np.ones((1, 3))] * 2, np.zeros(2)),
             "must be .levels, trials.",
         ),
+        (
+            lambda: LevelOutcomes(
+                np.array([1.0, 1.1]), np.ones((2, 3)), np.ones((2, 4)), np.zeros(2)
+            ),
+            r"must be .levels, trials. = \(2, 3\), got \(2, 3\) and \(2, 4\)",
+        ),
+        (lambda: switching([lambda k, x: x], 0), "every >= 1, got 1, 0"),
     ],
 )
 def test_worlds_without_sense_are_refused(call, says):

@@ -66,6 +66,13 @@ def test_the_optimal_threshold_is_tabulated_and_near_its_closed_form(d, xi, thet
     assert 0 <= at_closed_form - best.cost < 1e-3
 
 
+def test_where_errors_are_dear_the_best_gap_is_the_top_of_the_range_of_the_paper():
+    pair = gaussian_pair(1.0)
+    assert optimal_delta(*pair, 1e7, t_max=None).delta == pytest.approx(8, abs=1e-4)
+    # The cost still falls there: with a wider range the best one is wider.
+    assert optimal_delta(*pair, 1e7, t_max=None, bounds=(0, 12)).delta > 11.9
+
+
 def test_one_reading_is_optimal_where_errors_are_cheap():
     assert optimal_delta(*gaussian_pair(0.5), 10, t_max=None).delta == 0
     assert optimal_threshold(0.5, [8, 10, 50]) == pytest.approx([0, 0.0187, 1.0508], abs=1e-4)
