@@ -15,14 +15,19 @@ from bgmodel.comparison.circuits import (
     compare_edits,
     compare_with_msprt,
     decide_at_thresholds,
+    is_noisy,
     msprt_tradeoffs,
+    sample_ms,
     thresholds_about,
+    with_other_noise,
+    without_noise_alone,
 )
-from bgmodel.comparison.compare import OTHER_NOISE, compare
+from bgmodel.comparison.compare import OTHER_NOISE, compare, tradeoff
 from bgmodel.comparison.page import behaviour, page
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.rivals import RIVALS
 from circuits.anatomy import circuit
 from circuits.controls import shuffled_stn
 
@@ -56,6 +61,14 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     # Counting for 20 ms and nothing else takes less time than the circuit.
     assert of(table, "extra_ms", DECODER, accuracy=0.95) < of(table, "extra_ms", accuracy=0.95)
     assert of(table, "accuracy_gap", "race", MSPRT, "high", accuracy=0.95) < 0
+    # Rivals are abstract: all of their time is decision time.
+    full = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
+    for name, rival in RIVALS.items():
+        options = {"truth": EVIDENCE.truth, "accuracies": (0.9, 0.95), "resamples": 2}
+        swept = tradeoff(rival().run(EVIDENCE), EVIDENCE)
+        alone = compare(full, swept, rng=stream(1, "b"), latency_ms=0.0, **options)
+        gap = alone[alone["measure"] == "accuracy_gap"].set_index("accuracy")["value"][0.95]
+        np.testing.assert_equal(of(table, "accuracy_gap", name, MSPRT, accuracy=0.95), gap)
     text = page(table)
     assert "cortical decoder" in text
     assert "at 0.95" in text
@@ -190,6 +203,14 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     exact = of(noisy, "pearson_r") / np.sqrt(r)
     assert of(noisy, "pearson_r_of_ceiling") == pytest.approx(exact, rel=0.03)
     assert of(noisy, "agreement_chance") < of(noisy, "agreement", reference=OTHER_NOISE)
+    # Against itself there is no latency; and only of what the other noise is of is it the ceiling.
+    again = noisy[noisy["reference"] == OTHER_NOISE].set_index("measure")["value"]
+    assert abs(again["accuracy_gap"]) < 0.02
+    rows = noisy[noisy["measure"] == "pearson_r_of_ceiling"]
+    assert set(zip(rows["model"], rows["reference"], strict=True)) == {
+        (CIRCUIT, MSPRT_AT_GAIN),
+        (CIRCUIT, MSPRT),
+    }
     text = page(noisy)
     assert "circuit with other noise: the circuit beside itself" in text
     assert "by chance (agreement_chance)" in text
@@ -197,3 +218,66 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     for measure in ("agreement", "agreement_corrected", "pearson_r", "within_50_ms"):
         assert of(without, measure, reference=OTHER_NOISE) == pytest.approx(1)
     assert of(without, "pearson_r_of_ceiling") == pytest.approx(of(without, "pearson_r"))
+
+
+def test_out_is_sampled_each_ms_or_fifty_times_a_slow_reading():
+    assert [sample_ms(step) for step in (1, 50, 99, 100, 120, 150, 1000)] == [1, 1, 1, 2, 1, 3, 20]
+
+
+class Steep:
+    """A test whose setting is ten times the share of errors, or 0."""
+
+    def __init__(self, factor=10.0):
+        self.factor = factor
+
+    def setting(self, accuracy):
+        return self.factor * (1 - accuracy)
+
+
+def test_thresholds_of_a_circuit_lie_about_those_of_the_test_from_80_to_98_per_cent():
+    """By 30 % on either side; from where the test's are 0, from 2 to 1 thousandths of a nat."""
+    found = thresholds_about(Steep())
+    assert (len(found), *found[[0, -1]]) == pytest.approx((120, 1.3 * 2.0, 0.7 * 0.2))
+    assert np.diff(np.log(found)) == pytest.approx(np.log(found[1] / found[0]))
+    found = thresholds_about(Steep(), highest=0.99, lowest=0.5)
+    assert found[[0, -1]] == pytest.approx((1.3 * 5.0, 0.7 * 0.1))
+    assert thresholds_about(Steep(0.0))[[0, -1]] == pytest.approx((0.002, 0.001))
+
+
+@pytest.mark.parametrize(
+    ("engine", "options", "noisy"),
+    [
+        ("population", {}, True),
+        ("population", {"noise": False}, False),
+        ("ensemble", {}, True),
+        ("rate", {}, False),
+        ("algebra", {}, False),
+    ],
+)
+def test_only_noise_keeps_thresholds_away_from_rest(monkeypatch, engine, options, noisy):
+    """At rest 2 of 100 trials reach .5, one more .6: the share that noise may cross is 2 %."""
+    rest = np.full((100, 3, 2), 0.8)
+    rest[:2, 1, 0], rest[2, 2, 1] = 0.5, 0.6
+    monkeypatch.setattr(BasalGanglia, "out_at_rest", lambda self: rest)
+    model = replace(QUICK, engine=engine, options=options)
+    assert is_noisy(model) == noisy
+    levels = np.array([0.9, 0.6, 0.55, 0.5, 0.3])
+    kept = without_noise_alone(model, levels).tolist()
+    assert kept == ([0.55, 0.5, 0.3] if noisy else levels.tolist())
+
+
+def test_each_seed_has_another_noise_of_its_own(monkeypatch):
+    asked = []
+
+    def decided(model, evidence, thresholds, *, decoder_tau_ms):
+        asked.append(model.seed)
+        return {CIRCUIT: None}
+
+    monkeypatch.setattr("bgmodel.comparison.circuits.decide_at_thresholds", decided)
+    test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
+    for seed in (7, 8, None, 0):
+        with_other_noise(replace(QUICK, seed=seed), EVIDENCE, test)
+    assert len(set(asked[:3])) == 3
+    assert asked[2] == asked[3]
+    assert with_other_noise(replace(QUICK, engine="algebra"), EVIDENCE, test) is test
+    assert len(asked) == 4

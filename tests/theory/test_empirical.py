@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from bgmodel.theory.empirical import empirical_chain
+from bgmodel.theory.empirical import _share, empirical_chain
 from bgmodel.theory.sprt import Empirical, gaussian_pair, walk
 
 
@@ -48,3 +48,32 @@ def test_there_are_as_many_cells_as_asked_an_even_number_and_four_to_a_standard_
     x = Empirical.of_sample(values / values.std())
     onward = empirical_chain(x, -1.0, upper, 0.0, None, cells)[0]
     assert onward.shape == (1 + states, 1 + states)
+
+
+def test_few_atoms_need_no_cells():
+    """Steps of 1 from 0 between -3 and 3: five places, and no state beside them."""
+    x = Empirical(np.array([-1.0, 1.0]), np.array([0.4, 0.6]))
+    assert empirical_chain(x, -3.0, 3.0, 0.0, None, cells=64)[0].shape == (5, 5)
+
+
+def test_atoms_of_two_in_a_thousand_keep_their_place_and_lighter_ones_do_not():
+    weights = np.array([0.0021, 0.0019, 0.996])
+    assert Empirical(np.array([-1.0, 0.5, 1.0]), weights).heavy.tolist() == [True, False, True]
+    # No more than the 32 heaviest.
+    some = np.concatenate([np.full(32, 0.03), np.full(8, 0.005)])
+    assert Empirical(np.arange(40.0), some).heavy.tolist() == [True] * 32 + [False] * 8
+
+
+def test_a_place_that_is_not_followed_goes_to_two_cells_that_keep_its_mean():
+    edges = np.linspace(-1.0, 3.0, 9)
+    middles = (edges[1:] + edges[:-1]) / 2
+    landing, weight = np.array([-0.75, -0.6, 0.0, 0.51, 2.7]), np.array([0.1, 0.2, 0.3, 0.15, 0.25])
+    onward = np.zeros((5, 8))
+    _share(onward, np.arange(5), landing, weight, edges)
+    assert onward.sum(axis=1) == pytest.approx(weight)
+    assert onward @ middles == pytest.approx(weight * landing)
+    assert (np.abs(middles - landing[:, None])[onward > 0] < 0.5).all()
+    # Beyond the middle of an outer cell there is only that one.
+    onward = np.zeros((1, 8))
+    _share(onward, np.zeros(2, int), np.array([-0.9, 2.9]), np.array([0.4, 0.6]), edges)
+    assert onward[0].tolist() == [0.4, 0, 0, 0, 0, 0, 0, 0.6]

@@ -190,6 +190,7 @@ G = Gaussian(0.1, 1.0)
         (lambda: gaussian_pair(-1.0), "d .* got -1.0"),
         (lambda: Empirical.of_sample([]), "values"),
         (lambda: Empirical.of_sample([1.0, np.inf]), "values .* finite"),
+        (lambda: Empirical(np.ones((2, 2)), np.full((2, 2), 0.25)), "values .* of shape"),
         (lambda: Empirical(np.ones(2), np.ones(2)), "sum of weights must be 1, got 2"),
         (lambda: Empirical(np.ones(2), np.array([1.5, -0.5])), "weights .* at least 0"),
         (lambda: Empirical(np.ones(2), np.ones(1)), "weights .* shape"),
