@@ -147,6 +147,12 @@ def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
             ("SNr", 20, 80),
         ):
             assert low <= found.loc[name, "rate_hz"] <= high, name
+        # And those of the fixed point, where cells are not silent on average and swing into firing.
+        silence = np.zeros((1, 1, channels))
+        fixed = BasalGanglia(circuit("spiking_msprt", channels)).run_drive(silence, 1.0).rates_hz
+        for name in ("ctx", "STN", "GPe"):
+            rate_hz = fixed[name].mean()
+            assert found.loc[name, "rate_hz"] == pytest.approx(rate_hz, rel=0.05), name
         # What the table says of its own cells.
         assert abs(found.loc["ctx", "interval_cv"] - 0.5) < 0.1
         assert abs(found.loc["STN", "interval_cv"] - 0.3) < 0.1
@@ -255,9 +261,9 @@ def test_thresholds_of_a_circuit_lie_about_those_of_the_test_from_80_to_98_per_c
     ],
 )
 def test_only_noise_keeps_thresholds_away_from_rest(monkeypatch, engine, options, noisy):
-    """At rest 2 of 100 trials reach .5, one more .6: the share that noise may cross is 2 %."""
-    rest = np.full((100, 3, 2), 0.8)
-    rest[:2, 1, 0], rest[2, 2, 1] = 0.5, 0.6
+    """At rest 20 of 1000 trials reach .5, one more .6: the share that noise may cross is 2 %."""
+    rest = np.full((1000, 3, 2), 0.8)
+    rest[:20, 1, 0], rest[20, 2, 1] = 0.5, 0.6
     monkeypatch.setattr(BasalGanglia, "out_at_rest", lambda self: rest)
     model = replace(QUICK, engine=engine, options=options)
     assert is_noisy(model) == noisy
@@ -281,3 +287,15 @@ def test_each_seed_has_another_noise_of_its_own(monkeypatch):
     assert asked[2] == asked[3]
     assert with_other_noise(replace(QUICK, engine="algebra"), EVIDENCE, test) is test
     assert len(asked) == 4
+
+
+def test_unless_told_otherwise_the_decoder_counts_for_20_ms(monkeypatch):
+    taken = []
+
+    def recorded(activity, trace, lowest, again, tau_ms):
+        taken.append(tau_ms)
+        return trace
+
+    monkeypatch.setattr("bgmodel.comparison.circuits.decoded", recorded)
+    decide_at_thresholds(QUICK, LONG[:2], [0.4])
+    assert taken == [20.0]

@@ -180,3 +180,9 @@ def test_the_log_mixture_is_that_of_all_drifts_and_both_signs(stored):
     v = np.array([*DRIFTS, *(-np.array(DRIFTS))])[:, None]
     expected = np.log(np.exp(v * x - v**2 * t / 2).mean(axis=0))
     assert stored.log_mixture[8, :50] == pytest.approx(expected, abs=1e-9)
+
+
+def test_drifts_lie_the_farther_apart_the_stronger_they_are():
+    """From 0 and 1 to 16, each by one more than the last: a weight between two stays small."""
+    assert DRIFTS[:2] == (0, 1)
+    assert np.diff(DRIFTS[1:]).tolist() == [1, 2, 3, 4, 5]

@@ -57,6 +57,7 @@ def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood
 
 def test_cells_hold_data_beside_the_model(found, likelihood):
     table, design = found.cells(), likelihood.design
+    assert {f"q{percent}_s" for percent in (10, 30, 50, 70, 90)} < set(table)
     seen = design.observed
     for cell, row in table.iterrows():
         some = seen.cell == cell

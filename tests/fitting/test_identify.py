@@ -180,3 +180,23 @@ def test_the_error_of_stored_trials_is_no_information():
             each.append(directions(likelihood, vector).information[2, 2])
         found[kind] = np.median(each)
     assert found[Noisy] < 0.1 * found[Squared]
+
+
+def test_what_nothing_fixes_has_an_infinite_error():
+    """Two that move alike, one that moves nothing, or no information at all."""
+
+    def errors(*information):
+        count = len(information)
+        return Directions(list("abc")[:count], np.zeros(count), np.array(information))
+
+    assert errors([4.0, 4.0], [4.0, 4.0]).standard_errors.tolist() == [np.inf, np.inf]
+    assert errors([0.0, 0.0], [0.0, 0.0]).standard_errors.tolist() == [np.inf, np.inf]
+    assert errors([4.0, 0.0], [0.0, 0.0]).standard_errors.tolist() == [0.5, np.inf]
+
+
+def test_a_cosine_is_between_minus_1_and_1_where_information_is_an_estimate():
+    """Products of the derivatives of two halves may be larger than the squares."""
+    for sign in (1, -1):
+        one = Directions(["a", "b"], np.zeros(2), np.array([[1.0, sign * 1.3], [sign * 1.3, 1.0]]))
+        assert one.cosines.tolist() == [[1, sign], [sign, 1]]
+        assert np.isinf(one.standard_errors).all()

@@ -1,12 +1,21 @@
 """The optimum on data whose parameters are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum, starts_of
+from bgmodel.fitting.optimum import (
+    Likelihood,
+    Optimum,
+    _scales,
+    likelihood_of,
+    optimum,
+    starts_of,
+)
 from bgmodel.fitting.parameters import Parameter, freedom
 from tests.drawn import TRUTH, drawn
 
@@ -54,8 +63,6 @@ def fitted(choices, **given):
 
 
 def test_in_per_cent_sensitivity_is_a_hundredth_and_all_else_the_same(small):
-    from dataclasses import replace
-
     share, percent = fitted(small), fitted(replace(small, strength=100 * small.strength))
     assert percent.log_likelihood == pytest.approx(share.log_likelihood, abs=0.02)
     assert percent.values["sensitivity"] == pytest.approx(
@@ -136,6 +143,25 @@ class Hills:
         return float(max(high, low - 5))
 
 
+def test_a_number_counts_as_at_its_bound_within_a_thousandth_of_its_range():
+    """The range here is 16: .016 from either end."""
+    for vector, at in (([-7.985, 0], True), ([-7.983, 0], False), ([7.983, 0], False)):
+        found = Optimum(Hills(), np.array(vector), 0.0, 1)
+        assert found.at_bound.tolist() == [at, False]
+    assert Optimum(Hills(), np.array([0, 7.985]), 0.0, 1).at_bound.tolist() == [False, True]
+
+
+def test_a_search_looks_at_first_about_a_sixth_of_the_place_away():
+    """By .15 of it, but not less than a fiftieth of the range and not more than a fifth."""
+    first = np.array([4.0, -4.0])
+    assert _scales(Hills(), first) == pytest.approx([0.6, 0.6])
+    assert _scales(Hills(), np.array([0.0, 1.0])) == pytest.approx([0.32, 0.32])
+    wide = replace(Hills.freedom, moved=freedom([Parameter("a", 99.0, 101.0, 100.0)], {}, 1).moved)
+    other = Hills()
+    other.freedom = wide
+    assert _scales(other, np.array([100.0])) == pytest.approx([0.4])
+
+
 @pytest.mark.parametrize("order", [1, -1])
 def test_of_several_searches_the_best_one_counts(order):
     told = []
@@ -144,6 +170,8 @@ def test_of_several_searches_the_best_one_counts(order):
     assert found.vector == pytest.approx([3, 3], abs=0.1)
     assert found.log_likelihood == pytest.approx(0, abs=0.01)
     assert told[-1][0] == found.evaluations
+    # Sixteen points a generation.
+    assert set(np.diff([0, *(done for done, _ in told)])) == {16}
     assert np.all(np.diff([best for _, best in told]) >= 0)
 
 

@@ -8,7 +8,7 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.parameters import Parameter, freedom
-from bgmodel.fitting.posterior import ENOUGH, posterior
+from bgmodel.fitting.posterior import ENOUGH, Posterior, _correlated, posterior
 from tests.drawn import TRUTH, drawn
 
 
@@ -37,6 +37,8 @@ def test_draws_from_a_gaussian_have_its_covariance():
     found = GAUSSIAN.draw()
     assert found.long_enough
     assert found.lasts > ENOUGH
+    # It looks at the chain each 500 steps, and goes on no longer than that takes.
+    assert len(found.draws) in {32 * 250 * looks for looks in range(1, 5)}
     error = 4 / np.sqrt(found.effective)
     assert np.cov(found.draws.T) == pytest.approx(np.array([[1.0, 1.2], [1.2, 4.0]]), abs=4 * error)
     assert found.draws.std(axis=0) == pytest.approx([1, 2], rel=error)
@@ -69,7 +71,7 @@ def test_the_same_seed_draws_the_same_and_another_one_others():
 def test_a_short_chain_says_so_and_what_it_is_worth(caplog, capfd):
     found = GAUSSIAN.draw(most_steps=60)
     assert not found.long_enough
-    assert found.lasts < ENOUGH
+    assert 0 < found.lasts < ENOUGH
     assert found.effective < len(found.draws) == 60 // 2 * 32
     # Nothing of the sampler's own warnings.
     assert caplog.text == ""
@@ -99,3 +101,24 @@ def test_with_many_trials_the_posterior_is_as_wide_as_the_errors_say():
     found = posterior(likelihood, there, most_steps=300, steps=300)
     assert found.draws.std(axis=0) == pytest.approx(there.standard_errors, rel=0.15)
     assert np.abs((found.mean - best) / there.standard_errors).max() < 0.5
+
+
+def test_an_interval_holds_nine_tenths_unless_another_share_is_asked_for():
+    draws = np.linspace(0, 1, 1001)[:, None] * [1.0, 10.0]
+    found = Posterior(["a", "b"], draws, draws[:, 0], 1.0, 1.0)
+    assert found.interval() == pytest.approx(np.array([[0.05, 0.5], [0.95, 9.5]]))
+    assert found.interval(0.5) == pytest.approx(np.array([[0.25, 2.5], [0.75, 7.5]]))
+
+
+def test_no_chain_is_worth_more_than_its_draws():
+    """Where each draw takes back the last, the autocorrelation time would be below a step."""
+    rng = np.random.default_rng(6)
+    noise = rng.normal(size=(400, 8, 2))
+    assert _correlated(np.diff(noise, axis=0)) == 1
+    slow = np.cumsum(noise, axis=0)
+    assert _correlated(slow) > 10
+    # The slowest parameter counts; of one that stands still nothing is known.
+    both = np.stack([noise[1:, :, 0], slow[1:, :, 0]], axis=2)
+    assert _correlated(both) == pytest.approx(_correlated(slow[1:, :, :1]))
+    with np.errstate(invalid="ignore"):
+        assert _correlated(np.zeros((400, 8, 1))) == 400

@@ -128,3 +128,11 @@ def test_moments_are_those_of_the_trials_that_responded():
     assert found["accuracy"] == pytest.approx(right.mean())
     assert found["mean_s"] == pytest.approx(rt.mean(), abs=1e-3)
     assert found["sd_s"] == pytest.approx(rt.std(), abs=1e-3)
+
+
+def test_a_time_before_the_first_middle_or_beyond_the_last_has_the_density_there():
+    density = np.zeros((1, 2, GRID.bins))
+    density[0, 1] = np.linspace(1, 4, GRID.bins)
+    end_s = GRID.bins * BIN_S
+    found = observed([1, 1, 1], [0.0, end_s, 2 * end_s]).each(density)
+    assert np.exp(found) == pytest.approx([1, 4, 4], rel=1e-6)

@@ -1,5 +1,6 @@
 """A circuit as an integrator: its drive, its batches, its warnings."""
 
+import inspect
 import os
 import warnings
 from dataclasses import replace
@@ -18,6 +19,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of, gain_of
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import anatomy
 from circuits.anatomy import circuit, macaque
+from circuits.cost import memory_bytes
+from circuits.engines import plain
 
 SEED, GAIN = 51, 0.5
 TABLE = circuit("spiking_msprt", 4)
@@ -72,6 +75,9 @@ def test_a_batch_without_rates_holds_as_many_trials_as_its_out_has_room_for(samp
     most = min(basal_ganglia.WIDE_BATCH, basal_ganglia.WIDE_NUMBERS / numbers)
     assert model.batch(long) == pytest.approx(most, rel=0.03)
     assert replace(model, options={**options, "rates": True}).batch(long) == basal_ganglia.BATCH
+    if sample_ms == 1.0:  # each ms, unless an option says otherwise
+        kept = {"noise": False, "rates": False}
+        assert replace(model, options=kept).batch(long) == model.batch(long)
     endless = replace(long, step_ms=50_000.0)
     assert model.batch(endless) == basal_ganglia.BATCH
 
@@ -158,6 +164,9 @@ def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
     found = model.run_drive(np.zeros((10, 4, 2)), 50.0)
     held = found.output_nats.nbytes + sum(rates.nbytes for rates in found.rates_hz.values())
     assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
+    # By what the engine is said to keep of 200 samples, one each ms, in units of 1e9 bytes.
+    kept = memory_bytes(model.circuit, engine, 10, 200, rates=True, workers=1)
+    assert 1e9 * model.memory_gb(10, 4, 50.0) == pytest.approx(kept)
 
 
 def test_what_is_expected_reaches_all_channels_before_the_onset():
@@ -199,3 +208,26 @@ def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_
         shares.append((first_crossing(model.run(ahead), 0.33).time_ms < 0).mean())
     assert max(shares[:2]) <= 0.01
     assert shares[2] >= 0.2
+
+
+def test_the_time_of_a_run_counts_the_settling_that_engines_begin_with():
+    """As long as they settle unless they are told otherwise."""
+    own = inspect.signature(plain.run).parameters["settle_ms"].default
+    told = {"workers": 1, "settle_ms": own}
+    one, other = (
+        BasalGanglia(TABLE, "ensemble", GAIN, SEED, options) for options in ({"workers": 1}, told)
+    )
+    assert one.seconds(100, 30, 50.0) == other.seconds(100, 30, 50.0)
+    none = replace(one, options={"workers": 1, "settle_ms": 0.0})
+    assert none.seconds(100, 30, 50.0) < one.seconds(100, 30, 50.0)
+
+
+def test_rest_is_looked_at_for_half_a_second():
+    model = BasalGanglia(macaque(2), "population", GAIN, SEED)
+    assert model.out_at_rest(3).shape == (3, 500, 2)
+
+
+def test_evidence_drives_a_circuit_by_its_own_nats_unless_a_gain_is_given():
+    total = EVIDENCE.totals
+    wanted = total - total.mean(axis=2, keepdims=True)
+    np.testing.assert_allclose(drive_of(EVIDENCE), wanted, atol=1e-12)
