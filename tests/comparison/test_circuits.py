@@ -73,6 +73,7 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     assert "cortical decoder" in text
     assert "at 0.95" in text
     assert "same where the reference errs" in text
+    assert "other noise" not in text
 
 
 @pytest.mark.parametrize("kind", ["sign", "shuffled"])

@@ -1,6 +1,10 @@
 """Levels of dopamine beside tests in equal time."""
 
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
+import pytest
 
 from bgmodel import Msprt, stream
 from bgmodel.comparison import levels
@@ -60,3 +64,39 @@ def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeyp
         own = gaps.loc[gaps["reference"] == "MSPRT at its gain", "value"]
         assert own.abs().max() < 0.03, channels
     assert set(table["channels"]) == {2, 4}
+
+
+@pytest.mark.parametrize("channels", levels.LATENCY_MS)
+def test_the_latency_is_what_was_measured_where_noise_costs_least(channels):
+    """What the default circuit takes longer than its test, in the table of raw evidence."""
+    table = pd.read_csv(Path(__file__).parents[2] / "docs/results/raw_decisions.csv")
+    table = table[table["evidence"].eq(f"Gaussian, d' 1, N = {channels}")]
+    table = table[table["engine"].eq("population") & table["given"].eq("raw")]
+    extra_ms = table[table["accuracy"].isin([0.9, 0.95])]["extra_ms"]
+    assert len(extra_ms) == 2
+    assert levels.LATENCY_MS[channels] == pytest.approx(extra_ms.mean(), abs=1)
+
+
+def test_engines_hear_half_a_standard_deviation_each_50_ms_and_spikes_half_of_the_trials(
+    monkeypatch,
+):
+    heard = []
+
+    def decided(model, evidence, played, threshold_nats):
+        heard.append((model.engine, evidence, played))
+
+    monkeypatch.setattr(levels, "decide_at_levels", decided)
+    monkeypatch.setattr(levels, "msprt_tradeoffs", lambda *a: {})
+    monkeypatch.setattr(levels, "level_table", lambda *a, **k: pd.DataFrame({"level": [1.0]}))
+    levels.levels_against_msprt(SEED, 300, 2)
+    assert len(heard) == 6
+    for engine, evidence, played in heard:
+        spikes = engine == "ensemble"
+        assert (evidence.trials, len(played)) == ((150, 7) if spikes else (300, 14))
+        assert evidence.step_ms == 50
+        # The log odds of the truth over another one grow by d'^2 / 2 a reading.
+        trial, truth = np.arange(evidence.trials), evidence.truth
+        other = (truth + 1) % evidence.hypotheses
+        values = evidence.log_likelihood
+        grown = (values[trial, :, truth] - values[trial, :, other]).mean()
+        assert grown == pytest.approx(0.5**2 / 2, abs=0.016)

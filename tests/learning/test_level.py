@@ -252,3 +252,13 @@ def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cos
             after_errors(learned, XI)
     else:
         assert after_errors(learned, XI)["errors"].item() == error[0, 200:].mean()
+
+
+def test_a_learner_of_levels_explores_to_the_end_by_a_twelfth_of_their_distance(monkeypatch):
+    """By .08 of it: with the .05 that gaps are learned with, an optimum by the edge comes late."""
+    asked = []
+    monkeypatch.setattr(level, "learn", lambda *a, policy, **k: asked.append(policy))
+    short()
+    (policy,) = asked
+    assert policy.bounds == PLAYED
+    assert policy.sd(10**12) == pytest.approx(0.08 * (PLAYED[1] - PLAYED[0]))
