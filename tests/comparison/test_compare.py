@@ -7,10 +7,12 @@ import pytest
 
 from bgmodel import Msprt, stream
 from bgmodel.comparison.compare import (
+    check_trials,
     compare,
     curve,
     equivalent,
     interval,
+    latency,
     levels,
     margin,
     reads_nothing,
@@ -168,6 +170,9 @@ def test_bad_input_is_refused():
         measured(few)
     with pytest.raises(ValueError, match="an interval needs 100 trials or more, got 50"):
         compare(few, few, rng=stream(1, "x"))
+    with pytest.raises(ValueError, match="an interval needs 100 trials or more, got 99"):
+        check_trials(99)
+    check_trials(100)
 
 
 def test_an_accuracy_is_reached_within_a_share_of_the_errors_that_it_leaves():
@@ -205,6 +210,10 @@ def test_trials_that_are_alike_in_a_group_make_the_interval_wider():
 def test_a_group_of_one_trial_each_is_no_group():
     alone, each = (resampled(50, 20, stream(1, "g"), g) for g in (None, np.arange(50)))
     assert np.array_equal(alone, each)
+    # Two groups are enough: each trial of one is drawn as often as the others of it.
+    two = resampled(4, 30, stream(1, "g"), ["a", "a", "b", "b"])
+    assert np.array_equal(two[:, [0, 2]], two[:, [1, 3]])
+    assert set(two[1:, 0]) == {0, 1, 2}
     with pytest.raises(ValueError, match="groups must be one per trial"):
         resampled(50, 20, stream(1, "g"), np.arange(40))
     with pytest.raises(ValueError, match="groups must be two or more for an interval, got 1"):
@@ -253,3 +262,19 @@ def test_a_number_that_is_not_known_is_said_to_be_so():
     assert shown(np.nan, 1.0, 1.5, ".2f") == "unknown"
     for ends in ((np.nan, 1.5), (1.0, np.nan), (np.nan, np.nan)):
         assert shown(1.25, *ends, ".2f") == "1.25 [unknown]"
+
+
+def test_the_latency_is_that_of_accuracies_from_85_to_98_per_cent_and_of_no_others():
+    """A line through times outside says nothing, and one through the ends does."""
+    accuracy = np.linspace(0.7, 0.999, 2991)[None]
+    test = accuracy, 5000 * (accuracy - 0.7)
+
+    def late_by(extra_ms):
+        offset, slope = latency(test, (accuracy, test[1] + extra_ms))
+        return float(offset[0]), float(slope[0])
+
+    inside = (accuracy > 0.8495) & (accuracy < 0.9805)
+    assert late_by(np.where(inside, 40.0, 400.0)) == pytest.approx((40, 0), abs=1e-6)
+    for end in (0.85, 0.98):
+        bent = np.where(np.abs(accuracy - end) < 0.0005, 60.0, 40.0)
+        assert abs(late_by(bent)[1]) > 1e-3

@@ -1,5 +1,7 @@
 """Designed trials: closed forms of each theory, and deciders whose theory is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -23,6 +25,7 @@ from bgmodel.comparison.designed import (
     designs,
     kappa_of,
     readings_of,
+    size,
     text,
     theories,
     verdicts,
@@ -186,6 +189,9 @@ def test_what_a_circuit_does_not_read_is_refused():
             check_read(table, out)
     with pytest.raises(ValueError, match="trials must be at least 2 where there is noise"):
         designed_circuit(BasalGanglia(macaque, "population", 0.5, 1), trials=1)
+    model = BasalGanglia(macaque, "population", 0.5, 1)
+    assert size(model, THRESHOLDS, 2)[0] == 2
+    assert size(replace(model, engine="rate"), THRESHOLDS, 200)[0] == 1
 
 
 def test_a_threshold_that_is_never_reached_is_refused():
@@ -265,3 +271,13 @@ def test_without_nats_a_design_is_given_as_it_is():
     assert kappa_of(model) == 1
     assert kappa_of(exact("macaque", 0.3)) == 0.3
     assert theories()[MSPRT] == Msprt()
+
+
+def test_unless_asked_otherwise_designed_trials_have_four_channels_and_three_thresholds():
+    found = designed(Msprt())
+    assert found["threshold"].drop_duplicates().tolist() == [0.35, 0.25, 0.15]
+    assert "3 equal" in set(found["design"])
+    # Readings of 50 ms, in which the leader rises by 2 nats a second.
+    evidence = designs()[0].evidence(3)
+    assert evidence.step_ms == 50
+    assert evidence.own_totals[0, -1].tolist() == pytest.approx([0.3, 0, 0, 0])

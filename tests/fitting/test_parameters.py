@@ -96,5 +96,5 @@ def test_the_page_of_fits_says_between_what_each_parameter_moves_and_where_it_st
     said = re.search(rf"[^\n]*`{name}`[^\n]*? ([\d.]+), ([\d.]+) and ([\d.]+)", page)
     each = EVERY[name]
     assert [float(x) for x in said.groups()] == pytest.approx(
-        [each.low, each.high, each.start], abs=5e-4
+        [each.low, each.high, each.start], rel=0.01
     )

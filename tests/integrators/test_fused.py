@@ -165,3 +165,12 @@ def test_numbers_that_make_no_sense_are_refused(changed, says):
     given = {"trials": 10, "steps": 5, "separation": 0.5, "thresholds": [0.1], "seed": 1} | changed
     with pytest.raises(ValueError, match=says):
         gaussian_tally(**given)
+
+
+def test_one_trial_of_one_reading_under_the_first_seed_is_a_tally():
+    """The least of each number; at a posterior of all but 1 no reading is enough."""
+    found = gaussian_tally(1, 1, 0.5, [1e-6, 0.69], seed=0)
+    assert found.trials == 1
+    assert found.steps.tolist() == [1, 1]
+    assert found.forced[0] == 1
+    assert set(found.correct.tolist()) <= {0, 1}

@@ -82,3 +82,9 @@ def test_without_the_loop_a_short_window_forgets():
 def test_a_window_of_nothing_is_refused():
     with pytest.raises(ValueError, match="window must be at least 1 reading, or None, got 0"):
         RecursiveMsprt(window=0)
+
+
+def test_a_window_of_one_reading_without_the_loop_knows_that_one_alone():
+    evidence = drawn(20)
+    out = RecursiveMsprt(window=1, loop=False).run(evidence).out_nats
+    np.testing.assert_allclose(out[:, 2:], Msprt().output(evidence.log_likelihood[:, :-1]))

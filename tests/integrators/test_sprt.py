@@ -161,3 +161,14 @@ def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
     found = tally_sprt(evidence, thresholds)
     for name in ("trials", "correct", "steps", "forced"):
         assert np.array_equal(getattr(found, name), getattr(want, name))
+
+
+def test_one_reading_is_a_deadline():
+    """The least that there is: the choice is forced by it, whatever the threshold."""
+    for test in (Sprt(), Msprt()):
+        trial = Stream(test, -50.0, t_max=1)
+        assert trial.choice is None
+        assert trial.update([0.0, 0.2]) == 1
+        assert trial.readings == 1
+    with pytest.raises(ValueError, match="hypotheses must be at least 2, got 1"):
+        criterion_from_posterior(0.9, 1)

@@ -64,3 +64,11 @@ def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_le
     assert (same == 1).all(axis=None)
     assert table["optimal_delta"].nunique() == 2
     assert (table["start_regret"] > 0).all()
+
+
+def test_learning_starts_anywhere_in_the_range_of_the_paper_and_nowhere_else():
+    for start in (0.0, 8.0):
+        gap.check_start(start)
+    for start in (-0.01, 8.01, np.nan):
+        with pytest.raises(ValueError, match=r"start_delta must lie in 0\.\.8 nats"):
+            gap.check_start(start)

@@ -67,6 +67,7 @@ def test_trials_and_exploration_have_streams_of_their_own(monkeypatch):
     monkeypatch.setattr(level, "stream", recorded)
     short(runs=3)
     assert len(asked) == len(set(asked)) == 6
+    assert short(runs=1).learned.shape == (1,)
 
 
 @pytest.mark.parametrize("mean", [0.95, 1.6])

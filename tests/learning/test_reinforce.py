@@ -168,3 +168,29 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
         # Values twice as wide as gaps of 8 nats: four times the step.
         rate = 4 * 0.04 / (1 + k / 1000)
         assert mean[:, k + 1] - mean[:, k] == pytest.approx(rate * share * score, rel=1e-6)
+
+
+def test_one_trial_of_one_run_is_what_it_began_with():
+    learned = learn(lambda k, x: -x, 2.0, rngs=[stream(1)], learner=Learner(episodes=1, last=1))
+    assert learned.learned.tolist() == learned.mean_played[:, 0].tolist() == [2.0]
+    assert learned.prediction_error.tolist() == [[0.0]]
+    with pytest.raises(ValueError, match=r"episodes must be at least last \(0\) >= 1"):
+        Learner(last=0)
+
+
+def test_the_weight_of_a_binary_unit_goes_eight_times_as_fast_as_a_gap():
+    """One unit of all 8 nats: its weight is the log odds of the mean gap, its score y - p."""
+    learned = learn(
+        lambda k, x: -20.0 - x,
+        4.0,
+        rngs=[stream(SEED, "unit", run) for run in range(3)],
+        policy=BernoulliPolicy(units=1),
+        learner=Learner(episodes=602),
+    )
+    p, y = learned.mean_played / 8, learned.played / 8
+    weight = np.log(p / (1 - p))
+    for k in (100, 300, 600):
+        error = learned.prediction_error[:, k]
+        share = error / np.abs(learned.reward[:, k] - error)
+        step = 8 * 0.04 / (1 + k / 1000) * share * (y - p)[:, k]
+        assert weight[:, k + 1] - weight[:, k] == pytest.approx(step, rel=1e-6)

@@ -20,6 +20,8 @@ def test_worlds_that_switch_draw_trials_of_their_own():
 def test_a_world_switches_and_each_has_its_trials():
     world = switching([lambda k, x: x, lambda k, x: -x], every=3)
     assert [world(k, np.array([1.0]))[0] for k in range(8)] == [1, 1, 1, -1, -1, -1, 1, 1]
+    world = switching([lambda k, x: x, lambda k, x: -x], every=1)
+    assert [world(k, np.array([1.0]))[0] for k in range(4)] == [1, -1, 1, -1]
 
 
 @pytest.mark.parametrize(
