@@ -10,6 +10,8 @@ from bgmodel import Msprt, stream
 from bgmodel.comparison import levels
 from bgmodel.comparison.compare import Tradeoff, tradeoff
 from bgmodel.comparison.levels import level_table
+from bgmodel.dopamine import THRESHOLD_NATS, working_range
+from circuits.anatomy import DEFAULT, circuit
 from tests.levels import GAIN, MODEL, SEED
 
 
@@ -94,6 +96,10 @@ def test_engines_hear_half_a_standard_deviation_each_50_ms_and_spikes_half_of_th
         spikes = engine == "ensemble"
         assert (evidence.trials, len(played)) == ((150, 7) if spikes else (300, 14))
         assert evidence.step_ms == 50
+        # From below the lowest level at which the fixed point decides to just below the highest.
+        low, high = working_range(circuit(DEFAULT, evidence.hypotheses), THRESHOLD_NATS)
+        ends = (0.85 * low, 0.98 * high) if not spikes else (0.85 * low, played.max())
+        assert (played.min(), played.max()) == pytest.approx(ends)
         # The log odds of the truth over another one grow by d'^2 / 2 a reading.
         trial, truth = np.arange(evidence.trials), evidence.truth
         other = (truth + 1) % evidence.hypotheses

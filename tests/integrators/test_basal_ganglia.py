@@ -167,6 +167,9 @@ def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
     # By what the engine is said to keep of 200 samples, one each ms, in units of 1e9 bytes.
     kept = memory_bytes(model.circuit, engine, 10, 200, rates=True, workers=1)
     assert 1e9 * model.memory_gb(10, 4, 50.0) == pytest.approx(kept)
+    coarse = replace(model, options={"sample_ms": 5.0})
+    kept = memory_bytes(model.circuit, engine, 10, 40, rates=True, workers=1)
+    assert 1e9 * coarse.memory_gb(10, 4, 50.0) == pytest.approx(kept)
 
 
 def test_what_is_expected_reaches_all_channels_before_the_onset():
