@@ -263,3 +263,19 @@ def test_a_learner_of_levels_explores_to_the_end_by_a_twelfth_of_their_distance(
     (policy,) = asked
     assert policy.bounds == PLAYED
     assert policy.sd(10**12) == pytest.approx(0.08 * (PLAYED[1] - PLAYED[0]))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_after_errors_holds_a_trial_to_the_25_on_either_side_but_itself_and_the_error(side):
+    """One long trial 25 away is a 49th part of what the trial after the error is held to."""
+    found = {}
+    for away in (25, 26):
+        steps, error = np.zeros((1, 400)), np.zeros((1, 400), bool)
+        after = 300
+        steps[0, after + side * 26] = 9.0
+        after += side * (26 - away)
+        error[0, after - 1] = True
+        learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
+        found[away] = after_errors(learned, XI)["slower"].item()
+    # The other 198 trials after a right choice have one more or less of these.
+    assert found[25] - found[26] == pytest.approx(-9 / 49 * (1 + 1 / 198))

@@ -1,6 +1,7 @@
 """Learning: the exhaustive search, and what reward converges to."""
 
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -194,3 +195,13 @@ def test_the_weight_of_a_binary_unit_goes_eight_times_as_fast_as_a_gap():
         share = error / np.abs(learned.reward[:, k] - error)
         step = 8 * 0.04 / (1 + k / 1000) * share * (y - p)[:, k]
         assert weight[:, k + 1] - weight[:, k] == pytest.approx(step, rel=1e-6)
+
+
+def test_a_learner_has_the_trials_that_the_page_says_and_its_value_is_the_mean_of_the_last_500():
+    page = (Path(__file__).parents[2] / "docs/assumptions.md").read_text()
+    assert f"Learning takes {Learner().episodes:_} trials".replace("_", " ") in page
+    learned = learn(
+        lambda k, x: -20.0 - x, 4.0, rngs=[stream(SEED, "last")], learner=Learner(episodes=700)
+    )
+    assert learned.learned == pytest.approx(learned.mean_played[:, 200:].mean(axis=1), rel=1e-12)
+    assert learned.learned != pytest.approx(learned.mean_played[:, 199:].mean(axis=1), rel=1e-12)
