@@ -186,3 +186,16 @@ def test_drifts_lie_the_farther_apart_the_stronger_they_are():
     """From 0 and 1 to 16, each by one more than the last: a weight between two stays small."""
     assert DRIFTS[:2] == (0, 1)
     assert np.diff(DRIFTS[1:]).tolist() == [1, 2, 3, 4, 5]
+
+
+def test_the_halves_are_every_other_trial_and_together_the_whole(stored):
+    first, second = stored.half(0), stored.half(1)
+    for name in ("bins", "choice", "evidence"):
+        whole = getattr(stored, name)
+        together = np.empty_like(whole)
+        together[:, ::2], together[:, 1::2] = getattr(first, name), getattr(second, name)
+        assert np.array_equal(together, whole)
+        assert getattr(second, name).dtype == whole.dtype
+    for half in (first, second):
+        assert half.thresholds_nats is stored.thresholds_nats
+        assert np.array_equal(half.drifts, stored.drifts)
