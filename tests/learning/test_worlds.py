@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from bgmodel import stream
+from bgmodel import Evidence, stream
+from bgmodel.comparison.compare import Tradeoff
 from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
 from tests.learning.helpers import XI, draw
 
@@ -22,6 +23,23 @@ def test_a_world_switches_and_each_has_its_trials():
     assert [world(k, np.array([1.0]))[0] for k in range(8)] == [1, 1, 1, -1, -1, -1, 1, 1]
     world = switching([lambda k, x: x, lambda k, x: -x], every=1)
     assert [world(k, np.array([1.0]))[0] for k in range(4)] == [1, -1, 1, -1]
+
+
+def test_outcomes_of_levels_rise_and_count_readings_from_the_onset():
+    """Two levels, three trials: times by hand; what comes before the onset takes no reading."""
+    evidence = Evidence(np.zeros((3, 2, 2)), np.array([0, 1, 1]), step_ms=50.0)
+    choice, time_ms = np.array([[0, 0, 1], [1, 1, 1]]), np.array([[50.0, 25, -9], [100, 75, 150]])
+    late = np.array([[False] * 3, [False, False, True]])
+    found = Tradeoff(np.array([1.4, 0.9]), choice, time_ms, late, time_ms < 0, np.ones((2, 3)))
+    made = LevelOutcomes.of(found, evidence)
+    assert made.levels.tolist() == [0.9, 1.4]
+    assert made.correct.tolist() == [[False, True, True], [True, False, True]]
+    assert made.steps.tolist() == [[2, 1.5, 3], [1, 0.5, 0]]
+    assert made.forced == pytest.approx([1 / 3, 0])
+    assert made.rewards(10.0).tolist() == [[-12, -1.5, -3], [-1, -10.5, 0]]
+    assert made.best(10.0) == (1.4, pytest.approx(-11.5 / 3))
+    with pytest.raises(ValueError, match="decisions of 3 trials, evidence of 2"):
+        LevelOutcomes.of(found, evidence[:2])
 
 
 @pytest.mark.parametrize(
