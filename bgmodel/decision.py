@@ -201,8 +201,8 @@ def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = Tr
     # Importing Numba takes most of a second: only where a decision is made.
     from bgmodel.crossing import cross_all
 
-    order, level = _sorted_levels(thresholds, trace.out_nats.shape[2])
     out = _contiguous(trace.out_nats)
+    order, level = _sorted_levels(thresholds, out.shape[2])
     ends, numbers = trace.of_trials()
     tick, choice = cross_all(out, _first_reading(trace), order, level, ends, numbers)
     if np.ndim(thresholds) == 0:
@@ -315,9 +315,10 @@ def tally(trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike) -> Ta
         raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
     if truth is None:
         raise ValueError("tally counts correct choices: it needs the truth of each trial")
-    order, level = _sorted_levels(thresholds, trace.out_nats.shape[2])
+    out = _contiguous(trace.out_nats)
+    order, level = _sorted_levels(thresholds, out.shape[2])
     steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
-    out, truth, first = _contiguous(trace.out_nats), np.asarray(truth), _first_reading(trace)
+    truth, first = np.asarray(truth), _first_reading(trace)
     correct, steps, forced = tally_all(out, truth, first, level[0], steps_at, *trace.of_trials())
     back = np.argsort(order[0])
     return Tally(len(out), correct[back], steps[back], forced[back])

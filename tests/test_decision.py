@@ -169,11 +169,29 @@ def test_undecided_is_a_value():
     [
         (lambda: first_crossing(Msprt().run(some_evidence()), np.nan), "thresholds must be finite"),
         (lambda: first_crossing(Msprt().run(some_evidence()), np.ones((2, 2))), r"\(K, 3\)"),
+        (lambda: first_crossing(Msprt().run(some_evidence()), []), r"\(K, 3\), got shape \(0,\)"),
+        (lambda: first_crossing(Msprt().run(some_evidence()), np.ones((1, 1, 3))), r"\(K, 3\)"),
+        (lambda: crossing_of_each(Msprt().run(some_evidence()), [0.3]), "300 finite nats"),
+        (lambda: crossing_of_each(Msprt().run(some_evidence()), [np.inf] * 300), "300 finite"),
+        (lambda: tally(Msprt().run(some_evidence()), np.zeros(300, int), 0.3), r"must be \(K,\)"),
+        (lambda: tally(Msprt().run(some_evidence()), None, [0.3]), "needs the truth"),
     ],
 )
 def test_thresholds_without_sense_are_refused(call, says):
     with pytest.raises(ValueError, match=says):
         call()
+
+
+@pytest.mark.parametrize("shape", [(2, 3), (0, 3, 2), (2, 0, 2), (2, 3, 0)])
+def test_an_output_that_is_no_trials_of_ticks_of_channels_is_refused(shape):
+    trace = Trace(np.ones(shape), np.arange(3.0))
+    for decide in (
+        lambda: first_crossing(trace, 0.5),
+        lambda: crossing_of_each(trace, np.ones(shape[0])),
+        lambda: tally(trace, np.zeros(shape[0], int), [0.5]),
+    ):
+        with pytest.raises(ValueError, match=r"^out_nats must be \(trials, ticks, hypotheses\)"):
+            decide()
 
 
 def test_more_hypotheses_than_a_byte_holds_are_told_apart():

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel import Evidence, stream
+from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.evidence import expecting, gaussian_evidence
-from bgmodel.integrators.sprt import Msprt
 from tests.helpers import some_evidence
 
 
@@ -19,6 +18,12 @@ def test_gaussian_trials_do_not_depend_on_those_after_them(trials):
         for n in (trials, 2 * trials)
     )
     assert np.array_equal(few.log_likelihood, many.log_likelihood[:trials])
+
+
+def test_time_is_counted_in_readings_unless_a_clock_is_given():
+    drawn = gaussian_evidence(2, 3, 0.5, rng=stream(1, "clock"))
+    assert drawn.step_ms == Evidence(np.zeros((1, 1, 2))).step_ms == Trace(np.ones(1), 0).step_ms
+    assert first_crossing(Msprt().run(drawn), 1e-9).time_ms.tolist() == [3.0, 3.0]
 
 
 @pytest.mark.parametrize(
