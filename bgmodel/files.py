@@ -224,8 +224,7 @@ def _write_parquet(table: pd.DataFrame, path: Path, text: str) -> None:
     import pyarrow.parquet as pq
 
     data = pa.Table.from_pandas(table, preserve_index=False)
-    kept = data.schema.metadata or {}
-    data = data.replace_schema_metadata({**kept, KEY: text.encode()})
+    data = data.replace_schema_metadata({**data.schema.metadata, KEY: text.encode()})
     pq.write_table(data, path, compression="zstd", compression_level=9)
 
 

@@ -1,11 +1,15 @@
 """Files of results: whole or absent, with their provenance beside them."""
 
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.files import read_provenance, read_table, write_table
+from bgmodel.files import check_new, provenance, read_provenance, read_table, write_table
 from bgmodel.seeds import stream
 from tests.helpers import long_table
 
@@ -25,6 +29,47 @@ def test_a_table_reads_back_with_its_provenance(tmp_path, decided_trials, ending
     write_table(decided_trials, path, seed=1, delta=np.float64(2), gaps=(1, 2))
     assert path.read_bytes() == first
     assert not list(tmp_path.glob(".*"))
+
+
+def test_types_that_only_pandas_knows_come_back(tmp_path):
+    table = pd.DataFrame({"count": pd.array([1, None], dtype="Int64"), "half": [0.5, 1.5]})
+    back = read_table(write_table(table, tmp_path / "t.parquet"))
+    pd.testing.assert_frame_equal(back, table)
+
+
+@dataclass(frozen=True)
+class Asked:
+    level: np.float64
+    place: Path
+
+
+def test_parameters_of_any_kind_are_kept_as_plain_values_and_files_by_name():
+    asked = Asked(np.float64(0.5), Path("/somewhere/mine.csv"))
+    found = provenance(
+        of=asked,
+        more={1: (True, None), "kind": Asked},
+        line=np.array([1, 2]),
+        path=asked.place,
+        whole=np.int64(3),
+    )["parameters"]
+    assert found["of"] == {"kind": "Asked", "level": 0.5, "place": "mine.csv"}
+    assert found["more"] == {"1": [True, None], "kind": str(Asked)}
+    assert (found["line"], found["path"], found["whole"]) == ([1, 2], "mine.csv", 3)
+    assert json.loads(json.dumps(found)) == found
+
+
+def test_a_place_is_taken_by_a_file_or_a_link_to_nothing_unless_by_force(tmp_path):
+    file, link = tmp_path / "file.csv", tmp_path / "link.csv"
+    file.write_text("mine")
+    link.symlink_to(tmp_path / "nothing")
+    for path in (file, link):
+        with pytest.raises(ValueError, match="is there already"):
+            check_new(path)
+        check_new(path, force=True)
+    check_new(tmp_path / "free.csv")
+    check_new(tmp_path / ("y" * 196 + ".csv"))
+    with pytest.raises(ValueError, match="has at most 200 bytes"):
+        check_new(tmp_path / ("y" * 197 + ".csv"))
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, decided_trials, monkeypatch):
