@@ -150,7 +150,7 @@ def _registry() -> ConstructorRegistry:
             nargs=1,
             metavar="INT",
             instance_from_str=lambda given: _whole(given[0]),
-            is_instance=lambda value: isinstance(value, int) and not isinstance(value, bool),
+            is_instance=lambda value: isinstance(value, int),
             str_from_instance=lambda value: [str(value)],
         )
 

@@ -14,7 +14,7 @@ import tyro
 
 import bgmodel
 from bgmodel import Evidence, Msprt, first_crossing
-from bgmodel.cli import CIRCUIT, COMMANDS, choices, main
+from bgmodel.cli import CIRCUIT, COMMANDS, choices, main, parsed
 from bgmodel.edits import Edits
 from bgmodel.files import read_provenance, read_table
 from tests.helpers import run
@@ -186,6 +186,80 @@ def test_options_say_what_they_are():
     plain = [kind for kind in COMMANDS.values() if not isinstance(kind, tuple)]
     kinds = (*plain, *CIRCUIT.values(), Edits, GaussianPolicy, BernoulliPolicy)
     assert all(is_dataclass(kind) for kind in kinds)
+
+
+GRATING = "period_mm=2 fold=0"
+LEARNER = "episodes=40000 rate=0.04 half_episodes=1000 baseline_rate=0.01 carried=0 last=500"
+MANY = f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=1000 t_max=110 step_ms=50"
+EXPECTED = "expectancy_nats=0 expectancy_ms=0"
+
+
+def numbers(options):
+    """Yield the numbers of options as "name=value", those of groups of options too."""
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if is_dataclass(value):
+            yield from numbers(value)
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield f"{field.name}={value:g}"
+        elif isinstance(value, tuple) and value and not isinstance(value[0], str):
+            yield f"{field.name}={','.join(f'{each:g}' for each in value)}"
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        ("demo", "seed=1 alternatives=3"),
+        (
+            "simulate a.npz",
+            "taps=1000 periods_mm=0,1,1.5,2,2.5,3,4,5 pitch_mm=1.2 pin_mm=1.5 radius_mm=20 "
+            "camera_height_mm=45 skin_mm=1 skin_shear_mpa=0.333333 gel_mm=15 gel_shear_mpa=0.01 "
+            "force_n=1.2,1.8 offset_sd_mm=0.3 shear_sd_mm=0.03 marker_noise_um=9.5 frames=15 "
+            "workers=1 seed=0",
+        ),
+        (
+            "train a.npz b.safetensors",
+            "width=0.25 epochs=8 patience=20 batch=64 learning_rate=0.003 dropout=0 l2=0.005 "
+            "validation=0.25 seed=0",
+        ),
+        (
+            "decide a.csv",
+            f"orientations=4 {GRATING} trials=1000 t_max=30 step_ms=500 onset_ms=0 inner_folds=10 "
+            "seed=0",
+        ),
+        (
+            "learn a.csv",
+            f"period_mm=2 xi=50 start_delta=0.5 runs=10 fold=0 t_max=30 {LEARNER} seed=0",
+        ),
+        (
+            "compare a.csv",
+            f"dopamine=1 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+        ),
+        ("fit mine.csv", "noise_nats=2 trials=4000 seed=24001"),
+        ("experiment", "workers=2"),
+        ("sweep mine.toml", "workers=2 parts=10"),
+        ("figures", "cores=2"),
+        ("circuit show", "dopamine=1"),
+        (
+            "circuit run a.csv",
+            f"dopamine=1 channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
+            f"step_ms=50 {EXPECTED} workers=2 spike_trials=10 seed=0",
+        ),
+        (
+            "circuit lesion a.csv",
+            f"dopamine=1 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+        ),
+        ("circuit designed", "dopamine=1 thresholds=0.35,0.25,0.15 trials=200 workers=2 seed=0"),
+        (
+            "circuit learn a.csv",
+            "dopamine=1 channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
+            f"step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER} seed=0",
+        ),
+    ],
+)
+def test_no_number_that_an_option_left_out_stands_for_changes_by_accident(command, says):
+    """A command has no say of what is left out: another default would be another result."""
+    assert " ".join(numbers(parsed(command.split()))) == says
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,16 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.cli import main
-from bgmodel.commands.checks import say_of_trials
+from bgmodel.commands.checks import say_before, say_how_long, say_of_trials
 from bgmodel.files import read_table
-from tests.helpers import run
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import circuit
+from tests.helpers import run, some_evidence
 
 
 @pytest.mark.parametrize(
@@ -139,3 +142,50 @@ def test_the_advice_on_early_decisions_is_a_criterion_met_later(capsys, criterio
     table = pd.DataFrame({"forced": False, "undecided": False, "premature": [True, True, False]})
     say_of_trials(table, criterion)
     assert capsys.readouterr().err.endswith(f"without evidence: give a {harder} {criterion}\n")
+
+
+def test_a_run_of_two_seconds_is_not_announced_and_a_longer_one_is(capsys):
+    say_how_long("resting", 2.0)
+    assert not capsys.readouterr().err
+    say_how_long("resting", 2.1, ", then done")
+    assert capsys.readouterr().err == "bgmodel: resting: about 2 seconds, then done\n"
+
+
+def test_what_a_run_takes_is_said_before_it_with_what_matters(capsys, monkeypatch):
+    """Circuits if there are several; that trials may end early if they take most of the time."""
+    model = BasalGanglia(circuit("spiking_msprt"), "algebra", 0.5)
+    evidence = some_evidence(trials=10, steps=4, hypotheses=2, step_ms=50.0)
+    monkeypatch.setattr(BasalGanglia, "seconds", lambda *given: 40.0)
+    said = "bgmodel: trying spiking_msprt on algebra, {}10 trials of up to 0.25 s: about {}\n"
+    say_before("trying", model, evidence)
+    alone = said.format("", "40 seconds, less where trials decide early")
+    assert capsys.readouterr().err == alone
+    say_before("trying", model, evidence, runs=3, more_s=480.0)
+    assert capsys.readouterr().err == said.format("3 circuits, ", "10 minutes")
+    monkeypatch.setattr(BasalGanglia, "memory_gb", lambda *given: 2.5)
+    say_before("trying", model, evidence, runs=1.0)
+    assert capsys.readouterr().err == alone.replace("early", "early, 2.5 GB of memory")
+
+
+def test_a_baseline_is_said_where_channels_get_their_own_evidence_and_it_is_one(capsys):
+    for name, baseline, said in (
+        ("macaque", 0.5, True),
+        ("macaque", 0.0, False),
+        ("spiking_msprt", 0.5, False),
+    ):
+        evidence = some_evidence(trials=2, hypotheses=2, baseline=baseline)
+        say_before("trying", BasalGanglia(circuit(name), "algebra", 0.5), evidence)
+        told = capsys.readouterr().err
+        assert ("less what a reading says on the mean: 0.5 nats" in told) == said == bool(told)
+
+
+@pytest.mark.parametrize(("late", "early"), [(2, 0), (3, 0), (0, 2), (0, 3)])
+def test_a_criterion_is_advised_on_where_more_than_half_of_the_trials_ask_for_it(
+    capsys, late, early
+):
+    of = np.arange(4)
+    table = pd.DataFrame({"forced": False, "undecided": of < late, "premature": of < early})
+    say_of_trials(table, "--posterior")
+    told = capsys.readouterr().err
+    assert ("they stay undecided: give more readings or a lower --posterior" in told) == (late > 2)
+    assert ("decided before their first reading" in told) == (early > 2)

@@ -1,13 +1,15 @@
 """The commands `decide` and `learn`."""
 
 import json
+import warnings
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.files import read_provenance, read_table
-from tests.helpers import run
+from tests.helpers import long_table, run, some_evidence
 
 
 def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys):
@@ -62,6 +64,33 @@ def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
     out = tmp_path / "circuit.csv"
     assert run("circuit", "run", out, *given[:2], *ALGEBRA, "--step-ms", 20) == 0
     assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
+
+
+def test_a_gap_of_4_or_a_posterior_of_9_in_10_decides_where_no_criterion_is_given(tmp_path):
+    few = ("--trials", 40, "--t-max", 6, "--force")
+    for command, given in (
+        (("decide",), ("--delta", 4)),
+        (("circuit", "run"), ("--posterior", 0.9)),
+    ):
+        out, more = tmp_path / "out.csv", ALGEBRA if command != ("decide",) else ()
+        assert run(*command, out, *few, *more) == 0
+        left_out = out.read_bytes(), read_provenance(out)
+        assert run(*command, out, *few, *more, *given) == 0
+        assert (out.read_bytes(), read_provenance(out)) == left_out
+
+
+def test_likelihoods_that_are_too_sure_are_said_to_be_where_the_truth_is_known(tmp_path):
+    drawn = some_evidence(trials=400, hypotheses=2)
+    sure = replace(drawn, log_likelihood=4 * drawn.log_likelihood)
+    mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
+    given = ("decide", out, "--evidence", mine, "--posterior", 0.95, "--force")
+    long_table(sure).to_csv(mine, index=False)
+    with pytest.warns(UserWarning, match="the evidence is too sure: its mean posterior"):
+        assert run(*given) == 0
+    long_table(sure, truth=False).to_csv(mine, index=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run(*given) == 0
 
 
 def test_decide_says_what_it_forced(tmp_path, capsys):
