@@ -1,5 +1,6 @@
 """Places of results: refused, or written over only by force, before anything runs."""
 
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,25 @@ def test_the_advice_on_early_decisions_is_a_criterion_met_later(capsys, criterio
     table = pd.DataFrame({"forced": False, "undecided": False, "premature": [True, True, False]})
     say_of_trials(table, criterion)
     assert capsys.readouterr().err.endswith(f"without evidence: give a {harder} {criterion}\n")
+
+
+MEASURED_S = {
+    ("comparing", "TABLE_S"): 5e-4,
+    ("decisions", "PREPARE_S"): 4,
+    ("demo", "DEMO_S"): 13,
+    ("dopamine", "START_S"): 1,
+    ("taps", "CONTACT_S"): 0.6,
+    ("taps", "TAP_S"): 3e-4,
+    ("taps", "EPOCH_S"): 4e-4,
+    ("taps", "TORCH_S"): 3,
+}
+
+
+@pytest.mark.parametrize(("place", "seconds"), MEASURED_S.items())
+def test_no_time_that_was_measured_changes_by_accident(place, seconds):
+    """Nothing else tells how long a part takes: copied a second time."""
+    module, name = place
+    assert getattr(importlib.import_module(f"bgmodel.commands.{module}"), name) == seconds
 
 
 def test_a_run_of_two_seconds_is_not_announced_and_a_longer_one_is(capsys):

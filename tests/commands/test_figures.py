@@ -6,6 +6,7 @@ import pytest
 
 from bgmodel.cli import main
 from bgmodel.commands import one_run
+from bgmodel.commands.figures import MINUTES
 from tests.helpers import ROOT
 
 
@@ -60,3 +61,8 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     said = capsys.readouterr().out
     assert f": {count}, there already: 1" in said
     assert "minutes" not in said
+
+
+def test_the_readme_says_how_long_all_figures_take():
+    said = f"({MINUTES[False]:g} minutes of CPU, FAST=1: coarse, {MINUTES[True]:g})"
+    assert said in (ROOT / "README.md").read_text()
