@@ -2,11 +2,12 @@
 
 import importlib.util
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.files import read_provenance
-from tests.helpers import run
+from tests.helpers import long_table, run, some_evidence
 
 
 def test_show_draws_a_table_and_says_that_it_is_not_exact(capsys, tmp_path):
@@ -117,6 +118,13 @@ def test_run_without_spikes_writes_none(tmp_path, capsys):
         (["run", "d.txt"], "output must end in .parquet or .csv"),
         (["run", "d.csv", "--posterior", "1"], "posterior must lie between chance"),
         (["run", "d.csv", "--d-prime", "0"], "d_prime must be > 0"),
+        (["run", "d.csv", "--threshold", "nan"], "threshold must be finite, got nan"),
+        (
+            ["run", "d.csv", "--threshold", "0.3", "--posterior", "0.8"],
+            "posterior or threshold, not",
+        ),
+        (["run", "d.csv", "--workers", "0"], "workers must be at least 1, got 0"),
+        (["run", "d.csv", "--spike-trials", "0"], "spike_trials must be at least 1, got 0"),
         (
             ["run", "d.csv", "--edits.without", "STN=0.5"],
             "rests at OUT = 0.00, which is not above",
@@ -132,6 +140,21 @@ def test_bad_use_of_show_and_run_gets_one_clear_sentence(capsys, arguments, says
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert says in lines[0]
+
+
+def test_a_posterior_below_a_half_is_one_where_a_table_has_three_hypotheses(tmp_path, capsys):
+    mine = tmp_path / "mine.csv"
+    long_table(some_evidence(trials=30)).to_csv(mine, index=False)
+    given = ("--evidence", mine, "--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
+    out = tmp_path / "out.csv"
+    assert run("circuit", "run", out, *given, "--posterior", 0.45) == 0
+    assert read_provenance(out)["parameters"]["command"]["posterior"] == 0.45
+    # As an OUT: -ln P.
+    again = tmp_path / "again.csv"
+    assert run("circuit", "run", again, *given, "--threshold", -np.log(0.45)) == 0
+    assert again.read_bytes() == out.read_bytes()
+    assert run("circuit", "run", tmp_path / "drawn.csv", *given[2:], "--posterior", 0.45) == 2
+    assert "posterior must lie between chance, 0.5 with 2" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("engine", "noisy"), [("algebra", False), ("population", True)])

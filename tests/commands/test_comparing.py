@@ -44,6 +44,15 @@ def test_a_comparison_says_before_it_starts_how_long_it_takes(tmp_path, capsys, 
         assert re.search(rf"bgmodel: {what} macaque on ensemble, .*1000 trials of up", said)
         assert re.search(r": about \d0? (second|minute)s, less where trials decide early", said)
         assert said.index("about") < said.index("started")
+    for engine, more, said in (
+        ("population", (), ""),
+        ("population", ("--ceiling",), "2 circuits, "),
+        ("population", ("--ceiling", "--edits.without", "D2=0.1"), "3 circuits, "),
+        ("algebra", ("--ceiling",), ""),
+    ):
+        asked = ("compare", tmp_path / "a.csv", "--engine", engine, "--trials", 9000, *more)
+        assert run(*asked) == 2
+        assert f"macaque on {engine}, {said}9000 trials" in capsys.readouterr().err
     soon = ("--engine", "algebra", "--trials", 100)
     assert run("compare", tmp_path / "a.csv", *soon) == 2
     assert "about" not in capsys.readouterr().err

@@ -29,6 +29,8 @@ def test_it_prints_a_table_with_a_legend_and_json_holds_the_same(tmp_path, capsy
     behind = json.loads(provenance_path(out).read_text())["parameters"]
     assert behind["circuit"]["name"] == "bogacz_gurney"
     assert behind["command"]["thresholds"] == [0.3]
+    # This table has no gain of its own: in nats any serves, and 1 stands for it.
+    assert behind["command"]["gain"] == 1
 
 
 def test_it_takes_a_table_of_ones_own_edits_and_noise(tmp_path, capsys):

@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.commands.fits import _check_strengths
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.files import read_provenance
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.pieces import Piece
+from bgmodel.tables.choices import Choices
 from tests.drawn import drawn
 from tests.helpers import run
 
@@ -99,6 +101,8 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--hold", "mood=1"], "hold must name a parameter, one of "),
         (["--vary", "mood=drug"], "vary must name a parameter, one of "),
         (["--hold", "lapse"], "hold is a name, =, and a value"),
+        (["--hold", "lapse="], "hold is a name, =, and a value, as lapse=0.02, got 'lapse='"),
+        (["--vary", "bound="], "vary is a name, =, and a value, as criterion=instruction, got"),
         (["--hold", "lapse=much"], "hold must give a number, as lapse=0.02, got 'much'"),
         (["--hold", "lapse=0.5"], "lapse must lie between 0.001 and 0.2, got 0.5"),
         (["--hold", "lapse=nan"], "lapse must lie between 0.001 and 0.2, got nan"),
@@ -266,6 +270,38 @@ def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(
     table = changed(coherence=GOOD["coherence"].abs(), response=right.astype(int))
     table.to_csv(mine, index=False)
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+
+
+def choices(right, wrong, missed=0, strength=None):
+    """Return choices of one participant, of so many trials of each kind."""
+    count = right + wrong + missed
+    response = np.repeat([1, 0, -1], [right, wrong, missed]).astype(np.int8)
+    rt_s = np.where(response < 0, np.nan, 0.5)
+    who, none = np.full(count, "a"), pd.DataFrame(index=range(count))
+    return Choices(who, rt_s, response, strength, none, deadline_s=1.0)
+
+
+def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(capsys):
+    _check_strengths(choices(12, 8, missed=9))
+    assert not capsys.readouterr().err
+    _check_strengths(choices(11, 9))
+    assert "and it is 55% of responses: name the column of signed" in capsys.readouterr().err
+
+
+def test_strengths_are_refused_where_20_responses_to_the_largest_say_that_none_has_a_sign():
+    """More than two fifths against it; what nobody answered, or a smaller one, is no response."""
+
+    def most(right, wrong, missed=0):
+        return choices(right, wrong, missed, strength=np.full(right + wrong + missed, 0.4))
+
+    _check_strengths(most(12, 8, missed=9))
+    _check_strengths(most(0, 19, missed=1))
+    signed = choices(11, 9, strength=np.array([0.4] * 19 + [-0.4]))
+    _check_strengths(signed)
+    with pytest.raises(ValueError, match="none is below 0, yet 9 of 20 responses to the largest"):
+        _check_strengths(most(11, 9))
+    weak = choices(11, 9, strength=np.array([0.4] * 19 + [0.1]))
+    _check_strengths(weak)
 
 
 def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):

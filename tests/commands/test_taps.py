@@ -1,7 +1,8 @@
 """The commands `simulate`, `train` and `decode`."""
 
-from bgmodel.commands.taps import _taps
+from bgmodel.commands.taps import WIDTH, _taps
 from bgmodel.files import read_table
+from bgmodel.tactile.decoder import Training
 from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
@@ -16,6 +17,24 @@ def test_a_library_that_is_not_solved_is_announced(tmp_path, monkeypatch, capsys
     said = capsys.readouterr().err
     assert "solving 36 contacts, once for all runs, and simulating 16 taps: about 20 sec" in said
     assert said.index("about") < said.index("started")
+
+
+def test_no_more_processes_than_processors_share_the_time_of_contacts(
+    tmp_path, monkeypatch, capsys
+):
+    def stop(*given, **named):
+        raise ValueError("started")
+
+    monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
+    monkeypatch.setattr("bgmodel.tactile.library.contact_library", stop)
+    for processors, workers, said in ((4, 1, 20), (4, 2, 10), (2, 8, 10), (None, 8, 20)):
+        monkeypatch.setattr("os.cpu_count", lambda count=processors: count)
+        assert run("simulate", tmp_path / "t.npz", "--taps", 2, "--workers", workers) == 2
+        assert f"taps: about {said} seconds" in capsys.readouterr().err
+
+
+def test_an_epoch_was_measured_at_the_width_that_is_trained_unless_told():
+    assert Training().width == WIDTH
 
 
 def test_taps_are_simulated_trained_on_and_decoded(tmp_path, capsys):

@@ -1,0 +1,55 @@
+"""Memory: asked for before a run, and refused by a sentence where it is not free."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from bgmodel.memory import (
+    NoMemoryError,
+    check_evidence_memory,
+    check_learning_memory,
+    check_memory,
+)
+
+
+@pytest.fixture
+def free(monkeypatch):
+    """Return a function that says how many bytes are free."""
+
+    def set_free(count):
+        monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=count))
+
+    return set_free
+
+
+def test_up_to_a_tenth_of_a_gigabyte_nobody_is_asked(free):
+    free(0)
+    check_memory(0.99e8, "trials")
+    with pytest.raises(NoMemoryError, match=r"^trials need 100 MB of memory, 0 bytes are free$"):
+        check_memory(1e8, "trials")
+
+
+@pytest.mark.parametrize(
+    ("check", "shape", "needed"),
+    [
+        # Numbers of eight bytes: four of each reading, ten of each episode.
+        (check_evidence_memory, (1000, 1000, 4), 4 * 8 * 4_000_000),
+        (check_learning_memory, (30, 50_000), 10 * 8 * 1_500_000),
+    ],
+)
+def test_what_is_kept_fits_to_the_byte(free, check, shape, needed):
+    free(needed)
+    check(*shape)
+    free(needed - 1)
+    with pytest.raises(NoMemoryError, match=f"need {needed / 1e6:.0f} MB of memory"):
+        check(*shape)
+
+
+@pytest.mark.parametrize(
+    ("count", "said"),
+    [(999, "999 bytes"), (1000, "1 kB"), (2.5e9, "2.5 GB"), (1e12, "1 TB"), (3e16, "30 PB")],
+)
+def test_sizes_are_said_in_the_unit_of_their_thousands(free, count, said):
+    free(count)
+    with pytest.raises(NoMemoryError, match=f", {said} are free$"):
+        check_memory(1e18, "trials")
