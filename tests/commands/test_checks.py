@@ -199,6 +199,20 @@ def test_a_baseline_is_said_where_channels_get_their_own_evidence_and_it_is_one(
         assert ("less what a reading says on the mean: 0.5 nats" in told) == said == bool(told)
 
 
+def test_compiling_is_spoken_of_where_an_engine_compiles_and_when_it_does(capsys, monkeypatch):
+    later = []
+    monkeypatch.setattr("bgmodel.compiling.on_compiling", later.append)
+    evidence = some_evidence(trials=2, hypotheses=2, baseline=0.0)
+    for engine, compiles in (("ensemble", True), ("algebra", False)):
+        later.clear()
+        say_before("trying", BasalGanglia(circuit("macaque"), engine, 0.5), evidence)
+        assert "compiling" not in capsys.readouterr().err
+        assert bool(later) == compiles
+        for call in later:
+            call()
+        assert ("bgmodel: compiling, once for" in capsys.readouterr().err) == compiles
+
+
 @pytest.mark.parametrize(("late", "early"), [(2, 0), (3, 0), (0, 2), (0, 3)])
 def test_a_criterion_is_advised_on_where_more_than_half_of_the_trials_ask_for_it(
     capsys, late, early

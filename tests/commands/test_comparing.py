@@ -72,6 +72,7 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
         values = [np.nan if r["value"] is None else r["value"] for r in found["records"]]
         np.testing.assert_allclose(values, kept["value"], rtol=1e-9)
         assert "100 trials -> " in told.err
+        assert "left out" not in told.err
         assert "json" not in json.loads(provenance_path(out).read_text())["parameters"]["command"]
     plain = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
     assert run("circuit", "lesion", out, "STN=0.2", *plain) == 0
@@ -112,7 +113,9 @@ def test_a_lesion_without_an_edit_says_which_it_runs(tmp_path, capsys):
 def test_compare_leaves_out_the_race_on_gratings(tmp_path, capsys):
     options = ("--task", "same-different", "--trials", 100, "--t-max", 10, "--engine", "algebra")
     assert run("compare", tmp_path / "a.csv", *options) == 0
-    assert "race" not in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert "race" not in told.out
+    assert "race and LCA are left out: the zero of this evidence means nothing" in told.err
 
 
 def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsys):
@@ -163,7 +166,10 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
     mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
     given = ("--evidence", mine, "--engine", "algebra", "--accuracies", 0.6)
     assert run("compare", tmp_path / "a.csv", *given) == 0
-    assert "not reached" in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert "read 100 trials of 2 readings, hypotheses a, b" in told.out
+    assert "not reached" in told.out
+    assert "are left out: the zero of this evidence means nothing" in told.err
     assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
     small = ("--trials", 100, "--engine", "algebra", "--accuracies", 0.9, "--d-prime", 1)
     assert run("circuit", "lesion", tmp_path / "b.csv", "GPe", *small, "--t-max", 40) == 0

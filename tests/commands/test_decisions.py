@@ -81,16 +81,46 @@ def test_a_gap_of_4_or_a_posterior_of_9_in_10_decides_where_no_criterion_is_give
 
 def test_likelihoods_that_are_too_sure_are_said_to_be_where_the_truth_is_known(tmp_path):
     drawn = some_evidence(trials=400, hypotheses=2)
+    # Readings of mean 0.4 and sd 0.7 say so much: no more.
+    right = replace(drawn, log_likelihood=0.4 / 0.7**2 * drawn.log_likelihood)
     sure = replace(drawn, log_likelihood=4 * drawn.log_likelihood)
     mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
     given = ("decide", out, "--evidence", mine, "--posterior", 0.95, "--force")
     long_table(sure).to_csv(mine, index=False)
     with pytest.warns(UserWarning, match="the evidence is too sure: its mean posterior"):
         assert run(*given) == 0
-    long_table(sure, truth=False).to_csv(mine, index=False)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert run(*given) == 0
+    for table in (long_table(right), long_table(sure, truth=False)):
+        table.to_csv(mine, index=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert run(*given) == 0
+
+
+def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
+    out = tmp_path / "out.csv"
+    few = ("decide", out, "--trials", 4, "--t-max", 3, "--force")
+    for asked, had in (((), {"delta"}), (("--posterior", 0.9), {"posterior"})):
+        for task, more in (("same-different", set()), ("orientation", {"orientations"})):
+            if task == "orientation" and not asked:
+                continue
+            assert run(*few, *asked, "--task", task) == 0
+            kept = set(read_provenance(out)["parameters"]["command"])
+            idle = {"delta", "posterior", "orientations", "evidence", "onset_ms"}
+            assert kept & idle == had | more
+
+
+def test_the_policy_that_learns_is_the_one_that_is_named(tmp_path, monkeypatch, capsys):
+    def stop(*given, policy, **named):
+        raise ValueError(type(policy).__name__)
+
+    monkeypatch.setattr("bgmodel.learning.gap.learn_grating", stop)
+    for asked, kind in (
+        ((), "Gaussian"),
+        (("--policy", "gaussian"), "Gaussian"),
+        (("--policy", "bernoulli"), "Bernoulli"),
+    ):
+        assert run("learn", tmp_path / "out.csv", *asked) == 2
+        assert f"{kind}Policy" in capsys.readouterr().err
 
 
 def test_decide_says_what_it_forced(tmp_path, capsys):

@@ -44,7 +44,9 @@ def outcome(folder):
 def test_a_sweep_is_one_table_with_what_it_was_made_from(small, tmp_path, capsys):
     folder = tmp_path / "found"
     assert run("sweep", small, folder) == 0
-    said = capsys.readouterr().out
+    said, warned = capsys.readouterr()
+    assert said.splitlines()[1].split() == ["measure", "accuracy", "mean_ms", "missed"]
+    assert not warned
     assert said.startswith(f"points: 6; shards: 6, 0 there already; folder: {folder}\n")
     assert said.endswith(f"drawn: {folder / 'outcome.png'}\n-> {folder / 'outcome.csv'}\n")
     table = pd.read_csv(folder / "outcome.csv")

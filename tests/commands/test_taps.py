@@ -33,6 +33,26 @@ def test_no_more_processes_than_processors_share_the_time_of_contacts(
         assert f"taps: about {said} seconds" in capsys.readouterr().err
 
 
+def test_taps_take_yaws_in_turn_or_from_all_of_a_half_turn(tmp_path, monkeypatch, capsys):
+    taken = []
+
+    def stop(periods, yaw, **given):
+        taken.append((periods, yaw))
+        raise ValueError("taken")
+
+    monkeypatch.setattr("bgmodel.tactile.library.contact_library", lambda *given, **named: None)
+    monkeypatch.setattr("bgmodel.tactile.sensor.simulate", stop)
+    two = ("simulate", tmp_path / "t.npz", "--periods-mm", 0, 2)
+    assert run(*two, "--taps", 3, "--yaw-deg", 0, 45) == 2
+    assert run(*two, "--taps", 3000) == 2
+    assert "taken" in capsys.readouterr().err
+    (periods, yaw), (_, drawn) = taken
+    assert periods.tolist() == [0, 0, 0, 2, 2, 2]
+    assert yaw.tolist() == [0, 45, 0, 45, 0, 45]
+    assert len(drawn) == 6000
+    assert -90 <= drawn.min() < -89 < 89 < drawn.max() <= 90
+
+
 def test_an_epoch_was_measured_at_the_width_that_is_trained_unless_told():
     assert Training().width == WIDTH
 
