@@ -118,6 +118,33 @@ def test_evidence_that_says_nothing_is_shared_out_equally(hypotheses, threshold)
     assert counts.correct[0] == (decision.choice == flat.truth).sum()
 
 
+GAMMA = 0x9E3779B97F4A7C15
+
+
+def splitmix(state):
+    """Return the output of SplitMix64 after a state, in whole numbers (Steele et al. 2014)."""
+    z = (state + GAMMA) % 2**64
+    z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 % 2**64
+    z = (z ^ z >> 27) * 0x94D049BB133111EB % 2**64
+    return z ^ z >> 31
+
+
+def test_ties_are_drawn_by_the_published_hash_of_the_trials_number():
+    """What is drawn stands in tables that are compared byte by byte."""
+    assert splitmix(1234567) == 6457827717110365317
+    numbers = np.array([*range(60), 10**9, 2**40 + 3])
+    for hypotheses in (2, 5):
+        flat = Trace(np.ones((len(numbers), 1, hypotheses)), np.zeros(1), numbers=numbers)
+        found = first_crossing(flat, 0.5).choice
+        for number, choice in zip(numbers.tolist(), found, strict=True):
+            want = 0
+            for equal in range(2, hypotheses + 1):
+                drawn = splitmix(splitmix((number * GAMMA + equal) % 2**64))
+                # With a chance of one in so many, the last of them.
+                want = want if (drawn >> 32) * equal >> 32 else equal - 1
+            assert choice == want
+
+
 def test_a_trial_ends_at_its_own_last_reading():
     """In a table of unequal lengths each trial is decided as it is alone."""
     whole = some_evidence(steps=12)

@@ -6,7 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.commands.circuit import _scatter
+from bgmodel.comparison import steady
 from bgmodel.files import read_provenance
+from circuits.anatomy import spiking_msprt
 from tests.helpers import long_table, run, some_evidence
 
 
@@ -34,6 +37,22 @@ def test_show_says_whose_noise_it_is(capsys):
     assert "OUT scatters by 0.028 nats" in capsys.readouterr().out
     assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
     assert "does not scatter" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_rivals(channels, monkeypatch):
+    asked, real = [], steady.leader_drive
+
+    def watched(odds, count):
+        asked.append((odds, count))
+        return real(odds, count)
+
+    monkeypatch.setattr(steady, "leader_drive", watched)
+    assert "at a posterior of 0.8 OUT scatters" in _scatter(spiking_msprt(channels), 0.8)
+    ((odds, count),) = asked
+    assert count == channels
+    rivals = np.zeros(channels - 1)
+    assert np.exp(odds) / (np.exp(odds) + np.exp(rivals).sum()) == pytest.approx(0.8)
 
 
 def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys):

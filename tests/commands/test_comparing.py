@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.commands.comparing import TABLE_S
 from bgmodel.commands.names import MACAQUE
 from bgmodel.files import provenance_path
 from circuits.anatomy import DEFAULT
@@ -56,6 +57,28 @@ def test_a_comparison_says_before_it_starts_how_long_it_takes(tmp_path, capsys, 
     soon = ("--engine", "algebra", "--trials", 100)
     assert run("compare", tmp_path / "a.csv", *soon) == 2
     assert "about" not in capsys.readouterr().err
+
+
+def test_the_time_of_tables_counts_each_pair_that_is_compared(tmp_path, monkeypatch):
+    """Circuit and decoder beside two references, four rivals beside one; of a lesion three."""
+    asked = []
+
+    def note(what, model, evidence, *, runs, more_s):
+        asked.append((runs, round(more_s / TABLE_S / evidence.trials, 6)))
+        raise ValueError("asked")
+
+    monkeypatch.setattr("bgmodel.commands.comparing.say_before", note)
+    edited, again = ("--edits.without", "D2=0.1"), ("--engine", "population", "--ceiling")
+    for command in (
+        ("compare", "a.csv"),
+        ("compare", "a.csv", *edited),
+        ("compare", "a.csv", *edited, *again),
+        ("circuit", "lesion", "a.csv", "STN=0.2"),
+        ("circuit", "lesion", "a.csv", "STN=0.2", "D2"),
+    ):
+        monkeypatch.chdir(tmp_path)
+        assert run(*command) == 2
+    assert asked == [(1, 8), (2, 12), (3, 16), (2, 6), (3, 9)]
 
 
 def test_json_is_all_that_stdout_holds(tmp_path, capsys):

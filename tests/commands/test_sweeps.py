@@ -46,7 +46,9 @@ def test_a_sweep_is_one_table_with_what_it_was_made_from(small, tmp_path, capsys
     assert run("sweep", small, folder) == 0
     said, warned = capsys.readouterr()
     assert said.splitlines()[1].split() == ["measure", "accuracy", "mean_ms", "missed"]
-    assert not warned
+    # Each remark, once, with the number of points that have it.
+    assert "bgmodel: at 2 of 6 points: many trials are not decided in time" in warned
+    assert "points: \n" not in warned
     assert said.startswith(f"points: 6; shards: 6, 0 there already; folder: {folder}\n")
     assert said.endswith(f"drawn: {folder / 'outcome.png'}\n-> {folder / 'outcome.csv'}\n")
     table = pd.read_csv(folder / "outcome.csv")
@@ -68,6 +70,15 @@ def test_what_is_there_is_not_computed_again_and_what_is_damaged_is(small, tmp_p
     assert "shards: 6, 5 there already, 1 damaged, computed again" in capsys.readouterr().out
     assert all(path.stat().st_mtime_ns == made[path] for path in others)
     assert outcome(folder) == first
+
+
+@pytest.mark.parametrize(("workers", "seconds"), [(1, 60), (2, 30), (6, 10), (8, 10)])
+def test_what_is_missing_takes_as_long_as_its_workers_need(
+    small, tmp_path, monkeypatch, capsys, workers, seconds
+):
+    monkeypatch.setattr("bgmodel.commands.sweeps._seconds", lambda shard: 10.0)
+    assert run("sweep", small, tmp_path / "found", "--workers", workers, "--dry-run") == 0
+    assert f"bgmodel: 6 shards: about {seconds} seconds, and" in capsys.readouterr().err
 
 
 def test_parts_and_jobs_of_snakemake_give_the_same_bytes(small, tmp_path):

@@ -53,6 +53,26 @@ def test_taps_take_yaws_in_turn_or_from_all_of_a_half_turn(tmp_path, monkeypatch
     assert -90 <= drawn.min() < -89 < 89 < drawn.max() <= 90
 
 
+def test_taps_and_epochs_are_said_to_take_time(tmp_path, monkeypatch, capsys):
+    def stop(*given, **named):
+        raise ValueError("started")
+
+    monkeypatch.setattr("bgmodel.tactile.library.to_solve", lambda plan: 0)
+    monkeypatch.setattr("bgmodel.tactile.library.contact_library", stop)
+    assert run("simulate", tmp_path / "t.npz", "--taps", 5000) == 2
+    assert "bgmodel: simulating 40000 taps: about 10 seconds\n" in capsys.readouterr().err
+    monkeypatch.setattr("bgmodel.commands.taps._taps", lambda *given: (range(3000), {}))
+    monkeypatch.setattr("bgmodel.tactile.decoder.train", stop)
+    # 0.4 ms per tap and epoch at a quarter of the width, and 3 s beside.
+    for options, seconds in (
+        ((), 10),
+        (("--training.width", 0.5), 20),
+        (("--training.epochs", 24, "--training.width", 0.125), 20),
+    ):
+        assert run("train", "t.npz", tmp_path / "d.safetensors", *options) == 2
+        assert f"epochs at most: about {seconds} seconds" in capsys.readouterr().err
+
+
 def test_an_epoch_was_measured_at_the_width_that_is_trained_unless_told():
     assert Training().width == WIDTH
 
