@@ -6,8 +6,9 @@ import pytest
 
 from bgmodel import demo as demos
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.seeds import stream
 from circuits.anatomy import circuit
-from tests.helpers import run
+from tests.helpers import ROOT, run
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +34,33 @@ def test_it_says_and_draws_both_decisions(found):
                 line.get_linestyle() == style and list(line.get_xdata()) == [time_ms, time_ms]
                 for line in panel.lines
             )
+    plt.close(figure)
+
+
+def test_the_trial_is_the_one_that_is_described(found):
+    """Readings of unit noise, every 50 ms, the true one's mean so far off that d' is 0.8."""
+    assert "a reading every 50 ms" in found.summary()
+    assert "fall to -ln 0.85 is chosen" in found.summary()
+    apart = 0.8 / np.sqrt(2)
+    noise = found.evidence.log_likelihood / apart - apart * np.array([1, 0, 0])
+    assert np.allclose(noise, stream(1, "demo").standard_normal((1, 20, 3)))
+    for name, decision in found.decisions.items():
+        trace = found.traces[name]
+        at = int(np.searchsorted(trace.time_ms, decision.time_ms[0]))
+        out = trace.out_nats[0, :, decision.choice[0]]
+        assert out[at] <= -np.log(0.85) + 1e-9
+        assert (out[:at] > -np.log(0.85) - 1e-9).all()
+
+
+def test_the_picture_is_that_of_the_docs_and_what_is_not_read_is_shaded_to_the_top(found):
+    figure = demos.draw(found)
+    high, wide = plt.imread(ROOT / "docs" / "demo.png").shape[:2]
+    assert np.allclose(150 * figure.get_size_inches(), (wide, high))
+    panel = figure.axes[1]
+    (shade,) = panel.patches
+    low, top = shade.get_extents().transformed(panel.transData.inverted()).get_points()[:, 1]
+    assert (low, top) == pytest.approx((found.readable_nats, panel.get_ylim()[1]))
+    assert {round(line.get_linewidth(), 3) for ax in figure.axes for line in ax.lines[-2:]} == {0.8}
     plt.close(figure)
 
 

@@ -72,6 +72,43 @@ def test_human_thresholds_are_drawn_beside_the_reliability(ax):
     }
 
 
+def test_human_thresholds_stand_at_the_published_grooves_at_three_quarters_correct(ax):
+    """Van Boven & Johnson 1994: finger 0.94, lip 0.51, tongue 0.58 mm, copied a second time."""
+    plots.human_thresholds(ax)
+    placed = {line.get_label(): [*line.get_xdata(), *line.get_ydata()] for line in ax.lines}
+    assert placed == {
+        "human finger": [0.94, 0.75],
+        "human lip": [0.51, 0.75],
+        "human tongue": [0.58, 0.75],
+    }
+
+
+def test_chance_is_a_half_unless_told(ax):
+    assert plots.accuracy_axis(ax).lines[0].get_ydata()[0] == 0.5
+    assert plots.accuracy_axis(ax, 0.25).lines[1].get_ydata()[0] == 0.25
+    assert plots.speed_accuracy(ax, [1], [0.6]).lines[-1].get_ydata()[0] == 0.5
+
+
+def test_lines_that_are_no_data_have_one_width():
+    table = pd.DataFrame({"stated": [0.2], "observed": [0.25], "count": [40]})
+    z = np.zeros((1, 2))
+    drawn = (
+        plots.output(Figure().subplots(), [0.0], np.zeros((1, 2))).lines[-1:],
+        plots.accuracy_axis(Figure().subplots()).lines,
+        plots.trajectories(Figure().subplots(), z, np.ones(1), 4.0, color="k").lines[-2:],
+        plots.reliability(Figure().subplots(), table).lines[:1],
+    )
+    assert [len(lines) for lines in drawn] == [1, 1, 2, 1]
+    assert len({line.get_linewidth() for lines in drawn for line in lines}) == 1
+
+
+def test_each_condition_has_a_row_as_high_as_the_others():
+    table = pd.DataFrame({"condition": ["a", "b", "c"], "measure": "m", "value": [1.0, 2.0, 3.0]})
+    (panel,) = plots.conditions(table.assign(low=0.5, high=4.0))
+    assert panel.get_ylim() == (2.5, -0.5)
+    assert [text.get_text() for text in panel.get_yticklabels()] == ["a", "b", "c"]
+
+
 def test_channels_are_lines_in_their_own_colours(ax):
     table = pd.DataFrame({"channel": [0, 1, 0, 1], "time_ms": [0, 0, 5, 5], "value": [1, 2, 3, 4]})
     assert plots.channel_lines(ax, table, steps=True) is ax
