@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import Writes, check_ending, check_whole, say_how_long
+from bgmodel.commands.checks import Writes, check_ending, say_how_long
 from bgmodel.files import replacing
 
 DEMO_S = 13.0
@@ -31,7 +31,8 @@ class DemoRun(Writes):
     def __call__(self) -> None:
         """Run the command."""
         check_ending("drawing", self.drawing, ".png", ".pdf", ".svg")
-        check_whole(alternatives=self.alternatives - 1)
+        if self.alternatives < 2:
+            raise ValueError(f"alternatives must be at least 2, got {self.alternatives}")
         say_how_long("one decision of some thousands of spiking cells", DEMO_S)
         from bgmodel.demo import demo, draw
 
