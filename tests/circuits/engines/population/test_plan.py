@@ -38,13 +38,13 @@ def test_filters_follow_the_state_with_fifty_milliseconds():
 def test_noise_is_that_of_so_many_cells_in_a_tick():
     """Poisson cells of 1 Hz: the variance of their count, n dt, over its square."""
     table = anatomy.spiking_msprt(2).with_neurons(70)
-    scheme = Scheme(wire(table), 0.25)
+    scheme = Scheme(wire(table), 0.5)
     made = {
-        noise: plan(scheme, Clock(1, 50, 0.25), Laws(LINES, noise=noise)).blocks
+        noise: plan(scheme, Clock(1, 50, 0.5), Laws(LINES, noise=noise)).blocks
         for noise in (True, False)
     }
     spiking = [wire(table).row(b).spiking for b in range(len(made[True]))]
-    count = 70 * 0.25e-3
+    count = 70 * 0.5e-3
     expected = np.where(spiking, count / count**2, 0)
     np.testing.assert_allclose(made[True]["noise"] ** 2, expected, rtol=1e-6)
     assert not made[False]["noise"].any()
