@@ -122,3 +122,18 @@ def test_r_by_its_ceiling_is_that_without_noise():
     found = side_by_side(one, two, None, np.ones((1, 20_000)), again=three)
     assert found["pearson_r"][0] == pytest.approx(np.sqrt(1 / 1.49), abs=0.01)
     assert found["pearson_r_of_ceiling"][0] == pytest.approx(1, abs=0.01)
+
+
+def test_accuracies_and_times_are_counted_with_the_weights_of_trials():
+    truth = np.array([0, 1, 1, 0])
+    test = Choices(np.array([0, 1, 0, 1]), np.array([10.0, 20, 30, 60]))
+    other = Choices(np.array([0, 1, 1, 1]), np.array([15.0, 25, 35, 75]))
+    weights = np.array([[1.0, 1, 1, 1], [3, 0, 0, 1]])
+    found = side_by_side(test, other, truth, weights)
+    assert found["test_accuracy"].tolist() == [0.5, 0.75]
+    assert found["accuracy"].tolist() == [0.75, 0.75]
+    assert found["agreement"].tolist() == [0.75, 1]
+    assert found["error_agreement"].tolist() == [0.5, 1]
+    assert found["test_ms"].tolist() == [30, 22.5]
+    # Lags of 5, 5, 5 and 15: about the median one is 10 late.
+    assert found["residual_sd_ms"] == pytest.approx([10 * np.sqrt(3 / 16)] * 2)

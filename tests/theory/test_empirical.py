@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from bgmodel.theory.empirical import _share, empirical_chain
+from bgmodel.theory.empirical import _gradient_adjoint, _share, empirical_chain
 from bgmodel.theory.sprt import Empirical, gaussian_pair, walk
 
 
@@ -77,3 +77,10 @@ def test_a_place_that_is_not_followed_goes_to_two_cells_that_keep_its_mean():
     onward = np.zeros((1, 8))
     _share(onward, np.zeros(2, int), np.array([-0.9, 2.9]), np.array([0.4, 0.6]), edges)
     assert onward[0].tolist() == [0.4, 0, 0, 0, 0, 0, 0, 0.6]
+
+
+def test_an_effect_of_slopes_is_one_of_the_masses_they_are_taken_from():
+    """The adjoint of numpy's gradient: one-sided at the ends, central between them."""
+    rng = np.random.default_rng(4)
+    masses, effect = rng.random(9), rng.normal(size=(9, 3))
+    assert masses @ _gradient_adjoint(effect) == pytest.approx(np.gradient(masses) @ effect)
