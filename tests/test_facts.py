@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing, tally
 from bgmodel.comparison.compare import tradeoff
+from bgmodel.decision import Decision
 from bgmodel.experiments.experiment import read_experiment, run_experiment
 from bgmodel.facts import Facts, span
 from circuits.anatomy import circuit
@@ -126,6 +127,25 @@ def test_several_thresholds_are_drawn_as_speed_and_accuracy():
     assert ax.lines[0].get_xdata() == pytest.approx(counts.mean_steps)
     with pytest.raises(ValueError, match="several thresholds need the truth"):
         decision.plot()
+
+
+def test_speed_and_accuracy_are_those_of_decided_trials():
+    """Three thresholds: two of three trials decided, none of them, one alone."""
+    nan = np.nan
+    decision = Decision(
+        choice=np.array([[0, 1, -1], [-1, -1, -1], [0, -1, -1]]),
+        time_ms=np.array([[20.0, 40.0, nan], [nan, nan, nan], [10.0, nan, nan]]),
+        forced=np.zeros((3, 3), bool),
+        premature=np.zeros((3, 3), bool),
+        step_ms=10.0,
+        deadline_ms=np.full(3, 50.0),
+    )
+    line = decision.plot(Figure().subplots(), np.zeros(3, int)).lines[0]
+    assert line.get_xdata().tolist() == [3, 1]
+    assert line.get_ydata().tolist() == [0.5, 1]
+    found = decision.facts()
+    assert (found["thresholds"], found["trials"]) == ("3", "3")
+    assert (found["mean_time_ms"], found["undecided"]) == ("10 to 30", "1 to 3")
 
 
 def test_an_outcome_is_drawn_a_panel_per_measure(outcome):
