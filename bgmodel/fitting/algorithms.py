@@ -16,7 +16,7 @@ from bgmodel.fitting.responses import BIN_S, Grid
 SENSITIVITY = Parameter(
     "sensitivity", 0.02, 18.0, 4.0, "drift per unit of strength, 1/sqrt(s), of unit noise"
 )
-"""Its bounds and start are drifts at the largest strength of a design; see ``likelihood_of``."""
+"""Bounds and start for a largest strength of 1; ``likelihood_of`` divides them by the largest."""
 BOUND = Parameter("bound", 0.1, 8.0, 0.7, "half of the gap in units of the noise, sqrt(s)")
 FALL = Parameter("fall_s", 0.1, 20.0, 1.0, "time in which the gap falls by a factor e, s")
 

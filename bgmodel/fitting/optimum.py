@@ -72,15 +72,18 @@ def likelihood_of(
 ) -> Likelihood:
     """Return the likelihood of a design's data; arguments as of ``parameters.freedom``.
 
-    Sensitivity may be anything that brings the drift at the largest strength within its bounds.
+    Bounds and start of sensitivity are divided by the largest strength: the drift there has the
+    same range in every unit of strength.
     """
     given = {"free": free, "fixed": fixed, "vary": vary}
-    drifts = (SENSITIVITY.low, SENSITIVITY.high, SENSITIVITY.start)
-    low, high, start = (drift / design.strength.max() for drift in drifts)
-    known = [
-        replace(each, low=low, high=high, start=start) if each.name == SENSITIVITY.name else each
-        for each in model.parameters
-    ]
+    largest = design.strength.max()
+    own = replace(
+        SENSITIVITY,
+        low=SENSITIVITY.low / largest,
+        high=SENSITIVITY.high / largest,
+        start=SENSITIVITY.start / largest,
+    )
+    known = [own if each.name == SENSITIVITY.name else each for each in model.parameters]
     freed = freedom(known, design.conditions, design.cells, **given)  # type: ignore[arg-type]
     return Likelihood(model, design, freed)
 
