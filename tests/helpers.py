@@ -7,7 +7,9 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.cli import main
+from bgmodel.comparison.compare import Tradeoff
 from bgmodel.evidence import Evidence
+from bgmodel.experiments.measures import Behaviour
 from bgmodel.seeds import stream
 
 ROOT = Path(__file__).parents[1]
@@ -64,3 +66,12 @@ def long_table(evidence, truth=True):
     if truth:
         frame["truth"] = np.repeat(np.array(list("abc"))[evidence.truth], t)
     return frame
+
+
+def behaving(choice, times, truth, missed=0, channels=2):
+    """Return the behaviour of choices and times, ms; the deadline forces the last `missed`."""
+    trials = len(truth)
+    forced = np.arange(trials) >= trials - missed
+    rows = (choice, times, forced, np.zeros(trials, bool), np.full(trials, 0.9))
+    decided = Tradeoff(np.array([0.2]), *(np.asarray(row)[None] for row in rows))
+    return Behaviour(decided, np.zeros(trials, bool), truth, channels)

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from bgmodel import stream
-from bgmodel.comparison.compare import Tradeoff
 from bgmodel.edits import Edits
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.experiments.experiment import (
@@ -28,12 +27,12 @@ from bgmodel.experiments.experiment import (
     run_experiment,
     shipped,
 )
-from bgmodel.experiments.measures import MEASURES, Behaviour
+from bgmodel.experiments.measures import MEASURES
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
-from tests.helpers import GOOD, ROOT, run
+from tests.helpers import GOOD, ROOT, behaving, run
 
 EFFECT = """[[effects]]
 measure = "{}"
@@ -206,14 +205,9 @@ def test_more_than_a_twentieth_of_trials_undecided_in_time_is_warned_of(
     experiment = read_experiment(experiment_file)
     experiment = replace(experiment, task=replace(experiment.task, trials=100, t_max=4))
 
-    def late(forced):
-        def behaviour(model, evidence, threshold_nats, foreperiod_ms):
-            rows = (evidence.truth, 9.0 + np.arange(100), np.arange(100) < forced)
-            rows = (*rows, np.zeros(100, bool), np.full(100, 0.9))
-            decided = Tradeoff(np.array([threshold_nats]), *(row[None] for row in rows))
-            return Behaviour(decided, np.zeros(100, bool), evidence.truth, 2)
-
-        return behaviour
+    def late(missed):
+        times = 9.0 + np.arange(100)
+        return lambda model, evidence, *_: behaving(evidence.truth, times, evidence.truth, missed)
 
     monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", late(missed))
     with warnings.catch_warnings(record=True) as caught:

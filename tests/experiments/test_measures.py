@@ -6,15 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import stream
-from bgmodel.comparison.compare import Tradeoff
 from bgmodel.experiments.measures import (
     DIFFUSION_S,
     OF_DIFFUSION,
-    Behaviour,
     ez_diffusion,
     mean,
     median,
 )
+from tests.helpers import behaving
 
 
 @given(st.integers(0, 2**31), st.integers(1, 12))
@@ -113,15 +112,6 @@ def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
         assert later[name] == pytest.approx(found[name])
         assert wrong_later[name] == pytest.approx(found[name])
         assert slower[name] == pytest.approx(other * found[name])
-
-
-def behaving(choice, times, truth, missed=0):
-    """Return decisions, the last so many of them missed."""
-    trials = len(truth)
-    forced = np.arange(trials) >= trials - missed
-    rows = (choice, times, forced, np.zeros(trials, bool), np.full(trials, 0.9))
-    decided = Tradeoff(np.array([0.2]), *(np.asarray(row)[None] for row in rows))
-    return Behaviour(decided, np.zeros(trials, bool), truth, 2)
 
 
 def test_a_diffusion_with_a_time_below_0_is_withheld_whatever_the_resample():

@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.comparison.compare import RESAMPLES, Tradeoff, interval, resampled
-from bgmodel.experiments.measures import MEASURES, Behaviour
+from bgmodel.comparison.compare import RESAMPLES, interval, resampled
+from bgmodel.experiments.measures import MEASURES
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import outcome, shards
 from bgmodel.sweeps.plan import Plan
+from tests.helpers import behaving
 
 TASK = Stimuli(trials=80, t_max=30)
 
@@ -187,9 +188,7 @@ def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withhel
     ):
         plan = Plan(grid={"task.channels": (channels,)}, task=TASK)
         truth = np.arange(80) % channels
-        rows = (truth, np.full(80, 400.0), np.zeros(80, bool), np.zeros(80, bool), np.full(80, 0.9))
-        decided = Tradeoff(np.array([0.2]), *(row[None] for row in rows))
-        found = Behaviour(decided, np.zeros(80, bool), truth, channels)
+        found = behaving(truth, np.full(80, 400.0), truth, channels=channels)
         monkeypatch.setattr(outcome, "read", lambda *_, found=found: (found, ""))
         (setting,) = plan.settings()
         (remark,) = set(outcome.measured(setting, tmp_path)["remark"])
