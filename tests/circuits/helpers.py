@@ -49,7 +49,7 @@ def hashes(name):
 
 
 def creeping(growth_hz):
-    """Return a circuit whose common mode feeds itself, so that it grows so fast and never turns."""
+    """Return a circuit whose common mode grows at a rate, 1/s, and does not oscillate."""
     rows = (
         Population("source", Phase(1.0), 50.0, 10.0, neurons=100),
         Population("target", Rate(signed=True), 50.0, 10.0, tau_ms=5.0),

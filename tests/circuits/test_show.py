@@ -33,8 +33,8 @@ def test_edits_show_on_the_page_and_nothing_else_does():
     assert "spread" in page
     assert "1 0.9" in show.text(anatomy.spiking_msprt().scaled("ctx", "D1", 0.9, channel=1))
     assert "0.75 1" in show.text(anatomy.spiking_msprt().without("GPe", 0.25, channel=0))
-    for silent in ("by_channel", "probability", "spread"):
-        assert silent not in show.text(anatomy.spiking_msprt())
+    for idle in ("by_channel", "probability", "spread"):
+        assert idle not in show.text(anatomy.spiking_msprt())
     assert "probability" in show.text(anatomy.spiking_msprt().with_connections(0.25))
     assert "intact" not in show.text(anatomy.spiking_msprt())
 
@@ -69,7 +69,7 @@ def test_the_drawing_shows_every_nucleus_and_pathway():
 
 
 def test_nuclei_stand_in_rows_and_columns_with_even_margins():
-    """Cortex above striatum, what pools beside it; nuclei of no textbook in a row below all."""
+    """Cortex above striatum, what pools beside it; nuclei that have no place in a row below all."""
     rows = [replace(anatomy.spiking_msprt().population("STN"), name=name) for name in "AB"]
     circuit = anatomy.macaque().with_rows(*rows)
     figure, ax = plt.subplots()

@@ -381,7 +381,7 @@ def test_a_table_of_ones_own_takes_a_thousand_alternatives():
 
 
 @pytest.mark.parametrize(("factor", "neurons"), [(0.5, 150), (2, 600), (1.004, 301), (1e-6, 1)])
-def test_so_many_times_the_cells_are_rounded_and_one_is_left(factor, neurons):
+def test_a_multiple_of_the_cells_is_rounded_and_at_least_one(factor, neurons):
     found = anatomy.spiking_msprt().with_neurons_times(factor)
     assert {row.neurons for row in found.populations if row.spiking} == {neurons}
     for silly in (0, -1, math.inf):

@@ -61,7 +61,7 @@ def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
         replace(anatomy.spiking_msprt(), **{role: "GPi"})
 
 
-def test_a_lesion_that_is_not_replaced_gives_nothing_back_beside_one_that_is():
+def test_beside_a_replaced_lesion_another_one_is_not_replaced():
     table = anatomy.macaque(2)
     both = fixed_point.wired(table.without("GPe", 0.5, replaced=True).without("D2", 0.3))
     alone, whole = fixed_point.wired(table.without("D2", 0.3)), wire(table)

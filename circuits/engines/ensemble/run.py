@@ -67,7 +67,7 @@ def run(
     spikes : names
         Populations whose spikes are written down.
     rates : bool
-        Whether to keep the rates: 4 bytes a trial, sample and channel of each population.
+        Whether to keep the rates: 4 bytes per trial, sample and channel of each population.
     drop_below : float, optional
         OUT, nats, below which a trial is over: what follows is NaN.
     workers : int

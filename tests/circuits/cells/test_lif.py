@@ -61,7 +61,7 @@ def test_a_ticks_noise_keeps_the_spread_of_the_membrane(dt_ms):
     assert np.hypot(cell.step_mv(dt_ms), kept) == pytest.approx(cell.noise_mv, rel=1e-12)
 
 
-def test_a_cell_that_varies_by_nothing_is_the_cell_and_its_factors_those_of_a_tick():
+def test_a_varied_cell_has_the_constants_of_its_factors_and_factors_of_1_change_nothing():
     cell, factors = SPIKING.population("GPe").cell, np.array([1.2, 0.9, 1.1])
     assert cell.varied(np.ones(3)) == (cell, 1.0)
     other, times = cell.varied(factors)

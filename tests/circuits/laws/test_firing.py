@@ -133,7 +133,7 @@ def test_far_from_threshold_rates_stay_finite():
     rates = lif_rate_hz(cell, [-1e4, -100.0, 0.0, 1e4])
     assert np.isfinite(rates).all()
     assert (np.diff(rates) >= 0).all()
-    assert 0 < rates[0] < 1e-30  # a rate has a logarithm
+    assert 0 < rates[0] < 1e-30  # above 0: its logarithm is finite
     assert rates[-1] == pytest.approx(1000 / cell.refractory_ms, rel=0.02)
 
 

@@ -327,7 +327,7 @@ def test_a_loop_amplifies_more_where_evidence_drives_it():
 
 
 def test_what_comes_on_top_of_rates_moves_along_the_bend_of_a_pathway():
-    """S - ln S has the slope 1/2 at 2 nats and 2/3 at 3, to which 20 Hz more of the source take."""
+    """S - ln S has the slope 1/2 at 2 nats, and 2/3 at 3, where the source has 20 Hz more."""
     wiring, x, activity = at_point(kinked(path="s_minus_log_s", source_nats=2.0), REST)
     np.testing.assert_allclose(activity, 2.0)
     source, target = (wiring.blocks_of(name)[0] for name in ("source", "target"))

@@ -1,4 +1,4 @@
-"""How far OUT lies off -ln P: nothing in exact tables, a bias where the read-out has one."""
+"""How far OUT lies off -ln P: by nothing in exact tables, by the bias of a biased read-out."""
 
 import re
 from dataclasses import replace
@@ -19,7 +19,7 @@ def test_out_of_an_exact_table_is_off_by_nothing(make, channels, rivals):
 
 
 @pytest.mark.parametrize("nats", [0.05, 0.2])
-def test_what_the_read_out_gets_more_is_what_it_lies_off(nats):
+def test_out_is_off_by_as_much_as_the_read_out_is_biased(nats):
     table = anatomy.bogacz_gurney(3)
     bias = table.population("SNr").bias_nats + nats
     found = off_nats(table.with_population("SNr", bias_nats=bias))
@@ -27,7 +27,7 @@ def test_what_the_read_out_gets_more_is_what_it_lies_off(nats):
 
 
 def test_rivals_beyond_the_reach_of_a_centred_drive_are_cut_there():
-    """One rival level with the leader, OUT ln 2 of it; a third channel counts as 2 nats behind."""
+    """One rival is level with the leader: OUT is ln 2. The third counts as 2 nats behind."""
     table = replace(anatomy.bogacz_gurney(3), centred=True, reach_nats=2.0)
     table = replace(table, readable_nats=(np.log(2) - 1e-9, np.log(2)))
     found = off_nats(table, 1)
@@ -38,8 +38,11 @@ def test_rivals_beyond_the_reach_of_a_centred_drive_are_cut_there():
 
 
 @pytest.mark.parametrize("rivals", [0, 3])
-def test_so_many_rivals_as_there_are_channels_or_none_are_refused(rivals):
+def test_as_many_rivals_as_channels_or_no_rival_are_refused(rivals):
     with pytest.raises(ValueError, match=re.escape(f"rivals must lie in 1..2, got {rivals}")):
         off_nats(anatomy.bogacz_gurney(3), rivals)
+
+
+def test_a_circuit_in_saliences_has_no_distance_from_a_posterior():
     with pytest.raises(ValueError, match="not nats: OUT as -ln P has no meaning there"):
         off_nats(anatomy.gpr(3))

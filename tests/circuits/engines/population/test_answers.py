@@ -1,4 +1,4 @@
-"""What cells answer, in tables: from where to where, how near, and when a word is said."""
+"""Tables of what cells answer: their ranges, their errors, and when a warning says so."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_filters_go_with_the_logarithm_of_the_rate_from_a_tenth_of_a_hz_on():
     [(0.26, 1.1, True), (0.26, 119.0, True), (0.24, 40.0, False), (0.9, 0.9, False),
      (0.9, 121.0, False)],
 )  # fmt: skip
-def test_a_filter_that_is_off_by_a_quarter_is_worth_a_word_from_1_to_120_hz(misfit, hz, said):
+def test_a_filter_that_errs_by_more_than_a_quarter_is_named_from_1_to_120_hz(misfit, hz, said):
     sentence = _rough(Phase(0.3), "its noise", np.array([20.0, hz]), np.array([0.1, misfit]))
     assert (f"its noise at {hz:.0f} Hz only within {misfit:.0%}" in sentence) == said
     assert bool(sentence) == said
@@ -58,7 +58,7 @@ def test_a_filter_that_is_off_by_a_quarter_is_worth_a_word_from_1_to_120_hz(misf
 def test_a_law_is_looked_up_if_it_bends_by_less_than_a_five_hundredth_between_points(
     share, monkeypatch
 ):
-    """A sine of 1 lies above its chord by 1 - cos of half a step; 8 191 steps of 128 nats."""
+    """A sine of height 1 rises above a chord by 1 - cos(half a step); 8191 steps span 128 nats."""
     turn = 2 * np.arccos(1 - share * 2e-3) / (128 / 8191)
     wave = transfer.Transfer(lambda x: np.sin(turn * x), np.cos, np.sin, "sin({x})", "a wave")
     name = f"wave {share}"

@@ -65,7 +65,7 @@ def test_a_pacemaker_that_is_too_regular_for_two_sections_says_so():
 
 
 def test_an_answer_without_lag_or_colour_has_the_filter_next_to_where_the_fit_begins():
-    """What stands above must be what stands below: at the least distance from both beginnings."""
+    """Numerator and denominator must be equal: the fit finds the pair nearest to both starts."""
     flat, hz = np.ones((2, len(FREQUENCIES_HZ))), np.array([25.0, 25.0])
     # From n and log d to n = d, where (n - n0) + log(n / d0) / n = 0.
     first, second = (
@@ -79,8 +79,8 @@ def test_an_answer_without_lag_or_colour_has_the_filter_next_to_where_the_fit_be
     np.testing.assert_allclose(found, np.tile([1, 2, 1, 2, 3, 9, 3, 9], (2, 1)), rtol=1e-3)
 
 
-def test_a_coefficient_that_the_answer_hardly_tells_is_held_to_the_state_before_and_the_first():
-    """A number that weighs as much as what holds it goes to the mean of the three."""
+def test_a_coefficient_that_the_answer_hardly_fixes_stays_near_the_state_before_and_the_first():
+    """Where data weigh as much as what holds the coefficient, it goes to the mean of all three."""
     goals = np.array([4.0, 7.0])
     found = filters._along(
         2,
@@ -92,7 +92,7 @@ def test_a_coefficient_that_the_answer_hardly_tells_is_held_to_the_state_before_
 
 
 def test_a_misfit_is_the_largest_up_to_100_hz():
-    """Of an answer with a step at 100 Hz, and of a pacemaker's colour, both beyond two poles."""
+    """Of an answer and of a colour with a step at 100 Hz, which two poles cannot follow."""
     low, s = FREQUENCIES_HZ <= 100, PER_RAD_S
     gain = np.where(low, 1.0, 0.2).astype(complex)[None]
     fit = filters.following(gain)

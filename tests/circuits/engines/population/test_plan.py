@@ -28,15 +28,15 @@ def test_the_tick_is_the_longest_that_all_delays_and_times_are_multiples_of(
     assert tick_ms(wire(circuit), *times_ms) == tick
 
 
-def test_filters_follow_the_state_with_fifty_milliseconds():
-    """After so long all but 1/e of a step of the state is in their coefficients."""
+def test_filters_follow_the_state_with_a_time_constant_of_fifty_milliseconds():
+    """After 50 ms their coefficients lack 1/e of a step of the state."""
     scheme = Scheme(wire(anatomy.spiking_msprt(2)), 0.5)
     clock = plan(scheme, Clock(1, 50, 0.5), Laws(CELLS, noise=True)).clock[0]
     assert (1 - clock["follow_slowly"]) ** (50 / 0.5) == pytest.approx(np.exp(-1), rel=1e-4)
 
 
-def test_noise_is_that_of_so_many_cells_in_a_tick():
-    """Poisson cells of 1 Hz: the variance of their count, n dt, over its square."""
+def test_noise_falls_with_the_number_of_cells_and_the_length_of_a_tick():
+    """Of 1 Hz: the count of n Poisson cells in a tick has the mean and the variance n dt."""
     table = anatomy.spiking_msprt(2).with_neurons(70)
     scheme = Scheme(wire(table), 0.5)
     made = {
@@ -51,7 +51,7 @@ def test_noise_is_that_of_so_many_cells_in_a_tick():
 
 
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
-def test_what_units_pass_on_at_rest_keeps_blocks_there(name):
+def test_what_units_pass_on_at_rest_keeps_blocks_at_rest(name):
     """Tone and pathways that bend included."""
     wiring = wire(anatomy.circuit(name, 3))
     scheme = Scheme(wiring, 0.5)
