@@ -195,7 +195,7 @@ EXPECTED = "expectancy_nats=0 expectancy_ms=0"
 
 
 def numbers(options):
-    """Yield the numbers of options as "name=value", those of groups of options too."""
+    """Yield each number of the options, and of groups of options, as "name=value"."""
     for field in fields(options):
         value = getattr(options, field.name)
         if is_dataclass(value):
@@ -257,8 +257,8 @@ def numbers(options):
         ),
     ],
 )
-def test_no_number_that_an_option_left_out_stands_for_changes_by_accident(command, says):
-    """A command has no say of what is left out: another default would be another result."""
+def test_no_default_of_an_option_changes_by_accident(command, says):
+    """The same command line without an option would give another result."""
     assert " ".join(numbers(parsed(command.split()))) == says
 
 

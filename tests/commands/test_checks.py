@@ -159,20 +159,20 @@ MEASURED_S = {
 
 @pytest.mark.parametrize(("place", "seconds"), MEASURED_S.items())
 def test_no_time_that_was_measured_changes_by_accident(place, seconds):
-    """Nothing else tells how long a part takes: copied a second time."""
+    """Nothing else holds these numbers, so they stand here a second time."""
     module, name = place
     assert getattr(importlib.import_module(f"bgmodel.commands.{module}"), name) == seconds
 
 
-def test_a_run_of_two_seconds_is_not_announced_and_a_longer_one_is(capsys):
+def test_a_run_is_announced_if_it_takes_more_than_two_seconds(capsys):
     say_how_long("resting", 2.0)
     assert not capsys.readouterr().err
     say_how_long("resting", 2.1, ", then done")
     assert capsys.readouterr().err == "bgmodel: resting: about 2 seconds, then done\n"
 
 
-def test_what_a_run_takes_is_said_before_it_with_what_matters(capsys, monkeypatch):
-    """Circuits if there are several; that trials may end early if they take most of the time."""
+def test_time_and_memory_of_a_run_are_said_before_it(capsys, monkeypatch):
+    """The number of circuits, if several; that trials may end early, if they take most time."""
     model = BasalGanglia(circuit("spiking_msprt"), "algebra", 0.5)
     evidence = some_evidence(trials=10, steps=4, hypotheses=2, step_ms=50.0)
     monkeypatch.setattr(BasalGanglia, "seconds", lambda *given: 40.0)
@@ -187,7 +187,7 @@ def test_what_a_run_takes_is_said_before_it_with_what_matters(capsys, monkeypatc
     assert capsys.readouterr().err == alone.replace("early", "early, 2.5 GB of memory")
 
 
-def test_a_baseline_is_said_where_channels_get_their_own_evidence_and_it_is_one(capsys):
+def test_a_baseline_above_0_is_said_where_channels_get_their_own_evidence(capsys):
     for name, baseline, said in (
         ("macaque", 0.5, True),
         ("macaque", 0.0, False),
@@ -199,7 +199,7 @@ def test_a_baseline_is_said_where_channels_get_their_own_evidence_and_it_is_one(
         assert ("less what a reading says on the mean: 0.5 nats" in told) == said == bool(told)
 
 
-def test_compiling_is_spoken_of_where_an_engine_compiles_and_when_it_does(capsys, monkeypatch):
+def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys, monkeypatch):
     later = []
     monkeypatch.setattr("bgmodel.compiling.on_compiling", later.append)
     evidence = some_evidence(trials=2, hypotheses=2, baseline=0.0)
@@ -214,7 +214,7 @@ def test_compiling_is_spoken_of_where_an_engine_compiles_and_when_it_does(capsys
 
 
 @pytest.mark.parametrize(("late", "early"), [(2, 0), (3, 0), (0, 2), (0, 3)])
-def test_a_criterion_is_advised_on_where_more_than_half_of_the_trials_ask_for_it(
+def test_advice_on_a_criterion_comes_where_more_than_half_of_the_trials_need_it(
     capsys, late, early
 ):
     of = np.arange(4)

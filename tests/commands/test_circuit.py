@@ -6,10 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands.circuit import _scatter
 from bgmodel.comparison import steady
 from bgmodel.files import read_provenance
-from circuits.anatomy import spiking_msprt
 from tests.helpers import long_table, run, some_evidence
 
 
@@ -40,7 +38,7 @@ def test_show_says_whose_noise_it_is(capsys):
 
 
 @pytest.mark.parametrize("channels", [2, 4])
-def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_rivals(channels, monkeypatch):
+def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_rivals(channels, monkeypatch, capsys):
     asked, real = [], steady.leader_drive
 
     def watched(odds, count):
@@ -48,7 +46,8 @@ def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_rivals(channels, mo
         return real(odds, count)
 
     monkeypatch.setattr(steady, "leader_drive", watched)
-    assert "at a posterior of 0.8 OUT scatters" in _scatter(spiking_msprt(channels), 0.8)
+    assert run("circuit", "show", "spiking_msprt", "--channels", channels, "--noise", 0.8) == 0
+    assert "at a posterior of 0.8 OUT scatters" in capsys.readouterr().out
     ((odds, count),) = asked
     assert count == channels
     rivals = np.zeros(channels - 1)
@@ -161,14 +160,14 @@ def test_bad_use_of_show_and_run_gets_one_clear_sentence(capsys, arguments, says
     assert says in lines[0]
 
 
-def test_a_posterior_below_a_half_is_one_where_a_table_has_three_hypotheses(tmp_path, capsys):
+def test_a_posterior_below_a_half_is_allowed_where_a_table_has_three_hypotheses(tmp_path, capsys):
     mine = tmp_path / "mine.csv"
     long_table(some_evidence(trials=30)).to_csv(mine, index=False)
     given = ("--evidence", mine, "--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
     out = tmp_path / "out.csv"
     assert run("circuit", "run", out, *given, "--posterior", 0.45) == 0
     assert read_provenance(out)["parameters"]["command"]["posterior"] == 0.45
-    # As an OUT: -ln P.
+    # The same criterion as a threshold: -ln P.
     again = tmp_path / "again.csv"
     assert run("circuit", "run", again, *given, "--threshold", -np.log(0.45)) == 0
     assert again.read_bytes() == out.read_bytes()

@@ -68,6 +68,7 @@ def test_the_time_of_tables_counts_each_pair_that_is_compared(tmp_path, monkeypa
         raise ValueError("asked")
 
     monkeypatch.setattr("bgmodel.commands.comparing.say_before", note)
+    monkeypatch.chdir(tmp_path)
     edited, again = ("--edits.without", "D2=0.1"), ("--engine", "population", "--ceiling")
     for command in (
         ("compare", "a.csv"),
@@ -76,7 +77,6 @@ def test_the_time_of_tables_counts_each_pair_that_is_compared(tmp_path, monkeypa
         ("circuit", "lesion", "a.csv", "STN=0.2"),
         ("circuit", "lesion", "a.csv", "STN=0.2", "D2"),
     ):
-        monkeypatch.chdir(tmp_path)
         assert run(*command) == 2
     assert asked == [(1, 8), (2, 12), (3, 16), (2, 6), (3, 9)]
 

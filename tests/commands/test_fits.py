@@ -288,8 +288,8 @@ def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(c
     assert "and it is 55% of responses: name the column of signed" in capsys.readouterr().err
 
 
-def test_strengths_are_refused_where_20_responses_to_the_largest_say_that_none_has_a_sign():
-    """More than two fifths against it; what nobody answered, or a smaller one, is no response."""
+def test_strengths_without_a_sign_are_refused_by_20_or_more_responses_to_the_largest():
+    """Where more than two fifths are against it; misses and weaker strengths do not count."""
 
     def most(right, wrong, missed=0):
         return choices(right, wrong, missed, strength=np.full(right + wrong + missed, 0.4))

@@ -46,7 +46,7 @@ def test_a_sweep_is_one_table_with_what_it_was_made_from(small, tmp_path, capsys
     assert run("sweep", small, folder) == 0
     said, warned = capsys.readouterr()
     assert said.splitlines()[1].split() == ["measure", "accuracy", "mean_ms", "missed"]
-    # Each remark, once, with the number of points that have it.
+    # Each remark once, with the number of points that have it; none for points without a remark.
     assert "bgmodel: at 2 of 6 points: many trials are not decided in time" in warned
     assert "points: \n" not in warned
     assert said.startswith(f"points: 6; shards: 6, 0 there already; folder: {folder}\n")

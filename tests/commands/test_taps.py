@@ -73,7 +73,7 @@ def test_taps_and_epochs_are_said_to_take_time(tmp_path, monkeypatch, capsys):
         assert f"epochs at most: about {seconds} seconds" in capsys.readouterr().err
 
 
-def test_an_epoch_was_measured_at_the_width_that_is_trained_unless_told():
+def test_an_epoch_was_measured_at_the_default_width():
     assert Training().width == WIDTH
 
 

@@ -1,7 +1,5 @@
 """Levels of dopamine beside tests in equal time."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,6 +10,7 @@ from bgmodel.comparison.compare import Tradeoff, tradeoff
 from bgmodel.comparison.levels import level_table
 from bgmodel.dopamine import THRESHOLD_NATS, working_range
 from circuits.anatomy import DEFAULT, circuit
+from tests.helpers import ROOT
 from tests.levels import GAIN, MODEL, SEED
 
 
@@ -69,9 +68,9 @@ def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeyp
 
 
 @pytest.mark.parametrize("channels", levels.LATENCY_MS)
-def test_the_latency_is_what_was_measured_where_noise_costs_least(channels):
-    """What the default circuit takes longer than its test, in the table of raw evidence."""
-    table = pd.read_csv(Path(__file__).parents[2] / "docs/results/raw_decisions.csv")
+def test_the_latency_is_what_was_measured_on_raw_evidence(channels):
+    """The time that the default circuit takes more than its test, in a table of the results."""
+    table = pd.read_csv(ROOT / "docs/results/raw_decisions.csv")
     table = table[table["evidence"].eq(f"Gaussian, d' 1, N = {channels}")]
     table = table[table["engine"].eq("population") & table["given"].eq("raw")]
     extra_ms = table[table["accuracy"].isin([0.9, 0.95])]["extra_ms"]
@@ -79,7 +78,7 @@ def test_the_latency_is_what_was_measured_where_noise_costs_least(channels):
     assert levels.LATENCY_MS[channels] == pytest.approx(extra_ms.mean(), abs=1)
 
 
-def test_engines_hear_half_a_standard_deviation_each_50_ms_and_spikes_half_of_the_trials(
+def test_readings_have_a_d_prime_of_a_half_per_50_ms_and_spiking_runs_half_of_the_trials(
     monkeypatch,
 ):
     heard = []

@@ -1,7 +1,6 @@
 """Learning: the exhaustive search, and what reward converges to."""
 
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from bgmodel.learning.reinforce import (
 from bgmodel.learning.reward import mean_reward
 from bgmodel.learning.worlds import trials_of
 from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve
+from tests.helpers import ROOT
 from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw
 from tests.levels import SEED
 
@@ -157,7 +157,7 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
         learner=Learner(episodes=1202),
     )
     mean, sd = learned.mean_played, 0.02 * 16
-    # A hundred trials: what a share of .01 of each reward in the baseline is the inverse of.
+    # It watches for 100 trials: the baseline takes a share of .01 of each reward.
     assert (mean[:, :101] == 2.0).all()
     assert (mean[:, 101] != 2.0).all()
     watched = learned.reward[:, :100].mean(axis=1)
@@ -166,7 +166,7 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
         error = learned.prediction_error[:, k]
         share = error / np.maximum(np.abs(learned.reward[:, k] - error), 1.0)
         score = (learned.played[:, k] - mean[:, k]) / sd**2
-        # Values twice as wide as gaps of 8 nats: four times the step.
+        # The range is twice that of gaps, 8 nats: the step is four times as long.
         rate = 4 * 0.04 / (1 + k / 1000)
         assert mean[:, k + 1] - mean[:, k] == pytest.approx(rate * share * score, rel=1e-6)
 
@@ -180,7 +180,7 @@ def test_one_trial_of_one_run_is_what_it_began_with():
 
 
 def test_the_weight_of_a_binary_unit_goes_eight_times_as_fast_as_a_gap():
-    """One unit of all 8 nats: its weight is the log odds of the mean gap, its score y - p."""
+    """A unit of 8 nats: its weight is the log odds of p, the mean gap / 8, and its score y - p."""
     learned = learn(
         lambda k, x: -20.0 - x,
         4.0,
@@ -197,8 +197,8 @@ def test_the_weight_of_a_binary_unit_goes_eight_times_as_fast_as_a_gap():
         assert weight[:, k + 1] - weight[:, k] == pytest.approx(step, rel=1e-6)
 
 
-def test_a_learner_has_the_trials_that_the_page_says_and_its_value_is_the_mean_of_the_last_500():
-    page = (Path(__file__).parents[2] / "docs/assumptions.md").read_text()
+def test_a_learner_has_as_many_trials_as_the_page_says_and_ends_at_the_mean_of_the_last_500():
+    page = (ROOT / "docs/assumptions.md").read_text()
     assert f"Learning takes {Learner().episodes:_} trials".replace("_", " ") in page
     learned = learn(
         lambda k, x: -20.0 - x, 4.0, rngs=[stream(SEED, "last")], learner=Learner(episodes=700)
