@@ -75,25 +75,26 @@ def test_a_difference_of_two_directions_spans_a_whole_turn_and_no_more():
 
 
 def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypatch, tmp_path):
-    """With the places of the first's pins; a tip of 40 mm spans about 122 px."""
-    rest = Tip("circular").rest_mm()
+    """Pins stand where the first part shows them; a tip of 40 mm spans about 122 px."""
+    pins = Tip("circular").rest_mm()
 
-    def read_taps(folder, *, mm_per_px, rest=rest):
+    def read_taps(folder, *, mm_per_px, rest=None):
         assert 122 * mm_per_px == pytest.approx(40, rel=0.02)
         yaw = {"csv_train": [1.0, 2.0], "csv_val": [30.0, -40.0, 50.0]}[folder.name]
-        still = np.zeros((len(yaw), len(rest), 2), np.float32)
-        return Taps(still, rest + (folder.name == "csv_val"), pd.DataFrame({"yaw_deg": yaw}))
+        own = pins + (folder.name == "csv_val")
+        still = np.zeros((len(yaw), len(pins), 2), np.float32)
+        return Taps(still, own if rest is None else rest, pd.DataFrame({"yaw_deg": yaw}))
 
     def train(taps, *, seed, training):
         assert (seed, training) == (5, EDGE)
         assert taps.labels["yaw_deg"].tolist() == [1, 2]
-        np.testing.assert_array_equal(taps.rest_mm, rest)
+        np.testing.assert_array_equal(taps.rest_mm, pins)
         return Decoder
 
     class Decoder:
         @staticmethod
         def decode(taps):
-            np.testing.assert_array_equal(taps.rest_mm, rest + 1)
+            np.testing.assert_array_equal(taps.rest_mm, pins)
             return {"edge_deg": taps.labels["yaw_deg"].to_numpy() + 3}
 
     monkeypatch.setattr("bgmodel.tactile.edges.read_taps", read_taps)
