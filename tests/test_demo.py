@@ -52,7 +52,7 @@ def test_the_trial_is_the_one_that_is_described(found):
         assert (out[:at] > -np.log(0.85) - 1e-9).all()
 
 
-def test_the_picture_is_that_of_the_docs_and_what_is_not_read_is_shaded_to_the_top(found):
+def test_the_picture_is_as_large_as_in_the_docs_and_shaded_to_the_top_where_out_is_not_read(found):
     figure = demos.draw(found)
     high, wide = plt.imread(ROOT / "docs" / "demo.png").shape[:2]
     assert np.allclose(150 * figure.get_size_inches(), (wide, high))

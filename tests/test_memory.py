@@ -14,7 +14,7 @@ from bgmodel.memory import (
 
 @pytest.fixture
 def free(monkeypatch):
-    """Return a function that says how many bytes are free."""
+    """Return a function that sets how many bytes are free."""
 
     def set_free(count):
         monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=count))
@@ -22,7 +22,7 @@ def free(monkeypatch):
     return set_free
 
 
-def test_up_to_a_tenth_of_a_gigabyte_nobody_is_asked(free):
+def test_less_than_100_mb_is_never_refused(free):
     free(0)
     check_memory(0.99e8, "trials")
     with pytest.raises(NoMemoryError, match=r"^trials need 100 MB of memory, 0 bytes are free$"):
@@ -49,7 +49,7 @@ def test_what_is_kept_fits_to_the_byte(free, check, shape, needed):
     ("count", "said"),
     [(999, "999 bytes"), (1000, "1 kB"), (2.5e9, "2.5 GB"), (1e12, "1 TB"), (3e16, "30 PB")],
 )
-def test_sizes_are_said_in_the_unit_of_their_thousands(free, count, said):
+def test_sizes_are_said_in_the_largest_unit_that_they_reach(free, count, said):
     free(count)
     with pytest.raises(NoMemoryError, match=f", {said} are free$"):
         check_memory(1e18, "trials")

@@ -71,7 +71,7 @@ def steps_of(monkeypatch, circuit, name, drive):
     return np.array(seen)
 
 
-def test_an_exponent_goes_to_its_fixed_point_by_one_nat_a_step(monkeypatch):
+def test_an_exponent_goes_to_its_fixed_point_by_at_most_one_nat_per_step(monkeypatch):
     found = steps_of(monkeypatch, anatomy.bogacz_gurney(), "STN", [9.0, -2.0])
     steps = np.abs(np.diff(found))
     assert steps.max() == pytest.approx(1.0, rel=1e-12)

@@ -287,7 +287,7 @@ def test_a_weight_that_no_rule_could_find_is_refused():
 
 
 def test_a_population_without_afferents_moves_by_its_own_error_with_the_time_constant():
-    """W is 1 then: in a tenth of tau, the step unless told otherwise, a tenth of what is wanted."""
+    """W is 1 then: each step of a tenth of tau, the default, takes a tenth of the error away."""
     circuit = anatomy.bogacz_gurney()
     course = recovery(circuit, circuit, rebound_nats={"ctx": 0.2})
     ctx = course[course["population"] == "ctx"]

@@ -210,7 +210,7 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     exact = of(noisy, "pearson_r") / np.sqrt(r)
     assert of(noisy, "pearson_r_of_ceiling") == pytest.approx(exact, rel=0.03)
     assert of(noisy, "agreement_chance") < of(noisy, "agreement", reference=OTHER_NOISE)
-    # Against itself there is no latency; and only of what the other noise is of is it the ceiling.
+    # Against itself it has no latency. Only the circuit has another noise, and so a ceiling.
     again = noisy[noisy["reference"] == OTHER_NOISE].set_index("measure")["value"]
     assert abs(again["accuracy_gap"]) < 0.02
     rows = noisy[noisy["measure"] == "pearson_r_of_ceiling"]

@@ -277,7 +277,7 @@ def test_unless_asked_otherwise_designed_trials_have_four_channels_and_three_thr
     found = designed(Msprt())
     assert found["threshold"].drop_duplicates().tolist() == [0.35, 0.25, 0.15]
     assert "3 equal" in set(found["design"])
-    # Readings of 50 ms, in which the leader rises by 2 nats a second.
+    # Readings of 50 ms, in which the leader rises by 2 nats per second.
     evidence = designs()[0].evidence(3)
     assert evidence.step_ms == 50
     assert evidence.own_totals[0, -1].tolist() == pytest.approx([0.3, 0, 0, 0])

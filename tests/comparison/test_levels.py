@@ -99,7 +99,7 @@ def test_readings_have_a_d_prime_of_a_half_per_50_ms_and_spiking_runs_half_of_th
         low, high = working_range(circuit(DEFAULT, evidence.hypotheses), THRESHOLD_NATS)
         ends = (0.85 * low, 0.98 * high) if not spikes else (0.85 * low, played.max())
         assert (played.min(), played.max()) == pytest.approx(ends)
-        # The log odds of the truth over another one grow by d'^2 / 2 a reading.
+        # The log odds of the truth over another one grow by d'^2 / 2 per reading.
         trial, truth = np.arange(evidence.trials), evidence.truth
         other = (truth + 1) % evidence.hypotheses
         values = evidence.log_likelihood

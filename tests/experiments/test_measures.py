@@ -93,7 +93,7 @@ def test_a_diffusion_is_withheld_where_the_deadline_cuts_off_more_than_a_few():
 
 
 def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
-    """Later by 400 ms its non-decision time is; slower by twice, its bound and drift change so."""
+    """Times 400 ms later move its non-decision time alone; times twice as long scale all three."""
     truth, weights = np.arange(500) % 2, np.ones((1, 500))
     choice = np.where(np.arange(500) % 10 < 2, 1 - truth, truth)
     times = 900 + 200 * stream(3, "times").standard_gamma(2.0, 500)

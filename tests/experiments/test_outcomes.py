@@ -72,7 +72,7 @@ def test_a_page_says_why_a_diffusion_is_withheld():
     ("channels", "measure", "told"),
     [(2, "mean_ms", True), (2, "bound", True), (4, "mean_ms", False), (4, "bound", True)],
 )
-def test_a_diffusion_that_nobody_asked_for_is_missed_where_there_could_be_one(
+def test_a_page_names_a_withheld_diffusion_of_two_alternatives_or_one_that_was_predicted(
     channels, measure, told
 ):
     experiment = replace(shipped()["stn_no_conflict"], effects=())
@@ -172,7 +172,7 @@ def test_an_effect_is_compatible_where_the_difference_of_both_holds_0():
 
 
 def test_an_effect_is_left_open_where_the_model_has_no_number_or_hardly_decides():
-    """Of what is said of decisions alone: how many are missed is known nevertheless."""
+    """Measures of decisions alone are left open; the share of missed trials is known."""
     of_times = Effect("mean_ms", 1.0, "nobody", -3.0, 5.0)
     of_missed = Effect("missed", 1.0, "nobody", -3.0, 5.0)
     for effect in (of_times, of_missed):

@@ -100,8 +100,8 @@ def test_the_network_is_that_of_todays_circuit(network):
     assert network.about["circuit"] == identity(circuit(DEFAULT, 2))
 
 
-def test_the_network_knows_all_between_which_a_fit_moves_its_circuit(network):
-    """Whoever goes on in HSSM from a fit finds the same bounds, noise and spread of t0."""
+def test_the_network_and_a_fit_of_its_circuit_have_the_same_bounds(network):
+    """A user who goes from a fit to HSSM finds the same noise and spread of t0 too."""
     model = CircuitModel(circuit(DEFAULT, 2))
     moved = {each.name: each for each in model.parameters}
     for name, own in (("threshold", "threshold_nats"), ("t0", "t0_s")):

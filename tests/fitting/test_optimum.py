@@ -151,15 +151,14 @@ def test_a_number_counts_as_at_its_bound_within_a_thousandth_of_its_range():
     assert Optimum(Hills(), np.array([0, 7.985]), 0.0, 1).at_bound.tolist() == [False, True]
 
 
-def test_a_search_looks_at_first_about_a_sixth_of_the_place_away():
-    """By .15 of it, but not less than a fiftieth of the range and not more than a fifth."""
+def test_a_search_first_looks_as_far_away_as_about_a_sixth_of_its_start():
+    """By .15 of it, but by no less than a fiftieth and no more than a fifth of the range."""
     first = np.array([4.0, -4.0])
     assert _scales(Hills(), first) == pytest.approx([0.6, 0.6])
     assert _scales(Hills(), np.array([0.0, 1.0])) == pytest.approx([0.32, 0.32])
-    wide = replace(Hills.freedom, moved=freedom([Parameter("a", 99.0, 101.0, 100.0)], {}, 1).moved)
-    other = Hills()
-    other.freedom = wide
-    assert _scales(other, np.array([100.0])) == pytest.approx([0.4])
+    narrow = Hills()
+    narrow.freedom = freedom([Parameter("a", 99.0, 101.0, 100.0)], {}, 1)
+    assert _scales(narrow, np.array([100.0])) == pytest.approx([0.4])
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -170,7 +169,7 @@ def test_of_several_searches_the_best_one_counts(order):
     assert found.vector == pytest.approx([3, 3], abs=0.1)
     assert found.log_likelihood == pytest.approx(0, abs=0.01)
     assert told[-1][0] == found.evaluations
-    # Sixteen points a generation.
+    # Sixteen points per generation.
     assert set(np.diff([0, *(done for done, _ in told)])) == {16}
     assert np.all(np.diff([best for _, best in told]) >= 0)
 

@@ -37,7 +37,7 @@ def test_draws_from_a_gaussian_have_its_covariance():
     found = GAUSSIAN.draw()
     assert found.long_enough
     assert found.lasts > ENOUGH
-    # It looks at the chain each 500 steps, and goes on no longer than that takes.
+    # It looks at the chain every 500 steps, and stops once the chain is long enough.
     assert len(found.draws) in {32 * 250 * looks for looks in range(1, 5)}
     error = 4 / np.sqrt(found.effective)
     assert np.cov(found.draws.T) == pytest.approx(np.array([[1.0, 1.2], [1.2, 4.0]]), abs=4 * error)

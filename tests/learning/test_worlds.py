@@ -25,7 +25,7 @@ def test_a_world_switches_and_each_has_its_trials():
     assert [world(k, np.array([1.0]))[0] for k in range(4)] == [1, -1, 1, -1]
 
 
-def test_outcomes_of_levels_rise_and_count_readings_from_the_onset():
+def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
     """Two levels, three trials: times by hand; what comes before the onset takes no reading."""
     evidence = Evidence(np.zeros((3, 2, 2)), np.array([0, 1, 1]), step_ms=50.0)
     choice, time_ms = np.array([[0, 0, 1], [1, 1, 1]]), np.array([[50.0, 25, -9], [100, 75, 150]])

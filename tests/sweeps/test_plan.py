@@ -32,7 +32,7 @@ def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
     assert found.axes == {"STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
 
 
-def test_points_one_by_one_are_as_good_as_a_grid():
+def test_points_one_by_one_make_the_settings_of_their_grid():
     grid = Plan(grid={"STN": (0.0, 0.1), "dopamine": (0.9,)})
     points = Plan(points=({"STN": 0.0, "dopamine": 0.9}, {"STN": 0.1, "dopamine": 0.9}))
     assert points.each == grid.each
@@ -85,7 +85,7 @@ def test_numbers_of_the_task_and_the_run_change_by_their_names():
     assert found.threshold_nats == pytest.approx(-np.log(0.9))
 
 
-def test_bounds_of_a_setting_are_those_of_its_words():
+def test_a_setting_takes_a_foreperiod_above_0_and_a_seed_from_0_on():
     assert Setting(foreperiod_ms=0.5, seed=0).foreperiod_ms == 0.5
     for wrong in ({"foreperiod_ms": 0.0}, {"foreperiod_ms": np.inf}, {"seed": -1}):
         (name,) = wrong

@@ -152,7 +152,7 @@ def test_cells_of_a_csv_come_back_as_they_were_written(tmp_path, cells, kind):
 
 
 def test_the_ending_of_a_file_says_how_it_is_read_and_numbers_are_the_same(tmp_path):
-    """Readings follow on in 1 ms unless it is said otherwise."""
+    """Readings are 1 ms apart by default."""
     table = long_table(gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables")))
     table.to_csv(tmp_path / "mine.csv", index=False)
     table.to_parquet(tmp_path / "mine.parquet")

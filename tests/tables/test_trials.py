@@ -20,7 +20,7 @@ def test_trial_table_names_undecided_trials(decided_trials):
 
 
 @pytest.mark.parametrize("condition", ["", "lesion"])
-def test_a_users_condition_is_theirs_unless_one_is_given_and_other_results_are_ours(condition):
+def test_a_users_columns_stay_and_those_that_a_result_replaces_are_called_given(condition):
     own = pd.DataFrame(
         {
             "participant_id": ["p", "q", "r"],
@@ -48,7 +48,7 @@ def test_a_users_condition_is_theirs_unless_one_is_given_and_other_results_are_o
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_choice_is_right_where_it_is_the_truth_and_nobody_knows_without_one(known):
+def test_a_choice_is_correct_if_it_is_the_truth_and_unknown_without_a_truth(known):
     drawn = some_evidence(trials=60, steps=4)
     evidence = drawn if known else Evidence(drawn.log_likelihood)
     decision = first_crossing(Msprt().run(evidence), 0.3)

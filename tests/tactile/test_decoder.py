@@ -127,7 +127,7 @@ def loss_of(kind, hidden=(), l2=0.0, which=0):
 
 
 def test_the_label_counts_ten_times_as_much_as_cosine_and_sine_which_count_alike():
-    """As both do for an edge: no direction is worth more than another."""
+    """Cosine and sine of an edge count alike too: no direction is worth more than another."""
     label, cosine, sine = (loss_of(GratingNetwork, which=k) for k in range(3))
     assert label == pytest.approx(10 * cosine)
     assert cosine == pytest.approx(sine)
@@ -150,7 +150,7 @@ def test_weights_of_hidden_layers_alone_are_decayed():
         ([5, 3, 4, 4, 4, 1], 5, 2),
         ([5, 3, 4, 4, 2, 4], 6, 5),
         ([5, 4, 3, 3, 3, 3], 6, 6),
-        ([5, 6, 6, 4, 9, 9], 4 + 2, 4),
+        ([5, 6, 6, 4, 9, 9], 6, 4),
     ],
 )
 def test_training_ends_after_its_patience_and_keeps_the_best_pass(

@@ -121,8 +121,8 @@ def test_a_likelihood_takes_four_taps_per_inner_fold_and_is_known_at_each_half_d
 
 
 @pytest.mark.parametrize("rows", [7918, 7920, 8000])
-def test_some_of_many_pairs_are_of_all_taps_alike(rows):
-    """Pairs come in rows of equal length: whatever that is, none is taken twice."""
+def test_a_part_of_many_pairs_has_about_as_many_of_each_tap(rows):
+    """Pairs come in rows, one per tap: none is taken twice, whatever the length of a row."""
     pairs = np.arange(10 * rows)
     some = _thinned(pairs)
     assert len(np.unique(some)) == len(some) == 4000

@@ -31,12 +31,12 @@ def test_the_network_for_edges_has_two_hidden_layers_and_drops_a_tenth_after_eac
     assert layers(EdgeNetwork.build((662,), 0.5, 2.0)) == ([128, 128, 2], pytest.approx([0.2, 0.2]))
 
 
-def test_edges_are_read_by_the_whole_perceptron():
+def test_edges_are_read_by_the_perceptron_of_full_width_and_dropout():
     built = EdgeNetwork.build((662,), EDGE.width, EDGE.dropout)
     assert layers(built) == layers(EdgeNetwork.build((662,), 1.0, 1.0))
 
 
-def test_a_feature_with_a_variance_of_a_thousandth_counts_half_after_normalisation():
+def test_normalisation_brings_a_variance_of_a_thousandth_to_a_half():
     """The least variance that is taken for signal, in each normalisation of the network."""
     network = GratingNetwork.build((19, 19), 0.1, 0.0).train()
     norms = [m for m in network if isinstance(m, torch.nn.BatchNorm1d | torch.nn.BatchNorm2d)]
@@ -49,7 +49,7 @@ def test_a_feature_with_a_variance_of_a_thousandth_counts_half_after_normalisati
         assert float(out.detach().var(correction=0)) == pytest.approx(0.5, rel=1e-3)
 
 
-def test_what_a_network_for_gratings_should_say_is_read_as_the_yaw():
+def test_targets_of_a_network_for_gratings_read_back_as_the_yaw():
     """A label of 0 to 1 over half a turn, and cos and sin of twice the yaw (Pestell 2022)."""
     targets = GratingNetwork.targets(np.array([-90.0, -45.0, 0.0, 45.0, 90.0]))
     np.testing.assert_allclose(targets[:, 0], [0, 0.25, 0.5, 0.75, 1])
@@ -66,7 +66,7 @@ def test_what_a_network_for_gratings_should_say_is_read_as_the_yaw():
     assert beyond["orientation_deg"] == pytest.approx([np.degrees(np.arctan2(4, 3)) / 2, -45])
 
 
-def test_an_orientation_errs_the_shorter_way_and_a_direction_too():
+def test_errors_of_orientations_and_directions_go_the_shorter_way_round():
     read = {"psi_deg": np.array([85.0, 1.0]), "orientation_deg": np.array([85.0, 1.0])}
     found = GratingNetwork.errors(read, np.array([-85.0, -1.0]))
     assert found == {"mae_deg": (170 + 2) / 2, "orientation_mae_deg": (10 + 2) / 2}
@@ -74,7 +74,7 @@ def test_an_orientation_errs_the_shorter_way_and_a_direction_too():
     assert edge == {"mae_deg": 3, "sd_deg": 1}
 
 
-def test_what_a_network_for_edges_should_say_is_read_as_the_direction():
+def test_targets_of_a_network_for_edges_read_back_as_the_direction():
     assert EdgeNetwork.targets(np.array([0.0, 90.0, 180.0])) == pytest.approx(
         np.array([[1, 0], [0, 1], [-1, 0]])
     )

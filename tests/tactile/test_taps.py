@@ -65,7 +65,7 @@ def test_pins_that_all_move_alike_show_an_even_picture():
     assert not Taps(moved, Tip().rest_mm(), labels).maps().any()
 
 
-def test_a_file_gives_back_its_taps_and_one_of_before_there_were_edges_holds_gratings(tmp_path):
+def test_a_file_gives_back_its_taps_and_an_older_one_without_a_stimulus_holds_gratings(tmp_path):
     labels = pd.DataFrame({"yaw_deg": [0.0, 1.0], "frame": [3, 4]})
     moved = np.random.default_rng(7).normal(size=(2, 361, 2)).astype(np.float32)
     taps = Taps(moved, Tip().rest_mm(), labels, "edge")

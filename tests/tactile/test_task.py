@@ -48,15 +48,15 @@ def test_the_shipped_table_is_small_and_says_where_it_is_from():
 
 
 @pytest.mark.parametrize("kind", [Tip, Skin, Nuisance, Training])
-def test_the_shipped_taps_are_those_of_a_sensor_and_a_decoder_that_are_told_nothing(kind):
-    """Else the package's own taps would not be what it simulates unless asked otherwise."""
+def test_the_shipped_taps_are_those_of_the_default_sensor_and_decoder(kind):
+    """With other defaults the package would simulate other taps than it ships."""
     with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
         made = read_provenance(path)["parameters"][kind.__name__.lower()]
     assert made == {**json.loads(json.dumps(asdict(kind()))), "kind": kind.__name__}
 
 
 def test_the_shipped_taps_are_of_every_grating_that_the_default_library_holds():
-    """And that is the default sensor's, over all its forces, one of them in the middle."""
+    """That library is of the default sensor, at its least, middle and largest force."""
     plan, force_n = LibraryPlan(), Nuisance().force_n
     assert tuple(np.unique(TAPS["period_mm"])) == PERIODS_MM == plan.periods_mm
     assert (plan.skin, plan.radius_mm) == (Skin(), Tip().radius_mm)
@@ -175,7 +175,7 @@ def test_every_reading_is_as_likely_to_be_drawn():
         assert np.abs(counts - 5000).max() < 5 * np.sqrt(4500)
 
 
-def test_a_tap_takes_half_a_second_unless_it_is_said_otherwise():
+def test_a_tap_takes_half_a_second_by_default():
     table = Source([np.zeros((3, 2))] * 2, ("a", "b"), None)
     for drawn in (table, Folds([table])):
         assert drawn.draw(4, 2, rng=stream(1, "step")).step_ms == 500

@@ -119,8 +119,8 @@ def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
     assert max(most) < 2 * len(FREQUENCIES_HZ)
 
 
-def test_noise_is_refused_where_a_state_creeps_away():
-    """As slowly as the lowest frequency shows."""
+def test_noise_is_refused_where_a_state_grows_without_an_oscillation():
+    """As slowly as the lowest frequency can show."""
     with pytest.raises(ValueError, match="the fixed point of creeping as edited is unstable"):
         out_variance(creeping(0.0074))
     assert np.isfinite(out_variance(creeping(-0.0074))["source"]).all()

@@ -184,8 +184,8 @@ def test_loops_amplify_as_far_as_they_are_from_their_limit():
     assert stability.ringing(anatomy.spiking_msprt(2))[0] < 3
 
 
-def test_what_creeps_away_without_a_turn_is_unstable_too():
-    """One root on the right, as slow as the lowest frequency at which turns are counted shows."""
+def test_what_grows_without_an_oscillation_is_unstable_too():
+    """One real root, as near 0 as the lowest frequency at which turns are counted can show."""
     for growth_hz, unstable in ((0.136, True), (-0.136, False)):
         table = creeping(growth_hz)
         assert growth(table) == pytest.approx(growth_hz, rel=1e-6)
@@ -208,8 +208,8 @@ def test_one_loop_amplifies_as_its_closed_form(total):
     assert amplified == pytest.approx(1 / abs(1 - around), rel=1e-9)
 
 
-def test_a_tone_that_all_targets_take_for_nothing_changes_no_root():
-    """Rates stand for activity from a baseline on: another one is no other circuit."""
+def test_a_baseline_that_all_targets_subtract_changes_no_root():
+    """Activity counts from the baseline on: with another baseline the circuit is the same."""
     table = anatomy.bogacz_gurney()
     other = table.with_population("STN", baseline_hz=13.0).with_population("GPe", baseline_hz=9.0)
     drive = (0.7, -0.4)
