@@ -1,4 +1,4 @@
-"""Choices and times drawn from a model's own densities, and an integrator that is ideal."""
+"""Choices and times: given, or drawn from a model's own densities; an ideal integrator."""
 
 import numpy as np
 import pandas as pd
@@ -40,6 +40,20 @@ def drawn(model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, **val
         response.astype(np.int8),
         signed,
         pd.DataFrame(index=range(len(rt))),
+        deadline_s,
+    )
+
+
+def choices(strength, response, rt_s=None, deadline_s=None, **conditions):
+    """Return choices of one participant; response -1 is a miss."""
+    response = np.asarray(response, np.int8)
+    rt = np.where(response < 0, np.nan, 0.5 if rt_s is None else rt_s)
+    return Choices(
+        np.full(len(response), "a"),
+        rt,
+        response,
+        None if strength is None else np.asarray(strength, float),
+        pd.DataFrame(conditions, index=range(len(response))),
         deadline_s,
     )
 

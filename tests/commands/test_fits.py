@@ -14,8 +14,7 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.pieces import Piece
-from bgmodel.tables.choices import Choices
-from tests.drawn import drawn
+from tests.drawn import choices, drawn
 from tests.helpers import run
 
 GAP = ["--models", "constant_gap"]
@@ -272,36 +271,29 @@ def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
 
 
-def choices(right, wrong, missed=0, strength=None):
-    """Return choices of one participant, of so many trials of each kind."""
-    count = right + wrong + missed
-    response = np.repeat([1, 0, -1], [right, wrong, missed]).astype(np.int8)
-    rt_s = np.where(response < 0, np.nan, 0.5)
-    who, none = np.full(count, "a"), pd.DataFrame(index=range(count))
-    return Choices(who, rt_s, response, strength, none, deadline_s=1.0)
+def answered(right, wrong, missed=0, strength=None):
+    """Return as many choices of each kind; the strength is of each trial, or of all."""
+    response = np.repeat([1, 0, -1], [right, wrong, missed])
+    if strength is not None:
+        strength = np.broadcast_to(strength, response.shape)
+    return choices(strength, response, deadline_s=1.0)
 
 
 def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(capsys):
-    _check_strengths(choices(12, 8, missed=9))
+    _check_strengths(answered(12, 8, missed=9))
     assert not capsys.readouterr().err
-    _check_strengths(choices(11, 9))
+    _check_strengths(answered(11, 9))
     assert "and it is 55% of responses: name the column of signed" in capsys.readouterr().err
 
 
 def test_strengths_without_a_sign_are_refused_by_20_or_more_responses_to_the_largest():
     """Where more than two fifths are against it; misses and weaker strengths do not count."""
-
-    def most(right, wrong, missed=0):
-        return choices(right, wrong, missed, strength=np.full(right + wrong + missed, 0.4))
-
-    _check_strengths(most(12, 8, missed=9))
-    _check_strengths(most(0, 19, missed=1))
-    signed = choices(11, 9, strength=np.array([0.4] * 19 + [-0.4]))
-    _check_strengths(signed)
+    _check_strengths(answered(12, 8, missed=9, strength=0.4))
+    _check_strengths(answered(0, 19, missed=1, strength=0.4))
     with pytest.raises(ValueError, match="none is below 0, yet 9 of 20 responses to the largest"):
-        _check_strengths(most(11, 9))
-    weak = choices(11, 9, strength=np.array([0.4] * 19 + [0.1]))
-    _check_strengths(weak)
+        _check_strengths(answered(11, 9, strength=0.4))
+    for other in (-0.4, 0.1):
+        _check_strengths(answered(11, 9, strength=[0.4] * 19 + [other]))
 
 
 def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):

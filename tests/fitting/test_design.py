@@ -1,7 +1,6 @@
 """The cells of a table of choices."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,21 +8,7 @@ from scipy.stats import hypergeom
 
 from bgmodel.fitting.design import design_of, lean
 from bgmodel.fitting.responses import BIN_S
-from bgmodel.tables.choices import Choices
-
-
-def choices(strength, response, rt_s=None, deadline_s=None, **conditions):
-    response = np.asarray(response, np.int8)
-    rt = np.where(response < 0, np.nan, 0.5 if rt_s is None else rt_s)
-    return Choices(
-        np.full(len(response), "a"),
-        rt,
-        response,
-        None if strength is None else np.asarray(strength, float),
-        pd.DataFrame(conditions, index=range(len(response))),
-        deadline_s,
-    )
-
+from tests.drawn import choices
 
 SIGNED = st.lists(
     st.tuples(st.sampled_from([-0.4, -0.1, 0.0, 0.1, 0.4]), st.sampled_from([0, 1])), min_size=1
