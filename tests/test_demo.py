@@ -37,7 +37,7 @@ def test_it_says_and_draws_both_decisions(found):
     plt.close(figure)
 
 
-def test_the_trial_is_the_one_that_is_described(found):
+def test_the_demo_shows_the_trial_that_it_describes(found):
     """Readings of unit noise, every 50 ms, the true one's mean so far off that d' is 0.8."""
     assert "a reading every 50 ms" in found.summary()
     assert "fall to -ln 0.85 is chosen" in found.summary()

@@ -49,7 +49,7 @@ def test_a_drive_beyond_the_range_is_said_by_the_fixed_point_too():
 
 
 @pytest.mark.parametrize("engine", [engine for engine in ENGINES if engine != "algebra"])
-def test_times_that_are_not_given_are_those_of_every_engine(engine):
+def test_default_times_are_the_same_in_every_engine(engine):
     """A tick of .1 ms in the engines that spike, a sample per ms, .3 s to settle."""
     module = importlib.import_module(f"circuits.engines.{MODULES[engine]}")
     for of in (module.run, Clock):

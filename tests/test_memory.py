@@ -37,7 +37,7 @@ def test_less_than_100_mb_is_never_refused(free):
         (check_learning_memory, (30, 50_000), 10 * 8 * 1_500_000),
     ],
 )
-def test_what_is_kept_fits_to_the_byte(free, check, shape, needed):
+def test_memory_that_is_just_enough_is_allowed(free, check, shape, needed):
     free(needed)
     check(*shape)
     free(needed - 1)

@@ -83,7 +83,7 @@ def test_human_thresholds_stand_at_the_published_grooves_at_three_quarters_corre
     }
 
 
-def test_chance_is_a_half_unless_told(ax):
+def test_chance_is_a_half_by_default(ax):
     assert plots.accuracy_axis(ax).lines[0].get_ydata()[0] == 0.5
     assert plots.accuracy_axis(ax, 0.25).lines[1].get_ydata()[0] == 0.25
     assert plots.speed_accuracy(ax, [1], [0.6]).lines[-1].get_ydata()[0] == 0.5

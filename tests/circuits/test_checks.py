@@ -44,7 +44,7 @@ def test_what_is_no_whole_number(value):
 
 
 @pytest.mark.parametrize("value", [(1, "x"), (1, True), (1, None), 3, {1.0, 2.0}])
-def test_numbers_of_channels_are_numbers_in_a_list(value):
+def test_factors_of_channels_are_a_list_of_numbers(value):
     with pytest.raises(ValueError, match="ctx->D1: factors must be numbers, got"):
         anatomy.spiking_msprt().with_projection("ctx", "D1", factors=value)
 

@@ -33,8 +33,8 @@ def test_speeds_are_those_that_were_measured():
     assert coarse == run_s(TABLE, "ensemble", 1.0) / 2
 
 
-def test_speeds_stand_as_measured_beside_each_other():
-    """Of a cell in NumPy and in Brian2 beside the compiled one's, of a fixed point beside rates."""
+def test_ratios_of_speeds_are_those_that_were_measured():
+    """Cells in NumPy and in Brian2 beside compiled ones; the fixed point beside populations."""
     of = {engine: run_s(TABLE, engine, 1.0, dt_ms=0.1) for engine in ENGINES}
     assert of["ensemble"] == pytest.approx(CELL_S["ensemble"] * cells(TABLE))
     assert of["brian2"] / of["ensemble"] == pytest.approx(400)

@@ -296,7 +296,7 @@ def test_a_population_without_afferents_moves_by_its_own_error_with_the_time_con
     np.testing.assert_allclose(moved, 0.2 * (1 - 0.9 ** np.arange(len(moved))), atol=1e-9)
 
 
-def test_a_rule_has_a_hundred_time_constants_to_settle_unless_told_otherwise():
+def test_a_rule_has_a_hundred_time_constants_to_settle_by_default():
     circuit = anatomy.macaque(2)
     with pytest.raises(ValueError, match=r"does not recover: after 100 time constants"):
         recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, step=10.0)

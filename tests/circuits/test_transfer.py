@@ -37,7 +37,7 @@ def test_the_text_says_what_the_function_does(name):
         ("s_minus_log_s", [-2, 0, 1, np.e], [0, 0, 1, np.e - 1]),
     ],
 )
-def test_laws_end_where_they_are_said_to(name, x, activity):
+def test_transfers_end_at_their_stated_bounds(name, x, activity):
     np.testing.assert_allclose(named(name)(x), activity, rtol=1e-12)
 
 

@@ -73,7 +73,7 @@ def test_what_is_there_is_not_computed_again_and_what_is_damaged_is(small, tmp_p
 
 
 @pytest.mark.parametrize(("workers", "seconds"), [(1, 60), (2, 30), (6, 10), (8, 10)])
-def test_what_is_missing_takes_as_long_as_its_workers_need(
+def test_missing_shards_take_as_long_as_their_workers_need(
     small, tmp_path, monkeypatch, capsys, workers, seconds
 ):
     monkeypatch.setattr("bgmodel.commands.sweeps._seconds", lambda shard: 10.0)

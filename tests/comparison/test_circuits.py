@@ -290,7 +290,7 @@ def test_each_seed_has_another_noise_of_its_own(monkeypatch):
     assert len(asked) == 4
 
 
-def test_unless_told_otherwise_the_decoder_counts_for_20_ms(monkeypatch):
+def test_the_decoder_beside_a_circuit_counts_for_20_ms_by_default(monkeypatch):
     taken = []
 
     def recorded(activity, trace, lowest, again, tau_ms):

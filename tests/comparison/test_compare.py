@@ -231,8 +231,8 @@ def test_a_circuit_reads_nothing_if_most_responses_come_within_half_a_second_of_
 
 
 @pytest.mark.parametrize(("share", "most"), [(0.45, False), (0.5, False), (0.55, True)])
-def test_what_most_trials_do_counts(share, most):
-    """Decided before the first reading, or by the deadline: then nothing is compared."""
+def test_early_and_forced_decisions_count_in_more_than_half_of_the_trials(share, most):
+    """If most are decided before the first reading or by the deadline, nothing is compared."""
     some = np.broadcast_to(np.arange(800) < 800 * share, TEST.forced.shape)
     early = replace(TEST, premature=some)
     assert (early.without_evidence == most).all()

@@ -22,7 +22,7 @@ def test_the_decoder_of_a_steady_input_is_the_test():
     assert out.mean() == pytest.approx(wanted, abs=0.03)
 
 
-def test_it_counts_for_20_ms_unless_told_otherwise():
+def test_the_decoder_counts_for_20_ms_by_default():
     flat = Evidence(np.zeros((2, 2, 2)), step_ms=50.0)
     model = BasalGanglia(circuit("spiking_msprt", 2).with_neurons(40), "population", GAIN, 51)
     activity = model.activity(flat)

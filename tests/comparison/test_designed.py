@@ -273,7 +273,7 @@ def test_without_nats_a_design_is_given_as_it_is():
     assert theories()[MSPRT] == Msprt()
 
 
-def test_unless_asked_otherwise_designed_trials_have_four_channels_and_three_thresholds():
+def test_designed_trials_have_four_channels_and_three_thresholds_by_default():
     found = designed(Msprt())
     assert found["threshold"].drop_duplicates().tolist() == [0.35, 0.25, 0.15]
     assert "3 equal" in set(found["design"])

@@ -189,7 +189,7 @@ def test_the_interval_decides(direction, at_least, interval, outcome):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_an_effect_without_an_interval_is_a_number_nevertheless(value):
+def test_an_effect_is_a_finite_number_with_or_without_an_interval(value):
     assert np.isnan(Effect("mean_ms", 5.0, "nobody").interval).all()
     assert Effect("mean_ms", 5.0, "nobody", 4.0, 6.0).interval == (4.0, 6.0)
     for ends in ((), (-np.inf, np.inf)):

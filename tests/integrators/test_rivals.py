@@ -177,7 +177,7 @@ def test_first_crossing_takes_any_rival():
         assert np.mean(decision.choice == evidence.truth) > 0.3
 
 
-def test_constants_that_are_not_given_are_those_that_bogacz_and_gurney_print():
+def test_default_constants_are_those_that_bogacz_and_gurney_print():
     """Leak and inhibition of 100 per second each; the linear GPe of the exact test's gain."""
     evidence = drawn(20)
     for short, full in ((Lca(), Lca(100, 100)), (LinearGpe(), LinearGpe(1, 1))):

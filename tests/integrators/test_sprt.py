@@ -163,7 +163,7 @@ def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
         assert np.array_equal(getattr(found, name), getattr(want, name))
 
 
-def test_one_reading_is_a_deadline():
+def test_a_deadline_may_be_one_reading():
     """The least that there is: the choice is forced by it, whatever the threshold."""
     for test in (Sprt(), Msprt()):
         trial = Stream(test, -50.0, t_max=1)

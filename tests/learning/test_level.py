@@ -255,8 +255,8 @@ def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cos
         assert after_errors(learned, XI)["errors"].item() == error[0, 200:].mean()
 
 
-def test_a_learner_of_levels_explores_to_the_end_by_a_twelfth_of_their_distance(monkeypatch):
-    """By .08 of it: with the .05 that gaps are learned with, an optimum by the edge comes late."""
+def test_a_learner_of_levels_ends_with_an_exploration_of_a_twelfth_of_their_range(monkeypatch):
+    """The share is .08: with .05, as for gaps, an optimum near an edge is reached late."""
     asked = []
     monkeypatch.setattr(level, "learn", lambda *a, policy, **k: asked.append(policy))
     short()
@@ -266,8 +266,8 @@ def test_a_learner_of_levels_explores_to_the_end_by_a_twelfth_of_their_distance(
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_after_errors_holds_a_trial_to_the_25_on_either_side_but_itself_and_the_error(side):
-    """One long trial 25 away is a 49th part of what the trial after the error is held to."""
+def test_a_trial_after_an_error_is_held_to_the_25_on_either_side_without_the_error(side):
+    """One long trial 25 away is one of the 49 that the trial after the error is held to."""
     found = {}
     for away in (25, 26):
         steps, error = np.zeros((1, 400)), np.zeros((1, 400), bool)

@@ -171,7 +171,7 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
         assert mean[:, k + 1] - mean[:, k] == pytest.approx(rate * share * score, rel=1e-6)
 
 
-def test_one_trial_of_one_run_is_what_it_began_with():
+def test_learning_of_one_trial_ends_where_it_began():
     learned = learn(lambda k, x: -x, 2.0, rngs=[stream(1)], learner=Learner(episodes=1, last=1))
     assert learned.learned.tolist() == learned.mean_played[:, 0].tolist() == [2.0]
     assert learned.prediction_error.tolist() == [[0.0]]

@@ -19,7 +19,7 @@ def test_the_reward_is_that_of_the_paper():
     assert reward(free, evidence.truth, 7.0) == pytest.approx(np.full(200, -7.0 - T_MAX))
 
 
-def test_an_error_may_cost_less_than_a_reading_but_something():
+def test_an_error_may_cost_less_than_a_reading_but_not_nothing():
     assert reward_of([False, True], [2.0, 3.0], 0.5).tolist() == [-2.0, -3.5]
     for xi in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="xi must be > 0 readings"):

@@ -40,7 +40,7 @@ def test_points_one_by_one_make_the_settings_of_their_grid():
     assert points.settings() == grid.settings()
 
 
-def test_what_a_sweep_does_not_say_is_as_in_an_experiment():
+def test_a_sweep_and_an_experiment_have_the_same_defaults():
     """A reader who turns one into the other keeps the numbers; only the engine is a faster one."""
     of_both = [{f.name: f.default for f in fields(kind)} for kind in (Setting, Experiment)]
     names = {*of_both[0]} & {*of_both[1]} - {"task", "engine"}

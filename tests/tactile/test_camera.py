@@ -58,7 +58,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused():
     assert render(0, marker_mm=Tip().pitch_mm).any()
 
 
-def test_a_picture_is_480_by_640_unless_it_is_said_otherwise():
+def test_a_picture_is_480_by_640_by_default():
     tip, image = Tip(), render(0)
     assert np.array_equal(image, render(0, tip, shape=(480, 640)))
     assert pixels_per_mm(tip) == pixels_per_mm(tip, (480, 480))

@@ -91,9 +91,7 @@ def test_same_seed_same_bytes_and_no_look_ahead(library):
         assert whole.labels[:40].equals(start.labels)
 
 
-def test_unless_a_library_is_given_the_one_of_the_skin_and_the_tip_is_asked_for(
-    library, monkeypatch
-):
+def test_the_default_library_is_that_of_the_skin_and_the_tip(library, monkeypatch):
     asked = []
 
     def contact_library(plan):

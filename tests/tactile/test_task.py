@@ -193,7 +193,7 @@ def test_a_difference_of_two_orientations_spans_a_whole_turn_and_no_more():
             likelihood(beyond)
 
 
-def test_taps_count_at_a_yaw_within_a_hundredth_of_a_degree():
+def test_taps_belong_to_a_yaw_within_a_hundredth_of_a_degree():
     yaws = [-45.0, 45.0095, 44.9905, 45.0115, 44.9885]
     taps = pd.DataFrame({"period_mm": 2.0, "yaw_deg": yaws, "psi_deg": np.arange(5.0)})
     assert [part.tolist() for part in tap_pool(taps, SameDifferent(), 2.0)] == [[0], [1, 2]]

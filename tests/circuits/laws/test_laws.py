@@ -326,7 +326,7 @@ def test_a_loop_amplifies_more_where_evidence_drives_it():
         ringing(table, np.zeros(3))
 
 
-def test_what_comes_on_top_of_rates_moves_along_the_bend_of_a_pathway():
+def test_a_change_of_rates_moves_along_the_bend_of_a_pathway():
     """S - ln S has the slope 1/2 at 2 nats, and 2/3 at 3, where the source has 20 Hz more."""
     wiring, x, activity = at_point(kinked(path="s_minus_log_s", source_nats=2.0), REST)
     np.testing.assert_allclose(activity, 2.0)

@@ -103,8 +103,8 @@ def test_nothing_special_is_where_the_mean_input_meets_a_node():
         np.testing.assert_allclose(part[0], part[1], rtol=1e-4)
 
 
-def test_a_mean_further_than_nine_sd_below_threshold_counts_as_there():
-    """Such a cell is silent: less than a spike in an hour."""
+def test_a_mean_more_than_nine_sd_below_threshold_counts_as_nine():
+    """Such a cell is silent: it has less than one spike per hour."""
     cell = TABLE.population("D1").cell
     mean = cell.threshold_mv - cell.noise_mv * np.array([9.0, 10.5, 50.0])
     for part in lif_response(cell, mean, [1.0, 50.0]):

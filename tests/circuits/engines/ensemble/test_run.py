@@ -183,7 +183,7 @@ def test_an_edit_without_a_state_of_rest_warns():
         ensemble.run(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
 
 
-def test_a_bar_shows_how_far_a_run_is_where_it_is_asked_for(capsys):
+def test_a_run_shows_a_bar_of_progress_only_on_request(capsys):
     given = {"step_ms": 1, "seed": 7, "settle_ms": 0}
     ensemble.run(BASE, np.zeros((9, 1, 2)), **given)
     assert not capsys.readouterr().err

@@ -363,7 +363,7 @@ def test_a_cell_near_saturation_is_no_error():
 
 
 @pytest.mark.parametrize(("hz", "runs"), [(0.95e6, True), (1.05e6, False)])
-def test_rates_run_away_from_a_million_hz_on(hz, runs):
+def test_rates_above_a_million_hz_run_away(hz, runs):
     refused = contextlib.nullcontext() if runs else pytest.raises(ValueError, match="run away")
     with refused:
         run(source(Rate(), hz), np.zeros((1, 1, 2)), engine="rate", step_ms=10, settle_ms=1)
@@ -381,7 +381,7 @@ def test_loops_that_amplify_more_than_eight_times_are_near_an_oscillation(
     assert found.about["seed"] == SEED
 
 
-def test_nothing_is_said_of_many_cells_that_filters_meet_or_without_noise():
+def test_no_warning_comes_for_many_cells_or_without_noise():
     given = {"step_ms": 10, "settle_ms": 0}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
