@@ -258,7 +258,7 @@ def numbers(options):
     ],
 )
 def test_no_default_of_an_option_changes_by_accident(command, says):
-    """The same command line without an option would give another result."""
+    """With another default the same command line would give another result."""
     assert " ".join(numbers(parsed(command.split()))) == says
 
 

@@ -42,10 +42,12 @@ def test_points_one_by_one_make_the_settings_of_their_grid():
 
 def test_a_sweep_and_an_experiment_have_the_same_defaults():
     """A reader who turns one into the other keeps the numbers; only the engine is a faster one."""
-    of_both = [{f.name: f.default for f in fields(kind)} for kind in (Setting, Experiment)]
-    names = {*of_both[0]} & {*of_both[1]} - {"task", "engine"}
+    sweep, experiment = (
+        {f.name: f.default for f in fields(kind)} for kind in (Setting, Experiment)
+    )
+    names = sweep.keys() & experiment.keys() - {"task", "engine"}
     assert names == {"circuit", "gain", "posterior", "foreperiod_ms", "seed"}
-    assert len({tuple(one[name] for name in sorted(names)) for one in of_both}) == 1
+    assert {name: sweep[name] for name in names} == {name: experiment[name] for name in names}
 
 
 @pytest.mark.parametrize(

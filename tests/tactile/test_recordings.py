@@ -98,7 +98,7 @@ def test_a_speck_between_pins_is_no_pin(tmp_path, truth):
 
 
 def shaken(points, taps=12):
-    """Return taps of blobs that all move alike, a little and each time elsewhere."""
+    """Return the blobs of several taps; in each tap all have moved alike, a little."""
     angle = 2 * np.pi * np.arange(taps) / taps
     return [points + PITCH / 20 * np.array([np.cos(a), np.sin(a)]) for a in angle]
 
