@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.dopamine import THRESHOLD_NATS, decide_at_levels
@@ -10,6 +11,10 @@ from bgmodel.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from tests.helpers import GOOD
 from tests.levels import LEVELS, MODEL, SEED
+
+# A test gives one result: no example has a time limit, and each run tries the same examples.
+settings.register_profile("bgmodel", deadline=None, derandomize=True)
+settings.load_profile("bgmodel")
 
 
 @pytest.fixture

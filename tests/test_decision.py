@@ -25,7 +25,7 @@ def plain_crossing(out, thresholds, first):
     return -1, np.flatnonzero(out[-1] == out[-1].min())
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     seed=st.integers(0, 2**31),
     ticks=st.integers(1, 12),

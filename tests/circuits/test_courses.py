@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from circuits import anatomy, table_files, table_reader
@@ -40,7 +40,6 @@ def test_a_course_rises_to_its_amount_and_decays_from_what_it_reached():
     np.testing.assert_array_equal(step.at(np.array([19.9, 20, 29.9, 30])), [0, 0.3, 0.3, 0])
 
 
-@settings(deadline=None)
 @given(drawn_courses(), st.sampled_from([0.1, 0.5]))
 def test_a_tick_holds_the_mean_of_the_course_in_it(course, dt_ms):
     ticks = 4000

@@ -45,7 +45,7 @@ def test_a_circuit_that_was_not_edited_is_left_as_it_is(name, channels):
     gain=st.floats(0.8, 1.2),
     level=st.floats(0.6, 1.4),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
     name, channels, lesion, row, factor, gain, level
 ):
@@ -60,7 +60,7 @@ def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "macaque"])
 @given(change=st.floats(-0.3, 0.3), row=st.integers(0, 100))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_bias_that_was_edited_is_undone(name, change, row):
     circuit = anatomy.circuit(name, 4)
     cells = circuit.populations[row % len(circuit.populations)]

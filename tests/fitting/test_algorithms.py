@@ -12,7 +12,6 @@ from bgmodel.fitting.responses import BIN_S, Grid, moments
 
 GRID = Grid(300)
 CONSTANT, FALLING = GapModel(), GapModel(falls=True)
-ROUGH = {"deadline": None, "max_examples": 20}
 
 
 def decided(model, strength, grid=GRID, **values):
@@ -22,7 +21,7 @@ def decided(model, strength, grid=GRID, **values):
 
 
 @given(st.floats(0, 20), st.floats(0.15, 0.9))
-@settings(**ROUGH)
+@settings(max_examples=20)
 def test_bins_hold_the_mass_accuracy_and_mean_of_the_closed_forms(drift, bound):
     found = decided(CONSTANT, 1, sensitivity=drift, bound=bound)
     late = passage.constant_at_rest(bound, np.arange(3.0, 30, 0.01)).sum() * 0.01
@@ -34,7 +33,7 @@ def test_bins_hold_the_mass_accuracy_and_mean_of_the_closed_forms(drift, bound):
 
 
 @given(st.floats(0, 25), st.floats(0.15, 4.0), st.floats(0.1, 0.5))
-@settings(**ROUGH)
+@settings(max_examples=20)
 def test_no_trial_of_a_falling_gap_is_lost_or_made(drift, bound, fall_s):
     found = decided(FALLING, 1, sensitivity=drift, bound=bound, fall_s=fall_s)
     assert found.sum() == pytest.approx(1, abs=3e-3)

@@ -74,7 +74,7 @@ DRIFT = st.floats(0, 16)
 
 
 @given(DRIFT, st.floats(THRESHOLDS[0], THRESHOLDS[-1]))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_evidence_for_the_other_response_exchanges_them_exactly(stored, drift, threshold):
     one, other = decided([(stored, 1.0)], threshold, [drift, -drift], GRID)
     assert np.array_equal(one, other[::-1])
@@ -82,7 +82,7 @@ def test_evidence_for_the_other_response_exchanges_them_exactly(stored, drift, t
 
 
 @given(DRIFT, st.floats(THRESHOLDS[0], THRESHOLDS[-1]))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
     whole = decided([(stored, 1.0)], threshold, [drift], GRID)
     assert (whole >= 0).all()
@@ -119,7 +119,7 @@ def shifted(stored, by):
 
 
 @given(st.floats(0, 1))
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_a_setting_between_two_lies_as_near_to_each_as_its_share_says(share):
     rng = np.random.default_rng(3)
     bins, choice = rng.integers(20, 50, (1, 200)), rng.integers(0, 2, (1, 200))

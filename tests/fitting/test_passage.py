@@ -35,7 +35,7 @@ def moments(drift, bound):
 
 
 @given(DRIFT, BOUND)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_densities_of_a_constant_bound_integrate_to_the_closed_forms(drift, bound):
     mass, right, mean, sd = moments(drift, bound)
     assert mass == pytest.approx(1, abs=1e-6)
@@ -52,7 +52,6 @@ def test_a_bound_that_is_one_per_cent_higher_has_other_moments():
 
 
 @given(BOUND)
-@settings(deadline=None)
 def test_closed_forms_go_over_smoothly_to_those_without_drift(bound):
     drifts = np.array([0.0, 1e-7, 1e-5, 0.0199 / bound, 0.0201 / bound])
     assert passage.accuracy(drifts[:2], bound) == pytest.approx([0.5, 0.5], abs=1e-6)
@@ -72,7 +71,7 @@ def test_a_bound_that_does_not_fall_has_the_density_of_a_constant_one(bound):
 
 
 @given(BOUND, st.floats(0.2, 3.0), st.floats(0.5, 2.0))
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_time_scales_with_the_square_of_evidence(bound, fall_s, scale):
     times = np.arange(1, 400) * 0.005 * bound**2
     own = passage.falling_at_rest(*passage.exponential(bound, fall_s), times)
@@ -82,7 +81,7 @@ def test_time_scales_with_the_square_of_evidence(bound, fall_s, scale):
 
 
 @given(st.floats(0.4, 1.2), st.floats(0.2, 1.0))
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_a_gap_that_falls_to_nothing_decides_every_trial(bound, fall_s):
     times = np.arange(1, 800) * 0.005
     found = passage.falling_at_rest(*passage.exponential(bound, fall_s), times)
@@ -91,7 +90,7 @@ def test_a_gap_that_falls_to_nothing_decides_every_trial(bound, fall_s):
 
 
 @given(st.lists(DRIFT, min_size=1, max_size=4), st.floats(0.4, 1.2), st.floats(0.3, 2.0))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_at_the_bound_the_responses_stand_as_the_likelihood_ratio_says(drifts, bound, fall_s):
     times = np.arange(1, 200) * 0.01
     gap, slope = passage.exponential(bound, fall_s)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel.fitting.algorithms import GapModel
@@ -18,7 +18,6 @@ HELD = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
 
 
 @given(st.lists(st.integers(0, 4), min_size=1, max_size=200), st.integers(2, 6), st.integers(0, 99))
-@settings(deadline=None)
 def test_folds_divide_each_cell_and_all_trials_evenly(cell, folds, seed):
     part = _divided(cell, folds, seed)
     assert np.array_equal(part, _divided(cell, folds, seed))

@@ -33,7 +33,7 @@ def mean_and_variance(density):
 
 
 @given(SEEDS, T0, T0_SD, st.floats(0, 1))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_no_mass_is_lost_or_made(seed, t0_s, t0_sd_s, lapse):
     density = heard(some_decided(seed), t0_s, t0_sd_s, lapse)
     assert density.sum(axis=(1, 2)) * BIN_S == pytest.approx(1, abs=1e-9)
@@ -41,7 +41,7 @@ def test_no_mass_is_lost_or_made(seed, t0_s, t0_sd_s, lapse):
 
 
 @given(SEEDS, T0, T0_SD)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_time_that_is_not_decision_adds_its_mean_and_its_variance(seed, t0_s, t0_sd_s):
     decided = some_decided(seed)
     before = mean_and_variance(decided / BIN_S)
@@ -52,7 +52,7 @@ def test_time_that_is_not_decision_adds_its_mean_and_its_variance(seed, t0_s, t0
 
 
 @given(SEEDS, T0, T0_SD)
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_each_cell_has_its_own_t0_and_each_response_its_own_mass(seed, t0_s, t0_sd_s):
     decided = some_decided(seed)
     both = heard(decided, [t0_s, t0_s + 0.05], [t0_sd_s, 0.02], [0.0, 0.1])
@@ -63,7 +63,7 @@ def test_each_cell_has_its_own_t0_and_each_response_its_own_mass(seed, t0_s, t0_
 
 
 @given(SEEDS, T0, T0_SD, st.floats(0, 1))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_lapses_mix_either_response_at_any_time(seed, t0_s, t0_sd_s, lapse):
     decided = some_decided(seed)
     never, always = (heard(decided, t0_s, t0_sd_s, share) for share in (0.0, 1.0))
@@ -92,7 +92,7 @@ def observed(response, rt_s, deadline_s=None):
 
 
 @given(SEEDS, st.floats(0.5, 2.9), st.floats(0, 0.3))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_all_that_can_happen_by_a_deadline_has_probability_1(seed, deadline_s, lapse):
     density = heard(some_decided(seed, 1), 0.3, 0.04, lapse)
     within = GRID.middles_s[GRID.middles_s < deadline_s]
@@ -109,7 +109,7 @@ def test_a_trial_without_a_response_is_less_likely_under_a_later_deadline():
 
 
 @given(SEEDS, st.integers(30, 200), st.floats(0, 1), st.integers(0, 1))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_a_time_between_two_middles_has_the_density_between_theirs(seed, low, toward, response):
     density = heard(some_decided(seed, 1), 0.3, 0.04, 0.02)
     rt = GRID.middles_s[low] + toward * BIN_S

@@ -36,7 +36,7 @@ def test_a_trial_of_two_choices_is_divided_as_the_shares_say(other):
 
 
 @given(st.integers(1, 4), st.integers(0, 2**32))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_every_trial_weighs_1_in_all(settings_, seed):
     rng = np.random.default_rng(seed)
     bins, choice = rng.integers(0, 30, (settings_, 40)), rng.integers(-1, 2, (settings_, 40))

@@ -37,7 +37,7 @@ def test_all_readings_without_the_loop_are_the_msprt_one_later(hypotheses, steps
     feedback=st.floats(-2, 2),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_window_as_long_as_the_loop_is_the_msprt_one_later(
     steps, hypotheses, baseline, feedback, seed
 ):

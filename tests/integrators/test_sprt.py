@@ -142,7 +142,7 @@ def test_tests_and_criteria_without_sense_are_refused(call, says):
     prior=st.floats(0.1, 0.9),
     gaps=st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 4.0]), min_size=1, max_size=5),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
     rng = np.random.default_rng(seed)
     values = rng.normal(0, 1, (30, 8, 2))

@@ -303,7 +303,7 @@ def tables(draw):
 ALL = {**READ, "deadline_s": 50.0}
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(table=tables(), ending=st.sampled_from([".csv", ".tsv", ".parquet"]))
 def test_a_file_gives_the_same_choices_as_the_table_that_it_was_made_of(
     tmp_path_factory, table, ending
@@ -321,7 +321,7 @@ def test_a_file_gives_the_same_choices_as_the_table_that_it_was_made_of(
     assert found.participant.tolist() == table["participant_id"].tolist()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(table=tables(), seed=st.integers(0, 2**31))
 def test_the_order_of_rows_changes_no_statistic(table, seed):
     shuffled = table.sample(frac=1, random_state=seed)

@@ -196,7 +196,7 @@ def test_inner_folds_without_a_reading_are_left_out_or_refused():
         fit_likelihood(pool, lambda p: [p[0], p[1] if len(p[1]) > 30 else p[1][:0]], (-180, 180))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     taps=st.integers(8, 400),
     df=st.floats(0.8, 40),

@@ -143,7 +143,7 @@ def drawn(readings, *trials):
     return np.concatenate([readings.draw(n, 3, rng=rng).log_likelihood for n in trials])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(trials=st.integers(1, 41), tables=st.lists(st.integers(1, 60), min_size=2, max_size=4))
 def test_a_trial_does_not_depend_on_those_after_it(trials, tables):
     count = len(tables)

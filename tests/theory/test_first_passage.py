@@ -265,7 +265,7 @@ gaussians = st.builds(Gaussian, st.floats(-2, 2), st.floats(0.05, 3))
 empiricals = values.map(Empirical.of_sample)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150)
 @given(
     x=st.one_of(gaussians, empiricals),
     lower=st.floats(-3, 2),

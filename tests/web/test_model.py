@@ -50,7 +50,7 @@ def of(name, channels, lesions, dopamine):
     dopamine=st.floats(0.7, 1.3),
     evidence=st.lists(st.floats(-8, 8), min_size=4, max_size=4),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_rates_and_out_are_those_of_the_algebra(js, name, channels, lesions, dopamine, evidence):
     table = edited(name, channels, lesions, dopamine)
     total = evidence[:channels]

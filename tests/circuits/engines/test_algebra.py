@@ -58,7 +58,7 @@ def test_exact_tables_give_minus_log_posterior(name, channels):
     assert np.abs(output(circuit, drive) - surprise(drive)).max() < CLOSE
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(cases())
 def test_random_members_of_appendix_b_give_minus_log_posterior(case):
     member, drive = case
@@ -66,7 +66,7 @@ def test_random_members_of_appendix_b_give_minus_log_posterior(case):
     assert np.abs(output(member, drive) - surprise(drive)).max() < CLOSE
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(cases(), st.floats(-2.5, 10))
 def test_a_common_input_changes_nothing(case, common):
     member, drive = case  # S >= 3 before the common input
