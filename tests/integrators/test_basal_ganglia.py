@@ -53,6 +53,15 @@ def test_a_run_is_said_to_take_less_time_with_more_workers_up_to_the_cores(
     assert model.seconds(100, 30, 50.0) == pytest.approx(alone / share)
 
 
+def test_one_trial_is_what_it_is_among_all_with_its_own_noise():
+    evidence = EVIDENCE[:6]
+    model = BasalGanglia(TABLE, "population", GAIN, SEED)
+    ((_, whole, _),) = model.batches(evidence)
+    for first, trial in ((0, 3), (2, 1), (2, 3)):
+        alone, _ = model.one_trial(evidence[first:], first, trial)
+        np.testing.assert_array_equal(alone.output_nats[0], whole.output_nats[first + trial])
+
+
 def test_a_threshold_that_noise_crosses_is_warned_of():
     with pytest.warns(
         UserWarning, match=r"threshold of 0\.62 nats in \d+% of trials within 500 ms"
