@@ -5,6 +5,7 @@ import re
 import sys
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -120,6 +121,19 @@ def test_a_page_needs_the_provenance_of_its_table(tmp_path):
     (tmp_path / "y.csv").write_text("a\n1\n")
     with pytest.raises(ValueError, match="needs the table y"):
         pages.rendered(template, tmp_path)
+
+
+def test_r_of_times_is_what_noise_leaves_of_r_without_noise():
+    """Attenuation of a correlation (Spearman 1904), which the page of limits states.
+
+    Its factor is that of linear noise; thresholds of the circuit and of rates differ a little.
+    """
+    table = read_table(pages.RESULTS / "limits_times.csv").dropna()
+    assert len(table) > 15
+    np.testing.assert_allclose(table["as_it_is"], table["attenuated"], atol=0.02)
+    # Noise of cells and delays both take something, and together what is missing.
+    assert (table["as_it_is"] < table["no_noise"]).all()
+    assert (table["no_noise"] <= table["half_times"] + 0.01).all()
 
 
 @pytest.fixture

@@ -2,7 +2,8 @@
 
 Each channel gets its own evidence. Beside it stand the same circuit with the mean over channels
 taken off outside (the control), chance, and the circuit with other noise (the ceiling). Populations
-decide on every kind of evidence, spikes on some. These seeds tuned nothing.
+decide on every kind of evidence; spikes on all but one, beside a decoder of their cortex's own
+spikes. These seeds tuned nothing.
 """
 
 from __future__ import annotations
@@ -15,12 +16,11 @@ import pandas as pd
 from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds, sample_ms
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, compare_with_msprt
-from bgmodel.comparison.compare import ACCURACIES
+from bgmodel.comparison.compare import ACCURACIES, OTHER_NOISE
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, circuit
 
 TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200
-SPIKING = ("Gaussian, d' 0.5, N = 2", "Gaussian, d' 1, N = 2", "Gaussian, d' 1, N = 4")
 SLOW, SLOW_MS, SLOW_TRIALS = "8 orientations, 2 mm", 500.0, 1000
 """Evidence that no circuit of spikes reads 20 times a second is read twice a second too."""
 LOWER = (0.8, 0.85, 0.9)
@@ -28,7 +28,8 @@ LOWER = (0.8, 0.85, 0.9)
 FASTER, SLOWER = 60, 8
 """Times that populations are faster than spikes in ``kinds``, and this table is slower."""
 MEASURES = ("agreement", "within_50_ms", "pearson_r", "extra_ms")
-OTHER_NOISE = "circuit with other noise"
+BESIDE = ("agreement", "within_50_ms", "pearson_r")
+"""What the decoder of cortex is shown with."""
 
 
 def decisions(
@@ -60,7 +61,7 @@ def decisions(
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield populations on raw and centred evidence of every kind, and spikes on some."""
+    """Yield populations on raw and centred evidence of every kind, and spikes on raw evidence."""
     trials = COARSE_TRIALS if fast else TRIALS
     for kind in kinds():
         for centred in (False, True):
@@ -76,7 +77,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
                 )  # fmt: skip
                 seconds = 0.3 * SLOW_TRIALS
                 yield Piece("decisions", f"{name}, every 500 ms", SLOW_TRIALS, seconds, slow)
-        if kind.name in SPIKING:
+        if kind.name != SLOW:
             few = COARSE_SPIKING if fast else SPIKING_TRIALS
             make = partial(decisions, kind, "ensemble", False, few, workers)
             seconds = kind.seconds * few / 100 * SLOWER
@@ -84,9 +85,13 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return a row per evidence, engine, what it was given, and accuracy."""
+    """Return a row per evidence, engine, what it was given, and accuracy; and the decoder's."""
     found = made["decisions"]
-    found = found[(found["model"] == CIRCUIT) & found["accuracy"].notna()]
+    found = found[found["accuracy"].notna()]
+    spiking = found[(found["engine"] == "ensemble") & (found["reference"] == MSPRT_AT_GAIN)]
+    spiking = spiking[spiking["measure"].isin(BESIDE)]
+    named = spiking["measure"].where(spiking["model"] == CIRCUIT, "decoder_" + spiking["measure"])
+    found = found[found["model"] == CIRCUIT]
     beside = (*MEASURES, *(f"{name}_chance" for name in MEASURES), "agreement_corrected")
     kept = found[
         (found["reference"] == MSPRT_AT_GAIN)
@@ -98,7 +103,11 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     ]
     self = self.assign(measure="ceiling_" + self["measure"])
     by = ["evidence", "engine", "given", "trials", "accuracy"]
-    return {"decisions": ("decisions", wide(pd.concat([kept, self]), by))}
+    beside_decoder = wide(spiking.assign(measure=named), ["evidence", "trials", "accuracy"])
+    return {
+        "decisions": ("decisions", wide(pd.concat([kept, self]), by)),
+        "decoder": ("decisions", beside_decoder),
+    }
 
 
 SCORE = Score("raw", SCORING_SEED, (2, 4, 8), pieces, tables, circuit=DEFAULT)
