@@ -75,13 +75,11 @@ class FitRun(Shows):
     "criterion=instruction"; "stn_loss=stimulation/off" holds stn_loss at its start in level off."""
     posterior: bool = False
     """Draw from the posterior too: adds intervals that hold .9 of it."""
-    anyway: bool = False
-    """Fit also parameters that these data cannot tell apart."""
     engine: str = "population"
     """How the circuit is computed: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
     """Noise of the evidence in the circuit: its standard deviation after one second, nats."""
-    trials: int = 4000
+    trials: int = 16_000
     """Number of simulated trials of the circuit, at each of seven drifts."""
     seed: int = 24_001
     """Seed of the simulated trials."""
@@ -102,7 +100,7 @@ class FitRun(Shows):
         self._check_parameters(models)
         kept = Kept(
             folder, self.seed, self._asked(), _circuits(models),
-            self.posterior, self.anyway, self.note,
+            self.posterior, self.note,
         )  # fmt: skip
         kept.check(self.force)
         # All of them before any is fitted: what is wrong is said at once.
@@ -163,7 +161,7 @@ class FitRun(Shows):
 
     def _asked(self) -> dict[str, Any]:
         """Return all that two fits of one folder must share: whose they are, they need not."""
-        own = ("data", "folder", "models", "participant", "posterior", "anyway", *UNRECORDED)
+        own = ("data", "folder", "models", "participant", "posterior", *UNRECORDED)
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
         simulated = {"simulated_trials": said.pop("trials"), "simulation_seed": self.seed}

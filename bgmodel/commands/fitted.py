@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,8 +37,8 @@ class Kept:
         What was asked for, all that fits in one folder share: part of the tables' provenance.
     circuits : dict of str to str
         Hash of the circuit of each model that has one: fits of the same name share it too.
-    posterior, anyway : bool
-        As of ``fitting.fit.fit``: draws, and fits of what cannot be told apart.
+    posterior : bool
+        Whether to draw from the posterior.
     note : function
         Says a line.
     """
@@ -47,7 +48,6 @@ class Kept:
     asked: Mapping[str, Any]
     circuits: Mapping[str, str]
     posterior: bool
-    anyway: bool
     note: Callable[[str], None]
 
     def check(self, force: bool) -> None:
@@ -122,7 +122,11 @@ class Kept:
         shape = "{desc} {elapsed}{postfix}"
         with tqdm(desc=f"{who}, {name}", bar_format=shape, disable=None) as bar:
             said = bar.set_postfix_str
-            found = fit(likelihood, draws=self.posterior, anyway=self.anyway, tell=said)
+            with warnings.catch_warnings(record=True) as cautions:
+                warnings.simplefilter("always", UserWarning)
+                found = fit(likelihood, draws=self.posterior, tell=said)
+        for caution in cautions:
+            say(f"{who}, {name}: {caution.message}")
         self._say(who, name, found)
         held = pd.Series(likelihood.freedom.held, dtype=float)
         more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})
@@ -130,6 +134,7 @@ class Kept:
         numbers = pd.concat([found.parameters().assign(held=False), more], ignore_index=True)
         piece = Piece(numbers, found.cells())
         piece.parameters["log_likelihood"] = found.optimum.log_likelihood
+        piece.parameters["log_likelihood_simulation_error"] = found.simulation.log_likelihood
         for table in piece:
             table.insert(0, "participant", who)
             table.insert(1, "model", name)
@@ -153,10 +158,12 @@ class Kept:
                     f"{who}, {name}: {each} ends at a bound of its range, {place:.3g}: its "
                     "standard error means nothing"
                 )
-        try:
-            found.directions.check()
-        except ValueError as error:
-            say(f"{who}, {name}: at the optimum {error}")
+        own = found.simulation.log_likelihood
+        if own:
+            self.note(
+                f"{who}, {name}: log likelihood {found.optimum.log_likelihood:.1f}, of which "
+                f"simulated trials leave an error of {own:.1f} nats"
+            )
         drawn = found.posterior
         if drawn is not None and drawn.long_enough:
             self.note(f"{who}, {name}: draws are worth {drawn.effective:.0f} independent ones")

@@ -52,6 +52,9 @@ class Model(Protocol):
     def halves(self) -> tuple[Model, Model]:
         """Return two models alike whose errors, if any, are independent of each other."""
 
+    def left_out(self) -> tuple[Model, ...]:
+        """Return the model without each part of its simulated trials in turn; none if exact."""
+
     def identity(self) -> dict[str, object]:
         """Return all that its numbers depend on, for provenance."""
 
@@ -110,6 +113,10 @@ class GapModel:
     def halves(self) -> tuple[Model, Model]:
         """Return itself twice: it is exact."""
         return self, self
+
+    def left_out(self) -> tuple[Model, ...]:
+        """Return nothing: no trial is simulated."""
+        return ()
 
     def identity(self) -> dict[str, object]:
         """Return its name: there is nothing else to it."""

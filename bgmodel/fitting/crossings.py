@@ -6,26 +6,37 @@ likelihood ratio ``exp(v X - v^2 t / 2)`` between drift v and none. So every sto
 a trial of any drift, with the weight ``exp(v X - v^2 t / 2) / sum_j a_j exp(v_j X - v_j^2 t / 2)``
 (the balance heuristic, Veach & Guibas 1995), and the likelihood of data is smooth in the drift. A
 circuit whose channels are alike also did the mirror image of every trial.
+
+The weight depends on a trial only through t and X, so trials are counted on a grid of both, once
+for each stored threshold, and a drift costs one product with these counts, however many trials
+there are. Between stored thresholds, densities are interpolated so that the likelihood has a
+continuous slope. Chance differences that a test without noise has on the same evidence, whose law
+is known exactly, are subtracted (``control``).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array, Integers
+from bgmodel.arrays import Array, Integers, Truths
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.seeds import stream
 
+if TYPE_CHECKING:
+    from bgmodel.fitting.control import Control
+
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""
+EVIDENCE_BIN = 0.05
+"""Width of a bin of evidence, sqrt(s): weights are linear within it but for some 1e-4."""
 BATCH = 500
 """Trials that are simulated at a time."""
 Run = Callable[[Array, int], Trace]
@@ -49,43 +60,62 @@ class Crossings:
         0 or 1, -1 where there was none. Evidence of positive drift speaks for 0.
     evidence : array (thresholds, trials), sqrt(s)
         X, the difference of what the two channels had read by then.
+    control : Control, optional
+        Walks on the same evidence, whose chance differences are subtracted.
+    parts : bool array (parts,)
+        Which trials count: trial k does where ``parts[k % len(parts)]`` is true. Trials are
+        independent, so estimates from different parts are too.
     """
 
     thresholds_nats: Array
     drifts: Array
     bins: Integers
     choice: Integers
-    evidence: Array
+    evidence: npt.NDArray[np.floating[Any]]
+    control: Control | None = None
+    parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
+    _counted: dict[int, Counts] = field(default_factory=dict, repr=False, compare=False)
+
+    def part(self, parts: Truths) -> Crossings:
+        """Return the crossings of some parts of the trials."""
+        control = None if self.control is None else self.control.part(parts)
+        return replace(self, parts=parts, control=control, _counted={})
 
     @cached_property
-    def log_mixture(self) -> Array:
-        """Log of the mean of ``exp(+-v_j X - v_j^2 t / 2)`` over drifts and signs."""
-        found = np.zeros(self.evidence.shape)
-        read_s, far = (self.bins + 1) * BIN_S, np.abs(self.evidence)
-        for v in self.drifts:
-            for apart in (far - v * read_s, far + v * read_s):
-                found += np.exp(-(apart**2) / (2 * read_s)) / 2
-        # Of each summand exp(X^2 / 2 t) was left out, which alone would overflow.
-        return np.asarray(far**2 / (2 * read_s) + np.log(found / len(self.drifts)))
+    def ends(self) -> int:
+        """Number of bins of a trial."""
+        return int(self.bins.max()) + 1
 
-    def half(self, which: int) -> Crossings:
-        """Return every other trial, from the first (0) or the second (1) on."""
-        return Crossings(
-            self.thresholds_nats,
-            self.drifts,
-            np.ascontiguousarray(self.bins[:, which::2]),
-            np.ascontiguousarray(self.choice[:, which::2]),
-            np.ascontiguousarray(self.evidence[:, which::2]),
-        )
+    @cached_property
+    def reach(self) -> tuple[int, int]:
+        """Bins of evidence on either side of none: of trials that decided, and of all others."""
+        far = np.abs(self.evidence)
+        decided = self.choice >= 0
+        farthest = (far[some].max(initial=0.0) for some in (decided, ~decided))
+        first, second = (int(each / EVIDENCE_BIN) + 2 for each in farthest)
+        return first, second
 
-    def around(self, threshold_nats: float) -> tuple[slice, Array]:
-        """Return the stored thresholds that a threshold lies between, and its share of each."""
-        last = len(self.thresholds_nats) - 1
-        place = float(np.interp(threshold_nats, self.thresholds_nats, np.arange(last + 1)))
-        low = min(int(place), last)
-        if low == place:
-            return slice(low, low + 1), np.ones(1)
-        return slice(low, low + 2), np.array([low + 1 - place, place - low])
+    def counted(self, row: int) -> Counts:
+        """Return the trials counted at one stored threshold."""
+        if row not in self._counted:
+            self._counted[row] = _count([(self, 1.0)], row)
+        return self._counted[row]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Trials on a grid of time and evidence.
+
+    Parameters
+    ----------
+    decided : array (bins, evidence)
+        Number of trials that decided in each bin of time, by the evidence for their choice.
+    never : array (evidence,)
+        Number of trials without a decision, by their evidence for one of the two choices.
+    """
+
+    decided: Array
+    never: Array
 
 
 def decided(
@@ -100,7 +130,8 @@ def decided(
     ----------
     settings : sequence of (Crossings, float)
         The same trials at settings of a circuit that the asked one lies between, and its share of
-        each; they sum to 1.
+        each; they sum to 1. Where a trial chose alike at all of them, it decides between them in
+        time; where not, it is divided among them.
     threshold_nats : float
         Within those stored.
     drift : array (drifts,), 1/sqrt(s)
@@ -111,26 +142,137 @@ def decided(
     Returns
     -------
     array (drifts, 2, bins)
+        An estimate without bias: with a control it may lie below 0 by less than its error.
     """
-    from bgmodel.fitting.weights import between, gather
+    from bgmodel.fitting.control import joined
 
-    rows, shares = settings[0][0].around(threshold_nats)
-    names = ("bins", "choice", "evidence", "log_mixture")
-    parts = ([getattr(each, name)[rows] for each, _ in settings] for name in names)
-    # Without a copy where there is one setting.
-    bins, choice, evidence, mixtures = (p[0] if len(p) == 1 else np.concatenate(p) for p in parts)
-    share = np.concatenate([part * shares for _, part in settings])
-    # In single precision: several times as fast, and as good as the number of trials needs.
-    place, read, weight = np.empty((3, bins.size), np.float32)
-    chosen = np.empty(bins.size, np.int8)
-    used = between(bins, choice, evidence, mixtures, share, place, chosen, read, weight)
-    place, chosen, read = place[:used], chosen[:used], read[:used]
-    v = np.asarray(drift, np.float32)[:, None]
-    common = weight[:used] - v**2 * ((place + np.float32(1)) * np.float32(BIN_S / 2))
-    apart = v * read
-    as_zero, as_one = np.exp(common - apart), np.exp(common + apart)
+    first, v = settings[0][0], np.asarray(drift, float)
+    levels = first.thresholds_nats
+    odds = _log_odds(threshold_nats)
+    place = len(levels) - 1 - float(np.interp(odds, _log_odds(levels[::-1]), np.arange(len(levels))))
+    mass = read(settings, interpolated(place, len(levels)), v)[: first.ends]
+    controls = [(each.control, share) for each, share in settings if each.control is not None]
+    if controls:
+        mass = mass - joined(controls).excess(odds, v, len(mass))
     found = np.zeros((len(v), 2, grid.bins))
-    gather(place, chosen, as_zero, as_one, found)
+    few = min(grid.bins, len(mass))
+    found[:, :, :few] = mass[:few].transpose(2, 1, 0)
+    return found
+
+
+def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
+    """Return rows of a table that a place between two of them is read from, with their weights.
+
+    By cubic convolution (Keys 1981): quadratics are met exactly, and the slope is continuous.
+    Beyond the first and the last row, these count again.
+
+    Parameters
+    ----------
+    place : float
+        0 is the first row.
+    rows : int
+        How many there are.
+    """
+    low = min(int(place), max(rows - 2, 0))
+    x = place - low
+    weights = (
+        -x * (1 - x) ** 2,
+        2 - 5 * x**2 + 3 * x**3,
+        x + 4 * x**2 - 3 * x**3,
+        x**2 * (x - 1),
+    )
+    found: dict[int, float] = {}
+    for row, weight in enumerate(weights, low - 1):
+        row = min(max(row, 0), rows - 1)
+        found[row] = found.get(row, 0.0) + weight / 2
+    return [(row, weight) for row, weight in found.items() if weight]
+
+
+def read(
+    settings: Sequence[tuple[Crossings, float]], rows: Sequence[tuple[int, float]], v: Array
+) -> Array:
+    """Return the probability of a decision in each bin, and one more, from the trials alone.
+
+    Parameters
+    ----------
+    settings : sequence of (Crossings, float)
+        As of ``decided``.
+    rows : sequence of (int, float)
+        Stored thresholds and their weights.
+    v : array (drifts,), 1/sqrt(s)
+        In favour of response 1.
+
+    Returns
+    -------
+    array (bins + 1, 2, drifts)
+    """
+    first = settings[0][0]
+    weighed = [
+        (first.counted(row) if len(settings) == 1 else _count(settings, row), weight)
+        for row, weight in rows
+    ]
+    seen = np.sum([weight * counts.decided for counts, weight in weighed], axis=0)
+    never = np.sum([weight * counts.never for counts, weight in weighed], axis=0)
+    read_s = (np.arange(len(seen)) + 1) * BIN_S
+    # A stored trial and its mirror image: with the drift for the choice, and against it.
+    towards = np.exp(_evidence(seen.shape[1])[:, None] * np.concatenate([v, -v]))
+    seen *= _unmixed(tuple(first.drifts.tolist()), *seen.shape)
+    mass = (seen @ towards).reshape(len(seen), 2, len(v))
+    mass *= np.exp(-np.outer(read_s, v**2) / 2)[:, None]
+    last_s, evidence = read_s[first.ends - 1], _evidence(len(never))[:, None]
+    apart = v * evidence - v**2 * last_s / 2 - log_mixture(first.drifts, last_s, evidence)
+    undecided = never @ (np.exp(apart) + np.exp(apart - 2 * v * evidence))
+    return np.asarray(mass[:, ::-1] / (mass.sum(axis=(0, 1)) + undecided))
+
+
+def log_mixture(drifts: npt.ArrayLike, read_s: npt.ArrayLike, evidence: npt.ArrayLike) -> Array:
+    """Return the log of the mean of ``exp(+-v_j X - v_j^2 t / 2)`` over drifts and signs.
+
+    Parameters
+    ----------
+    drifts : array (nodes,), 1/sqrt(s)
+        The v_j.
+    read_s, evidence : arrays that broadcast, s and sqrt(s)
+        t and X.
+    """
+    nodes = np.asarray(drifts, float)
+    time_s, read = np.broadcast_arrays(np.asarray(read_s, float), np.asarray(evidence, float))
+    found = np.full(time_s.shape, -np.inf)
+    for v in (*nodes, *-nodes):
+        found = np.logaddexp(found, v * read - v**2 * time_s / 2)
+    return np.asarray(found - math.log(2 * len(nodes)))
+
+
+@lru_cache(maxsize=16)
+def _unmixed(drifts: tuple[float, ...], bins: int, columns: int) -> Array:
+    """Return one over the mixture of ``log_mixture`` on the grid of ``Counts.decided``."""
+    read_s = (np.arange(bins) + 1) * BIN_S
+    return np.exp(-log_mixture(drifts, read_s[:, None], _evidence(columns)))
+
+
+def _log_odds(threshold_nats: npt.ArrayLike) -> Any:
+    """Return the log odds at which OUT of an ideal circuit is at a threshold."""
+    return -np.log(np.expm1(threshold_nats))
+
+
+def _evidence(columns: int) -> Array:
+    """Return the middles of bins of evidence, sqrt(s)."""
+    return np.asarray((np.arange(columns) - columns // 2) * EVIDENCE_BIN, dtype=np.float64)
+
+
+def _count(settings: Sequence[tuple[Crossings, float]], row: int) -> Counts:
+    """Count the trials of several settings at one stored threshold."""
+    from bgmodel.fitting.weights import count
+
+    bins, choice, evidence = (
+        np.stack([getattr(each, name)[row] for each, _ in settings])
+        for name in ("bins", "choice", "evidence")
+    )
+    first = settings[0][0]
+    reach, far = np.max([each.reach for each, _ in settings], axis=0)
+    found = Counts(np.zeros((first.ends + 1, 2 * reach + 1)), np.zeros(2 * far + 1))
+    share = np.array([share for _, share in settings])
+    count(bins, choice, evidence, share, first.parts, EVIDENCE_BIN, found.decided, found.never)
     return found
 
 
@@ -178,9 +320,9 @@ def simulated(
     return Crossings(
         thresholds_nats,
         nodes,
-        np.ascontiguousarray(bins, np.int32),
+        np.ascontiguousarray(bins, np.int16),
         np.ascontiguousarray(choice, np.int8),
-        np.ascontiguousarray(evidence),
+        np.ascontiguousarray(evidence, np.float32),
     )
 
 

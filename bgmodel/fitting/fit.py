@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 import pandas as pd
@@ -11,13 +13,16 @@ import pandas as pd
 from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
-from bgmodel.fitting.optimum import Likelihood, Optimum, optimum, starts_of
+from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
 from bgmodel.fitting.posterior import Posterior, posterior
 from bgmodel.fitting.responses import BIN_S, moments
+from bgmodel.fitting.simulation import Simulation, simulation_error
 
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 SHARE = 0.9
 """Share of the posterior that an interval holds."""
+SMALL_SHARE = 1 / 3
+"""Simulation error over the error from the data, above which a fit warns."""
 Tell = Callable[[str], None]
 
 
@@ -31,37 +36,66 @@ class Fit:
         Where the data are most likely.
     directions : Directions
         What can be told apart there.
+    simulation : Simulation
+        Errors that the simulated trials of a circuit leave.
     posterior : Posterior, optional
         Draws, if they were asked for.
     """
 
     optimum: Optimum
     directions: Directions
+    simulation: Simulation
     posterior: Posterior | None = None
 
     def parameters(self) -> pd.DataFrame:
         """Return one row per number of the fit.
 
-        Columns parameter, value, standard_error (from the expected information, all others free),
-        low and high (of the posterior, a middle interval of .9; NaN without one), at_bound.
+        Columns parameter, value, standard_error (all other parameters free; from the expected
+        information and, for a circuit, its simulated trials), simulation_error (the part of it
+        that is due to the simulated trials), low and high (of the posterior, a middle interval of
+        0.9, widened by the simulation error; NaN without a posterior), at_bound.
         """
-        names = self.optimum.likelihood.freedom.names
+        own = self.simulation.parameters
         found = {
-            "parameter": names,
+            "parameter": self.optimum.likelihood.freedom.names,
             "value": self.optimum.vector,
-            "standard_error": self.directions.standard_errors,
+            "standard_error": np.hypot(self.directions.standard_errors, own),
+            "simulation_error": own,
             "low": np.nan,
             "high": np.nan,
             "at_bound": self.optimum.at_bound,
         }
         table = pd.DataFrame(found)
         if self.posterior is not None:
-            table["low"], table["high"] = self.posterior.interval(SHARE)
+            table["low"], table["high"] = widened(self.posterior, own)
         return table
 
     def cells(self) -> pd.DataFrame:
         """Return one row per cell of the design: data, and the model; see ``cells_of``."""
         return cells_of(self.optimum.likelihood.design, self.optimum.density)
+
+
+def widened(drawn: Posterior, simulation: Array) -> Array:
+    """Return the interval that holds ``SHARE`` of a posterior, with the error of its simulation.
+
+    The distance of each end from the median and the error of the simulated trials, as a Gaussian,
+    add as squares.
+
+    Parameters
+    ----------
+    drawn : Posterior
+        Draws.
+    simulation : array (parameters,)
+        Standard errors, as of ``Simulation``.
+
+    Returns
+    -------
+    array (2, parameters)
+    """
+    middle = np.median(drawn.draws, axis=0)
+    low, high = drawn.interval(SHARE)
+    half = NormalDist().inv_cdf((1 + SHARE) / 2) * simulation
+    return np.stack([middle - np.hypot(middle - low, half), middle + np.hypot(high - middle, half)])
 
 
 def cells_of(design: Design, density: Array) -> pd.DataFrame:
@@ -117,14 +151,11 @@ def _said(density: Array, middles_s: Array) -> dict[str, float]:
     return found
 
 
-def fit(
-    likelihood: Likelihood,
-    *,
-    draws: bool = False,
-    anyway: bool = False,
-    tell: Tell = lambda _: None,
-) -> Fit:
-    """Return a fit: what can be told apart is asked first, then the optimum is sought.
+def fit(likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: None) -> Fit:
+    """Return a fit: its optimum, and what can be told apart there.
+
+    It warns of parameters that these data hardly tell apart at the optimum, and of a simulation
+    error that is more than a third of the standard error.
 
     Parameters
     ----------
@@ -132,24 +163,33 @@ def fit(
         Model, data, and what is free.
     draws : bool
         Whether to draw from the posterior too.
-    anyway : bool
-        Whether to fit what choices and times cannot tell apart.
     tell : function
         Called with what is done.
-
-    Raises
-    ------
-    ValueError
-        If two free parameters cannot be told apart in this design, unless ``anyway``.
     """
-    tell("what can be told apart")
-    if not anyway:
-        # Where a parameter stands at a bound, as an amount at 0, others may move nothing: ask in
-        # the middle of its range.
-        directions(likelihood, starts_of(likelihood)[-1]).check()
     tell("optimum")
     found = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))
     there = directions(likelihood, found.vector)
+    tell("simulation error")
+    simulated = simulation_error(likelihood, there)
+    for caution in (*there.cautions(), *_rough(there, simulated)):
+        warnings.warn(caution, stacklevel=2)
     if not draws:
-        return Fit(found, there)
-    return Fit(found, there, posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}")))
+        return Fit(found, there, simulated)
+    drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
+    return Fit(found, there, simulated, drawn)
+
+
+def _rough(there: Directions, simulated: Simulation) -> list[str]:
+    """Return a sentence if the simulated trials add more than a third to some standard error."""
+    share = simulated.parameters / there.standard_errors
+    rough = [
+        f"{name} ({value:.0%})"
+        for name, value in zip(there.names, share, strict=True)
+        if value > SMALL_SHARE
+    ]
+    if not rough:
+        return []
+    return [
+        "the error that comes from the number of simulated trials is more than a third of that "
+        f"from the data: {', '.join(rough)}. Simulate more trials (trials)"
+    ]

@@ -12,7 +12,7 @@ from bgmodel.fitting.optimum import Likelihood
 from bgmodel.fitting.responses import BIN_S
 
 ALIKE = 0.95
-"""Cosine of two directions from which on a fit refuses to move both."""
+"""Cosine of two directions from which on a fit warns that it moves both."""
 STEP = 0.02
 """Step of the derivatives, as a share of where a parameter stands or of its range."""
 SINGULAR = 1e-12
@@ -67,24 +67,26 @@ class Directions:
         with np.errstate(divide="ignore"):
             return np.asarray(1 / np.sqrt(np.diag(self.information)))
 
-    def check(self) -> None:
-        """Refuse parameters that these data cannot tell apart.
+    def cautions(self) -> list[str]:
+        """Return a sentence for each pair of parameters that these data cannot tell apart.
 
-        Raises
-        ------
-        ValueError
-            With the pair, its cosine, and what to do.
+        It has the cosine and the ridge, along which one makes up for the other; and a sentence for
+        each parameter on which nothing depends.
         """
         cosines = self.cosines
+        found = []
         for i, j in zip(*np.triu_indices(len(self.names), 1), strict=True):
-            if abs(cosines[i, j]) >= ALIKE:
-                raise ValueError(
-                    f"choices and times of this design cannot tell {self.names[i]} from "
-                    f"{self.names[j]}: their directions have a cosine of {cosines[i, j]:.2f}. Hold "
-                    "one of them, or give it a condition that moves it alone"
-                )
-        for name in self.idle:
-            raise ValueError(f"nothing in this design depends on {name}: hold it")
+            if abs(cosines[i, j]) < ALIKE:
+                continue
+            step = STEP * abs(self.vector[i]) or STEP
+            ridge = -self.information[i, j] / self.information[j, j] * step
+            found.append(
+                f"choices and times of this design hardly tell {self.names[i]} from "
+                f"{self.names[j]} (cosine {cosines[i, j]:.2f}): a change of {self.names[i]} by "
+                f"{step:+.3g} is made up for by one of {self.names[j]} by {ridge:+.3g}. Hold one "
+                "of them, or give it a condition that moves it alone"
+            )
+        return found + [f"nothing in this design depends on {name}: hold it" for name in self.idle]
 
 
 def directions(likelihood: Likelihood, vector: Array) -> Directions:

@@ -1,4 +1,4 @@
-"""The compiled sum over stored trials."""
+"""The compiled count of stored trials on a grid of time and evidence."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from bgmodel.compiling import compiled
 
 
 @compiled
-def between(
-    bins: Any, choice: Any, evidence: Any, log_mixture: Any, share: Any,
-    place: Any, chosen: Any, read: Any, weight: Any,
-) -> Any:  # fmt: skip
-    """Fill in what trials do between neighbouring settings; return how many rows that takes.
+def count(
+    bins: Any, choice: Any, evidence: Any, share: Any, parts: Any, width: Any,
+    decided: Any, never: Any,
+) -> None:  # fmt: skip
+    """Add trials to the counts of a grid.
 
-    A trial is given at several settings, as at two thresholds between which the asked one lies.
-    Where it chose the same at all of them, it decides between them in time, having read what lies
-    between; where not, it is divided among them.
+    A trial is given at several settings. Where it chose the same at all of them, it decides
+    between them in time, having read what lies between; where not, it is divided among them.
 
     Parameters
     ----------
@@ -25,67 +24,55 @@ def between(
         Bin of the decision, the last one where there was none.
     choice : int array (settings, trials)
         0 or 1, -1 where there was none.
-    evidence, log_mixture : array (settings, trials)
+    evidence : array (settings, trials), sqrt(s)
         As of ``Crossings``.
     share : array (settings,)
         How near the asked setting lies to each; they sum to 1.
-    place, chosen, read, weight : array (settings * trials,)
-        Filled, a row for each trial or part of one: bin, choice, X, and the log of its weight
-        without drift.
+    parts : bool array
+        Trial k counts where ``parts[k % len(parts)]`` is true.
+    width : float, sqrt(s)
+        Of a bin of evidence.
+    decided : array (bins, evidence)
+        Added to, by the evidence for the choice; what lies between two bins goes to both.
+    never : array (evidence,)
+        Added to: trials without a decision.
     """
     settings, trials = bins.shape
-    rows = 0
     for trial in range(trials):
+        if not parts[trial % len(parts)]:
+            continue
         same = True
         for setting in range(1, settings):
             same = same and choice[setting, trial] == choice[0, trial]
         if same:
-            when, seen, mixture = 0.0, 0.0, 0.0
+            when, read = 0.0, 0.0
             for setting in range(settings):
                 when += share[setting] * bins[setting, trial]
-                seen += share[setting] * evidence[setting, trial]
-                mixture += share[setting] * log_mixture[setting, trial]
-            place[rows], chosen[rows], read[rows] = when, choice[0, trial], seen
-            weight[rows] = -mixture
-            rows += 1
+                read += share[setting] * evidence[setting, trial]
+            add(when, choice[0, trial], read / width, 1.0, decided, never)
         else:
             for setting in range(settings):
-                place[rows], chosen[rows] = bins[setting, trial], choice[setting, trial]
-                read[rows] = evidence[setting, trial]
-                weight[rows] = math.log(share[setting]) - log_mixture[setting, trial]
-                rows += 1
-    return rows
+                add(
+                    float(bins[setting, trial]), choice[setting, trial],
+                    evidence[setting, trial] / width, share[setting], decided, never,
+                )  # fmt: skip
 
 
 @compiled
-def gather(place: Any, chosen: Any, as_zero: Any, as_one: Any, found: Any) -> None:
-    """Add trials to ``found`` (drifts, 2, bins), and bring its sums over all of them to 1.
-
-    Parameters
-    ----------
-    place : array (rows,)
-        Bin of the decision; between two bins it goes to both.
-    chosen : int array (rows,)
-        0 or 1, -1 where there was none.
-    as_zero, as_one : array (drifts, rows)
-        What a row weighs if the drift speaks for 0, and for 1. Drift speaks for 1: a stored trial
-        is one of channel 0, and its mirror image one of channel 1.
-    found : array (drifts, 2, bins)
-        What is added to; a decision beyond the last bin counts to the whole alone.
-    """
-    last = found.shape[2] - 1
-    for cell in range(found.shape[0]):
-        whole = 0.0
-        for row in range(len(place)):
-            one, zero = as_one[cell, row], as_zero[cell, row]
-            whole += one + zero
-            low = int(place[row])
-            if chosen[row] < 0 or low > last:
-                continue
-            toward = place[row] - low
-            for side in range(2):
-                if low + side <= last:
-                    part = toward if side else 1 - toward
-                    found[cell, 1 - chosen[row], low + side] += part * one
-                    found[cell, chosen[row], low + side] += part * zero
-        found[cell] /= whole
+def add(when: Any, chosen: Any, read: Any, weight: Any, decided: Any, never: Any) -> None:
+    """Add one trial, or part of one, to the counts."""
+    read = -read if chosen == 1 else read
+    middle = (never.shape[0] if chosen < 0 else decided.shape[1]) // 2
+    left = int(math.floor(middle + read))
+    right = weight * (middle + read - left)
+    if chosen < 0:
+        never[left] += weight - right
+        never[left + 1] += right
+        return
+    low = int(when)
+    later = when - low
+    for side in range(2):
+        part = later if side else 1 - later
+        if part > 0:
+            decided[low + side, left] += part * (weight - right)
+            decided[low + side, left + 1] += part * right

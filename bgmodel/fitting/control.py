@@ -1,0 +1,176 @@
+"""A control variate for stored crossings: an ideal integrator that read the same evidence.
+
+When a walk between two bounds decides is known exactly. Walks on the evidence of the stored trials
+differ from that by chance, and much of this difference is shared by the circuit, which decides on
+the same evidence: it is subtracted (Glasserman 2003, chapter 4). The estimate stays unbiased
+whatever the bound is; a bound and a delay like the circuit's make it precise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.arrays import Array, Truths
+from bgmodel.decision import Trace
+from bgmodel.fitting.responses import BIN_S
+
+if TYPE_CHECKING:
+    from bgmodel.fitting.crossings import Crossings
+
+BOUNDS = 31
+"""Bounds at which walks are stored."""
+SHARE = 0.9
+"""Share of the walks' chance difference that is subtracted: near the best for all thresholds."""
+LEVELS, SLOW = 20, 3
+"""Thresholds at which walks are matched to the circuit, and drifts whose trials are used."""
+
+
+@dataclass(frozen=True)
+class Control:
+    """Walks on the evidence of stored trials, and which of them go with a circuit.
+
+    Parameters
+    ----------
+    walks : Crossings
+        Of the ideal integrator; its "thresholds" are minus the bounds, sqrt(s).
+    bound_of_odds : array (3,)
+        Polynomial of the matching bound, sqrt(s), in the log odds of a threshold.
+    lag : float
+        How much later the circuit decides, bins.
+    """
+
+    walks: Crossings
+    bound_of_odds: Array
+    lag: float
+
+    def part(self, parts: Truths) -> Control:
+        """Return the walks of some parts of the trials."""
+        return replace(self, walks=self.walks.part(parts))
+
+    def excess(self, odds: float, drift: Array, bins: int) -> Array:
+        """Return by how much walks decide more often than they should.
+
+        Parameters
+        ----------
+        odds : float
+            Log odds of the threshold that is read.
+        drift : array (drifts,), 1/sqrt(s)
+            In favour of response 1.
+        bins : int
+            Of the result.
+
+        Returns
+        -------
+        array (bins, 2, drifts)
+            Probability of each response in each bin, estimated minus exact, later by the lag.
+        """
+        from bgmodel.fitting.crossings import interpolated, read
+
+        levels = self.walks.thresholds_nats
+        bound = np.polyval(self.bound_of_odds, odds)
+        place = float(np.interp(-bound, levels, np.arange(len(levels))))
+        rows = interpolated(place, len(levels))
+        found = read([(self.walks, 1.0)], rows, drift)[: self.walks.ends]
+        for row, weight in rows:
+            found -= weight * exact(-float(levels[row]), self.walks.ends, tuple(drift.tolist()))
+        late = np.zeros((bins, *found.shape[1:]))
+        whole, part = divmod(max(self.lag, 0.0), 1.0)
+        for shift, weight in ((int(whole), 1 - part), (int(whole) + 1, part)):
+            few = max(min(bins - shift, len(found)), 0)
+            late[shift : shift + few] += weight * found[:few]
+        return SHARE * late
+
+
+def joined(settings: Sequence[tuple[Control, float]]) -> Control:
+    """Return the control of a setting between others, from theirs and its share of each."""
+    line = np.sum([share * each.bound_of_odds for each, share in settings], axis=0)
+    lag = sum(share * each.lag for each, share in settings)
+    return Control(settings[0][0].walks, line, lag)
+
+
+def matched(crossings: Crossings, walks: Crossings) -> Control:
+    """Return the walks that go best with a circuit: at each threshold, those most like it in time.
+
+    Parameters
+    ----------
+    crossings, walks : Crossings
+        Of the circuit and of the ideal integrator, on the same evidence.
+    """
+    rows = np.linspace(0, len(crossings.thresholds_nats) - 1, LEVELS).astype(int)
+    likeness, lag = np.array([_likeness(crossings, int(row), walks) for row in rows]).swapaxes(0, 1)
+    best = likeness.argmax(axis=1)
+    odds = -np.log(np.expm1(crossings.thresholds_nats[rows]))
+    line = np.polyfit(odds, -walks.thresholds_nats[best], 2)
+    return Control(walks, line, float(np.median(lag[np.arange(LEVELS), best])))
+
+
+def _likeness(crossings: Crossings, row: int, walks: Crossings) -> tuple[list[float], list[float]]:
+    """Return how alike in time the walks at each bound decide, and how much earlier, bins."""
+    slow = slice(0, SLOW * crossings.bins.shape[1] // len(crossings.drifts))
+    choice, bins = crossings.choice[row, slow], crossings.bins[row, slow].astype(float)
+    likeness, lag = [], []
+    for chosen, times in zip(walks.choice[:, slow], walks.bins[:, slow], strict=True):
+        same = (choice >= 0) & (choice == chosen)
+        late, early = bins[same], times[same]
+        some = same.any() and late.std() > 0 and early.std() > 0
+        likeness.append(np.corrcoef(late, early)[0, 1] * same.mean() if some else -1.0)
+        lag.append((late - early).mean() if some else 0.0)
+    return likeness, lag
+
+
+def ideal(read: Array, first: int) -> Trace:
+    """Return the sums of the evidence as OUT, as ``crossings.Run`` asks for it."""
+    apart = read[:, :, 0] - read[:, :, 1]
+    time_ms = (np.arange(read.shape[1]) + 1) * 1000 * BIN_S
+    return Trace(np.stack([-apart, apart], axis=2), time_ms, step_ms=1000 * BIN_S)
+
+
+@lru_cache(maxsize=256)
+def _walk(bound: float, bins: int) -> tuple[Array, Array]:
+    """Return nodes between the bounds, and the mass at each after 0, 1, ... readings of no drift."""
+    from bgmodel.theory.first_passage import Gaussian, gaussian_chain
+
+    sd = np.sqrt(BIN_S)
+    chain = gaussian_chain(Gaussian(0.0, sd), -bound, bound, 0.0, bins)
+    unit = np.polynomial.legendre.leggauss(len(chain.onward) - 1)[0]
+    masses = np.zeros((bins, len(chain.onward)))
+    masses[0, 0] = 1.0
+    for k in range(1, bins):
+        masses[k] = masses[k - 1] @ chain.onward
+    return np.concatenate([[0.0], bound * unit]), masses
+
+
+def exact(bound: float, bins: int, drift: tuple[float, ...]) -> Array:
+    """Return the exact probability that a walk ends in each bin, (bins, 2, drifts).
+
+    Parameters
+    ----------
+    bound : float, sqrt(s)
+        Where it ends, on either side.
+    bins : int
+        Number of readings.
+    drift : tuple of float, 1/sqrt(s)
+        In favour of response 1.
+
+    Notes
+    -----
+    Mass that is left at x after k readings is that without drift times ``exp(v x - v^2 t / 2)``.
+    """
+    from scipy.special import ndtr
+
+    nodes, masses = _walk(bound, bins)
+    v = np.asarray(drift)
+    step, sd = v * BIN_S, np.sqrt(BIN_S)
+    weights = np.exp(nodes[:, None] * v)
+    spent = np.exp(-(v**2) / 2 * BIN_S * np.arange(bins)[:, None])
+    ends: list[npt.NDArray[np.float64]] = []
+    for side in (-1, 1):
+        over = ndtr((side * (nodes[:, None] + step) - bound) / sd)
+        ends.append(masses @ (weights * over) * spent)
+    return np.stack(ends, axis=1)

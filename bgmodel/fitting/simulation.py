@@ -1,0 +1,106 @@
+"""How far a fit would move if its model had been simulated with other trials.
+
+A circuit's likelihood is estimated from a limited number of stored trials. They fall into
+independent parts; the jackknife (Efron & Tibshirani 1993, chapter 11) leaves out each in turn. What
+a fit finds without a part follows from one Newton step away from its optimum, so that no search is
+repeated. Models that are computed exactly have no such error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.arrays import Array
+from bgmodel.fitting.identify import STEP, Directions
+from bgmodel.fitting.optimum import AT_BOUND, Likelihood
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Standard errors that come from the simulated trials alone.
+
+    Parameters
+    ----------
+    log_likelihood : float, nats
+        Of the largest log likelihood.
+    parameters : array (parameters,)
+        Of each number of the fit.
+    """
+
+    log_likelihood: float
+    parameters: Array
+
+
+def jackknifed(values: npt.ArrayLike) -> Array:
+    """Return the standard error of an estimate from its values without each part, (parts, ...)."""
+    found = np.asarray(values, float)
+    parts = len(found)
+    if not parts:
+        return np.zeros(found.shape[1:])
+    return np.asarray(np.sqrt((parts - 1) / parts * ((found - found.mean(axis=0)) ** 2).sum(axis=0)))
+
+
+def simulation_error(likelihood: Likelihood, there: Directions) -> Simulation:
+    """Return the errors that the simulated trials leave in a fit.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        Of the data.
+    there : Directions
+        At the optimum.
+    """
+    left = without_parts(likelihood, there)
+    vectors = np.array([vector for _, vector in left]).reshape(len(left), len(there.vector))
+    values = np.array([each(there.vector) for each, _ in left])
+    return Simulation(float(jackknifed(values)), jackknifed(vectors))
+
+
+def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likelihood, Array]]:
+    """Return the likelihood without each part of the simulated trials, and its optimum.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        Of the data.
+    there : Directions
+        At the optimum of all trials, with the information by which a slope moves it. A number that
+        lies at a bound of its range stays there.
+
+    Returns
+    -------
+    list of (Likelihood, array (parameters,))
+        One for each part; none where the model is computed exactly.
+    """
+    left = [replace(likelihood, model=model) for model in likelihood.model.left_out()]
+    if not left:
+        return []
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    inside = (there.vector - low >= AT_BOUND * (high - low)) & (
+        high - there.vector >= AT_BOUND * (high - low)
+    )
+    slopes = np.array([_slopes(each, there.vector, inside) for each in left])
+    apart = slopes - slopes.mean(axis=0)
+    moved = np.zeros_like(apart)
+    information = there.information[np.ix_(inside, inside)]
+    # Scaled first: the numbers of a fit have different units, and may be hard to tell apart.
+    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-12))
+    inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-6, hermitian=True)
+    moved[:, inside] = apart[:, inside] @ (inverse * np.outer(scale, scale))
+    return [(each, there.vector + step) for each, step in zip(left, moved, strict=True)]
+
+
+def _slopes(likelihood: Likelihood, vector: Array, inside: npt.NDArray[np.bool_]) -> Array:
+    """Return the derivative of the log likelihood by each number that does not lie at a bound."""
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    found = np.zeros(len(vector))
+    for k in np.flatnonzero(inside):
+        step = STEP * max(abs(vector[k]), 0.1 * (high[k] - low[k]))
+        step = min(step, vector[k] - low[k], high[k] - vector[k])
+        above, below = vector.copy(), vector.copy()
+        above[k], below[k] = vector[k] + step, vector[k] - step
+        found[k] = (likelihood(above) - likelihood(below)) / (2 * step)
+    return found
