@@ -15,7 +15,6 @@ import pandas as pd
 
 from benchmarks import OUT
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.arrays import Array
 from bgmodel.fitting.algorithms import GapModel, Model
 from bgmodel.fitting.circuit import (
     CRITERIA,
@@ -25,20 +24,23 @@ from bgmodel.fitting.circuit import (
     Criterion,
 )
 from bgmodel.fitting.design import Design, design_of
-from bgmodel.fitting.fit import Fit, fit
-from bgmodel.fitting.identify import directions
+from bgmodel.fitting.fit import cells_of, fit
 from bgmodel.fitting.means import fit_means
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
-from bgmodel.fitting.predicted import better_by, predicted
+from bgmodel.fitting.predicted import Better, Predicted, better_by, predicted
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, circuit
 
-TRIALS, COARSE_TRIALS = 4000, 400
+TRIALS, COARSE_TRIALS = 128_000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
-FEWER = 0.375
+FEWER = 0.0625
 """Share of them where it is simulated at many values of its criterion."""
 SLOW_NATS = 1.5
 """Noise in nats where decisions take more than a second: a wider range of thresholds."""
+PREDICTED = [
+    "log_likelihood", "log_likelihood_simulation_error",
+    "better_nats", "error_nats", "simulation_error_nats",
+]  # fmt: skip
 MOVES: dict[str, tuple[Criterion, dict[str, str]]] = {
     "nothing": (NONE, {}),
     "threshold": (NONE, {"threshold_nats": "stimulation"}),
@@ -80,15 +82,24 @@ def person(data: str, who: str, trials: int) -> pd.DataFrame:
     left_out = {}
     for name, model in models(trials, 3.0).items():
         likelihood = likelihood_of(model, design, free=[each.name for each in model.parameters])
-        made = fit(likelihood, anyway=True)
+        made = fit(likelihood)
         left_out[name] = predicted(likelihood, start=made.optimum.vector)
         found.append(made.parameters().assign(model=name, kind="parameters"))
         found.append(made.cells().assign(model=name, kind="cells"))
-        better, error = better_by(left_out[name], left_out["constant gap"])
-        row = {"model": name, "kind": "predicted", "better_nats": better, "error_nats": error}
+        better = better_by(left_out[name], left_out["constant gap"])
+        row = {"model": name, "kind": "predicted", **_better(better)}
         row["log_likelihood"] = made.optimum.log_likelihood
+        row["log_likelihood_simulation_error"] = made.simulation.log_likelihood
         found.append(pd.DataFrame([row]))
     return pd.concat(found, ignore_index=True).assign(data=data, participant=who)
+
+
+def _better(better: Better) -> dict[str, float]:
+    """Return a difference of left-out predictions as columns."""
+    return {
+        "better_nats": better.nats, "error_nats": better.error,
+        "simulation_error_nats": better.simulation_error,
+    }  # fmt: skip
 
 
 def _means(design: Design) -> pd.DataFrame:
@@ -112,17 +123,17 @@ def patients(trials: int) -> pd.DataFrame:
     rows = []
     for who in whole.people():
         design = design_of(whole.where(whole.participant == who), ["conflict", "stimulation"])
-        left_out: dict[str, Array] = {}
+        left_out: dict[str, Predicted] = {}
         for name, (criterion, vary) in MOVES.items():
             model = fitted_circuit(criterion, trials, 5.0, SLOW_NATS)
             likelihood = stimulated(model, design, vary)
             made = optimum(likelihood)
             left_out[name] = predicted(likelihood, start=made.vector)
-            cells = Fit(made, directions(likelihood, made.vector)).cells()
-            better, error = better_by(left_out[name], left_out["nothing"])
+            cells = cells_of(design, made.density)
+            better = _better(better_by(left_out[name], left_out["nothing"]))
             rows.append(
                 cells.assign(
-                    participant=who, moved=name, better_nats=better, error_nats=error,
+                    participant=who, moved=name, **better,
                     log_likelihood=made.log_likelihood,
                     **{k.partition("[")[0] + ("_on" if "=on" in k else ""): v
                        for k, v in made.values.items() if not k.startswith("sensitivity")},
@@ -144,8 +155,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         choices = read_choices(data, strength="coherence")
         for who in choices.people():
             count = int((choices.participant == who).sum())
-            yield Piece("people", who, count, 300, partial(person, data, who, trials))
-    yield Piece("patients", "stimulation", 3988, 1200, partial(patients, round(FEWER * trials)))
+            yield Piece("people", who, count, 600, partial(person, data, who, trials))
+    yield Piece("patients", "stimulation", 3988, 1800, partial(patients, round(FEWER * trials)))
 
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
@@ -154,8 +165,8 @@ def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
     found: dict[str, tuple[str, pd.DataFrame]] = {}
     who = ["data", "participant", "model"]
     for kind, columns in (
-        ("parameters", ["parameter", "value", "standard_error", "at_bound"]),
-        ("predicted", ["log_likelihood", "better_nats", "error_nats"]),
+        ("parameters", ["parameter", "value", "standard_error", "simulation_error", "at_bound"]),
+        ("predicted", PREDICTED),
     ):
         found[kind] = ("people", people.loc[people["kind"] == kind, [*who, *columns]])
     cells = people[people["kind"] == "cells"]
@@ -171,8 +182,11 @@ def _moves(cells: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for name, some in cells.groupby("moved", sort=False):
         each = some.drop_duplicates("participant")
-        better, error = each["better_nats"].sum(), np.sqrt((each["error_nats"] ** 2).sum())
-        row = {"moved": name, "better_nats": better, "error_nats": error}
+        row = {"moved": name, "better_nats": each["better_nats"].sum()}
+        # People are independent; the simulated trials are the same for all of them.
+        row["simulation_error_nats"] = each["simulation_error_nats"].sum()
+        sampling = each["error_nats"] ** 2 - each["simulation_error_nats"] ** 2
+        row["error_nats"] = np.hypot(np.sqrt(sampling.sum()), row["simulation_error_nats"])
         row["better_people"] = int((each["better_nats"] > 0).sum())
         for who, prefix in (("data", ""), ("model", "model_")):
             wide = some.pivot(

@@ -186,9 +186,7 @@ class CircuitModel:
     def _walks(self) -> Crossings:
         """What an ideal integrator decides on the evidence of the stored trials."""
         bounds = np.linspace(HIGHEST_LOG_ODDS * 1.1, 0.1, BOUNDS) / self.noise_nats
-        return simulated(
-            ideal, -bounds, seconds=self.seconds, trials=self.trials, seed=self.seed
-        )
+        return simulated(ideal, -bounds, seconds=self.seconds, trials=self.trials, seed=self.seed)
 
     def halves(self) -> tuple[CircuitModel, CircuitModel]:
         """Return the model with every other of its stored trials, and with the rest."""

@@ -133,7 +133,7 @@ def ideal(read: Array, first: int) -> Trace:
 
 @lru_cache(maxsize=256)
 def _walk(bound: float, bins: int) -> tuple[Array, Array]:
-    """Return nodes between the bounds, and the mass at each after 0, 1, ... readings of no drift."""
+    """Return nodes between the bounds, and the mass at each after k readings without drift."""
     from bgmodel.theory.first_passage import Gaussian, gaussian_chain
 
     sd = np.sqrt(BIN_S)

@@ -17,7 +17,7 @@ is known exactly, are subtracted (``control``).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -44,7 +44,7 @@ Run = Callable[[Array, int], Trace]
 OUT: reading k, which is heard from k to k + 1 bins on, is the last that OUT may depend on then."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Crossings:
     """When and how trials decided, at each of several thresholds.
 
@@ -74,7 +74,7 @@ class Crossings:
     evidence: npt.NDArray[np.floating[Any]]
     control: Control | None = None
     parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
-    _counted: dict[int, Counts] = field(default_factory=dict, repr=False, compare=False)
+    _counted: dict[int, Counts] = field(default_factory=dict, compare=False)
 
     def part(self, parts: Truths) -> Crossings:
         """Return the crossings of some parts of the trials."""
@@ -149,8 +149,10 @@ def decided(
     first, v = settings[0][0], np.asarray(drift, float)
     levels = first.thresholds_nats
     odds = _log_odds(threshold_nats)
-    place = len(levels) - 1 - float(np.interp(odds, _log_odds(levels[::-1]), np.arange(len(levels))))
-    mass = read(settings, interpolated(place, len(levels)), v)[: first.ends]
+    place = (
+        len(levels) - 1 - float(np.interp(odds, _log_odds(levels[::-1]), np.arange(len(levels))))
+    )
+    mass = read(settings, interpolated(place, len(levels)), v)
     controls = [(each.control, share) for each, share in settings if each.control is not None]
     if controls:
         mass = mass - joined(controls).excess(odds, v, len(mass))
@@ -219,7 +221,7 @@ def read(
     seen *= _unmixed(tuple(first.drifts.tolist()), *seen.shape)
     mass = (seen @ towards).reshape(len(seen), 2, len(v))
     mass *= np.exp(-np.outer(read_s, v**2) / 2)[:, None]
-    last_s, evidence = read_s[first.ends - 1], _evidence(len(never))[:, None]
+    last_s, evidence = read_s[_ends(settings) - 1], _evidence(len(never))[:, None]
     apart = v * evidence - v**2 * last_s / 2 - log_mixture(first.drifts, last_s, evidence)
     undecided = never @ (np.exp(apart) + np.exp(apart - 2 * v * evidence))
     return np.asarray(mass[:, ::-1] / (mass.sum(axis=(0, 1)) + undecided))
@@ -255,6 +257,11 @@ def _log_odds(threshold_nats: npt.ArrayLike) -> Any:
     return -np.log(np.expm1(threshold_nats))
 
 
+def _ends(settings: Sequence[tuple[Crossings, float]]) -> int:
+    """Return the number of bins of the longest trial."""
+    return max(each.ends for each, _ in settings)
+
+
 def _evidence(columns: int) -> Array:
     """Return the middles of bins of evidence, sqrt(s)."""
     return np.asarray((np.arange(columns) - columns // 2) * EVIDENCE_BIN, dtype=np.float64)
@@ -270,7 +277,7 @@ def _count(settings: Sequence[tuple[Crossings, float]], row: int) -> Counts:
     )
     first = settings[0][0]
     reach, far = np.max([each.reach for each, _ in settings], axis=0)
-    found = Counts(np.zeros((first.ends + 1, 2 * reach + 1)), np.zeros(2 * far + 1))
+    found = Counts(np.zeros((_ends(settings) + 1, 2 * reach + 1)), np.zeros(2 * far + 1))
     share = np.array([share for _, share in settings])
     count(bins, choice, evidence, share, first.parts, EVIDENCE_BIN, found.decided, found.never)
     return found

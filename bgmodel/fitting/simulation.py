@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array
+from bgmodel.arrays import Array, Truths
 from bgmodel.fitting.identify import STEP, Directions
 from bgmodel.fitting.optimum import AT_BOUND, Likelihood
 
@@ -40,7 +40,9 @@ def jackknifed(values: npt.ArrayLike) -> Array:
     parts = len(found)
     if not parts:
         return np.zeros(found.shape[1:])
-    return np.asarray(np.sqrt((parts - 1) / parts * ((found - found.mean(axis=0)) ** 2).sum(axis=0)))
+    return np.asarray(
+        np.sqrt((parts - 1) / parts * ((found - found.mean(axis=0)) ** 2).sum(axis=0))
+    )
 
 
 def simulation_error(likelihood: Likelihood, there: Directions) -> Simulation:
@@ -83,24 +85,42 @@ def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likel
         high - there.vector >= AT_BOUND * (high - low)
     )
     slopes = np.array([_slopes(each, there.vector, inside) for each in left])
-    apart = slopes - slopes.mean(axis=0)
-    moved = np.zeros_like(apart)
-    information = there.information[np.ix_(inside, inside)]
-    # Scaled first: the numbers of a fit have different units, and may be hard to tell apart.
-    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-12))
-    inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-6, hermitian=True)
-    moved[:, inside] = apart[:, inside] @ (inverse * np.outer(scale, scale))
+    apart = (slopes - slopes.mean(axis=0))[:, inside]
+    moved = np.zeros(slopes.shape)
+    moved[:, inside] = apart @ np.linalg.pinv(_curvature(likelihood, there.vector, inside))
     return [(each, there.vector + step) for each, step in zip(left, moved, strict=True)]
 
 
-def _slopes(likelihood: Likelihood, vector: Array, inside: npt.NDArray[np.bool_]) -> Array:
+def _slopes(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
     """Return the derivative of the log likelihood by each number that does not lie at a bound."""
-    low, high = likelihood.freedom.low, likelihood.freedom.high
     found = np.zeros(len(vector))
-    for k in np.flatnonzero(inside):
-        step = STEP * max(abs(vector[k]), 0.1 * (high[k] - low[k]))
-        step = min(step, vector[k] - low[k], high[k] - vector[k])
+    for k, step in zip(np.flatnonzero(inside), _steps(likelihood, vector, inside), strict=True):
         above, below = vector.copy(), vector.copy()
         above[k], below[k] = vector[k] + step, vector[k] - step
         found[k] = (likelihood(above) - likelihood(below)) / (2 * step)
     return found
+
+
+def _curvature(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
+    """Return minus the second derivatives of the log likelihood by the numbers inside.
+
+    Those of the data, not the expected ones: the two differ where a model does not fit, and it is
+    this hill that simulated trials move.
+    """
+    steps = _steps(likelihood, vector, inside)
+    slopes = []
+    for k, step in zip(np.flatnonzero(inside), steps, strict=True):
+        above, below = vector.copy(), vector.copy()
+        above[k], below[k] = vector[k] + step, vector[k] - step
+        change = _slopes(likelihood, above, inside) - _slopes(likelihood, below, inside)
+        slopes.append(change[inside] / (2 * step))
+    found = -np.array(slopes).reshape(inside.sum(), inside.sum())
+    return (found + found.T) / 2
+
+
+def _steps(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
+    """Return steps of derivatives; two of them stay within the range."""
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    steps = STEP * np.maximum(np.abs(vector), 0.1 * (high - low))
+    room = np.minimum(vector - low, high - vector) / 2
+    return np.minimum(steps, room)[inside]

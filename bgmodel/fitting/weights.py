@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from bgmodel.compiling import compiled
@@ -63,7 +62,7 @@ def add(when: Any, chosen: Any, read: Any, weight: Any, decided: Any, never: Any
     """Add one trial, or part of one, to the counts."""
     read = -read if chosen == 1 else read
     middle = (never.shape[0] if chosen < 0 else decided.shape[1]) // 2
-    left = int(math.floor(middle + read))
+    left = int(middle + read)  # both are far above 0
     right = weight * (middle + read - left)
     if chosen < 0:
         never[left] += weight - right

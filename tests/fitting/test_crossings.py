@@ -6,7 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.fitting import passage
-from bgmodel.fitting.crossings import DRIFTS, Crossings, decided, simulated
+from bgmodel.fitting.crossings import (
+    DRIFTS,
+    Crossings,
+    decided,
+    interpolated,
+    log_mixture,
+    simulated,
+)
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.theory.first_passage import Gaussian, walk
 from tests.drawn import GAIN, ideal
@@ -29,7 +36,8 @@ def odds(threshold_nats):
 
 def effective(stored, row, drift):
     """Return how many independent trials the weights at a drift are worth."""
-    common = -(drift**2) * (stored.bins[row] + 1) * BIN_S / 2 - stored.log_mixture[row]
+    read_s = (stored.bins[row] + 1) * BIN_S
+    common = -(drift**2) * read_s / 2 - log_mixture(DRIFTS, read_s, stored.evidence[row])
     weights = np.exp(common) * np.cosh(drift * stored.evidence[row])
     return weights.sum() ** 2 / (weights**2).sum()
 
@@ -75,9 +83,9 @@ DRIFT = st.floats(0, 16)
 
 @given(DRIFT, st.floats(THRESHOLDS[0], THRESHOLDS[-1]))
 @settings(max_examples=30)
-def test_evidence_for_the_other_response_exchanges_them_exactly(stored, drift, threshold):
+def test_evidence_for_the_other_response_exchanges_them(stored, drift, threshold):
     one, other = decided([(stored, 1.0)], threshold, [drift, -drift], GRID)
-    assert np.array_equal(one, other[::-1])
+    assert one == pytest.approx(other[::-1], abs=1e-12)
     assert one[1].sum() >= one[0].sum() - 1e-9
 
 
@@ -130,16 +138,43 @@ def test_a_setting_between_two_lies_as_near_to_each_as_its_share_says(share):
     assert mean - own == pytest.approx(20 * BIN_S * share, abs=1e-6)
 
 
-def test_around_names_neighbours_and_shares_that_sum_to_1(stored):
-    for at, rows, shares in [
-        (THRESHOLDS[4], slice(4, 5), [1.0]),
-        (0.25 * THRESHOLDS[4] + 0.75 * THRESHOLDS[5], slice(4, 6), [0.25, 0.75]),
-        (THRESHOLDS[-1], slice(25, 26), [1.0]),
-        (THRESHOLDS[0], slice(0, 1), [1.0]),
-    ]:
-        found = stored.around(at)
-        assert found[0] == rows
-        assert found[1] == pytest.approx(shares, abs=1e-9)
+@given(st.floats(0, 9), st.lists(st.floats(-5, 5), min_size=3, max_size=3))
+def test_interpolation_meets_quadratics_and_its_weights_sum_to_1(place, line):
+    rows = interpolated(place, 10)
+    assert sum(weight for _, weight in rows) == pytest.approx(1)
+    if 1 <= place <= 8:
+        found = sum(weight * np.polyval(line, row) for row, weight in rows)
+        assert found == pytest.approx(np.polyval(line, place), abs=1e-9)
+
+
+@pytest.mark.parametrize("row", [0, 4, 9])
+def test_at_a_row_interpolation_reads_that_row_alone(row):
+    assert interpolated(float(row), 10) == [(row, 1.0)]
+
+
+def each_alone(stored, row, v, bins):
+    """Return the probabilities of both responses, trial by trial, without any grid of evidence."""
+    found, whole = np.zeros((2, bins)), 0.0
+    read_s = (stored.bins[row] + 1) * BIN_S
+    mixture = log_mixture(DRIFTS, read_s, stored.evidence[row])
+    for sign in (1, -1):
+        weight = np.exp(sign * v * stored.evidence[row] - v**2 * read_s / 2 - mixture)
+        whole += weight.sum()
+        for choice in (0, 1):
+            some = stored.choice[row] == choice
+            response = 1 - choice if sign == 1 else choice
+            np.add.at(found[response], stored.bins[row][some], weight[some])
+    return found / whole
+
+
+@pytest.mark.parametrize("v", [0.0, 0.7, 3.0, 9.0, 15.0])
+@pytest.mark.parametrize("row", [2, 18])
+def test_counts_on_the_grid_say_what_the_trials_say_one_by_one(stored, row, v):
+    alone = each_alone(stored, row, v, GRID.bins)
+    (found,) = decided([(stored, 1.0)], THRESHOLDS[row], [v], GRID)
+    assert found.sum() == pytest.approx(alone.sum(), rel=1e-3)
+    # A weight is taken as linear within a bin of evidence.
+    assert found == pytest.approx(alone, rel=0.02, abs=2e-4)
 
 
 def test_a_decision_has_heard_its_bin_and_no_later_reading():
@@ -175,11 +210,11 @@ def test_evidence_has_the_drift_and_the_noise_that_is_asked_for():
         assert end.var() == pytest.approx(1, abs=0.1)
 
 
-def test_the_log_mixture_is_that_of_all_drifts_and_both_signs(stored):
-    x, t = stored.evidence[8, :50], (stored.bins[8, :50] + 1) * BIN_S
+def test_the_log_mixture_is_that_of_all_drifts_and_both_signs():
+    x, t = np.linspace(-3, 3, 50), np.linspace(0.01, 3, 50)
     v = np.array([*DRIFTS, *(-np.array(DRIFTS))])[:, None]
     expected = np.log(np.exp(v * x - v**2 * t / 2).mean(axis=0))
-    assert stored.log_mixture[8, :50] == pytest.approx(expected, abs=1e-9)
+    assert log_mixture(DRIFTS, t, x) == pytest.approx(expected, abs=1e-9)
 
 
 def test_drifts_lie_the_farther_apart_the_stronger_they_are():
@@ -188,14 +223,11 @@ def test_drifts_lie_the_farther_apart_the_stronger_they_are():
     assert np.diff(DRIFTS[1:]).tolist() == [1, 2, 3, 4, 5]
 
 
-def test_the_halves_are_every_other_trial_and_together_the_whole(stored):
-    first, second = stored.half(0), stored.half(1)
-    for name in ("bins", "choice", "evidence"):
-        whole = getattr(stored, name)
-        together = np.empty_like(whole)
-        together[:, ::2], together[:, 1::2] = getattr(first, name), getattr(second, name)
-        assert np.array_equal(together, whole)
-        assert getattr(second, name).dtype == whole.dtype
-    for half in (first, second):
-        assert half.thresholds_nats is stored.thresholds_nats
-        assert np.array_equal(half.drifts, stored.drifts)
+def test_parts_hold_every_trial_once(stored):
+    """Counts of the halves add up to those of all trials."""
+    even = np.array([True, False])
+    first, second = (stored.part(parts).counted(8) for parts in (even, ~even))
+    whole = stored.counted(8)
+    assert first.decided + second.decided == pytest.approx(whole.decided)
+    assert first.never + second.never == pytest.approx(whole.never)
+    assert first.decided.sum() > 0

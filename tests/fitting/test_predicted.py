@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.optimum import likelihood_of, optimum
-from bgmodel.fitting.predicted import _divided, better_by, predicted
+from bgmodel.fitting.predicted import Better, Predicted, _divided, better_by, predicted
 from bgmodel.seeds import stream
 from tests.drawn import TRUTH, drawn
 
@@ -46,15 +46,16 @@ def test_the_model_that_made_the_data_predicts_better_than_one_that_hears_nothin
     own = predicted(likelihood(some), folds=3, tell=told.append)
     deaf = predicted(likelihood(some, sensitivity=0.06), folds=3)
     assert told == [1, 2, 3]
-    assert len(own) == some.trials
-    gain, error = better_by(own, deaf)
-    assert gain > 5 * error
-    assert better_by(deaf, own) == (-gain, error)
+    assert len(own.each) == some.trials
+    found = better_by(own, deaf)
+    assert found.nats > 5 * found.error
+    assert found.simulation_error == 0
+    assert better_by(deaf, own) == Better(-found.nats, found.error, 0.0)
 
 
 def test_what_is_predicted_is_no_more_likely_than_what_is_fitted(some):
     asked = likelihood(some)
-    assert predicted(asked, folds=3).sum() < optimum(asked).log_likelihood
+    assert predicted(asked, folds=3).each.sum() < optimum(asked).log_likelihood
 
 
 def test_shuffled_responses_lose_the_advantage(some):
@@ -63,17 +64,32 @@ def test_shuffled_responses_lose_the_advantage(some):
     shuffled = replace(some, response=stream(52, "shuffle").permutation(some.response))
     gain = better_by(
         predicted(likelihood(some), folds=3), predicted(likelihood(some, sensitivity=0.06), folds=3)
-    )[0]
+    ).nats
     left = better_by(
         predicted(likelihood(shuffled), folds=3),
         predicted(likelihood(shuffled, sensitivity=0.06), folds=3),
-    )[0]
+    ).nats
     assert left < 0.1 * gain
+
+
+NONE_LEFT = np.empty((0, 400))
 
 
 def test_the_error_of_a_sum_is_that_of_independent_trials():
     rng = np.random.default_rng(0)
     first, second = rng.normal(1, 1, 400), rng.normal(0, 1, 400)
-    gain, error = better_by(first, second)
-    assert gain == pytest.approx((first - second).sum())
-    assert error == pytest.approx(np.sqrt(2 * 400), rel=0.1)
+    found = better_by(Predicted(first, NONE_LEFT), Predicted(second, NONE_LEFT))
+    assert found.nats == pytest.approx((first - second).sum())
+    assert found.error == pytest.approx(np.sqrt(2 * 400), rel=0.1)
+
+
+def test_simulation_error_adds_as_a_square_and_cancels_where_it_is_shared():
+    rng = np.random.default_rng(1)
+    each, without = rng.normal(0, 0.1, 400), rng.normal(0, 0.1, (16, 400))
+    first, exact = Predicted(each, without), Predicted(np.zeros(400), NONE_LEFT)
+    alone = better_by(first, exact)
+    sums = without.sum(axis=1)
+    assert alone.simulation_error == pytest.approx(np.sqrt(15) * sums.std())
+    sampling = better_by(Predicted(each, NONE_LEFT), exact).error
+    assert alone.error == pytest.approx(np.hypot(sampling, alone.simulation_error))
+    assert better_by(first, Predicted(each - 1, without)).simulation_error == pytest.approx(0)

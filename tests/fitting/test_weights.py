@@ -1,72 +1,64 @@
-"""The compiled sums over stored trials, against what each trial is."""
+"""The compiled count of stored trials, against what each trial is."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.weights import between, gather
+from bgmodel.fitting.weights import count
+
+MIDDLE, WIDTH = 40, 0.1
 
 
-def rows_of(bins, choice, share, evidence=None, mixture=None):
-    """Return the rows that ``between`` fills: place, chosen, read, log weight."""
-    bins, choice = np.array(bins, np.int32), np.array(choice, np.int8)
+def counted(bins, choice, share, evidence=None, parts=(True,)):
+    """Return the counts that decided and that did not, by bin and evidence."""
+    bins, choice = np.array(bins, np.int16), np.array(choice, np.int8)
     evidence = np.zeros(bins.shape) if evidence is None else np.array(evidence, float)
-    mixture = np.zeros(bins.shape) if mixture is None else np.array(mixture, float)
-    place, read, weight = np.empty((3, bins.size))
-    chosen = np.empty(bins.size, np.int8)
-    used = between(
-        bins, choice, evidence, mixture, np.array(share, float), place, chosen, read, weight
-    )
-    return [each[:used] for each in (place, chosen, read, weight)]
+    decided, never = np.zeros((32, 2 * MIDDLE + 1)), np.zeros(2 * MIDDLE + 1)
+    count(bins, choice, evidence, np.array(share), np.array(parts), WIDTH, decided, never)
+    return decided, never
 
 
-def test_a_trial_of_one_choice_lies_between_its_settings_in_all_it_is():
-    found = rows_of([[10], [20]], [[1], [1]], [0.75, 0.25], [[1.0], [3.0]], [[0.0], [4.0]])
-    assert [each.tolist() for each in found] == [[12.5], [1], [1.5], [-1.0]]
+def test_a_trial_of_one_choice_lies_between_its_settings_in_time_and_evidence():
+    decided, _ = counted([[10], [20]], [[0], [0]], [0.75, 0.25], [[1.0], [3.0]])
+    assert decided[12, MIDDLE + 15] == pytest.approx(0.5)
+    assert decided[13, MIDDLE + 15] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("other", [0, -1])
+def test_evidence_counts_for_the_choice():
+    evidence = [[1.0]]
+    assert counted([[5]], [[0]], [1.0], evidence)[0][5, MIDDLE + 10] == pytest.approx(1)
+    assert counted([[5]], [[1]], [1.0], evidence)[0][5, MIDDLE - 10] == pytest.approx(1)
+
+
+@pytest.mark.parametrize("other", [1, -1])
 def test_a_trial_of_two_choices_is_divided_as_the_shares_say(other):
-    mixture = [[0.5], [2.0]]
-    place, chosen, _, weight = rows_of([[10], [20]], [[1], [other]], [0.75, 0.25], mixture=mixture)
-    assert place.tolist() == [10, 20]
-    assert chosen.tolist() == [1, other]
-    assert weight == pytest.approx([np.log(0.75) - 0.5, np.log(0.25) - 2.0])
+    decided, never = counted([[10], [20]], [[0], [other]], [0.75, 0.25])
+    assert decided[10].sum() == pytest.approx(0.75)
+    assert decided[20].sum() == pytest.approx(0.25 * (other == 1))
+    assert never.sum() == pytest.approx(0.25 * (other == -1))
 
 
 @given(st.integers(1, 4), st.integers(0, 2**32))
 @settings(max_examples=30)
-def test_every_trial_weighs_1_in_all(settings_, seed):
+def test_every_trial_counts_once_and_keeps_its_evidence(settings_, seed):
     rng = np.random.default_rng(seed)
-    bins, choice = rng.integers(0, 30, (settings_, 40)), rng.integers(-1, 2, (settings_, 40))
-    weight = rows_of(bins, choice, rng.dirichlet(np.ones(settings_)))[3]
-    assert np.exp(weight).sum() == pytest.approx(40)
+    bins, choice = rng.integers(0, 30, (settings_, 40)), rng.integers(0, 2, (settings_, 40))
+    evidence = rng.uniform(-3, 3, (settings_, 40))
+    share = rng.dirichlet(np.ones(settings_))
+    decided, _ = counted(bins, choice, share, evidence)
+    assert decided.sum() == pytest.approx(40)
+    towards = share @ np.where(choice == 0, evidence, -evidence)
+    columns = (np.arange(2 * MIDDLE + 1) - MIDDLE) * WIDTH
+    assert (decided @ columns).sum() == pytest.approx(towards.sum())
 
 
-def summed(place, chosen, as_zero, as_one, bins=5):
-    found = np.zeros((len(as_zero), 2, bins))
-    gather(np.array(place, float), np.array(chosen, np.int8), np.array(as_zero, float),
-           np.array(as_one, float), found)  # fmt: skip
-    return found
-
-
-def test_a_trial_as_one_chose_the_other_channel_and_its_image_its_own():
-    """Channel 0 is what stored evidence speaks for, response 1 what the asked drift does."""
-    found = summed([2], [0], [[1.0]], [[3.0]])
-    assert found[0, 1, 2] == 0.75
-    assert found[0, 0, 2] == 0.25
-    assert found.sum() == 1
-    assert np.array_equal(summed([2], [1], [[1.0]], [[3.0]]), found[:, ::-1])
-
-
-def test_a_place_between_two_bins_goes_to_both():
-    found = summed([2.25], [0], [[0.0]], [[1.0]])
-    assert found[0, 1].tolist() == [0, 0, 0.75, 0.25, 0]
-
-
-def test_what_is_undecided_or_late_counts_to_the_whole_alone():
-    assert summed([1, 4, 7, 4.5], [0, -1, 0, 1], np.ones((1, 4)), np.ones((1, 4)))[0].tolist() == [
-        [0, 0.125, 0, 0, 0.0625],
-        [0, 0.125, 0, 0, 0.0625],
-    ]
+@given(st.integers(1, 5), st.integers(0, 2**32))
+@settings(max_examples=20)
+def test_parts_add_up_to_the_whole(parts, seed):
+    rng = np.random.default_rng(seed)
+    trials = [rng.integers(0, 30, (1, 40)), rng.integers(-1, 2, (1, 40)), [1.0]]
+    evidence = rng.uniform(-3, 3, (1, 40))
+    each = [counted(*trials, evidence, row) for row in np.eye(parts, dtype=bool)]
+    for some, whole in zip(zip(*each, strict=True), counted(*trials, evidence), strict=True):
+        assert np.sum(some, axis=0) == pytest.approx(whole)

@@ -1,0 +1,125 @@
+"""The error of simulated trials: what is stated against what other seeds give."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel.fitting.algorithms import SENSITIVITY, GapModel
+from bgmodel.fitting.crossings import decided, simulated
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.identify import directions
+from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.simulation import jackknifed, simulation_error, without_parts
+from tests.drawn import TRUTH, drawn, ideal
+
+THRESHOLDS = np.log1p(np.exp(-np.linspace(2.0, 0.4, 20)))
+PARTS = 12
+SEEDS = range(16)
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """An ideal integrator that is simulated: its likelihood is known, and it has an error."""
+
+    stored: object
+    parts: np.ndarray
+    criterion_name = "threshold_nats"
+    parameters = (
+        SENSITIVITY,
+        Parameter("threshold_nats", THRESHOLDS[0], THRESHOLDS[-1], 0.25),
+        *RESPONSE,
+    )
+
+    def decided(self, values, strength, grid):
+        drift = values["sensitivity"] * strength
+        part = self.stored.part(self.parts)
+        return decided([(part, 1.0)], float(values["threshold_nats"][0]), drift, grid)
+
+    def _part(self, parts):
+        return replace(self, parts=parts)
+
+    def halves(self):
+        even = np.array([True, False])
+        return self._part(even), self._part(~even)
+
+    def left_out(self):
+        return tuple(self._part(~left) for left in np.eye(PARTS, dtype=bool))
+
+
+def integrator(seed):
+    return Integrator(
+        simulated(ideal, THRESHOLDS, seconds=2.0, trials=120, seed=seed), np.ones(1, dtype=bool)
+    )
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """Return data that differ from the model, and a fit of each of several stores to them."""
+    some = drawn(GapModel(falls=True), [0.05, 0.3], 300, 3, seconds=2.0, sensitivity=10.0,
+                 bound=0.7, fall_s=1.0)  # fmt: skip
+    held = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
+    found = []
+    for seed in SEEDS:
+        likelihood = likelihood_of(integrator(seed), design_of(some), fixed=held)
+        best = optimum(likelihood)
+        there = directions(likelihood, best.vector)
+        found.append((likelihood, best, there, simulation_error(likelihood, there)))
+    return found
+
+
+def ratio(seen, stated):
+    return np.std(seen, axis=0, ddof=1) / np.sqrt(np.mean(np.square(stated), axis=0))
+
+
+def test_the_stated_errors_are_those_between_stores(fits):
+    """Of 16 stores the scatter is known within a factor of 1.5."""
+    logs = [best.log_likelihood for _, best, _, _ in fits]
+    assert ratio(logs, [each.log_likelihood for *_, each in fits]) == pytest.approx(1, abs=0.5)
+    vectors = [best.vector for _, best, _, _ in fits]
+    assert ratio(vectors, [each.parameters for *_, each in fits]) == pytest.approx(1, abs=0.6)
+    assert np.std(logs) > 0.5
+
+
+def test_more_trials_have_a_smaller_error(fits):
+    likelihood, _, there, few = fits[0]
+    more = simulated(ideal, THRESHOLDS, seconds=2.0, trials=1920, seed=77)
+    larger = replace(likelihood, model=Integrator(more, np.ones(1, dtype=bool)))
+    found = simulation_error(larger, there)
+    assert found.log_likelihood == pytest.approx(few.log_likelihood / 4, rel=0.6)
+
+
+def test_one_step_goes_where_a_search_would(fits):
+    likelihood, best, there, _ = fits[1]
+    left, vector = without_parts(likelihood, there)[0]
+    searched = optimum(left, starts=[best.vector])
+    own = there.standard_errors
+    assert (vector - searched.vector) / own == pytest.approx(0, abs=0.12)
+
+
+def test_a_number_at_its_bound_stays_there(fits):
+    likelihood, best, there, _ = fits[0]
+    high = likelihood.freedom.high
+    stuck = replace(there, vector=np.where([True, False, False], high, best.vector))
+    assert all(vector[0] == high[0] for _, vector in without_parts(likelihood, stuck))
+
+
+def test_an_exact_model_has_no_error():
+    some = drawn(GapModel(), [0.05, 0.3], 50, 4, seconds=2.0, sensitivity=10.0, bound=0.7)
+    likelihood = likelihood_of(GapModel(), design_of(some), free=["bound"])
+    there = directions(likelihood, np.array([0.7]))
+    found = simulation_error(likelihood, there)
+    assert found.log_likelihood == 0
+    assert found.parameters.tolist() == [0]
+
+
+@given(st.lists(st.floats(-50, 50), min_size=3, max_size=40))
+def test_the_jackknife_of_a_mean_is_the_standard_error(values):
+    """Without one of n values the mean moves by its deviation over n - 1."""
+    array = np.array(values)
+    means = (array.sum() - array) / (len(array) - 1)
+    expected = array.std(ddof=1) / np.sqrt(len(array))
+    assert float(jackknifed(means)) == pytest.approx(expected, abs=1e-9)
