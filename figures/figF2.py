@@ -63,7 +63,8 @@ def compute(settings: Settings, parameters: Path, *, output: Path) -> None:
         for model in (TEST, FALLING):
             values = fitted(table, who, model)
             time = np.arange(0, SECONDS, 0.02)
-            gap = values["bound"] * np.exp(-time / values.get("fall_s", np.inf))
+            rate = values["fall_per_s"] if model == FALLING else 0.0
+            gap = values["bound"] * np.exp(-rate * time)
             rows = pd.DataFrame({"time_s": time + values["t0_s"], "value": gap})
             parts.append(rows.assign(participant=who, model=model, kind="criterion"))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)

@@ -21,7 +21,7 @@ from tests.test_figures import TINY
 SMALL = {"sensitivity": 15.0, "t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
 OF = {
     fitted.TEST: {"bound": 0.6},
-    fitted.FALLING: {"bound": 1.2, "fall_s": 0.5},
+    fitted.FALLING: {"bound": 1.2, "fall_per_s": 2.0},
     fitted.CIRCUIT: {"threshold_nats": 0.3},
     fitted.DOPAMINE: {"threshold_nats": 0.2, "dopamine_rise": 0.5, "rise_ms": 700.0},
     fitted.ONSET: {"threshold_nats": 0.5, "onset_nats": 0.3, "decay_ms": 400.0},
@@ -125,7 +125,7 @@ def test_figure_f2_has_the_gap_as_it_was_fitted(criterion):
     falling = gaps[gaps["model"] == fitted.FALLING]
     since = falling["time_s"] - SMALL["t0_s"]
     own = OF[fitted.FALLING]
-    assert np.allclose(falling["value"], own["bound"] * np.exp(-since / own["fall_s"]))
+    assert np.allclose(falling["value"], own["bound"] * np.exp(-own["fall_per_s"] * since))
 
 
 def test_cells_driven_at_onset_raise_snr_early_and_decay(criterion):

@@ -18,7 +18,9 @@ SENSITIVITY = Parameter(
 )
 """Bounds and start for a largest strength of 1; ``likelihood_of`` divides them by the largest."""
 BOUND = Parameter("bound", 0.1, 8.0, 0.7, "half of the gap in units of the noise, sqrt(s)")
-FALL = Parameter("fall_s", 0.1, 20.0, 1.0, "time in which the gap falls by a factor e, s")
+FALL = Parameter(
+    "fall_per_s", 0.0, 10.0, 1.0, "rate at which the gap falls exponentially, 1/s; 0 is constant"
+)
 
 
 EARLY, PARTS = 20, 8
@@ -66,7 +68,7 @@ class GapModel:
     Parameters
     ----------
     falls : bool
-        Whether the gap falls, by a factor e in every ``fall_s``.
+        Whether the gap falls, as ``exp(-fall_per_s t)``. At a rate of 0 it is the constant gap.
     """
 
     falls: bool = False
@@ -90,7 +92,7 @@ class GapModel:
         """Return the probability of a decision in each bin; see ``Model``."""
         drift = values["sensitivity"] * strength
         bound = values["bound"]
-        falls = values["fall_s"] if self.falls else np.full(len(bound), np.inf)
+        falls = values["fall_per_s"] if self.falls else np.zeros(len(bound))
         found = np.empty((len(strength), 2, grid.bins))
         time_s, width_s, first = _parts(grid.bins)
         shapes = np.stack([bound, falls], axis=1)
@@ -102,12 +104,12 @@ class GapModel:
         return found
 
     def _at_rest(
-        self, bound: float, fall_s: float, time_s: Array, width_s: Array
+        self, bound: float, fall_per_s: float, time_s: Array, width_s: Array
     ) -> tuple[Array, Array]:
         """Return the density without drift at times, and the bound there."""
-        if not self.falls:
+        if fall_per_s == 0:
             return passage.constant_at_rest(bound, time_s), np.full(len(time_s), bound)
-        gap, slope = passage.exponential(bound, fall_s)
+        gap, slope = passage.exponential(bound, 1 / fall_per_s)
         return passage.falling_at_rest(gap, slope, time_s, width_s), gap(time_s)
 
     def halves(self) -> tuple[Model, Model]:

@@ -316,10 +316,10 @@ def test_criterion_means_that_of_each_model_and_varies_with_a_column(capsys):
 
 def test_a_model_without_a_parameter_that_is_freed_is_named(capsys):
     models = ["--models", "constant_gap", "falling_gap"]
-    free = ["--free", "sensitivity", "fall_s", "criterion"]
+    free = ["--free", "sensitivity", "fall_per_s", "criterion"]
     assert run("fit", "mine.csv", *COHERENCE, *models, *free, "--pooled") == 0
     said = capsys.readouterr().err
-    assert "constant_gap has no fall_s, so that what --free leaves out is held in it" in said
+    assert "constant_gap has no fall_per_s, so that what --free leaves out is held in it" in said
     assert "falling_gap has no" not in said
 
 

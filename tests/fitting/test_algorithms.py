@@ -32,26 +32,39 @@ def test_bins_hold_the_mass_accuracy_and_mean_of_the_closed_forms(drift, bound):
         assert said["mean_s"] == pytest.approx(float(passage.mean_time_s(drift, bound)), abs=5e-4)
 
 
-@given(st.floats(0, 25), st.floats(0.15, 4.0), st.floats(0.1, 0.5))
+@given(st.floats(0, 25), st.floats(0.15, 4.0), st.floats(2.0, 10.0))
 @settings(max_examples=20)
-def test_no_trial_of_a_falling_gap_is_lost_or_made(drift, bound, fall_s):
-    found = decided(FALLING, 1, sensitivity=drift, bound=bound, fall_s=fall_s)
+def test_no_trial_of_a_falling_gap_is_lost_or_made(drift, bound, fall_per_s):
+    found = decided(FALLING, 1, sensitivity=drift, bound=bound, fall_per_s=fall_per_s)
     assert found.sum() == pytest.approx(1, abs=3e-3)
 
 
 @pytest.mark.parametrize("bound", [0.3, 0.7])
 def test_a_gap_that_falls_slowly_is_constant(bound):
     own = decided(CONSTANT, [0, 0.3], sensitivity=10, bound=bound)
-    slow = decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_s=1e7)
+    slow = decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_per_s=1e-7)
     assert slow == pytest.approx(own, abs=1e-5)
-    assert np.abs(decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_s=1) - own).max() > (
+    assert np.abs(decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_per_s=1) - own).max() > (
         1e-4
     )
 
 
+@given(st.floats(0, 20), st.floats(0.15, 1.5))
+@settings(max_examples=20)
+def test_at_a_rate_of_0_the_falling_gap_is_the_constant_one(sensitivity, bound):
+    """So that the optimum of the falling gap can't lie below the constant gap's."""
+    assert FALL.low == 0
+    values = {"sensitivity": sensitivity, "bound": bound}
+    strengths = [0.0, 0.3, 1.0]
+    falling = decided(FALLING, strengths, **values, fall_per_s=0)
+    assert np.array_equal(falling, decided(CONSTANT, strengths, **values))
+    nearly = decided(FALLING, strengths, **values, fall_per_s=1e-9)
+    assert nearly == pytest.approx(falling, abs=2e-5)
+
+
 @pytest.mark.parametrize("model", [CONSTANT, FALLING])
 def test_evidence_for_the_other_response_exchanges_them(model):
-    given = {"sensitivity": 9.0, "bound": 0.8, "fall_s": 0.7}
+    given = {"sensitivity": 9.0, "bound": 0.8, "fall_per_s": 1 / 0.7}
     one, other = decided(model, [0.4, -0.4], **given)
     assert one == pytest.approx(other[::-1], rel=1e-12)
     assert one[1].sum() > 2 * one[0].sum()
@@ -59,7 +72,7 @@ def test_evidence_for_the_other_response_exchanges_them(model):
 
 @pytest.mark.parametrize("model", [CONSTANT, FALLING])
 def test_each_cell_has_its_own_parameters(model):
-    some = {"sensitivity": [4.0, 12, 8], "bound": [0.5, 0.9, 0.5], "fall_s": [0.6, 0.6, 2.0]}
+    some = {"sensitivity": [4.0, 12, 8], "bound": [0.5, 0.9, 0.5], "fall_per_s": [1.7, 1.7, 0.5]}
     strength = [0.1, 0.5, 0.2]
     together = decided(model, strength, **some)
     for cell in range(3):
@@ -68,8 +81,8 @@ def test_each_cell_has_its_own_parameters(model):
 
 
 def test_drift_is_sensitivity_times_strength():
-    one = decided(FALLING, 0.2, sensitivity=10, bound=0.8, fall_s=1)
-    other = decided(FALLING, 20, sensitivity=0.1, bound=0.8, fall_s=1)
+    one = decided(FALLING, 0.2, sensitivity=10, bound=0.8, fall_per_s=1)
+    other = decided(FALLING, 20, sensitivity=0.1, bound=0.8, fall_per_s=1)
     assert one == pytest.approx(other, rel=1e-12)
 
 

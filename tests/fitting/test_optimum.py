@@ -9,6 +9,7 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import (
+    TOLERANCE_NATS,
     Likelihood,
     Optimum,
     _scales,
@@ -23,7 +24,7 @@ STRENGTHS = [0.0, 0.05, 0.15, 0.4]
 CONSTANT, FALLING = GapModel(), GapModel(falls=True)
 CASES = {
     "constant": (CONSTANT, {"sensitivity": 12.0, "bound": 0.6}, 400),
-    "falling": (FALLING, {"sensitivity": 12.0, "bound": 0.7, "fall_s": 0.3}, 500),
+    "falling": (FALLING, {"sensitivity": 12.0, "bound": 0.7, "fall_per_s": 1 / 0.3}, 500),
 }
 
 
@@ -51,6 +52,17 @@ def test_parameters_that_made_the_data_are_found_within_their_errors(case, seed)
     assert likelihood(found.vector) == pytest.approx(found.log_likelihood, abs=1e-9)
     # They tell these from others: the errors are a small part of what stands there.
     assert (errors < 0.4 * truth).all()
+
+
+@pytest.mark.parametrize("seed", [23, 26])
+def test_a_falling_gap_is_never_less_likely_than_the_constant_gap_that_it_contains(seed):
+    """Times of these sets are most likely under the constant gap."""
+    values = {"sensitivity": 10.0, "bound": 0.45, "t0_s": 0.3}
+    design = design_of(drawn(CONSTANT, [0.0, 0.1, 0.3], 60, seed, seconds=2.5, **values))
+    free = ["sensitivity", "bound", "t0_s"]
+    constant = optimum(likelihood_of(CONSTANT, design, free=free))
+    falling = optimum(likelihood_of(FALLING, design, free=[*free, "fall_per_s"]))
+    assert falling.log_likelihood >= constant.log_likelihood - 2 * TOLERANCE_NATS
 
 
 @pytest.fixture(scope="module")
