@@ -8,26 +8,29 @@ are not decided by the deadline have no response.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy.stats import kstest
+from scipy.stats import kstest, norm
 
-from benchmarks.scores.fits import COARSE_TRIALS, TRIALS, fitted_circuit
+from benchmarks.scores.fits import COARSE_TRIALS, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.arrays import Array, Integers
-from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel, Model
 from bgmodel.fitting.circuit import NONE
 from bgmodel.fitting.crossings import Crossings, decided, simulated
 from bgmodel.fitting.design import Design
+from bgmodel.fitting.fit import fit, widened
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.posterior import posterior
 from bgmodel.fitting.responses import BIN_S, Grid, Observed, responded
+from bgmodel.fitting.simulation import simulation_error
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 70_001
@@ -43,9 +46,10 @@ PRIOR = {
 }  # fmt: skip
 """Range from which parameters are drawn: that of the fits to people and monkeys."""
 BATCH_SETS = 10
-MORE = 4
-"""Times the stored trials of a fit: their error moves the threshold of all sets alike, by about a
-third of the posterior's width with as many as a fit has."""
+TRIALS = 16_000
+"""Trials that a fitted circuit is simulated with, at each drift: the default of a fit."""
+STORES, STORE_SETS, COARSE_STORES = 10, 20, 3
+"""Independent stores of simulated trials, and sets that each makes and another one fits."""
 WALKERS, STEPS, RANKED = 24, 300, 99
 """Of the posteriors of recovery, and draws of each among which the truth has its rank."""
 DIRECT_SETS, DIRECT_TRIALS = 20, 10_000
@@ -133,7 +137,7 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
         draws = posterior(
             likelihood, there, walkers=WALKERS, steps=STEPS, most_steps=STEPS, seed=number
         )
-        low, high = draws.interval(0.9)
+        low, high = widened(draws, simulation_error(likelihood, there).parameters)
         some = draws.draws[np.linspace(0, len(draws.draws) - 1, RANKED).astype(int)]
         for k, name in enumerate(names):
             rows.append(
@@ -145,6 +149,47 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
                 }
             )  # fmt: skip
     return pd.DataFrame(rows).assign(by=by)
+
+
+def fitted_elsewhere(store: int, stores: int, sets: int, trials: int) -> pd.DataFrame:
+    """Return fits to sets that are drawn from the densities of another store of simulated trials.
+
+    A row per set and parameter: truth, value, standard_error and simulation_error. The two stores
+    differ by chance alone, so intervals hold the truth as often as they say if their errors hold
+    the error of the simulation.
+    """
+    ours, theirs = (
+        replace(fitted_circuit(NONE, trials, DEADLINE_S), seed=SCORING_SEED + 100 + number)
+        for number in (store, (store + 1) % stores)
+    )
+    names = [each.name for each in ours.parameters]
+    rows = []
+    for number in range(store * sets, (store + 1) * sets):
+        truth = drawn(names, number)
+        design = drawn_from(theirs, dict(zip(names, truth.tolist(), strict=True)), number)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            table = fit(likelihood_of(ours, design, free=names)).parameters()
+        rows.append(table.assign(set=number, truth=truth).drop(columns=["low", "high"]))
+    return pd.concat(rows, ignore_index=True).assign(store=store)
+
+
+def drawn_from(model: Model, values: Mapping[str, float], number: int) -> Design:
+    """Return a data set drawn from the densities of a model."""
+    each = SET_TRIALS // len(STRENGTHS)
+    every = {name: np.full(len(STRENGTHS), value) for name, value in values.items()}
+    response = {name: every[name] for name in ("t0_s", "t0_sd_s", "lapse")}
+    density = responded(model.decided(every, np.array(STRENGTHS), GRID), GRID, **response)
+    rng = stream(SCORING_SEED, "elsewhere", number)
+    mass = np.maximum(density, 0).reshape(len(STRENGTHS), -1) * BIN_S
+    never = np.maximum(1 - mass.sum(axis=1), 0.0)
+    shares = np.column_stack([mass, never]) / (mass.sum(axis=1) + never)[:, None]
+    picked = np.concatenate([rng.choice(len(row), each, p=row) for row in shares])
+    choice, bins = np.divmod(picked, GRID.bins)
+    rt = np.where(choice == 2, np.nan, (bins + rng.random(len(bins))) * BIN_S)
+    cell = np.repeat(np.arange(len(STRENGTHS)), each)
+    seen = Observed(cell, np.where(choice == 2, -1, choice), rt, GRID, DEADLINE_S)
+    return Design(np.array(STRENGTHS), {}, seen)
 
 
 def direct(sets: int, trials: int) -> pd.DataFrame:
@@ -195,11 +240,15 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for by in ("test", "circuit"):
         for first in range(0, sets, BATCH_SETS):
             some = min(BATCH_SETS, sets - first)
-            make = partial(recovered, by, first, some, MORE * trials)
+            make = partial(recovered, by, first, some, trials)
             seconds = some * (4 if by == "test" else 30)
             yield Piece("recovery", f"{by} {first}", SET_TRIALS, seconds, make)
+    stores = COARSE_STORES if fast else STORES
+    for store in range(stores):
+        make = partial(fitted_elsewhere, store, stores, STORE_SETS, trials)
+        yield Piece("elsewhere", f"store {store}", SET_TRIALS, 120, make)
     few = COARSE_SETS if fast else DIRECT_SETS
-    yield Piece("direct", "again", SET_TRIALS, 20 * few, partial(direct, few, MORE * trials))
+    yield Piece("direct", "again", SET_TRIALS, 20 * few, partial(direct, few, trials))
 
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
@@ -210,7 +259,31 @@ def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
         "sets": ("recovery", found),
         "calibration": ("recovery", _calibration(found)),
         "direct": ("direct", again.assign(apart_nats=apart)),
+        "elsewhere": ("elsewhere", _covered(made["elsewhere"])),
     }
+
+
+def _covered(found: pd.DataFrame) -> pd.DataFrame:
+    """Return how often intervals of 0.9 hold the truth, by parameter and pooled.
+
+    With the error of the simulation and without it; ``error`` is that of the share, from sets.
+    """
+    half = norm.ppf(0.95)
+    apart = (found["value"] - found["truth"]).abs()
+    alone = np.sqrt(found["standard_error"] ** 2 - found["simulation_error"] ** 2)
+    found = found.assign(
+        inside=apart <= half * found["standard_error"], inside_without=apart <= half * alone
+    )
+    rows = []
+    for name, some in [*found.groupby("parameter", sort=False), ("pooled", found)]:
+        by_set = some.groupby("set")["inside"].mean()
+        rows.append(
+            {
+                "parameter": name, "sets": len(by_set), "coverage": by_set.mean(),
+                "error": by_set.sem(), "coverage_without": some["inside_without"].mean(),
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:

@@ -127,7 +127,7 @@ def _likeness(crossings: Crossings, row: int, walks: Crossings) -> tuple[list[fl
 def ideal(read: Array, first: int) -> Trace:
     """Return the sums of the evidence as OUT, as ``crossings.Run`` asks for it."""
     apart = read[:, :, 0] - read[:, :, 1]
-    time_ms = (np.arange(read.shape[1]) + 1) * 1000 * BIN_S
+    time_ms = np.arange(1.0, read.shape[1] + 1) * 1000 * BIN_S
     return Trace(np.stack([-apart, apart], axis=2), time_ms, step_ms=1000 * BIN_S)
 
 

@@ -109,8 +109,10 @@ def better_by(first: Predicted, second: Predicted) -> Better:
     """
     apart = first.each - second.each
     sampling = float(apart.std(ddof=1) * math.sqrt(len(apart)))
-    sums = [each.without.sum(axis=1) if len(each.without) else 0.0 for each in (first, second)]
-    own = float(jackknifed(np.atleast_1d(np.subtract(*sums))))
+    one, other = (
+        each.without.sum(axis=1) if len(each.without) else np.zeros(1) for each in (first, second)
+    )
+    own = float(jackknifed(one - other))
     return Better(float(apart.sum()), math.hypot(sampling, own), own)
 
 

@@ -115,7 +115,7 @@ def _curvature(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
         change = _slopes(likelihood, above, inside) - _slopes(likelihood, below, inside)
         slopes.append(change[inside] / (2 * step))
     found = -np.array(slopes).reshape(inside.sum(), inside.sum())
-    return (found + found.T) / 2
+    return np.asarray((found + found.T) / 2)
 
 
 def _steps(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
@@ -123,4 +123,4 @@ def _steps(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
     low, high = likelihood.freedom.low, likelihood.freedom.high
     steps = STEP * np.maximum(np.abs(vector), 0.1 * (high - low))
     room = np.minimum(vector - low, high - vector) / 2
-    return np.minimum(steps, room)[inside]
+    return np.asarray(np.minimum(steps, room)[inside])
