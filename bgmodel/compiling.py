@@ -3,24 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
-import numba
 from numba.core import event
 
+from bgmodel.ours import explained
+
+try:
+    from circuits.compiled_code import compile_cached, sources_hash
+except ImportError as error:
+    raise explained(error) from error
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+SOURCES = sources_hash(Path(__file__).parent)
 
 
-def compiled(function: Function) -> Function:
-    """Compile a function on its first call and keep it on disk; threads run it side by side."""
-    made: Function = numba.njit(cache=True, nogil=True)(function)
+def compiled(function: Function, **options: Any) -> Function:
+    """Compile a function on its first call and keep it on disk; threads run it side by side.
+
+    Parameters
+    ----------
+    function : callable
+        Python function.
+    **options
+        Options of ``numba.njit``.
+    """
+    made: Function = compile_cached(function, SOURCES, nogil=True, **options)
     return made
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function into each that calls it."""
-    made: Function = numba.njit(cache=True, nogil=True, inline="always")(function)
-    return made
+    """Compile a function into each function that calls it."""
+    return compiled(function, inline="always")
 
 
 class _Listener(event.Listener):  # type: ignore[misc]

@@ -113,7 +113,7 @@ def try_out(python: str, archive: Path, *constraints: str) -> float:
         # Nothing of the checkout, nothing compiled before.
         kept = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
         there = {**kept, "XDG_CACHE_HOME": str(work / "cache"), "MPLBACKEND": "Agg"}
-        there["NUMBA_CACHE_DIR"] = str(work / "compiled")
+        there.pop("NUMBA_CACHE_DIR", None)
         there["PATH"] = f"{own / 'bin'}{os.pathsep}{kept['PATH']}"
         pip = [str(own / "bin" / "python"), "-m", "pip", "install", "-q"]
         _run([*pip, *constraints, str(archive)], work, there)
@@ -133,6 +133,7 @@ def try_out(python: str, archive: Path, *constraints: str) -> float:
             shown, cwd=work, env=there, check=True, capture_output=True, text=True
         )
         numpy, numba, brian2 = versions.stdout.split()
+        check_replaced(own, pip, work, there)
     seconds = time.monotonic() - started
     print(
         f"{_version(python)}, {archive.name}{' with constraints.txt' if constraints else ''}: "
@@ -140,6 +141,16 @@ def try_out(python: str, archive: Path, *constraints: str) -> float:
         flush=True,
     )
     return seconds
+
+
+def check_replaced(own: Path, pip: Sequence[str], work: Path, environment: dict[str, str]) -> None:
+    """Raise SystemExit unless an editable installation takes the place of one that was used."""
+    left = [str(path) for path in own.rglob("*.nb[ic]") if {*path.parts} & {*PACKAGES}]
+    if left:
+        raise SystemExit(f"compiled code lies in the installed package: {', '.join(left)}")
+    _run([*pip, "--no-deps", "-e", str(ROOT)], work, environment)
+    code = f"import bgmodel; bgmodel.Msprt; assert {str(ROOT)!r} in bgmodel.__file__"
+    _run([str(own / "bin" / "python"), "-c", code], work, environment)
 
 
 def interpreters(names: Sequence[str]) -> Iterator[str]:

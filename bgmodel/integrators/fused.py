@@ -7,13 +7,13 @@ for each threshold the readings are counted at which that has not happened yet.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.compiling import inlined
+from bgmodel.compiling import compiled, inlined
 from bgmodel.decision import Tally
 
 LANES = 128
@@ -290,7 +290,7 @@ def _decide(
             best[0] = best[AT_ONCE]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@partial(compiled, fastmath=FAST)
 def _count(trials: int, steps: int, separation: Any, bars: Any, seed: Any, hypotheses: int) -> Any:
     """Return readings taken, correct choices and forced ones (K,), summed over trials."""
     count = bars.shape[0] - AT_A_TIME + 1

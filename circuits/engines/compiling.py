@@ -1,22 +1,15 @@
-"""Compiled code, kept on disk for these very sources.
-
-Numba keeps compiled functions by the date of the file they stand in, and looks at no other file
-they take something from: after an edit elsewhere old code would run without a word. Here they are
-kept under a hash of all sources as they were imported.
-"""
+"""Options of compiled code, and the records and edges that it reads."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
-import platformdirs
 
 import circuits
+from circuits.compiled_code import compile_cached, sources_hash
 
 OPTIONS = {
     # Not "reassoc": it would add in an order that depends on the loop around an expression. Not
@@ -28,23 +21,13 @@ OPTIONS = {
     "nogil": True,
     # A call hands over every array in parts: of populations of 100 cells that was 7 % of the time.
     "forceinline": True,
-    "cache": True,
 }
-SOURCES = b"".join(
-    path.read_bytes() for path in sorted(Path(circuits.__file__).parent.rglob("*.py"))
-)
-STATE = hashlib.sha256(SOURCES).hexdigest()[:16]
+SOURCES = sources_hash(Path(circuits.__file__).parent)
 
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function on its first call, or take it from the user's cache folder."""
-    before = numba.config.CACHE_DIR
-    root = Path(before) if before else platformdirs.user_cache_path("bgmodel")
-    numba.config.CACHE_DIR = str(root / "compiled" / STATE)
-    try:
-        return numba.njit(**OPTIONS)(function)
-    finally:
-        numba.config.CACHE_DIR = before
+    return compile_cached(function, SOURCES, **OPTIONS)
 
 
 def record(**kinds: str) -> np.dtype:

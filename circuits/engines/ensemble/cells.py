@@ -145,9 +145,8 @@ _LOOPS: dict[tuple[Any, Any], Loops] = {}
 
 def _compiled_loops(kind: type[Cell]) -> Loops:
     count, size = len(constant_names(kind)), len(kind.state)
-    options = {name: value for name, value in OPTIONS.items() if name != "cache"}
-    tick, begin = (numba.njit(**options)(function) for function in (kind.tick, kind.begin))
-    for_c = {name: value for name, value in options.items() if name != "nogil"}
+    tick, begin = (numba.njit(**OPTIONS)(function) for function in (kind.tick, kind.begin))
+    for_c = {name: value for name, value in OPTIONS.items() if name != "nogil"}
     try:
         return Loops(
             numba.cfunc(ADVANCE, **for_c)(_advance(tick, size, count)),

@@ -1,0 +1,82 @@
+"""Compiled functions, kept between runs in the user's cache folder.
+
+By default Numba writes next to the source. In an installed package, pip then leaves the folder
+behind when it removes the package, and what is left hides a later editable installation. Numba also
+checks only the file that holds a function: after an edit elsewhere the old code would run silently.
+Here compiled functions are stored under a hash of all sources as they were imported.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+import threading
+import warnings
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+
+_LOCK = threading.Lock()
+"""Numba reads the folder from a setting of the whole process."""
+
+
+def sources_hash(package: Path) -> str:
+    """Return a hash of Numba's version and of all sources in a folder, 16 hexadecimal digits."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -> Any:
+    """Return a function that compiles on its first call, or is loaded from the cache folder.
+
+    The folder is ``NUMBA_CACHE_DIR`` if that is set, otherwise the user's cache folder. If it
+    cannot be written, every process compiles for itself.
+
+    Parameters
+    ----------
+    function : callable
+        Python function.
+    sources : str
+        Hash of all sources that the function uses, from ``sources_hash``.
+    **options
+        Options of ``numba.njit``.
+    """
+    with _LOCK:
+        before = numba.config.CACHE_DIR
+        folder = _folder(before, sources)
+        numba.config.CACHE_DIR = str(folder)
+        try:
+            return numba.njit(cache=folder is not None, **options)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+
+
+@cache
+def _folder(chosen: str, sources: str) -> Path | None:
+    """Return the folder for compiled code; warn and return None if it cannot be written."""
+    root = Path(chosen).absolute() if chosen else platformdirs.user_cache_path("bgmodel")
+    folder = root / "compiled" / sources
+    try:
+        # Without any home folder the path is relative, and would depend on the working directory.
+        if not folder.is_absolute():
+            raise OSError("there is no home folder")
+        folder.mkdir(parents=True, exist_ok=True)
+        # A file with content: creating an empty one succeeds on a full disk.
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(bytes(4096))
+    except OSError as error:
+        # Not a UserWarning: those are stored in results, which must not depend on the machine.
+        warnings.warn(
+            f"compiled code is not kept, so every run compiles again: {str(root)!r} cannot be "
+            f"written ({error.strerror or error}); set NUMBA_CACHE_DIR to a folder that can",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return None
+    return folder

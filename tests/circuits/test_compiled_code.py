@@ -1,0 +1,107 @@
+"""Compiled code: where it is kept, and that nothing depends on it."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import bgmodel.compiling
+from bgmodel import crossing
+from bgmodel.fitting import weights
+from bgmodel.integrators import fused
+from bgmodel.tactile import sampling
+from circuits.compiled_code import sources_hash
+from circuits.engines import compiling
+from circuits.engines.ensemble import kernel, lanes
+from circuits.engines.population import kernel as population
+from tests.helpers import ROOT
+
+DECIDES = """
+from bgmodel import Msprt, first_crossing
+from bgmodel.evidence import gaussian_evidence
+from bgmodel.seeds import stream
+evidence = gaussian_evidence(50, 20, 1.0, rng=stream(1, "cache"), hypotheses=3)
+print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())
+"""
+
+
+@pytest.mark.parametrize("module", [crossing, fused, kernel, lanes, population, sampling, weights])
+def test_compiled_code_is_kept_under_a_hash_of_all_sources(module):
+    package = module.__name__.partition(".")[0]
+    expected = {"bgmodel": bgmodel.compiling.SOURCES, "circuits": compiling.SOURCES}[package]
+    found = [f for f in vars(module).values() if isinstance(f, Dispatcher) and f.stats.cache_path]
+    assert found
+    assert all(f"/compiled/{expected}/" in function.stats.cache_path for function in found)
+
+
+def test_the_hash_follows_an_edit_of_any_source(tmp_path):
+    (tmp_path / "inner").mkdir()
+    before = sources_hash(tmp_path)
+    (tmp_path / "inner" / "a.py").write_text("a = 1")
+    after = sources_hash(tmp_path)
+    (tmp_path / "inner" / "a.py").write_text("a = 2")
+    assert len({before, after, sources_hash(tmp_path)}) == 3
+
+
+@pytest.fixture
+def installed(tmp_path):
+    """Copy the packages to a folder; return what runs code on them, with settings of its own."""
+    place = tmp_path / "site-packages"
+    for package in ("bgmodel", "circuits"):
+        no_caches = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / package, place / package, ignore=no_caches)
+    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+
+    def start(**settings):
+        return subprocess.Popen(
+            [sys.executable, "-c", DECIDES], cwd=tmp_path, text=True,
+            env={**kept, "PYTHONPATH": str(place), **settings},
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+
+    return place, start
+
+
+def compiled_files(folder):
+    return sorted(path for path in folder.rglob("*.nb[ic]"))
+
+
+def test_processes_at_once_keep_their_code_outside_of_the_package(installed, tmp_path):
+    place, start = installed
+    runs = [start(XDG_CACHE_HOME=str(tmp_path / "cache")) for _ in range(2)]
+    said = [run.communicate() for run in runs]
+    assert said[0] == said[1]
+    assert float(said[0][0]) > 0
+    assert said[0][1] == ""
+    kept = compiled_files(tmp_path / "cache" / "bgmodel")
+    assert kept
+    assert compiled_files(place) == []
+    dates = [path.stat().st_mtime_ns for path in kept]
+    assert start(XDG_CACHE_HOME=str(tmp_path / "cache")).communicate() == said[0]
+    assert compiled_files(tmp_path / "cache") == kept
+    assert [path.stat().st_mtime_ns for path in kept] == dates, "compiled again"
+
+
+def test_a_folder_that_the_user_sets_is_used(installed, tmp_path):
+    place, start = installed
+    start(NUMBA_CACHE_DIR="own", XDG_CACHE_HOME=str(tmp_path / "cache")).communicate()
+    assert compiled_files(tmp_path / "own")
+    assert compiled_files(place) == []
+    assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.parametrize("setting", ["HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"])
+def test_without_a_folder_that_can_be_written_code_compiles_and_is_not_kept(
+    installed, tmp_path, setting
+):
+    _, start = installed
+    (tmp_path / "file").touch()
+    run = start(**{"XDG_CACHE_HOME": "", setting: str(tmp_path / "file" / "below")})
+    decided, warned = run.communicate()
+    assert float(decided) > 0
+    assert "RuntimeWarning" in warned
+    assert "NUMBA_CACHE_DIR" in warned
+    assert compiled_files(tmp_path) == []
