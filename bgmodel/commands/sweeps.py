@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files as resources
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
@@ -162,16 +164,32 @@ class SweepRun:
         own = resources("bgmodel.sweeps")
         command = [sys.executable, "-m", "snakemake", "-s", str(own / "Snakefile")]
         if self.on == "slurm":
-            command += ["--profile", str(self.profile or own / "slurm")]
+            profile = self.profile.absolute() if self.profile else own / "slurm"
+            command += ["--profile", str(profile)]
         else:
             command += ["--cores", str(self.workers)]
         command += ["--rerun-incomplete", *(["--dry-run"] if self.dry_run else [])]
-        command += ["--config", f"file={self.file}", f"folder={folder}", f"parts={self.parts}"]
-        names = "".join(sorted(shard.name for shard in shards))
-        command.append(f"plan={hashlib.sha256(names.encode()).hexdigest()[:12]}")
-        status = subprocess.run(command).returncode
+        with TemporaryDirectory() as empty:
+            if not self.dry_run:
+                folder.mkdir(parents=True, exist_ok=True)
+            # Jobs on other machines read the settings too; a dry run leaves nothing behind.
+            settings = Path(empty if self.dry_run else folder).absolute() / "jobs.json"
+            settings.write_text(json.dumps(self._settings(folder, shards)))
+            place = folder.absolute() if folder.is_dir() else empty
+            command += ["--directory", str(place), "--configfile", str(settings)]
+            status = subprocess.run(command).returncode
         if status:
             raise SystemExit(f"bgmodel: the sweep is not finished, Snakemake ended with {status}")
+
+    def _settings(self, folder: Path, shards: list[Shard]) -> dict[str, str | int]:
+        """Return what the Snakefile needs to know."""
+        names = "".join(sorted(shard.name for shard in shards))
+        return {
+            "file": str(self.file.absolute()),
+            "folder": str(folder.absolute()),
+            "parts": self.parts,
+            "plan": hashlib.sha256(names.encode()).hexdigest()[:12],
+        }
 
 
 def _seconds(shard: Shard) -> float:

@@ -92,6 +92,17 @@ def test_parts_and_jobs_of_snakemake_give_the_same_bytes(small, tmp_path):
     assert outcome(tmp_path / "whole") == outcome(tmp_path / "parts") == outcome(tmp_path / "jobs")
 
 
+def test_names_of_files_and_folders_reach_jobs_as_they_are(small, tmp_path, monkeypatch):
+    """They run no command, and a folder of digits stays one."""
+    monkeypatch.chdir(tmp_path)
+    file = small.rename(tmp_path / "a' || touch x; echo '{b} $(touch x).toml")
+    file.write_text(file.read_text().replace("[0.0, 0.1]", "[0.1]").replace(", 0.8, 0.9]", "]"))
+    assert run("sweep", file.name, "010", "--on", "snakemake", "--parts", 1) == 0
+    assert (tmp_path / "010" / "outcome.csv").is_file()
+    assert {path.name for path in tmp_path.iterdir()} == {file.name, "010"}
+    assert not list(tmp_path.rglob("x"))
+
+
 def test_jobs_of_a_finished_sweep_run_again_where_the_circuit_was_edited(tmp_path, capfd):
     table = circuit("spiking_msprt", 2)
     write(table, tmp_path / "mine.toml")
