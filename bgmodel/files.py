@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bgmodel.memory import NoMemoryError, check_table_memory
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
@@ -171,10 +172,13 @@ def read_table(path: str | Path) -> pd.DataFrame:
     if not path.is_file():
         raise ValueError(f"there is no table {str(path)!r}")
     try:
+        check_table_memory(path)
         if path.suffix == ".parquet":
             return pd.read_parquet(path)
         if path.suffix == ".csv":
             return pd.read_csv(path)
+    except NoMemoryError:
+        raise
     except (OSError, ValueError, pd.errors.ParserError) as error:
         reason = str(error).strip().splitlines()[0]
         raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {reason}") from error

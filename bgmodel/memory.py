@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 SMALL_BYTES = 1e8
-"""Less is always there: nobody is asked."""
+"""Smaller runs skip the check."""
+CELL_BYTES, TEXT_TIMES = 24, 2
+"""Memory that reading takes for each cell of a parquet, and at least for each byte of text;
+measured."""
 
 
 class NoMemoryError(ValueError):
@@ -39,6 +44,26 @@ def check_evidence_memory(trials: int, steps: int, hypotheses: int) -> None:
 def check_learning_memory(runs: int, episodes: int) -> None:
     """Raise ValueError if there is no memory for what learning keeps of each run and episode."""
     check_memory(10 * 8 * float(runs) * episodes, f"{runs} runs of {episodes} episodes")
+
+
+def check_table_memory(path: Path) -> None:
+    """Raise NoMemoryError, before a table is read, if it does not fit into memory.
+
+    Parameters
+    ----------
+    path : path
+        A ``.parquet``, of which only the metadata are read, or a file of text.
+    """
+    if path.suffix != ".parquet":
+        check_memory(TEXT_TIMES * path.stat().st_size, f"the rows of {path.name!r}")
+        return
+    import pyarrow.parquet as pq
+
+    about = pq.read_metadata(path)
+    check_memory(
+        float(CELL_BYTES) * about.num_rows * about.num_columns,
+        f"{about.num_rows} rows of {about.num_columns} columns in {path.name!r}",
+    )
 
 
 def _size(count: float) -> str:

@@ -13,7 +13,14 @@ from tests.helpers import ROOT
 
 # Each module may import only from modules on lower levels.
 LEVELS = [
-    {"bgmodel.arrays", "bgmodel.facts", "bgmodel.ours", "bgmodel.progress", "bgmodel.version"},
+    {
+        "bgmodel.arrays",
+        "bgmodel.facts",
+        "bgmodel.memory",
+        "bgmodel.ours",
+        "bgmodel.progress",
+        "bgmodel.version",
+    },
     {"bgmodel.compiling"},
     {
         "bgmodel.comparison",
@@ -31,7 +38,6 @@ LEVELS = [
         "bgmodel.integrators",
         "bgmodel.learning",
         "bgmodel.learning.policies",
-        "bgmodel.memory",
         "bgmodel.moved",
         "bgmodel.plots",
         "bgmodel.seeds",

@@ -2,14 +2,20 @@
 
 from types import SimpleNamespace
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
+from bgmodel.files import read_table
 from bgmodel.memory import (
+    CELL_BYTES,
     NoMemoryError,
     check_evidence_memory,
     check_learning_memory,
     check_memory,
 )
+from bgmodel.tables.choices import read_choices
+from bgmodel.tables.evidence import read_trials
 
 
 @pytest.fixture
@@ -53,3 +59,28 @@ def test_sizes_are_said_in_the_largest_unit_that_they_reach(free, count, said):
     free(count)
     with pytest.raises(NoMemoryError, match=f", {said} are free$"):
         check_memory(1e18, "trials")
+
+
+@pytest.mark.parametrize("read", [read_table, read_trials, read_choices])
+@pytest.mark.parametrize("ending", [".parquet", ".csv"])
+def test_a_table_that_does_not_fit_is_refused_before_it_is_read(
+    free, tmp_path, monkeypatch, read, ending
+):
+    rows, columns = 2_000_000, ("trial", "step", "ll_a", "ll_b")
+    path = tmp_path / f"big{ending}"
+    if ending == ".csv":
+        needed = 200_000_000
+        with path.open("wb") as stream:
+            stream.truncate(needed // 2)
+    else:
+        needed = CELL_BYTES * rows * len(columns)
+        pq.write_table(pa.table({name: pa.nulls(rows) for name in columns}), path)
+    for reader in ("read_parquet", "read_csv"):
+        monkeypatch.setattr(f"pandas.{reader}", lambda *given, **more: 1 / 0)
+    free(needed - 1)
+    with pytest.raises(NoMemoryError, match=r"'big\..* need .* of memory"):
+        read(path)
+    if read is read_table:
+        free(needed)
+        with pytest.raises(ZeroDivisionError):
+            read(path)

@@ -15,7 +15,7 @@ import pandas as pd
 
 from bgmodel.evidence import Evidence
 from bgmodel.files import read_table
-from bgmodel.memory import check_evidence_memory
+from bgmodel.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.trials import RESULT, Trials
 
 KEYS = ("participant_id", "trial")
@@ -123,6 +123,7 @@ def trials_from_table(
 
 def _read_csv(path: Path) -> pd.DataFrame:
     """Return a table of text, but for the log-likelihoods and for what are plain numbers."""
+    check_table_memory(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             header = next(csv.reader(stream), [])

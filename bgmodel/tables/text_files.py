@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from bgmodel.files import read_table
+from bgmodel.memory import check_table_memory
 
 SEPARATORS = {".csv": ",", ".tsv": "\t"}
 
@@ -23,7 +24,8 @@ def read_rows(path: Path) -> pd.DataFrame:
     Raises
     ------
     ValueError
-        If there is no such file, or it can't be read as what its name ends in.
+        If there is no such file, it can't be read as what its name ends in, or it does not fit
+        into memory.
     """
     if path.suffix == ".parquet":
         return read_table(path)
@@ -31,6 +33,7 @@ def read_rows(path: Path) -> pd.DataFrame:
         raise ValueError(f"a table is read from .csv, .tsv or .parquet, got {str(path)!r}")
     if not path.is_file():
         raise ValueError(f"there is no table {str(path)!r}")
+    check_table_memory(path)
     try:
         cells = _cells(path, SEPARATORS[path.suffix])
     except UnicodeDecodeError:
