@@ -19,6 +19,8 @@ GLUTAMATE, GABA = "glutamate", "GABA"
 SIGNS = {GLUTAMATE: 1, GABA: -1}
 MOST_DELAY_MS = 10_000.0
 """Longest delay: engines remember every rate for so long."""
+MOST_NEURONS = 10**9
+"""Most neurons per channel: no nucleus of the basal ganglia has more in any species."""
 RECEPTORS = {"": 0, "D1": 1, "D2": -1}
 
 
@@ -108,9 +110,10 @@ class Population:
             )
 
     def _check_ranges(self) -> None:
-        if self.neurons < 1:
+        if not 1 <= self.neurons <= MOST_NEURONS:
             raise ValueError(
-                f"{self.name}: neurons must be a whole number >= 1, got {self.neurons}"
+                f"{self.name}: neurons must be a whole number from 1 to {MOST_NEURONS}, got "
+                f"{self.neurons}"
             )
         if not 0 < self.gain_hz_per_nat < math.inf:
             raise ValueError(

@@ -18,10 +18,8 @@ if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
 
-COMPILES = "compiling, once for this kind of circuit: half a minute or less"
+COMPILES = "compiling, once for this kind of circuit"
 """What a command says when an engine compiles, which is kept on disk."""
-SOON_S = 2.0
-"""A run that takes no longer than this is not announced, s."""
 OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
@@ -165,12 +163,8 @@ def say(text: str) -> None:
     print(f"bgmodel: {text}", file=sys.stderr)
 
 
-def say_before(
-    what: str, model: BasalGanglia, evidence: Evidence, *, runs: float = 1, more_s: float = 0.0
-) -> None:
-    """Say, before a circuit runs, what is done and about how long it takes.
-
-    Raises ValueError if there is no memory for it.
+def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int = 1) -> None:
+    """Say, before a circuit runs, what is done.
 
     Parameters
     ----------
@@ -180,10 +174,13 @@ def say_before(
         The circuit.
     evidence : Evidence
         What it is given.
-    runs : float
-        How often it is given that.
-    more_s : float
-        Time of what is computed beside, s.
+    runs : int
+        Number of circuits that are given it.
+
+    Raises
+    ------
+    NoMemoryError
+        If there is not enough memory.
     """
     from bgmodel.compiling import on_compiling
     from circuits.engines import THREADED
@@ -193,30 +190,17 @@ def say_before(
         say(
             f"each channel gets its own evidence, less what a reading says on the mean: {less} nats"
         )
-    at_once, steps = model.batch(evidence), evidence.steps + 1
+    at_once, steps = min(model.batch(evidence), evidence.trials), evidence.steps + 1
     model.check_memory(at_once, steps, evidence.step_ms)
-    seconds = runs * model.seconds(evidence.trials, evidence.steps, evidence.step_ms)
     if model.engine in THREADED:
         on_compiling(lambda: say(COMPILES))
     each_s = steps * evidence.step_ms / 1000
-    circuits = f"{runs:.0f} circuits, " if runs > 1 else ""
-    early = ", less where trials decide early" if seconds > more_s else ""
+    circuits = f"{runs} circuits, " if runs > 1 else ""
     memory = model.memory_gb(at_once, steps, evidence.step_ms)
-    held = f", {memory:.1f} GB of memory" if memory >= 1 else ""
-    say_how_long(
+    say(
         f"{what} {model.circuit.name} on {model.engine}, {circuits}{evidence.trials} trials of up "
-        f"to {each_s:.2g} s",
-        seconds + more_s,
-        early + held,
+        f"to {each_s:.2g} s{f', {memory:.1f} GB of memory' if memory >= 1 else ''}"
     )
-
-
-def say_how_long(what: str, seconds: float, more: str = "") -> None:
-    """Say what is done and about how long it takes, unless it is soon done."""
-    from circuits.cost import about
-
-    if seconds > SOON_S:
-        say(f"{what}: {about(seconds)}{more}")
 
 
 @contextmanager

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 LESIONS = ("STN=0.2", "GPe=0.2", "D2", "ctx->STN=0.9", "D1->SNr=0.9")
 """Edits of `circuit lesion` where none is given."""
-TABLE_S = 5e-4
-"""Time of one comparison's bootstrap per trial, s; measured."""
 MANY = Stimuli(trials=1000, t_max=110)
 
 
@@ -96,9 +94,7 @@ class Compare(Comparison):
         intact = None if model.circuit == whole else whole
         again = self.ceiling and is_noisy(model)
         runs = 1 + (intact is not None) + again
-        # The circuit and its decoder are held to two references, each rival to one.
-        more_s = TABLE_S * (4 * runs + len(rivals)) * evidence.trials
-        say_before("comparing", model, evidence, runs=runs, more_s=more_s)
+        say_before("comparing", model, evidence, runs=runs)
         given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
         with bar(runs * evidence.trials):
             table = compare_with_msprt(
@@ -146,8 +142,7 @@ class CircuitLesion(Comparison):
         if self.lesions == LESIONS:
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         circuits = 1 + len(edited)
-        more_s = 3 * TABLE_S * circuits * evidence.trials
-        say_before("lesioning", model, evidence, runs=circuits, more_s=more_s)
+        say_before("lesioning", model, evidence, runs=circuits)
         given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
         with bar(circuits * evidence.trials):
             table = compare_edits(model, edited, evidence, before=before, **given)

@@ -16,7 +16,7 @@ from bgmodel.commands.checks import (
     check_ending,
     check_whole,
     options_of,
-    say_how_long,
+    say,
     say_of_trials,
 )
 from bgmodel.decision import first_crossing
@@ -32,10 +32,6 @@ from bgmodel.tactile.likelihood import Density
 if TYPE_CHECKING:
     import pandas as pd
 
-EPISODE_S = 5e-6
-"""Time of an episode of learning in one run, s; measured."""
-PREPARE_S = 4.0
-"""Time of the exact optimum, s; measured."""
 GAP_NATS = 4.0
 """Gap of `decide` where no criterion is given."""
 TACTILE = ("task", "orientations", "period_mm", "fold", "trials", "t_max", "density")
@@ -239,10 +235,9 @@ class GapLearn(Writes):
         check_start(self.start_delta)
         check_learning_memory(self.runs, self.learner.episodes)
         policy = GaussianPolicy() if self.policy == "gaussian" else BernoulliPolicy()
-        say_how_long(
+        say(
             f"learning on a grating of {self.period_mm:g} mm, {self.runs} runs of "
-            f"{self.learner.episodes} episodes",
-            PREPARE_S + EPISODE_S * self.runs * self.learner.episodes,
+            f"{self.learner.episodes} episodes"
         )
         table, summary = learn_grating(
             self.period_mm,

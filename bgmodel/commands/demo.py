@@ -7,11 +7,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from bgmodel.commands.checks import Writes, check_ending, say_how_long
+from bgmodel.commands.checks import Writes, check_ending, say
 from bgmodel.files import replacing
-
-DEMO_S = 13.0
-"""Time of the demo, nearly all of it cells, s; measured."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class DemoRun(Writes):
         check_ending("drawing", self.drawing, ".png", ".pdf", ".svg")
         if self.alternatives < 2:
             raise ValueError(f"alternatives must be at least 2, got {self.alternatives}")
-        say_how_long("one decision of some thousands of spiking cells", DEMO_S)
+        say("one decision of some thousands of spiking cells")
         from bgmodel.demo import demo, draw
 
         found = demo(self.seed, self.alternatives)

@@ -35,10 +35,6 @@ if TYPE_CHECKING:
     from bgmodel.learning.worlds import LevelOutcomes
     from bgmodel.tables.trials import Trials
 
-START_S = 1.0
-"""Time until the levels are found, s; measured, as the next."""
-EPISODE_S = 5e-6
-"""Time of an episode of learning in one run, s."""
 TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=500, t_max=30)
 
 
@@ -95,9 +91,7 @@ class CircuitLearn(Writes):
         start = self._start(levels, model.circuit.name)
         low, high = f"{levels[0]:.3f}", f"{levels[-1]:.3f}"
         say(f"{evidence.trials} trials at {self.levels} levels, {low} to {high}")
-        more_s = START_S + EPISODE_S * self.runs * self.learner.episodes
-        more_s += self.levels * model.seconds(fresh.trials, fresh.steps, fresh.step_ms)
-        say_before("learning in", model, evidence, runs=self.levels, more_s=more_s)
+        say_before("learning in", model, evidence, runs=self.levels)
         with bar(self.levels * (evidence.trials + fresh.trials)):
             outcomes = level_outcomes(model, evidence, levels, threshold_nats)
             _check_decided(outcomes)

@@ -110,7 +110,7 @@ class ExperimentRun(Shows):
         return experiment
 
     def _run(self, experiment: Experiment) -> Outcome:
-        """Say how long it takes, and run it."""
+        """Say what runs, and run it."""
         from bgmodel.comparison.compare import check_trials
         from bgmodel.experiments.experiment import run_experiment
 
@@ -118,9 +118,7 @@ class ExperimentRun(Shows):
         evidence = given.evidence
         check_trials(evidence.trials)
         control = experiment.model(experiment.control, evidence.hypotheses, self.workers)
-        # Beside each trial, a foreperiod without evidence.
-        waiting_s = 2 * control.seconds(evidence.trials, 0, experiment.foreperiod_ms)
-        say_before("an experiment on", control, evidence, runs=2, more_s=waiting_s)
+        say_before("an experiment on", control, evidence, runs=2)
         with bar(2 * evidence.trials):
             return run_experiment(experiment, workers=self.workers, given=given)
 

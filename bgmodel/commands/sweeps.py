@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import check_whole, recorded, say, say_how_long
+from bgmodel.commands.checks import check_whole, recorded, say
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -111,8 +111,6 @@ class SweepRun:
             f"already{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
             flush=True,
         )
-        seconds = sum(_seconds(shard) for shard in missing) / min(self.workers, len(missing) or 1)
-        say_how_long(f"{len(missing)} shards", seconds, ", and half a minute if a kernel compiles")
         if self.dry_run:
             return
         try:
@@ -190,12 +188,6 @@ class SweepRun:
             "parts": self.parts,
             "plan": hashlib.sha256(names.encode()).hexdigest()[:12],
         }
-
-
-def _seconds(shard: Shard) -> float:
-    """Return about how long a shard takes."""
-    of = shard.setting
-    return of.model(0).seconds(shard.trials, of.steps, of.task.step_ms)
 
 
 def _draw(plan: Plan, table: pd.DataFrame, folder: Path) -> None:

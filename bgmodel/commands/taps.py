@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from tyro.conf import Positional
 
 from bgmodel import files
 from bgmodel.arrays import Array, Reals
-from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say_how_long
+from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
 from bgmodel.memory import check_memory
 from bgmodel.seeds import stream
 from bgmodel.tactile.decoder import Training
@@ -23,16 +22,6 @@ from bgmodel.tactile.tips import Tip
 
 if TYPE_CHECKING:
     from bgmodel.tactile.taps import Taps
-
-CONTACT_S = 0.6
-"""Time of a contact of the library, s; measured, as those below."""
-TAP_S = 3e-4
-"""Time of a simulated tap, s."""
-EPOCH_S = 4e-4
-"""Time of a tap in an epoch of training with a network of the width below, s."""
-WIDTH = 0.25
-TORCH_S = 3.0
-"""Time until torch is loaded, s."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +63,7 @@ class Simulate(Writes):
         plan = LibraryPlan(skin=self.skin, radius_mm=self.tip.radius_mm)
         contacts = to_solve(plan)
         first = f"solving {contacts} contacts, once for all runs, and " if contacts else ""
-        say_how_long(
-            f"{first}simulating {count} taps",
-            CONTACT_S * contacts / min(self.workers, os.cpu_count() or 1) + TAP_S * count,
-        )
+        say(f"{first}simulating {count} taps")
         library = contact_library(plan, workers=self.workers)
         taps = simulate(
             periods, yaw, rng=rng, tip=self.tip, nuisance=self.nuisance, library=library
@@ -115,10 +101,7 @@ class Train(Writes):
         check_ending("output", self.output, ".safetensors")
         training = EDGE if self.edge else self.training
         taps, about = _taps(self.taps, self.mm_per_px, self.edge, self.pins)
-        say_how_long(
-            f"training on {len(taps)} taps, {training.epochs} epochs at most",
-            TORCH_S + EPOCH_S * training.width / WIDTH * len(taps) * training.epochs,
-        )
+        say(f"training on {len(taps)} taps, {training.epochs} epochs at most")
         behind: dict[str, Any] = {"taps": about, "command": options_of(self, training=training)}
         decoder = train(taps, seed=self.seed, training=training, about=behind)
         decoder.save(self.output)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -20,7 +19,7 @@ from bgmodel.ours import explained
 
 try:
     from circuits.activity import checked_drive, warn_beyond_range
-    from circuits.cost import memory_bytes, run_s
+    from circuits.cost import memory_bytes
     from circuits.engines import DROPPING, ENGINES, NOISY, THREADED
     from circuits.engines import run as run_engine
     from circuits.spec import NATS, Circuit
@@ -167,23 +166,6 @@ class BasalGanglia(Facts):
             self._memory_bytes(trials, steps, step_ms),
             f"{trials} trials of {self.circuit.name}, engine {self.engine},",
         )
-
-    def seconds(self, trials: float, steps: int, step_ms: float) -> float:
-        """Return about how long a run takes if no trial decides early, s.
-
-        Parameters
-        ----------
-        trials, steps : int
-            Trials, and readings of the longest.
-        step_ms : float
-            Time between readings, ms.
-        """
-        each_ms = (steps + 1) * step_ms + self.options.get("settle_ms", SETTLE_MS)
-        # More threads than processors are no faster.
-        workers = min(self.options.get("workers", 1), os.cpu_count() or 1)
-        ticks = {"dt_ms": self.options["dt_ms"]} if "dt_ms" in self.options else {}
-        simulated_s = trials * each_ms / 1000
-        return run_s(self.circuit, self.engine, simulated_s, workers=workers, **ticks)
 
     def memory_gb(self, trials: int, steps: int, step_ms: float) -> float:
         """Return about how much memory so many trials at a time take, GB."""

@@ -122,8 +122,7 @@ def test_the_policy_that_learns_is_the_one_that_is_named(tmp_path, monkeypatch, 
         assert run("learn", tmp_path / "out.csv", *asked) == 2
         said = capsys.readouterr().err
         assert f"{kind}Policy" in said
-        # Four seconds, and five for a million episodes.
-        assert "10 runs of 40000 episodes: about 6 seconds" in said
+        assert "10 runs of 40000 episodes\n" in said
 
 
 def test_decide_says_what_it_forced(tmp_path, capsys):

@@ -11,7 +11,7 @@ from bgmodel.learning.worlds import LevelOutcomes
 from tests.helpers import run
 
 
-def test_the_command_says_before_it_starts_how_long_it_takes(tmp_path, monkeypatch, capsys):
+def test_the_command_says_before_it_starts_what_it_does(tmp_path, monkeypatch, capsys):
     def stop(*given):
         raise ValueError("started")
 
@@ -19,8 +19,8 @@ def test_the_command_says_before_it_starts_how_long_it_takes(tmp_path, monkeypat
     assert main(["circuit", "learn", str(tmp_path / "a.csv")]) == 2
     out, said = capsys.readouterr()
     assert "read " not in out
-    assert "learning in macaque on rate, 16 circuits, 500 trials of up to 1.6 s: about" in said
-    assert said.index("about") < said.index("started")
+    assert "learning in macaque on rate, 16 circuits, 500 trials of up to 1.6 s\n" in said
+    assert said.index("learning in") < said.index("started")
 
 
 def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):

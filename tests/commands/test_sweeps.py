@@ -72,15 +72,6 @@ def test_what_is_there_is_not_computed_again_and_what_is_damaged_is(small, tmp_p
     assert outcome(folder) == first
 
 
-@pytest.mark.parametrize(("workers", "seconds"), [(1, 60), (2, 30), (6, 10), (8, 10)])
-def test_missing_shards_take_as_long_as_their_workers_need(
-    small, tmp_path, monkeypatch, capsys, workers, seconds
-):
-    monkeypatch.setattr("bgmodel.commands.sweeps._seconds", lambda shard: 10.0)
-    assert run("sweep", small, tmp_path / "found", "--workers", workers, "--dry-run") == 0
-    assert f"bgmodel: 6 shards: about {seconds} seconds, and" in capsys.readouterr().err
-
-
 def test_parts_and_jobs_of_snakemake_give_the_same_bytes(small, tmp_path):
     run("sweep", small, tmp_path / "whole")
     for k in (2, 1):

@@ -1,8 +1,7 @@
 """The commands `simulate`, `train` and `decode`."""
 
-from bgmodel.commands.taps import WIDTH, _taps
+from bgmodel.commands.taps import _taps
 from bgmodel.files import read_table
-from bgmodel.tactile.decoder import Training
 from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
@@ -15,22 +14,8 @@ def test_a_library_that_is_not_solved_is_announced(tmp_path, monkeypatch, capsys
     monkeypatch.setattr("bgmodel.tactile.library.contact_library", stop)
     assert run("simulate", tmp_path / "t.npz", "--taps", 2) == 2
     said = capsys.readouterr().err
-    assert "solving 36 contacts, once for all runs, and simulating 16 taps: about 20 sec" in said
-    assert said.index("about") < said.index("started")
-
-
-def test_no_more_processes_than_processors_share_the_time_of_contacts(
-    tmp_path, monkeypatch, capsys
-):
-    def stop(*given, **named):
-        raise ValueError("started")
-
-    monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
-    monkeypatch.setattr("bgmodel.tactile.library.contact_library", stop)
-    for processors, workers, said in ((4, 1, 20), (4, 2, 10), (2, 8, 10), (None, 8, 20)):
-        monkeypatch.setattr("os.cpu_count", lambda count=processors: count)
-        assert run("simulate", tmp_path / "t.npz", "--taps", 2, "--workers", workers) == 2
-        assert f"taps: about {said} seconds" in capsys.readouterr().err
+    assert "solving 36 contacts, once for all runs, and simulating 16 taps\n" in said
+    assert said.index("solving") < said.index("started")
 
 
 def test_taps_take_yaws_in_turn_or_from_all_of_a_half_turn(tmp_path, monkeypatch, capsys):
@@ -53,30 +38,6 @@ def test_taps_take_yaws_in_turn_or_from_all_of_a_half_turn(tmp_path, monkeypatch
     assert -90 <= drawn.min() < -89 < 89 < drawn.max() <= 90
 
 
-def test_taps_and_epochs_are_said_to_take_time(tmp_path, monkeypatch, capsys):
-    def stop(*given, **named):
-        raise ValueError("started")
-
-    monkeypatch.setattr("bgmodel.tactile.library.to_solve", lambda plan: 0)
-    monkeypatch.setattr("bgmodel.tactile.library.contact_library", stop)
-    assert run("simulate", tmp_path / "t.npz", "--taps", 5000) == 2
-    assert "bgmodel: simulating 40000 taps: about 10 seconds\n" in capsys.readouterr().err
-    monkeypatch.setattr("bgmodel.commands.taps._taps", lambda *given: (range(3000), {}))
-    monkeypatch.setattr("bgmodel.tactile.decoder.train", stop)
-    # 0.4 ms per tap and epoch at a quarter of the width, and 3 s beside.
-    for options, seconds in (
-        ((), 10),
-        (("--training.width", 0.5), 20),
-        (("--training.epochs", 24, "--training.width", 0.125), 20),
-    ):
-        assert run("train", "t.npz", tmp_path / "d.safetensors", *options) == 2
-        assert f"epochs at most: about {seconds} seconds" in capsys.readouterr().err
-
-
-def test_an_epoch_was_measured_at_the_default_width():
-    assert Training().width == WIDTH
-
-
 def test_taps_are_simulated_trained_on_and_decoded(tmp_path, capsys):
     """The whole way, on so few taps that only the way is tested."""
     taps, decoder, decoded = (tmp_path / n for n in ("t.npz", "d.safetensors", "x.csv"))
@@ -90,7 +51,7 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, capsys):
     quick = ["--training.width", 0.1, "--training.epochs", 1, "--training.batch", 32]
     assert run("train", taps, decoder, *quick) == 0
     told = capsys.readouterr().err
-    assert "bgmodel: training on 300 taps, 1 epochs at most: about 3 seconds" in told
+    assert "bgmodel: training on 300 taps, 1 epochs at most\n" in told
     assert run("decode", decoder, taps, decoded) == 0
     table = read_table(decoded)
     assert {"period_mm", "yaw_deg", "psi_deg", "orientation_deg"} <= set(table)

@@ -97,7 +97,7 @@ KINDS: dict[str, tuple[int, Callable[[Rng, Path], Case]]] = {
             [*STIMULI, *TABLE, ["--gain", "0"], ["--gain", "nan"], ["--posterior", "0.2"],
              ["--posterior", "1"], ["--posterior", "0.9999"], ["--workers", "0"],
              ["--engine", "pen"], ["--circuit", "cortex"], ["--rates", "r.txt"],
-             ["--engine", "ensemble", "--edits.neurons", "1e12"]],
+             ["--engine", "ensemble", "--edits.neurons", "1e9"]],
             check_run,
         ),
     ),

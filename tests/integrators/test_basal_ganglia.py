@@ -1,7 +1,5 @@
 """A circuit as an integrator: its drive, its batches, its warnings."""
 
-import inspect
-import os
 import warnings
 from dataclasses import replace
 
@@ -20,7 +18,6 @@ from bgmodel.tables.trials import Trials, trial_table
 from circuits import anatomy
 from circuits.anatomy import circuit, macaque
 from circuits.cost import memory_bytes
-from circuits.engines import plain
 
 SEED, GAIN = 51, 0.5
 TABLE = circuit("spiking_msprt", 4)
@@ -38,19 +35,6 @@ def test_without_integrate_and_fire_cells_own_laws_are_the_lines():
         for laws in ("table", "cells")
     )
     np.testing.assert_allclose(own.output_nats, line.output_nats, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("cores", "workers", "share"), [(4, 1, 1), (4, 2, 2), (4, 4, 4), (4, 9, 4), (None, 3, 1)]
-)
-def test_a_run_is_said_to_take_less_time_with_more_workers_up_to_the_cores(
-    monkeypatch, cores, workers, share
-):
-    """Where the number of cores is not known, one is counted on."""
-    alone = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 1}).seconds(100, 30, 50.0)
-    monkeypatch.setattr(os, "cpu_count", lambda: cores)
-    model = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": workers})
-    assert model.seconds(100, 30, 50.0) == pytest.approx(alone / share)
 
 
 def test_one_trial_is_what_it_is_among_all_with_its_own_noise():
@@ -220,18 +204,6 @@ def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_
         shares.append((first_crossing(model.run(ahead), 0.33).time_ms < 0).mean())
     assert max(shares[:2]) <= 0.01
     assert shares[2] >= 0.2
-
-
-def test_the_time_of_a_run_counts_the_settling_that_engines_begin_with():
-    """As long as they settle unless they are told otherwise."""
-    own = inspect.signature(plain.run).parameters["settle_ms"].default
-    told = {"workers": 1, "settle_ms": own}
-    one, other = (
-        BasalGanglia(TABLE, "ensemble", GAIN, SEED, options) for options in ({"workers": 1}, told)
-    )
-    assert one.seconds(100, 30, 50.0) == other.seconds(100, 30, 50.0)
-    none = replace(one, options={"workers": 1, "settle_ms": 0.0})
-    assert none.seconds(100, 30, 50.0) < one.seconds(100, 30, 50.0)
 
 
 def test_rest_is_looked_at_for_half_a_second():
