@@ -4,9 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, stream
 from bgmodel.comparison.compare import (
+    Tradeoff,
+    _matched,
     check_trials,
     compare,
     curve,
@@ -185,6 +190,39 @@ def test_an_accuracy_is_reached_within_a_share_of_the_errors_that_it_leaves():
     found = measured(some, accuracies=(0.9, 0.98)).set_index(["accuracy", "measure"])["value"]
     assert found[0.9, "agreement"] == 1
     assert np.isnan(found[0.98, "agreement"])
+
+
+def staircase(reached, name):
+    """Return 100 trials: the k-th setting has the k-th expected accuracy and a mean of 100 k ms."""
+    shape = len(reached), 100
+    noise = stream(4, name).normal(0, 10, shape)
+    times = 100.0 * np.arange(shape[0])[:, None] + noise - noise.mean(axis=1, keepdims=True)
+    none, settings = np.zeros(shape, dtype=bool), np.linspace(2, 1, shape[0])
+    posterior = np.broadcast_to(np.asarray(reached)[:, None], shape)
+    return Tradeoff(settings, np.zeros(shape, dtype=int), times, none, none, posterior)
+
+
+def test_others_are_matched_to_what_the_test_reaches_not_to_what_was_asked_for():
+    """Asked for 0.9 the test reaches 0.892: its nearest is 0.893 of one and 0.8915 of another."""
+    test = staircase([0.80, 0.87, 0.892, 0.96], "test")
+    other = staircase([0.85, 0.893, 0.9001, 0.95], "other")
+    again = staircase([0.84, 0.88, 0.8915, 0.8932, 0.9, 0.95], "again")
+    again.time_ms[2] = other.time_ms[1]
+    found = compare(
+        test, other, again=again, rng=stream(1, "b"), accuracies=(0.9,), resamples=20
+    ).set_index("measure")["value"]
+    assert found["test_ms"] == pytest.approx(200)
+    assert found["threshold"] == other.settings[1]
+    # The other with itself, at the setting where both have the same times.
+    assert found["pearson_r_of_ceiling"] == pytest.approx(found["pearson_r"])
+
+
+@given(st.lists(arrays(float, st.integers(1, 9), elements=st.floats(0.5, 1)), min_size=1))
+def test_a_match_is_the_nearest_there_is(reached):
+    at = _matched(reached, 0.9)
+    of_test = reached[0][at[0]]
+    for k, one, wanted in zip(at, reached, [0.9, *[of_test] * (len(at) - 1)], strict=True):
+        assert abs(one[k] - wanted) == min(abs(one - wanted))
 
 
 def test_trials_that_are_alike_in_a_group_make_the_interval_wider():
