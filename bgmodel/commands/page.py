@@ -15,7 +15,9 @@ from bgmodel.commands.names import MACAQUE, CircuitName
 class PageWrite(Writes):
     """Write one HTML file with sliders: lesions, dopamine, threshold, conflict.
 
-    It needs no server and no net: open it in a browser. Example: bgmodel page
+    It needs no server and no net: open it in a browser. A table's file holds one number of
+    alternatives, and so does its page. Examples: bgmodel page; bgmodel page mine.html --circuit
+    mine.toml
     """
 
     output: Positional[Path] = Path("circuit.html")

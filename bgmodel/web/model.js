@@ -2,8 +2,8 @@
 // circuits/fixed_point.py, number for number. No drawing here.
 "use strict";
 
-const MOST_STEPS = 400, TOLERANCE = 1e-9, LARGEST_MOVE = 1, MOST_DAMPING = 4, EXP_MOST = 60,
-  MOST_NATS = 5.5;
+const MOST_STEPS = 400, TOLERANCE = 1e-9, LARGEST_MOVE = 1, MOST_DAMPING = 4, PATIENCE = 100, CAUTION = 10,
+  EXP_MOST = 60, MOST_NATS = 5.5;
 const ROUNDING = 1e-10;
 
 const TRANSFER = {
@@ -90,7 +90,7 @@ function newton(table, outside, x, blocks) {
     const units = unitsOf(table, x);
     const error = blocks.map((b) => outside[b] + inputOf(table, b, units) - x[b]);
     const size = Math.max(...error.map(Math.abs));
-    const damping = Math.min(size, MOST_DAMPING);
+    const damping = (step < PATIENCE ? 1 : CAUTION) * Math.min(size, MOST_DAMPING);
     const slopes = blocks.map((b) => slopeOf(table, b, x[b]));
     const through = units.map((value, u) => TRANSFER[table.unitTransfer[u]][1](value));
     const jacobian = blocks.map((b, i) =>
@@ -191,25 +191,26 @@ function walks(channels, task) {
   return found;
 }
 
-// First crossing of OUT: mean reading and accuracy; at the last reading the lowest OUT is chosen.
-// Equal channels, as where D1 is silent for all, share the choice.
+// First crossing of OUT: the number of trials, how many cross by the last reading, and the accuracy and
+// mean reading of these; the others stay undecided. Without a fixed point on the way all but the number of
+// trials is NaN. Equal channels, as where D1 is silent for all, share the choice.
 function decided(trials, out, threshold) {
-  let right = 0, readings = 0;
+  let right = 0, readings = 0, count = 0;
   for (const trial of trials) {
     for (let t = 0; t < trial.length; t++) {
       const values = out(trial[t]);
       const least = Math.min(...values);
-      // Without a fixed point nothing is known.
-      if (Number.isNaN(least)) return { accuracy: NaN, readings: NaN };
-      if (least <= threshold + ROUNDING || t === trial.length - 1) {
+      if (Number.isNaN(least)) return { trials: trials.length, decided: NaN, accuracy: NaN, readings: NaN };
+      if (least <= threshold + ROUNDING) {
         const equal = values.filter((value) => value <= least + ROUNDING).length;
         right += values[0] <= least + ROUNDING ? 1 / equal : 0;
         readings += t + 1;
+        count += 1;
         break;
       }
     }
   }
-  return { accuracy: right / trials.length, readings: readings / trials.length };
+  return { trials: trials.length, decided: count, accuracy: right / count, readings: readings / count };
 }
 
 function circuitOut(table) {

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from bgmodel.integrators.basal_ganglia import gain_of, identity
 from circuits.anatomy import circuit
 from circuits.fixed_point import parts, wired
-from circuits.rows import RECEPTORS
+from circuits.rows import GABA, RECEPTORS
 from circuits.spec import Circuit
+from circuits.table_files import is_path
 from circuits.wiring import Wiring
 
 ALTERNATIVES = (2, 3, 4)
@@ -16,23 +18,61 @@ LESIONED = ("STN", "GPe", "D1", "D2")
 """Nuclei with a slider."""
 
 
-def tables(name: str) -> dict[str, Any]:
-    """Return the circuit of a name for each number of alternatives, as plain numbers.
+def tables(name: str | Path) -> dict[str, Any]:
+    """Return a circuit as plain numbers, by the number of alternatives.
+
+    Parameters
+    ----------
+    name : str or path
+        A shipped table, which exists for every number in ``ALTERNATIVES``, or a table's file, which
+        holds one number of alternatives.
 
     Raises
     ------
     ValueError
-        If it does not work in nats, has courses, or lacks a nucleus that has a slider.
+        As ``circuits.anatomy.circuit`` and ``check_shown``.
     """
+    if is_path(name):
+        table = circuit(name)
+        return {str(table.channels): plain(table)}
     return {str(n): plain(circuit(name, n)) for n in ALTERNATIVES}
 
 
-def plain(table: Circuit) -> dict[str, Any]:
-    """Return the numbers behind the fixed point of one circuit, as plain JSON values."""
+def check_shown(table: Circuit) -> None:
+    """Refuse a circuit that the page cannot show.
+
+    Raises
+    ------
+    ValueError
+        If it does not work in nats, has courses, no default gain or another number of alternatives
+        than the page draws, or cannot be edited as the sliders do: it lacks a nucleus, say.
+    """
     table.check_nats("the page's -ln P")
     table.check_steady("the page")
+    if table.channels not in ALTERNATIVES:
+        raise ValueError(
+            f"the page shows {ALTERNATIVES[0]} to {ALTERNATIVES[-1]} alternatives, "
+            f"{table.name} has {table.channels}"
+        )
     for name in LESIONED:
-        table.population(name)
+        table.without(name, 0.5)
+    table.dopamine(0.5)
+    if table.default_gain is None:
+        raise ValueError(
+            f"{table.name} has no default gain, which the page needs: save the table with "
+            "--save and set default_gain in that file"
+        )
+
+
+def plain(table: Circuit) -> dict[str, Any]:
+    """Return the numbers behind the fixed point of one circuit, as plain JSON values.
+
+    Raises
+    ------
+    ValueError
+        As ``check_shown``.
+    """
+    check_shown(table)
     wiring = wired(table)
     return {
         "name": table.name,
@@ -44,6 +84,14 @@ def plain(table: Circuit) -> dict[str, Any]:
         "driveGain": table.drive_gain,
         "readable": list(table.readable_nats),
         "populations": [row.name for row in table.populations],
+        "pathways": [
+            {
+                "from": p.source,
+                "to": p.target,
+                "inhibits": table.population(p.source).transmitter == GABA,
+            }
+            for p in table.projections
+        ],
         "owner": wiring.owner.tolist(),
         "baseline": wiring.baseline_hz.tolist(),
         "gain": wiring.gain_hz_per_nat.tolist(),

@@ -1,13 +1,15 @@
 // What the page shows: sliders in, drawings out. The numbers come from model.js.
 "use strict";
 
-const NUCLEI = { ctx: [20, 110], D1: [150, 30], D2: [150, 190], STN: [280, 110], GPe: [410, 190], SNr: [540, 110] };
-const LABELS = { ctx: "cortex", D1: "striatum, D1", D2: "striatum, D2", STN: "STN", GPe: "GPe", SNr: "SNr, output" };
-const PATHS = [["ctx", "D1"], ["ctx", "D2"], ["ctx", "STN"], ["D1", "SNr", 1], ["D2", "GPe", 1], ["STN", "GPe"],
-  ["STN", "SNr"], ["GPe", "STN", 1]];
+// Where nuclei stand; those of other names stand below, in the free column nearest to what they connect.
+const PLACES = { ctx: [20, 110], D1: [150, 30], D2: [150, 190], STN: [280, 110], GPe: [410, 190], SNr: [540, 110] };
+const LABELS = { ctx: "cortex", D1: "striatum, D1", D2: "striatum, D2", SNr: "SNr, output" };
+const COLUMNS = [20, 150, 280, 410, 540], BELOW = 310, ROW = 110;
 const COLOURS = ["var(--one)", "var(--two)", "var(--three)", "var(--four)"];
 const TASK = { seed: 2024, trials: 300, readings: 40 };
-const STEP_MS = 50, WIDTH = 84, HEIGHT = 70, MOST_HZ = 120;
+const STEP_MS = 50, WIDTH = 84, HEIGHT = 70, MOST_HZ = 120, APART = 8, COMMON = "#888";
+// Accuracy and time are drawn where at least this share of trials is decided.
+const SHARE_DRAWN = 0.5;
 
 const byId = (id) => document.getElementById(id);
 const number = (id) => Number(byId(id).value);
@@ -36,41 +38,68 @@ function line(x1, y1, x2, y2, more) {
   return `<line x1="${x1}" y1="${y1}" x2="${x2}" y2="${y2}" ${more || 'class="axis"'}/>`;
 }
 
+const escaped = (text) => text.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/"/g, "&quot;");
+
+// The place of every nucleus of the table.
+function places(table) {
+  const found = {}, others = [];
+  for (const name of table.populations) {
+    if (PLACES[name]) found[name] = PLACES[name];
+    else others.push(name);
+  }
+  const rows = Math.ceil(others.length / COLUMNS.length);
+  const free = Array.from({ length: rows }, (_, k) => COLUMNS.map((x) => [x, BELOW + k * ROW])).flat();
+  for (const name of others) {
+    const near = table.pathways.flatMap((p) => (p.from === name ? [p.to] : p.to === name ? [p.from] : []))
+      .filter((other) => PLACES[other]).map((other) => PLACES[other][0]);
+    const x = near.length ? near.reduce((a, b) => a + b) / near.length : 0;
+    const off = (place) => Math.abs(place[0] - x) + 10 * (place[1] - BELOW);
+    free.sort((a, b) => off(a) - off(b));
+    found[name] = free.shift();
+  }
+  return found;
+}
+
+// A pathway from the edge of one box to that of the other, shifted to the left of its direction, so that two
+// pathways between the same nuclei do not coincide.
+function drawPathway(pathway, at) {
+  const [a, b] = [at[pathway.from], at[pathway.to]];
+  const name = escaped(`${pathway.from}->${pathway.to}`), mark = `marker-end="url(#${pathway.inhibits ? "dot" : "arrow"})"`;
+  const way = (d) => `<path d="${d}" data-pathway="${name}" fill="none" stroke="#888" stroke-width="1.5" ${mark}/>`;
+  if (pathway.from === pathway.to) return way(`M${a[0] + 50} ${a[1]}C${a[0] + 50} ${a[1] - 26} ${a[0] + 74} ${a[1] - 26} ${a[0] + 74} ${a[1]}`);
+  const [dx, dy] = [b[0] - a[0], b[1] - a[1]], long = Math.hypot(dx, dy);
+  const [ox, oy] = [(dy / long) * APART, (-dx / long) * APART];
+  const part = (sign) => Math.min((WIDTH / 2 - sign * Math.sign(dx) * ox) / Math.abs(dx), (HEIGHT / 2 - sign * Math.sign(dy) * oy) / Math.abs(dy));
+  const point = (from, t) => `${(from[0] + WIDTH / 2 + ox + t * dx).toFixed(1)} ${(from[1] + HEIGHT / 2 + oy + t * dy).toFixed(1)}`;
+  return way(`M${point(a, part(1))}L${point(b, -part(-1))}`);
+}
+
 function drawNuclei(table, intact, total) {
-  const own = ratesAt(table, total), whole = ratesAt(intact, total);
+  const own = ratesAt(table, total), whole = ratesAt(intact, total), at = places(table);
   let svg = '<defs><marker id="arrow" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">' +
     '<path d="M0 0 8 4 0 8z" fill="#888"/></marker><marker id="dot" viewBox="0 0 8 8" refX="5" refY="4" markerWidth="7" ' +
     'markerHeight="7"><circle cx="4" cy="4" r="3" fill="#888"/></marker></defs>';
-  for (const [from, to, inhibits] of PATHS) {
-    const [a, b] = [NUCLEI[from], NUCLEI[to]], back = b[0] < a[0];
-    // Two paths between STN and GPe, and two into SNr, stand apart.
-    const loop = (from === "GPe" && to === "STN") || (from === "STN" && to === "GPe");
-    let [x1, y1, x2, y2] = [a[0] + WIDTH, a[1] + HEIGHT / 2, b[0], b[1] + HEIGHT / 2];
-    if (loop && back) [x1, y1, x2, y2] = [a[0], a[1] + 20, b[0] + 30, b[1] + HEIGHT];
-    if (loop && !back) [x1, y1, x2, y2] = [a[0] + WIDTH, a[1] + HEIGHT - 12, b[0] + 56, b[1]];
-    if (from === "D1") y2 -= 18;
-    if (from === "D2") y2 += 14;
-    svg += line(x1, y1, x2, y2,
-      `stroke="#888" stroke-width="1.5" marker-end="url(#${inhibits ? "dot" : "arrow"})"`);
-  }
-  for (const [name, [x, y]] of Object.entries(NUCLEI)) {
+  for (const [name, [x, y]] of Object.entries(at)) {
     svg += `<rect x="${x}" y="${y}" width="${WIDTH}" height="${HEIGHT}" fill="#fff" stroke="#444" rx="4"/>`;
     const above = y < 150 ? y - 5 : y + HEIGHT + 13;
-    svg += `<text x="${x + WIDTH / 2}" y="${above}" text-anchor="middle">${LABELS[name]}</text>`;
+    svg += `<text x="${x + WIDTH / 2}" y="${above}" text-anchor="middle">${escaped(LABELS[name] || name)}</text>`;
     if (own === null) continue;
     const rates = perNucleus(table, own, name), before = whole === null ? [] : perNucleus(intact, whole, name);
     const room = (WIDTH - 12) / rates.length;
     rates.forEach((rate, i) => {
-      const h = Math.min(rate / MOST_HZ, 1) * (HEIGHT - 18), left = x + 6 + i * room;
-      svg += `<rect x="${left}" y="${y + HEIGHT - h}" width="${room - 3}" height="${h}" fill="${COLOURS[i]}"/>`;
+      const h = Math.min(Math.max(rate, 0) / MOST_HZ, 1) * (HEIGHT - 18), left = x + 6 + i * room;
+      const colour = rates.length === 1 ? COMMON : COLOURS[i];
+      svg += `<rect x="${left}" y="${y + HEIGHT - h}" width="${room - 3}" height="${h}" fill="${colour}"/>`;
       svg += `<text x="${left + room / 2 - 1.5}" y="${y + 11}" text-anchor="middle" font-size="9">${rate.toFixed(0)}</text>`;
       if (before.length) {
-        const top = y + HEIGHT - Math.min(before[i] / MOST_HZ, 1) * (HEIGHT - 18);
+        const top = y + HEIGHT - Math.min(Math.max(before[i], 0) / MOST_HZ, 1) * (HEIGHT - 18);
         svg += line(left - 1, top, left + room - 2, top, 'stroke="#000" stroke-width="1"');
       }
     });
   }
+  for (const pathway of table.pathways) svg += drawPathway(pathway, at);
   byId("nuclei").innerHTML = svg;
+  byId("nuclei").setAttribute("viewBox", `0 0 640 ${Math.max(...Object.values(at).map((place) => place[1])) + 110}`);
   return own;
 }
 
@@ -108,15 +137,19 @@ function drawOut(table, intact, chosen) {
 }
 
 function drawTradeoff(found) {
-  const point = (one, style) => (px, py) => `<circle cx="${px(one.readings * STEP_MS)}" cy="${py(one.accuracy)}" r="5" ${style}/>`;
+  const shown = (one) => one.decided >= SHARE_DRAWN * one.trials;
   const most = TASK.readings * STEP_MS;
   plot("tradeoff", [0, most], [1 / found.channels, 1], ["mean decision time, ms", "accuracy"], (px, py) => {
-    const se = Math.sqrt((found.own.accuracy * (1 - found.own.accuracy)) / TASK.trials), x = px(found.own.readings * STEP_MS);
-    return path(found.curve.map((one) => [one.readings * STEP_MS, one.accuracy]), px, py,
-      'stroke="#000" stroke-dasharray="5 4"') +
-      line(x, py(found.own.accuracy - se), x, py(found.own.accuracy + se), 'stroke="var(--one)"') +
-      point(found.test, 'fill="#fff" stroke="#000"')(px, py) + point(found.intact, 'fill="#aaa"')(px, py) +
-      point(found.own, 'fill="var(--one)"')(px, py);
+    const point = (one, style) => !shown(one) ? "" :
+      `<circle cx="${px(one.readings * STEP_MS)}" cy="${py(one.accuracy)}" r="5" ${style}/>`;
+    const bar = (one) => {
+      if (!shown(one)) return "";
+      const se = Math.sqrt((one.accuracy * (1 - one.accuracy)) / one.decided), x = px(one.readings * STEP_MS);
+      return line(x, py(one.accuracy - se), x, py(one.accuracy + se), 'stroke="var(--one)"');
+    };
+    return path(found.curve.filter(shown).map((one) => [one.readings * STEP_MS, one.accuracy]), px, py,
+      'stroke="#000" stroke-dasharray="5 4"') + bar(found.own) + point(found.test, 'fill="#fff" stroke="#000"') +
+      point(found.intact, 'fill="#aaa"') + point(found.own, 'fill="var(--one)"');
   });
 }
 
@@ -142,7 +175,12 @@ function warned(table, chosen) {
   return "";
 }
 
-const inWords = (one) => Number.isNaN(one.accuracy) ? "no fixed point on the way" : `accuracy ${one.accuracy.toFixed(2)} after ${(one.readings * STEP_MS).toFixed(0)} ms`;
+function inWords(one) {
+  const by = `of ${one.trials} trials decided within ${TASK.readings * STEP_MS} ms`;
+  if (Number.isNaN(one.decided)) return "no decisions: for some of the evidence the circuit has no fixed point";
+  if (one.decided === 0) return `none ${by}`;
+  return `${one.decided} ${by}; accuracy ${one.accuracy.toFixed(2)} and mean time ${(one.readings * STEP_MS).toFixed(0)} ms of these`;
+}
 
 let waiting = null;
 
@@ -160,12 +198,14 @@ function show() {
   waiting = setTimeout(() => {
     const found = simulated(table, intact, chosen);
     drawTradeoff(found);
-    byId("said").textContent = `The circuit as changed: ${inWords(found.own)}. Intact: ${inWords(found.intact)}. ` +
-      `The MSPRT at its gain and threshold: ${inWords(found.test)}.`;
+    byId("said").textContent = `The circuit as changed: ${inWords(found.own)}.\nIntact: ${inWords(found.intact)}.\n` +
+      `The MSPRT at the same gain and threshold: ${inWords(found.test)}.`;
   }, 120);
 }
 
-byId("circuit").textContent = `${TABLES["2"].name} (${TABLES["2"].sha256.slice(0, 8)})`;
+const FIRST = Object.values(TABLES)[0];
+byId("channels").innerHTML = Object.keys(TABLES).map((n) => `<option>${n}</option>`).join("");
+byId("circuit").textContent = `${FIRST.name} (${FIRST.sha256.slice(0, 8)})`;
 byId("trials").textContent = TASK.trials;
 byId("controls").addEventListener("input", show);
 byId("controls").addEventListener("reset", () => setTimeout(show, 0));

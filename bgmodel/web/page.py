@@ -10,13 +10,13 @@ from bgmodel.files import replacing
 from bgmodel.web.model import tables
 
 
-def page(circuit: str) -> str:
+def page(circuit: str | Path) -> str:
     """Return the page of a circuit, a table's name or file, as HTML.
 
     Raises
     ------
     ValueError
-        If the circuit does not work in nats, or lacks a nucleus that has a slider.
+        If there is no such circuit, or the page cannot show it: see ``model.check_shown``.
     """
     own = resources("bgmodel.web")
     parts = {name: (own / name).read_text(encoding="utf-8") for name in ("model.js", "page.js")}
@@ -27,7 +27,7 @@ def page(circuit: str) -> str:
     return text
 
 
-def write_page(circuit: str, path: Path) -> None:
+def write_page(circuit: str | Path, path: Path) -> None:
     """Write the page, whole or not at all."""
     text = page(circuit)
     with replacing(path) as partial:
