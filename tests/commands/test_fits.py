@@ -223,7 +223,7 @@ def test_a_circuit_that_was_edited_is_another_question(tmp_path):
     """Rows of both would stand under one name; another circuit beside it is welcome."""
 
     def kept(**circuits):
-        return Kept(tmp_path / "out", 1, {"data": "x"}, circuits, False, False, print)
+        return Kept(tmp_path / "out", 1, {"data": "x"}, circuits, False, print)
 
     def piece(who, model):
         return Piece(*(pd.DataFrame({"participant": [who], "model": [model]}) for _ in range(2)))
@@ -247,7 +247,7 @@ def test_a_table_says_all_that_was_asked_for(capsys):
     assert behind["strength"] == "coherence"
     assert behind["hold"] == ["lapse=0.02"]
     assert behind["criterion"] == "threshold"
-    assert behind["simulated_trials"] == 4000
+    assert behind["simulated_trials"] == 16_000
     assert len(behind["trials"]) == 64
 
 
