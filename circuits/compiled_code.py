@@ -49,8 +49,8 @@ def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -
     """
     with _LOCK:
         before = numba.config.CACHE_DIR
-        folder = _folder(before, sources)
-        numba.config.CACHE_DIR = str(folder)
+        folder = _cache_folder(before)
+        numba.config.CACHE_DIR = str(folder and folder / sources)
         try:
             return numba.njit(cache=folder is not None, **options)(function)
         finally:
@@ -58,10 +58,10 @@ def compile_cached(function: Callable[..., Any], sources: str, **options: Any) -
 
 
 @cache
-def _folder(chosen: str, sources: str) -> Path | None:
+def _cache_folder(chosen: str) -> Path | None:
     """Return the folder for compiled code; warn and return None if it cannot be written."""
     root = Path(chosen).absolute() if chosen else platformdirs.user_cache_path("bgmodel")
-    folder = root / "compiled" / sources
+    folder = root / "compiled"
     try:
         # Without any home folder the path is relative, and would depend on the working directory.
         if not folder.is_absolute():
@@ -74,7 +74,7 @@ def _folder(chosen: str, sources: str) -> Path | None:
         # Not a UserWarning: those are stored in results, which must not depend on the machine.
         warnings.warn(
             f"compiled code is not kept, so every run compiles again: {str(root)!r} cannot be "
-            f"written ({error.strerror or error}); set NUMBA_CACHE_DIR to a folder that can",
+            f"written ({error.strerror or error}); set NUMBA_CACHE_DIR to a writable folder",
             RuntimeWarning,
             stacklevel=2,
         )
