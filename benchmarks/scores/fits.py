@@ -35,6 +35,8 @@ TRIALS, COARSE_TRIALS = 128_000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
 FEWER = 0.0625
 """Share of them where it is simulated at many values of its criterion."""
+FEWEST = 0.03125
+"""Share of them for patients, each of whom has a tenth as many trials as a monkey."""
 SLOW_NATS = 1.5
 """Noise in nats where decisions take more than a second: a wider range of thresholds."""
 PREDICTED = [
@@ -156,7 +158,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         for who in choices.people():
             count = int((choices.participant == who).sum())
             yield Piece("people", who, count, 600, partial(person, data, who, trials))
-    yield Piece("patients", "stimulation", 3988, 1800, partial(patients, round(FEWER * trials)))
+    yield Piece("patients", "stimulation", 3988, 1800, partial(patients, round(FEWEST * trials)))
 
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:

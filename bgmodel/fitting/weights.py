@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bgmodel.compiling import compiled
+from bgmodel.compiling import compiled, inlined
 
 
 @compiled
@@ -37,17 +37,18 @@ def count(
         Added to: trials without a decision.
     """
     settings, trials = bins.shape
+    part = -1
     for trial in range(trials):
-        if not parts[trial % len(parts)]:
+        part = part + 1 if part + 1 < len(parts) else 0
+        if not parts[part]:
             continue
         same = True
-        for setting in range(1, settings):
+        when, read = 0.0, 0.0
+        for setting in range(settings):
             same = same and choice[setting, trial] == choice[0, trial]
+            when += share[setting] * bins[setting, trial]
+            read += share[setting] * evidence[setting, trial]
         if same:
-            when, read = 0.0, 0.0
-            for setting in range(settings):
-                when += share[setting] * bins[setting, trial]
-                read += share[setting] * evidence[setting, trial]
             add(when, choice[0, trial], read / width, 1.0, decided, never)
         else:
             for setting in range(settings):
@@ -57,21 +58,23 @@ def count(
                 )  # fmt: skip
 
 
-@compiled
+@inlined
 def add(when: Any, chosen: Any, read: Any, weight: Any, decided: Any, never: Any) -> None:
     """Add one trial, or part of one, to the counts."""
     read = -read if chosen == 1 else read
-    middle = (never.shape[0] if chosen < 0 else decided.shape[1]) // 2
-    left = int(middle + read)  # both are far above 0
-    right = weight * (middle + read - left)
     if chosen < 0:
+        place = never.shape[0] // 2 + read
+        left = int(place)  # the middle is far above 0
+        right = weight * (place - left)
         never[left] += weight - right
         never[left + 1] += right
-        return
-    low = int(when)
-    later = when - low
-    for side in range(2):
-        part = later if side else 1 - later
-        if part > 0:
-            decided[low + side, left] += part * (weight - right)
-            decided[low + side, left + 1] += part * right
+    else:
+        place = decided.shape[1] // 2 + read
+        left, low = int(place), int(when)
+        right = weight * (place - left)
+        later = when - low
+        decided[low, left] += (1 - later) * (weight - right)
+        decided[low, left + 1] += (1 - later) * right
+        if later > 0:
+            decided[low + 1, left] += later * (weight - right)
+            decided[low + 1, left + 1] += later * right
