@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array, Integers, Reals, Truths
+from bgmodel.checks import checked_truth, is_number, one_per_trial, reals
 from bgmodel.facts import Facts, span
+from bgmodel.readout import NATS, POSTERIORS, ReadOut, check_trials, meant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,6 +38,8 @@ class Trace(Facts):
         Number of ticks of each trial: at its last one it must respond. All ticks if left out.
     numbers : array (trials,), int, optional
         Number of each trial, as in ``Evidence``: it decides ties. 0, 1, 2, ... if left out.
+    readout : ReadOut, optional
+        Where this OUT rests and how far down it is read; decisions are checked against it.
     """
 
     out_nats: Reals
@@ -43,6 +48,7 @@ class Trace(Facts):
     step_ms: float = 1.0
     ends: Integers | None = None
     numbers: Integers | None = None
+    readout: ReadOut | None = None
 
     def facts(self) -> dict[str, str]:
         """Return shape, clock and range of OUT."""
@@ -76,11 +82,21 @@ class Trace(Facts):
         return output(new_axes(ax), relative_ms, self.out_nats[trial, :ticks])
 
     def of_trials(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return the number of ticks of each trial, and the number that decides its ties."""
-        trials, ticks = self.out_nats.shape[:2]
+        """Return the number of ticks of each trial, and the number that decides its ties.
+
+        Raises
+        ------
+        ValueError
+            If there is not one of each per trial, or a trial has no tick or more than there are.
+        """
+        trials, ticks = np.shape(self.out_nats)[:2]
         ends = np.full(trials, ticks) if self.ends is None else self.ends
+        ends = one_per_trial("ends", ends, trials)
+        if ends.min() < 1 or ends.max() > ticks:
+            raise ValueError(f"ends must lie in 1..{ticks}, got {ends.min()}..{ends.max()}")
         numbers = np.arange(trials) if self.numbers is None else self.numbers
-        return np.asarray(ends, dtype=np.int64), np.asarray(numbers, dtype=np.int64)
+        numbers = one_per_trial("numbers", numbers, trials)
+        return ends.astype(np.int64), numbers.astype(np.int64)
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,7 +165,8 @@ class Decision(Facts):
         if truth is None:
             raise ValueError("decisions at several thresholds need the truth: plot(truth=...)")
         decided = (self.choice >= 0).sum(axis=1)
-        accuracy = (self.choice == np.asarray(truth)).sum(axis=1) / np.maximum(decided, 1)
+        right = self.choice == one_per_trial("truth", truth, self.choice.shape[1])
+        accuracy = right.sum(axis=1) / np.maximum(decided, 1)
         # Where all trials are undecided there is no mean time.
         known = (self.choice != UNDECIDED).any(axis=1)
         mean_steps = np.nanmean(self.steps[known], axis=1)
@@ -168,7 +185,14 @@ def joined(parts: Sequence[Decision]) -> Decision:
     return Decision(**arrays, step_ms=parts[0].step_ms)
 
 
-def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = True) -> Decision:
+def first_crossing(
+    trace: Trace,
+    thresholds: npt.ArrayLike | None = None,
+    *,
+    posterior: npt.ArrayLike | None = None,
+    forced: bool = True,
+    checked: bool = True,
+) -> Decision:
     """Decide each trial at the first tick at which some channel's output is at its threshold.
 
     Response i is made when ``OUT_i <= threshold_i``; up to the onset of evidence only when
@@ -185,8 +209,13 @@ def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = Tr
     thresholds : float, array (K,) or array (K, hypotheses), nats
         One threshold for all responses, K such thresholds, or K sets of one a response.  All K
         are served in one pass over the trace.
+    posterior : float or array (K,), optional
+        Posterior probability at which a trial stops, in place of ``thresholds``.
     forced : bool
         Whether the deadline forces a response; if not, such trials stay undecided.
+    checked : bool
+        Whether thresholds are compared with what is read of OUT, and decisions with the readings
+        that there were. False for a grid or a learner that leaves the range on purpose.
 
     Returns
     -------
@@ -196,21 +225,36 @@ def first_crossing(trace: Trace, thresholds: npt.ArrayLike, *, forced: bool = Tr
     Raises
     ------
     ValueError
-        If a threshold is not finite or the shape is none of the three.
+        If a threshold is not finite or the shape is none of the three; if OUT is not read as far
+        down as that; if every trial decides before its first reading.
+
+    Warns
+    -----
+    UserWarning
+        If the deadline decides most trials, or most decide before their first reading; if noise
+        alone crosses the threshold; of several thresholds, how many mean nothing.
     """
     # Importing Numba takes most of a second: only where a decision is made.
     from bgmodel.crossing import cross_all
 
-    out = _contiguous(trace.out_nats)
-    order, level = _sorted_levels(thresholds, out.shape[2])
-    ends, numbers = trace.of_trials()
-    tick, choice = cross_all(out, _first_reading(trace), order, level, ends, numbers)
-    if np.ndim(thresholds) == 0:
+    out, first, ends, numbers = _ready(trace)
+    levels = _chosen(trace, thresholds, posterior)
+    order, level = _sorted_levels(levels, out.shape[2])
+    if checked:
+        _check_before(trace, levels, asked=thresholds is not None)
+    tick, choice = cross_all(out, first, order, level, ends, numbers)
+    _check_ended(out, ends, tick.min(axis=1) < 0)
+    if np.ndim(levels) == 0:
         tick, choice = tick[:, 0], choice[:, 0]
-    return _decision(trace, tick.T, choice.T, forced)
+    decision = _decision(trace, tick.T, choice.T, forced, first, ends)
+    if checked:
+        check_decision(decision, levels, forced=forced, of_test=_of_test(trace))
+    return decision
 
 
-def crossing_of_each(trace: Trace, thresholds: Reals, *, forced: bool = True) -> Decision:
+def crossing_of_each(
+    trace: Trace, thresholds: Reals, *, forced: bool = True, checked: bool = True
+) -> Decision:
     """Decide each trial with a threshold of its own, as a learner that explores does.
 
     Parameters
@@ -221,18 +265,36 @@ def crossing_of_each(trace: Trace, thresholds: Reals, *, forced: bool = True) ->
         One threshold a trial, for all of its responses; the rule is ``first_crossing``'s.
     forced : bool
         Whether the deadline forces a response.
+    checked : bool
+        As for ``first_crossing``, which says what is refused and warned of.
     """
     from bgmodel.crossing import cross_each
 
-    levels = np.asarray(thresholds, dtype=np.float64)
-    if levels.shape != trace.out_nats.shape[:1] or not np.isfinite(levels).all():
-        raise ValueError(
-            f"thresholds must be {len(trace.out_nats)} finite nats, one a trial, got {levels}"
-        )
-    out = _contiguous(trace.out_nats)
-    ends, numbers = trace.of_trials()
-    tick, choice = cross_each(out, _first_reading(trace), levels, ends, numbers)
-    return _decision(trace, tick, choice, forced)
+    out, first, ends, numbers = _ready(trace)
+    levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
+    if levels.shape != out.shape[:1] or not np.isfinite(levels).all():
+        raise ValueError(f"thresholds must be {len(out)} finite nats, one a trial, got {levels}")
+    if checked and trace.readout is not None:
+        trace.readout.check(levels)
+    tick, choice = cross_each(out, first, levels, ends, numbers)
+    _check_ended(out, ends, tick < 0)
+    decision = _decision(trace, tick, choice, forced, first, ends)
+    if checked:
+        check_decision(decision, levels, forced=forced, of_test=_of_test(trace))
+    return decision
+
+
+def check_decision(
+    decision: Decision, thresholds: npt.ArrayLike, *, forced: bool, of_test: bool
+) -> None:
+    """Refuse decisions of which none needed a reading; warn of most of them.
+
+    The arguments are those of ``first_crossing`` and what it gave, and of ``check_trials``.
+    """
+    late = decision.forced | (decision.choice == UNDECIDED)
+    late_counts, early = (np.atleast_1d(t.sum(axis=-1)) for t in (late, decision.premature))
+    trials = late.shape[-1]
+    check_trials(late_counts, early, trials, thresholds, forced=forced, of_test=of_test)
 
 
 def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
@@ -249,7 +311,7 @@ def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
     """
     ticks = out_nats.shape[1]
     before_onset = Trace(out_nats, np.arange(ticks, dtype=np.float64), onset_ms=float(ticks))
-    decision = first_crossing(before_onset, float(threshold_nats), forced=False)
+    decision = first_crossing(before_onset, float(threshold_nats), forced=False, checked=False)
     return np.asarray(decision.choice != UNDECIDED)
 
 
@@ -292,7 +354,9 @@ class Tally(Facts):
         return self.steps / self.trials
 
 
-def tally(trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike) -> Tally:
+def tally(
+    trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike, *, checked: bool = True
+) -> Tally:
     """Count what ``first_crossing`` would decide, without keeping each decision.
 
     Parameters
@@ -303,32 +367,130 @@ def tally(trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike) -> Ta
         The true hypothesis of each trial.
     thresholds : array (K,), nats
         Each for all responses; responses are forced at the deadline.
+    checked : bool
+        As for ``first_crossing``, which says what is refused and warned of.
 
     Raises
     ------
     ValueError
-        If the truth is not known, or thresholds are not (K,) finite numbers.
+        If the truth is not known, or not that of each trial, or thresholds are not (K,) finite
+        numbers.
     """
-    from bgmodel.crossing import tally_all
+    from bgmodel.crossing import ROUNDING, tally_all
 
     if np.ndim(thresholds) != 1:
         raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
     if truth is None:
         raise ValueError("tally counts correct choices: it needs the truth of each trial")
-    out = _contiguous(trace.out_nats)
+    out, first, ends, numbers = _ready(trace)
+    truth = checked_truth(truth, len(out), out.shape[2])
     order, level = _sorted_levels(thresholds, out.shape[2])
+    if checked and trace.readout is not None:
+        trace.readout.check(thresholds)
+    ended = np.isnan(out[np.arange(len(out)), ends - 1, 0])
+    if ended.any():
+        _check_ended(out, ends, ended & ~(_lowest(out) <= level.min()))
     steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
-    truth, first = np.asarray(truth), _first_reading(trace)
-    correct, steps, forced = tally_all(out, truth, first, level[0], steps_at, *trace.of_trials())
+    correct, steps, forced = tally_all(out, truth, first, level[0], steps_at, ends, numbers)
+    if checked:
+        before = np.sort(_lowest(out[:, :first])) if first else np.zeros(0)
+        early = np.searchsorted(before, level[0] - ROUNDING, side="right")
+        check_trials(forced, early, len(out), level[0], forced=True, of_test=_of_test(trace))
     back = np.argsort(order[0])
     return Tally(len(out), correct[back], steps[back], forced[back])
 
 
-def _decision(trace: Trace, tick: Integers, choice: Integers, forced: bool) -> Decision:
+def _of_test(trace: Trace) -> bool:
+    return trace.readout is not None and trace.readout.of_test
+
+
+def _chosen(
+    trace: Trace, thresholds: npt.ArrayLike | None, posterior: npt.ArrayLike | None
+) -> npt.ArrayLike:
+    """Return the thresholds that are given, or those of a posterior."""
+    if (thresholds is None) == (posterior is None):
+        raise ValueError("give thresholds, on OUT in nats, or a posterior, and not both")
+    if posterior is None:
+        return reals("thresholds", thresholds)  # type: ignore[arg-type]
+    if trace.readout is None:
+        raise ValueError(
+            "this trace does not say which posterior an OUT stands for: give thresholds"
+        )
+    return trace.readout.threshold(posterior, trace.out_nats.shape[2])
+
+
+def _check_before(trace: Trace, levels: npt.ArrayLike, *, asked: bool) -> None:
+    """Check thresholds against what is known of an OUT; ``asked``: they are no posterior."""
+    known = trace.readout
+    if known is None:
+        return
+    known.check(levels)
+    if np.ndim(levels):
+        return
+    level = float(levels)  # type: ignore[arg-type]
+    low, high = POSTERIORS
+    if (
+        asked
+        and known.unit == NATS
+        and max(low, np.log(2)) < level < high < np.log(trace.out_nats.shape[2])
+    ):
+        warnings.warn(
+            f"a threshold of {level:g} nats stops at a posterior of {np.exp(-level):.3f}"
+            f"{meant(level)}",
+            stacklevel=3,
+        )
+    if known.warn_of_noise is not None:
+        known.warn_of_noise(level)
+
+
+def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return OUT, its first reading, and ends and numbers of trials, as compiled loops need them.
+
+    These loops read where they are told to: what does not fit is refused here.
+    """
+    if not isinstance(trace, Trace):
+        raise ValueError(f"trace must be a Trace, as from Msprt().run, got {type(trace).__name__}")
+    out = np.ascontiguousarray(reals("out_nats", trace.out_nats))
+    if out.ndim != 3 or 0 in out.shape:
+        raise ValueError(
+            f"out_nats must be (trials, ticks, hypotheses), not empty, got {out.shape}"
+        )
+    time_ms = np.asarray(trace.time_ms)
+    if time_ms.shape != out.shape[1:2] or not (time_ms[1:] >= time_ms[:-1]).all():
+        raise ValueError(
+            f"time_ms must hold the time of each of {out.shape[1]} ticks, rising, got "
+            f"{span(time_ms)} in shape {time_ms.shape}"
+        )
+    if not (is_number(trace.step_ms) and trace.step_ms > 0 and is_number(trace.onset_ms)):
+        raise ValueError(
+            f"step_ms must be > 0 and onset_ms a number, got {trace.step_ms!r}, {trace.onset_ms!r}"
+        )
+    return out, _first_reading(trace), *trace.of_trials()
+
+
+def _lowest(out: Reals) -> Reals:
+    """Return the lowest OUT of each trial; what is NaN is left out."""
+    return np.asarray(np.fmin.reduce(out, axis=(1, 2)))
+
+
+def _check_ended(out: Reals, ends: Integers, late: Truths) -> None:
+    """Refuse trials that met no threshold and whose OUT is not known up to their end."""
+    trials = np.flatnonzero(late)
+    unknown = np.isnan(out[trials, ends[trials] - 1]).any(axis=1)
+    if unknown.any():
+        raise ValueError(
+            f"OUT of {unknown.sum()} trials is NaN at their end, and they met no threshold until "
+            "then: give a threshold above the OUT at which trials were dropped"
+        )
+
+
+def _decision(
+    trace: Trace, tick: Integers, choice: Integers, forced: bool, first: int, ends: Integers
+) -> Decision:
     """Put crossings into the words of a task; tick is -1 where no threshold was reached."""
     reached = tick >= 0
     relative_ms = trace.time_ms - trace.onset_ms
-    last = trace.of_trials()[0] - 1
+    last = ends - 1
     time_ms = relative_ms[np.where(reached, tick, last)]
     if not forced:
         choice = np.where(reached, choice, np.int16(UNDECIDED))
@@ -337,7 +499,7 @@ def _decision(trace: Trace, tick: Integers, choice: Integers, forced: bool) -> D
         choice,
         time_ms,
         ~reached & forced,
-        reached & (tick < _first_reading(trace)),
+        reached & (tick < first),
         trace.step_ms,
         relative_ms[last],
     )
@@ -347,14 +509,6 @@ def _first_reading(trace: Trace) -> int:
     """Return the first tick at which a reading can have arrived."""
     reading_ms = trace.onset_ms + trace.step_ms
     return int(np.searchsorted(trace.time_ms, reading_ms * (1 - 1e-12), side="left"))
-
-
-def _contiguous(out: Reals) -> Reals:
-    if out.ndim != 3 or 0 in out.shape:
-        raise ValueError(
-            f"out_nats must be (trials, ticks, hypotheses), not empty, got {out.shape}"
-        )
-    return np.ascontiguousarray(out)
 
 
 def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int) -> tuple[Integers, Array]:

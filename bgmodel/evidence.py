@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.checks import checked_truth, is_number, one_per_trial, reals, whole
 from bgmodel.facts import Facts
+from bgmodel.memory import check_evidence_memory
+from bgmodel.seeds import generator
 
 MOST_MS = 1e9
 """Longest time of a reading or of a foreperiod: with more, times would be rounded."""
@@ -67,9 +70,7 @@ class Evidence(Facts):
 
     def __post_init__(self) -> None:
         """Check once, here, so that nothing downstream has to."""
-        values = np.asarray(self.log_likelihood)
-        if values.dtype.kind != "f":
-            values = values.astype(np.float64)
+        values = reals("log_likelihood", self.log_likelihood)
         if values.ndim != 3 or 0 in values.shape or values.shape[2] < 2:
             raise ValueError(
                 "log_likelihood must have shape (trials, steps, hypotheses) with at least one "
@@ -83,15 +84,17 @@ class Evidence(Facts):
                 f"{trial}, step {step}, hypothesis {hypothesis} ({(~finite).sum()} such values)"
             )
         object.__setattr__(self, "log_likelihood", values)
-        object.__setattr__(self, "truth", _checked_truth(self.truth, values.shape))
+        object.__setattr__(self, "truth", _truth(self.truth, values.shape))
         object.__setattr__(self, "prior", checked_prior(self.prior, values.shape[2]))
         object.__setattr__(self, "lengths", _checked_lengths(self.lengths, values))
-        object.__setattr__(self, "numbers", _per_trial("numbers", self.numbers, len(values)))
+        object.__setattr__(self, "numbers", _of_trials("numbers", self.numbers, values))
         object.__setattr__(self, "baseline", _checked_baseline(self.baseline))
-        if not 0 <= self.onset_ms <= MOST_MS:
-            raise ValueError(f"onset_ms must be >= 0 and at most {MOST_MS:g}, got {self.onset_ms}")
-        if not 0 < self.step_ms <= MOST_MS:
-            raise ValueError(f"step_ms must be > 0 and at most {MOST_MS:g}, got {self.step_ms}")
+        if not (is_number(self.onset_ms) and 0 <= self.onset_ms <= MOST_MS):
+            raise ValueError(
+                f"onset_ms must be >= 0 and at most {MOST_MS:g}, got {self.onset_ms!r}"
+            )
+        if not (is_number(self.step_ms) and 0 < self.step_ms <= MOST_MS):
+            raise ValueError(f"step_ms must be > 0 and at most {MOST_MS:g}, got {self.step_ms!r}")
         if self.expectancy_nats is not None:
             steps = whole_steps(self.onset_ms, self.step_ms)
             expected = _checked_expectancy(self.expectancy_nats, (len(values), steps))
@@ -192,15 +195,53 @@ class Evidence(Facts):
         """Probability of each hypothesis given all readings so far, shaped as ``totals``."""
         return np.exp(-minus_log_softmax(self.totals))
 
-    def __getitem__(self, trials: slice | npt.NDArray[Any]) -> Evidence:
-        """Return the evidence of some trials (a slice, a mask or indices)."""
+    def __getitem__(self, trials: int | slice | npt.ArrayLike) -> Evidence:
+        """Return the evidence of some trials: a number, a slice, a mask or indices.
+
+        Raises
+        ------
+        IndexError
+            If they are not among the trials.
+        ValueError
+            If none is chosen.
+        """
+        chosen: Any = self._among(trials)
         part = object.__new__(Evidence)  # checked already
         of_trials = ("log_likelihood", "truth", "lengths", "numbers", "expectancy_nats")
         for name in (field.name for field in fields(self)):
             value = self.trial_numbers if name == "numbers" else getattr(self, name)
-            chosen = value[trials] if name in of_trials and value is not None else value
-            object.__setattr__(part, name, chosen)
+            value = value[chosen] if name in of_trials and value is not None else value
+            object.__setattr__(part, name, value)
         return part
+
+    def _among(self, trials: Any) -> Any:
+        """Return a slice or an index (N,) of one trial or more."""
+        try:
+            found = np.arange(self.trials)[trials]
+            if found.ndim == 0:
+                trials, found = slice(int(found), int(found) + 1), found[None]
+            if found.ndim > 1:
+                raise IndexError(f"an index of {found.ndim} dimensions")
+        except IndexError as error:
+            raise IndexError(
+                f"trials must be a number, a slice, a mask or numbers in 0..{self.trials - 1}: "
+                f"{error}"
+            ) from None
+        if not found.size:
+            raise ValueError(f"evidence needs a trial or more, got none of {self.trials}")
+        return trials
+
+
+def check_evidence(given: Evidence) -> Evidence:
+    """Return evidence as it is; ValueError for anything else, as a bare array."""
+    if isinstance(given, Evidence):
+        return given
+    if isinstance(getattr(given, "evidence", None), Evidence):
+        raise ValueError(f"evidence must be an Evidence, got {type(given).__name__}: its .evidence")
+    raise ValueError(
+        f"evidence must be an Evidence, got {type(given).__name__}: Evidence(log_likelihood) makes "
+        "one from nats (trials, steps, hypotheses)"
+    )
 
 
 def minus_log_softmax(y: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -222,7 +263,7 @@ def gaussian_evidence(
     steps: int,
     separation: float,
     *,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
     hypotheses: int = 2,
     step_ms: float = 1.0,
     conflict: float = 0.0,
@@ -241,8 +282,8 @@ def gaussian_evidence(
         Shape of the result.  Truth is balanced: trial ``k`` belongs to hypothesis ``k mod N``.
     separation : float
         (mu+ - mu-) / sigma of one channel, > 0.
-    rng : numpy.random.Generator
-        The source of every random number.
+    rng : numpy.random.Generator or int
+        The source of every random number, or a seed: ``stream(seed)`` is taken then.
     step_ms : float
         Time between readings, ms.
     conflict : float
@@ -250,8 +291,14 @@ def gaussian_evidence(
         likelihoods do not know of it: they stay those of the problem without a rival, so what
         they say is then too sure. What all channels share changes nothing and is left out.
     """
-    if not separation > 0:
-        raise ValueError(f"separation must be > 0, got {separation}")
+    trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
+    hypotheses = whole("hypotheses", hypotheses, 2)
+    if not (is_number(separation) and 0 < separation < np.inf):
+        raise ValueError(f"separation must be > 0 and finite, got {separation!r}")
+    if not (is_number(conflict) and np.isfinite(conflict)):
+        raise ValueError(f"conflict must be a finite number, got {conflict!r}")
+    check_evidence_memory(trials, steps, hypotheses)
+    rng = generator(rng)
     truth = np.arange(trials) % hypotheses
     samples = rng.standard_normal((trials, steps, hypotheses))
     samples[np.arange(trials), :, truth] += separation
@@ -260,7 +307,7 @@ def gaussian_evidence(
 
 
 def expecting(
-    evidence: Evidence, most_nats: float, foreperiod_ms: float, *, rng: np.random.Generator
+    evidence: Evidence, most_nats: float, foreperiod_ms: float, *, rng: np.random.Generator | int
 ) -> Evidence:
     """Return evidence with a foreperiod over which expectancy rises in a straight line.
 
@@ -274,29 +321,31 @@ def expecting(
         Highest R, in nats of evidence.
     foreperiod_ms : float
         Length of the foreperiod, a multiple of the evidence's ``step_ms``.
-    rng : numpy.random.Generator
-        The source of every R.
+    rng : numpy.random.Generator or int
+        The source of every R, or a seed.
 
     Raises
     ------
     ValueError
         If ``most_nats`` is negative, or the foreperiod is not made of whole steps.
     """
-    if not 0 <= most_nats < np.inf:
-        raise ValueError(f"most_nats must be >= 0 and finite, got {most_nats}")
+    check_evidence(evidence)
+    if not (is_number(most_nats) and 0 <= most_nats < np.inf):
+        raise ValueError(f"most_nats must be >= 0 and finite, got {most_nats!r}")
     steps = whole_steps(foreperiod_ms, evidence.step_ms)
-    top = rng.uniform(0, most_nats, evidence.trials)
+    top = generator(rng).uniform(0, most_nats, evidence.trials)
     ramp = top[:, None] * np.arange(1, steps + 1) / steps
     return replace(evidence, onset_ms=foreperiod_ms, expectancy_nats=ramp)
 
 
 def whole_steps(foreperiod_ms: float, step_ms: float) -> int:
     """Return the number of steps of a foreperiod; ValueError unless they are one or more."""
-    steps = round(foreperiod_ms / step_ms) if np.isfinite(foreperiod_ms) else 0
+    known = is_number(foreperiod_ms) and np.isfinite(foreperiod_ms)
+    steps = round(foreperiod_ms / step_ms) if known else 0
     if steps < 1 or abs(steps * step_ms - foreperiod_ms) > 1e-9 * step_ms:
         raise ValueError(
             f"expectancy needs a foreperiod of one or more whole steps of {step_ms:g} ms, got "
-            f"{foreperiod_ms:g} ms"
+            f"{foreperiod_ms!r} ms"
         )
     return steps
 
@@ -305,7 +354,7 @@ def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[n
     """Return a prior as an array (hypotheses,), equal if ``None``; ValueError if it is none."""
     if prior is None:
         return np.full(hypotheses, 1.0 / hypotheses)
-    values = np.asarray(prior, dtype=np.float64)
+    values = np.asarray(reals("prior", prior), dtype=np.float64)
     if values.shape != (hypotheses,) or not (values > 0).all():
         raise ValueError(f"prior must hold {hypotheses} probabilities > 0, got {values.tolist()}")
     if abs(values.sum() - 1) > 1e-9:
@@ -316,7 +365,7 @@ def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[n
 def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
     if baseline is None:
         return None
-    value = np.asarray(baseline, dtype=np.float64)
+    value = np.asarray(reals("baseline", baseline), dtype=np.float64)
     if value.shape or not np.isfinite(value):
         raise ValueError(
             "baseline must be one finite number for all hypotheses, nats (another for each would "
@@ -328,7 +377,7 @@ def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
 def _checked_expectancy(
     expectancy: npt.ArrayLike, shape: tuple[int, int]
 ) -> npt.NDArray[np.float64]:
-    values = np.asarray(expectancy, dtype=np.float64)
+    values = np.asarray(reals("expectancy_nats", expectancy), dtype=np.float64)
     if values.shape != shape or not np.isfinite(values).all():
         raise ValueError(
             f"expectancy_nats must hold finite nats (trials, steps of the foreperiod), {shape}, "
@@ -337,25 +386,17 @@ def _checked_expectancy(
     return values
 
 
-def _per_trial(
-    name: str, values: npt.ArrayLike | None, trials: int
+def _of_trials(
+    name: str, values: npt.ArrayLike | None, log_likelihood: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.integer] | None:
-    if values is None:
-        return None
-    array = np.asarray(values)
-    if array.shape != (trials,) or array.dtype.kind not in "iu":
-        raise ValueError(
-            f"{name} must hold one whole number per trial, shape ({trials},), got shape "
-            f"{array.shape} of {array.dtype}"
-        )
-    return array
+    return None if values is None else one_per_trial(name, values, len(log_likelihood))
 
 
 def _checked_lengths(
     lengths: npt.ArrayLike | None, log_likelihood: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.integer] | None:
-    trials, steps = log_likelihood.shape[:2]
-    values = _per_trial("lengths", lengths, trials)
+    steps = log_likelihood.shape[1]
+    values = _of_trials("lengths", lengths, log_likelihood)
     if values is None:
         return None
     if values.min() < 1 or values.max() > steps:
@@ -365,17 +406,5 @@ def _checked_lengths(
     return values
 
 
-def _checked_truth(
-    truth: npt.ArrayLike | None, shape: tuple[int, ...]
-) -> npt.NDArray[np.integer] | None:
-    if truth is None:
-        return None
-    values = np.asarray(truth)
-    if values.shape != shape[:1] or values.dtype.kind not in "iu":
-        raise ValueError(
-            f"truth must hold one whole number a trial, shape ({shape[0]},), got shape "
-            f"{values.shape} of {values.dtype}"
-        )
-    if values.min() < 0 or values.max() >= shape[2]:
-        raise ValueError(f"truth must lie in 0..{shape[2] - 1}, got {values.min()}..{values.max()}")
-    return values
+def _truth(truth: npt.ArrayLike | None, shape: tuple[int, ...]) -> npt.NDArray[np.integer] | None:
+    return None if truth is None else checked_truth(truth, shape[0], shape[2])

@@ -31,3 +31,21 @@ def stream(seed: int, *names: object) -> np.random.Generator:
     path = "\x1f".join(str(name) for name in names).encode()
     words = np.frombuffer(hashlib.sha256(path).digest(), dtype=np.uint32)
     return np.random.default_rng([int(seed), *(int(word) for word in words)])
+
+
+def generator(rng: np.random.Generator | int) -> np.random.Generator:
+    """Return a generator as it is, or the one that belongs to a seed.
+
+    Raises
+    ------
+    ValueError
+        If ``rng`` is neither.
+    """
+    if isinstance(rng, np.random.Generator):
+        return rng
+    if isinstance(rng, numbers.Real):
+        return stream(rng)  # type: ignore[arg-type]
+    raise ValueError(
+        "rng must be a numpy Generator, as from stream(seed), or a seed, a whole number >= 0, got "
+        f"{rng!r}"
+    )

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.checks import check_number, check_types
+from circuits.checks import check_channels, check_number, check_types
 from circuits.courses import DOPAMINE, Course, extremes
 from circuits.edits import changed_rows, naming, new_rows, with_fields
 from circuits.rows import GABA, GLUTAMATE, PATTERNS, RECEPTORS, SIGNS, Population, Projection
@@ -118,8 +118,8 @@ class Circuit:
             raise ValueError(f"{self.name}: two populations have one name")
         if len({p.name for p in self.projections}) != len(self.projections):
             raise ValueError(f"{self.name}: two projections join the same populations")
-        if self.channels < 2:
-            raise ValueError(f"channels must be a whole number >= 2, got {self.channels}")
+        check_channels(self.channels)
+        object.__setattr__(self, "channels", int(self.channels))
         if self.channels > self.most_channels:
             raise ValueError(
                 f"{self.name} takes at most {self.most_channels} alternatives, got {self.channels}"
@@ -256,7 +256,7 @@ class Circuit:
         ValueError
             If there is none, with the names that there are.
         """
-        if name not in self._known:
+        if not isinstance(name, str) or name not in self._known:
             raise ValueError(f"{self.name} has no nucleus {name!r}: {', '.join(self._known)}")
         return self._known[name]
 
@@ -270,7 +270,7 @@ class Circuit:
 
     def row(self, name: str) -> Population | Projection:
         """Return a population, ``"STN"``, or a projection, ``"STN->GPe"``, by its name."""
-        if "->" not in name:
+        if not isinstance(name, str) or "->" not in name:
             return self.population(name)
         source, _, target = name.partition("->")
         return self.projection(source, target)
@@ -375,7 +375,7 @@ class Circuit:
         if channel is None:
             return self.with_population(name, intact=row.intact * (1 - fraction), replaced=replaced)
         left = list(row.intact_by_channel or (1.0,) * self.channels)
-        left[channel] *= 1 - fraction
+        left[int(channel)] *= 1 - fraction
         return self.with_population(name, intact_by_channel=tuple(left), replaced=replaced)
 
     def _check_own_channel(self, row: Population, channel: int) -> None:
@@ -386,7 +386,7 @@ class Circuit:
             )
         if channel not in range(self.channels):
             raise ValueError(
-                f"{row.name}: channel must lie in 0..{self.channels - 1}, got {channel}"
+                f"{row.name}: channel must lie in 0..{self.channels - 1}, got {channel!r}"
             )
 
     def recovered(
@@ -474,11 +474,11 @@ class Circuit:
             return self.with_projection(source, target, weight=row.weight * factor)
         count = self.channels_of(target)
         if channel not in range(count):
-            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel}")
+            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel!r}")
         if factor == 1:
             return self
         factors = list(row.factors or (1.0,) * count)
-        factors[channel] *= factor
+        factors[int(channel)] *= factor
         return self.with_projection(source, target, factors=tuple(factors))
 
     def receptors(self) -> tuple[tuple[Projection, Population | Projection], ...]:

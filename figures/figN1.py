@@ -32,7 +32,9 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
                 readings = source(table, Orientations(count), period_mm=period, fold=fold)
                 rng = stream(settings.seed, "figN1", period, count, fold)
                 evidence = readings.draw(settings.sweep_trials // 6, settings.t_max, rng=rng)
-                counts = tally(Msprt().run(evidence), evidence.truth, -np.log(POSTERIORS))
+                trace = Msprt().run(evidence)
+                # The lowest of these posteriors lie below chance of few alternatives.
+                counts = tally(trace, evidence.truth, -np.log(POSTERIORS), checked=False)
                 rows.append(
                     pd.DataFrame(
                         {

@@ -168,7 +168,7 @@ def test_a_trial_ends_at_its_own_last_reading():
 
 def test_a_prior_beyond_its_threshold_is_a_premature_response():
     evidence = some_evidence(hypotheses=2, prior=[0.2, 0.8], onset_ms=100.0, step_ms=50.0)
-    eager = first_crossing(Msprt().run(evidence), -np.log(0.7))
+    eager = first_crossing(Msprt().run(evidence), -np.log(0.7), checked=False)
     assert eager.premature.all()
     assert (eager.choice == 1).all()
     assert (eager.time_ms == -100).all()

@@ -38,7 +38,7 @@ def test_time_is_counted_in_readings_unless_a_clock_is_given():
         (lambda: Evidence(np.zeros((0, 1, 2)), np.array([], int)), "at least one trial"),
         (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "two hypotheses"),
         (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth must lie in 0..1"),
-        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "whole number a trial"),
+        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "whole number per trial"),
         (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must lie in 1..20"),
         (lambda: some_evidence(lengths=np.full(300, 2)), "after the last of a trial must be 0"),
         (lambda: some_evidence(lengths=[1.5]), "lengths must hold one whole number per trial"),

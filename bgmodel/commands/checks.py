@@ -212,36 +212,6 @@ def bar(total: int, unit: str = "trial") -> Iterator[None]:
         yield
 
 
-def say_of_trials(table: pd.DataFrame, criterion: str, more: str = "") -> None:
-    """Say if the deadline decided most trials, or if most came before any reading.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As from ``tables.trial_table``.
-    criterion : str
-        The option that says when to stop, for the advice; a higher ``--threshold`` is met earlier,
-        a higher posterior or gap later.
-    more : str
-        What else may help.
-    """
-    count = len(table)
-    easier, harder = ("higher", "lower") if criterion == "--threshold" else ("lower", "higher")
-    late = int((table["forced"] | table["undecided"]).sum())
-    if late > count / 2:
-        what = "the deadline decided them" if table["forced"].any() else "they stay undecided"
-        say(
-            f"{late} of {count} trials never met the threshold, {what}: give more readings or a "
-            f"{easier} {criterion}{more}"
-        )
-    early = int(table["premature"].sum())
-    if early > count / 2:
-        say(
-            f"{early} of {count} trials decided before their first reading, without evidence: give "
-            f"a {harder} {criterion}{more}"
-        )
-
-
 def check_whole(**values: int) -> None:
     """Raise ValueError, with its name, for a number below 1."""
     for name, value in values.items():

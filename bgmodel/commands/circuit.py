@@ -15,14 +15,14 @@ from tyro.conf import Positional
 from bgmodel import files
 from bgmodel.commands.checks import (
     Writes,
+    bar,
     check_ending,
     check_whole,
     options_of,
     say_before,
-    say_of_trials,
 )
 from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
-from bgmodel.decision import Decision, first_crossing, joined
+from bgmodel.decision import Decision
 from bgmodel.edits import Edits
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from circuits.activity import Activity, RateMeans
+    from circuits.activity import Activity
     from circuits.spec import Circuit
 
 DEFAULT_POSTERIOR = 0.9
@@ -166,29 +166,30 @@ class CircuitRun(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.integrators.basal_ganglia import check_threshold, identity
+        from bgmodel.integrators.basal_ganglia import identity
+        from circuits.activity import RateMeans
 
         self._check()
         trials = self.stimuli.draw(self.seed, "circuit run")
         evidence = trials.evidence
         model = self._model(evidence)
         table = model.circuit
-        threshold = self._threshold(table)
-        check_threshold(table, threshold)
+        posterior = self._posterior() if self.threshold is None else None
+        threshold = model.threshold(self.threshold, posterior)
         started = time.perf_counter()
         say_before("running", model, evidence)
-        model.warn_of_noise(threshold)
-        decision, means = self._decide(model, evidence, threshold)
+        means = None if self.rates is None else RateMeans()
+        with bar(evidence.trials):
+            decision = model.decide(evidence, threshold, rates=means)
         seed = self.seed if self._draws() else None
         about = f"{table.name} {self.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
-        posterior = self._posterior() if self.threshold is None else None
         behind = {
             "command": options_of(self, gain=model.gain, posterior=posterior),
             "circuit": identity(table),
         }
         files.write_table(result, self.output, seed=seed, **behind)
-        if self.rates is not None:
+        if self.rates is not None and means is not None:
             files.write_table(means.table(), self.rates, seed=seed, **behind)
         if self.spikes is not None:
             spikes = self._first(model, evidence, self.spike_trials).spike_table()
@@ -201,29 +202,6 @@ class CircuitRun(Writes):
             print(trials.summary())
         known, seconds = evidence.truth is not None, time.perf_counter() - started
         self._say_decided(result, decision, known, seconds)
-
-    def _decide(
-        self, model: BasalGanglia, evidence: Evidence, threshold: float
-    ) -> tuple[Decision, RateMeans]:
-        """Let the circuit decide, a part of the trials at a time; sum up rates that are asked for.
-
-        Without them a trial is over at its decision.
-        """
-        from tqdm import tqdm
-
-        from bgmodel.integrators.basal_ganglia import ROUNDING_NATS
-        from circuits.activity import RateMeans
-
-        means, decided = RateMeans(), []
-        if self.rates is None:
-            model = model.until(threshold - ROUNDING_NATS)
-        with tqdm(total=evidence.trials, unit="trial", disable=None) as bar:
-            for part, activity, trace in model.batches(evidence):
-                decided.append(first_crossing(trace, threshold))
-                if self.rates is not None:
-                    means.add(activity)
-                bar.update(part.trials)
-        return joined(decided), means
 
     @staticmethod
     def _first(model: BasalGanglia, evidence: Evidence, trials: int) -> Activity:
@@ -251,8 +229,6 @@ class CircuitRun(Writes):
         self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
     ) -> None:
         """Print how many trials decided, how well and how fast."""
-        criterion = "--posterior" if self.threshold is None else "--threshold"
-        say_of_trials(result, criterion, more=", or another --gain")
         accuracy = f"accuracy {result['correct'].mean():.3f}" if known else "no truth given"
         print(
             f"{len(result)} trials, {accuracy}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
@@ -261,13 +237,6 @@ class CircuitRun(Writes):
 
     def _posterior(self) -> float:
         return DEFAULT_POSTERIOR if self.posterior is None else self.posterior
-
-    def _threshold(self, table: Circuit) -> float:
-        """Return the OUT at which it decides, in the circuit's unit."""
-        if self.threshold is not None:
-            return self.threshold
-        table.check_nats("a posterior", f"; give --threshold, an OUT in {table.unit}")
-        return float(criterion_from_posterior(self._posterior(), table.channels))
 
     def _draws(self) -> bool:
         """Whether anything is drawn with the seed: evidence, or the noise of cells."""

@@ -166,7 +166,7 @@ def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
 
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
-    from bgmodel.comparison.compare import MARGIN, check_trials
+    from bgmodel.comparison.compare import check_trials, checked_accuracies
     from bgmodel.comparison.with_msprt import model_of
     from circuits.anatomy import circuit
     from circuits.spec import NATS
@@ -176,21 +176,12 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     stimuli.check(MANY)
     check_whole(workers=asked_for.workers)
     asked_for.edits.check_engine(asked_for.engine)
-    if not asked_for.accuracies:
-        raise ValueError("accuracies must hold one number or more")
-    for accuracy in asked_for.accuracies:
-        if not 0 < accuracy < 1:
-            raise ValueError(f"accuracies must lie between 0 and 1, got {accuracy}")
     trials = stimuli.draw(asked_for.seed, "compare")
     if stimuli.evidence is not None:
         asked_for.note(trials.summary())
     evidence = trials.evidence
     check_trials(evidence.trials)
-    if min(asked_for.accuracies) <= 1 / evidence.hypotheses + MARGIN:
-        raise ValueError(
-            f"accuracies must lie above chance, {1 / evidence.hypotheses:.3g}, got "
-            f"{min(asked_for.accuracies)}"
-        )
+    checked_accuracies(asked_for.accuracies, evidence.hypotheses)
     table = asked_for.edits.apply(circuit(asked_for.circuit, evidence.hypotheses))
     model = model_of(
         table,

@@ -17,7 +17,6 @@ from bgmodel.commands.checks import (
     check_whole,
     options_of,
     say,
-    say_of_trials,
 )
 from bgmodel.decision import first_crossing
 from bgmodel.integrators.sprt import Msprt, Sprt, criterion_from_posterior, threshold_from_gap
@@ -90,11 +89,6 @@ class Decide(Shows):
         test, threshold, model = self._test(evidence.hypotheses)
         trace = test.run(evidence)
         decision = first_crossing(trace, threshold, forced=self.forced)
-        if decision.premature.all():
-            raise ValueError(
-                f"every trial decides before its first reading: the prior "
-                f"{evidence.prior.tolist()} is past the criterion already"
-            )
         seed = self.seed if self.evidence is None else None
         table = tables.trial_table(decision, trials, seed=seed, model=model)
         files.write_table(table, self.output, seed=seed, command=self._options())
@@ -106,7 +100,6 @@ class Decide(Shows):
 
             found = tradeoff(trace, evidence, [threshold])
             warn_of_calibration(found.posterior[0], found.choice[0] == evidence.truth)
-        say_of_trials(table, criterion="--posterior" if self.posterior else "--delta")
         self._show(table, known=evidence.truth is not None)
 
     def _show(self, table: pd.DataFrame, known: bool) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.checks import whole
 from bgmodel.comparison.cautions import (
     listed,
     warn_of_calibration,
@@ -25,6 +26,7 @@ from bgmodel.comparison.compare import (
     RESAMPLES,
     Tradeoff,
     check_trials,
+    checked_accuracies,
     compare,
     curve,
     margin,
@@ -32,7 +34,7 @@ from bgmodel.comparison.compare import (
 )
 from bgmodel.comparison.decoder import decoded
 from bgmodel.comparison.steady import out_shift
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import (
     NOISE_SHARE,
     ROUNDING_NATS,
@@ -203,7 +205,7 @@ def compare_with_msprt(
     *,
     seed: int,
     rivals: Sequence[str] | None = None,
-    accuracies: Sequence[float] = ACCURACIES,
+    accuracies: Sequence[float] | float = ACCURACIES,
     resamples: int = RESAMPLES,
     intact: Circuit | None = None,
     ceiling: bool = False,
@@ -250,7 +252,11 @@ def compare_with_msprt(
         at rest does not cross: all measures are NaN there. If the readings, or a rival, do not
         reach one. If posteriors at the decision are not the share of right choices.
     """
-    check_trials(evidence.trials)
+    check_trials(check_evidence(evidence).trials)
+    accuracies = checked_accuracies(accuracies, evidence.hypotheses)
+    whole("resamples", resamples, 1)
+    if intact == model.circuit:
+        raise ValueError(f"{intact.name} equals the intact circuit: no edit changed anything")
     model.warn_beyond_range(evidence)
     allowed = warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)
@@ -273,9 +279,9 @@ def compare_with_msprt(
         pairs.append((name, MSPRT))
     before = None
     if intact is not None:
-        whole = replace(model, circuit=intact)
-        levels = _tuned(whole, tests[first], **span)
-        before = decide_at_thresholds(whole, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        unedited = replace(model, circuit=intact)
+        levels = _tuned(unedited, tests[first], **span)
+        before = decide_at_thresholds(unedited, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
         found[MINUS_INTACT] = found[CIRCUIT]
         pairs.append((MINUS_INTACT, first))
     parts = []
@@ -305,7 +311,7 @@ def compare_edits(
     evidence: Evidence,
     *,
     seed: int,
-    accuracies: Sequence[float] = ACCURACIES,
+    accuracies: Sequence[float] | float = ACCURACIES,
     resamples: int = RESAMPLES,
     highest: float = HIGHEST,
     groups: npt.ArrayLike | None = None,
@@ -342,7 +348,9 @@ def compare_edits(
     UserWarning
         As ``compare_with_msprt``, for the circuit as it is and for each that is edited.
     """
-    check_trials(evidence.trials)
+    check_trials(check_evidence(evidence).trials)
+    accuracies = checked_accuracies(accuracies, evidence.hypotheses)
+    whole("resamples", resamples, 1)
     model.warn_beyond_range(evidence)
     warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)

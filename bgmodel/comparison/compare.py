@@ -16,10 +16,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.arrays import Array, Integers
+from bgmodel.checks import reals, whole
 from bgmodel.comparison.pairs import Choices, side_by_side
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.facts import Facts, span
+from bgmodel.seeds import generator
 
 ACCURACIES = (0.90, 0.95, 0.97)
 FEWEST_TRIALS = 100
@@ -146,7 +148,7 @@ def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None 
         ``levels(trace)`` if left out.
     """
     chosen = levels(trace) if thresholds is None else np.sort(np.asarray(thresholds))[::-1]
-    decided = first_crossing(trace, chosen)
+    decided = first_crossing(trace, chosen, checked=False)
     reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
     reading = np.minimum(reading, evidence.readings)
     posterior = evidence.posterior[np.arange(evidence.trials), reading, decided.choice]
@@ -284,7 +286,7 @@ def margin(accuracy: float) -> float:
 def resampled(
     trials: int,
     resamples: int,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
     groups: npt.ArrayLike | None = None,
 ) -> Array:
     """Return weights (1 + resamples, trials): each trial once, then how often each is drawn.
@@ -293,8 +295,8 @@ def resampled(
     ----------
     trials, resamples : int
         Their numbers.
-    rng : numpy.random.Generator
-        Of the draws.
+    rng : numpy.random.Generator or int
+        Of the draws, or a seed.
     groups : array (trials,), optional
         A number or name per trial: whole groups are drawn (Efron & Tibshirani 1993), as where
         trials share taps. Of G groups the interval is too narrow by about sqrt(1 - 1 / G), and of
@@ -305,6 +307,7 @@ def resampled(
     ValueError
         If groups are not one per trial, or fewer than two.
     """
+    resamples, rng = whole("resamples", resamples, 1), generator(rng)
     of = np.arange(trials) if groups is None else _numbered(groups, trials)
     count = int(of.max()) + 1
     drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)
@@ -340,6 +343,28 @@ def check_trials(trials: int) -> None:
     """Raise ValueError if these are too few for an interval."""
     if trials < FEWEST_TRIALS:
         raise ValueError(f"an interval needs {FEWEST_TRIALS} trials or more, got {trials}")
+
+
+def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> tuple[float, ...]:
+    """Return the accuracies that are asked for, one or several, as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or one that is no number between chance and 1: within ``MARGIN`` of
+        chance nothing is compared either.
+    """
+    given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
+    if given.ndim != 1 or not given.size:
+        raise ValueError(f"accuracies must hold one number or more, got {given.tolist()}")
+    least = 1 / hypotheses + MARGIN
+    for value in given.tolist():
+        if not least < value < 1:
+            raise ValueError(
+                f"accuracies must lie above chance, {1 / hypotheses:.3g}, and below 1, got "
+                f"{value:g}"
+            )
+    return tuple(given.tolist())
 
 
 def equivalent(table: pd.DataFrame, margin: float = MARGIN) -> pd.Series:

@@ -10,6 +10,7 @@ import numpy as np
 
 from bgmodel.decision import UNDECIDED, Trace, first_crossing
 from bgmodel.evidence import minus_log_softmax
+from bgmodel.integrators.sprt import OF_MSPRT
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -35,7 +36,8 @@ def decoded(
     """
     found = decoded_input(activity, trace, tau_ms)
     dropped = np.isnan(trace.out_nats[:, -1, 0])
-    undecided = first_crossing(found, lowest, forced=False).choice == UNDECIDED
+    decision = first_crossing(found, lowest, forced=False, checked=False)
+    undecided = decision.choice == UNDECIDED
     for t in np.flatnonzero(dropped & undecided).tolist():
         found.out_nats[t] = decoded_input(*again(t), tau_ms).out_nats[0]
     return found
@@ -69,4 +71,4 @@ def decoded_input(activity: Activity, trace: Trace, tau_ms: float = 20.0) -> Tra
     ended = np.isnan(y[:, :, 0])
     last = np.maximum((~ended).sum(axis=1) - 1, 0)
     seen = np.where(ended[:, :, None], seen[np.arange(len(y)), last][:, None], seen)
-    return replace(trace, out_nats=minus_log_softmax(seen))
+    return replace(trace, out_nats=minus_log_softmax(seen), readout=OF_MSPRT)

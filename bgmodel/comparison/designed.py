@@ -318,7 +318,7 @@ def _times(
     """Return times of decisions (thresholds, trials), ms; NaN where the leader is not chosen."""
     parts = []
     for trace in _traces(integrator, evidence, float(thresholds.min())):
-        decision = first_crossing(trace, thresholds, forced=False)
+        decision = first_crossing(trace, thresholds, forced=False, checked=False)
         times = _between_readings(trace, decision, thresholds)
         parts.append(
             times if leader is None else np.where(decision.choice == leader, times, np.nan)

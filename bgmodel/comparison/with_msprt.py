@@ -10,10 +10,14 @@ import pandas as pd
 
 from bgmodel.comparison.circuits import compare_with_msprt, sample_ms
 from bgmodel.comparison.compare import ACCURACIES, RESAMPLES
-from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia, check_engine, gain_of
+from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.integrators.basal_ganglia import (
+    BasalGanglia,
+    check_engine,
+    checked_circuit,
+    gain_of,
+)
 from bgmodel.integrators.rivals import RIVALS
-from circuits.anatomy import circuit as named
 from circuits.engines import DROPPING, THREADED
 from circuits.spec import Circuit
 
@@ -26,10 +30,10 @@ def compare(
     engine: str = "ensemble",
     gain: float | None = None,
     workers: int = 2,
-    rivals: Sequence[str] = (),
-    accuracies: Sequence[float] = ACCURACIES,
+    rivals: Sequence[str] | str = (),
+    accuracies: Sequence[float] | float = ACCURACIES,
     resamples: int = RESAMPLES,
-    intact: Circuit | None = None,
+    intact: Circuit | str | None = None,
     ceiling: bool = False,
     groups: npt.ArrayLike | None = None,
 ) -> pd.DataFrame:
@@ -53,11 +57,11 @@ def compare(
     rivals : sequence of str
         Which of ``RIVALS`` are compared too. "race" and "LCA" need evidence whose zero means that
         nothing was seen, as that of ``gaussian_evidence``.
-    accuracies : sequence of float
+    accuracies : sequence of float, or float
         Expected accuracies at which thresholds are matched.
     resamples : int
         Of the bootstrap.
-    intact : Circuit, optional
+    intact : Circuit or str, optional
         The circuit before it was edited: the differences from it, with intervals, become rows of
         the model "circuit minus intact".
     ceiling : bool
@@ -80,10 +84,14 @@ def compare(
         For an unknown name, too few trials, a circuit of another number of channels, or one that
         would decide without evidence.
     """
+    channels = check_evidence(evidence).hypotheses
+    rivals = [rivals] if isinstance(rivals, str) else list(rivals)
     for name in rivals:
         if name not in RIVALS:
             raise ValueError(f"rivals must be among {', '.join(RIVALS)}, got {name!r}")
-    table = named(circuit, evidence.hypotheses) if isinstance(circuit, str) else circuit
+    table = checked_circuit(circuit, channels)
+    if intact is not None:
+        intact = checked_circuit(intact, channels)
     model = model_of(table, evidence, engine=engine, gain=gain, seed=seed, workers=workers)
     return compare_with_msprt(
         model,

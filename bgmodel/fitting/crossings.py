@@ -335,7 +335,7 @@ def simulated(
 
 def _crossed(trace: Trace, read: Array, thresholds_nats: Array) -> tuple[npt.NDArray[Any], ...]:
     """Return bin, choice and evidence of each trial at each threshold."""
-    decision = first_crossing(trace, thresholds_nats, forced=False)
+    decision = first_crossing(trace, thresholds_nats, forced=False, checked=False)
     never = decision.choice < 0
     # A tick at the very end of a reading still hears that one.
     bins = np.ceil(np.where(never, 0.0, decision.time_ms) / (1000 * BIN_S) - 1e-9) - 1

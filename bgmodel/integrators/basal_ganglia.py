@@ -5,29 +5,35 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array
-from bgmodel.decision import Trace, any_crossing
-from bgmodel.evidence import Evidence
+from bgmodel.checks import is_number, whole
+from bgmodel.decision import Decision, Trace, any_crossing, check_decision, first_crossing, joined
+from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.facts import Facts
 from bgmodel.memory import check_memory
 from bgmodel.ours import explained
+from bgmodel.progress import advance
+from bgmodel.readout import ReadOut
 
 try:
     from circuits.activity import checked_drive, warn_beyond_range
+    from circuits.anatomy import circuit as named
     from circuits.cost import memory_bytes
     from circuits.engines import DROPPING, ENGINES, NOISY, THREADED
     from circuits.engines import run as run_engine
-    from circuits.spec import NATS, Circuit
+    from circuits.spec import Circuit
 except ImportError as error:
     raise explained(error) from error
 
 if TYPE_CHECKING:
-    from circuits.activity import Activity
+    from circuits.activity import Activity, RateMeans
 
 BATCH = 250
 """Trials that ``BasalGanglia.batches`` runs at a time."""
@@ -48,8 +54,8 @@ class BasalGanglia(Facts):
 
     Parameters
     ----------
-    circuit : Circuit
-        The table.
+    circuit : Circuit or str
+        The table; or a name or a .toml file: that of 2 channels, or of as many as the file has.
     engine : str
         A name in ``circuits.engines.ENGINES``.
     gain : float
@@ -73,9 +79,16 @@ class BasalGanglia(Facts):
     centred: bool | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "circuit", checked_circuit(self.circuit))
         check_engine(self.engine)
-        if not 0 < self.gain < np.inf:
-            raise ValueError(f"gain must be > 0 and finite, got {self.gain}")
+        if not (is_number(self.gain) and 0 < self.gain < np.inf):
+            raise ValueError(f"gain must be > 0 and finite, got {self.gain!r}")
+        if self.seed is not None:
+            whole("seed", self.seed, 0)
+        if not isinstance(self.options, dict):
+            raise ValueError(f"options must be a dict of the engine's, got {self.options!r}")
+        if self.centred not in (None, True, False):
+            raise ValueError(f"centred must be None, True or False, got {self.centred!r}")
 
     def facts(self) -> dict[str, str]:
         """Return the circuit, its engine, its gain and its noise."""
@@ -107,7 +120,7 @@ class BasalGanglia(Facts):
             If each channel gets its own evidence and that has no baseline, or if something is
             expected where the mean over channels is taken off.
         """
-        expected = evidence.expectancy_nats
+        expected = check_evidence(evidence).expectancy_nats
         if not self.raw:
             if expected is not None:
                 raise ValueError(
@@ -126,8 +139,7 @@ class BasalGanglia(Facts):
         """Whether each channel gets its own evidence, and no mean is taken off before."""
         return not (self.circuit.centred if self.centred is None else self.centred)
 
-    @staticmethod
-    def trace(activity: Activity, evidence: Evidence) -> Trace:
+    def trace(self, activity: Activity, evidence: Evidence) -> Trace:
         """Return the OUT of an activity as a trace on the evidence's clock.
 
         A trial ends a step after its last reading, as it would if no other were longer.
@@ -143,7 +155,73 @@ class BasalGanglia(Facts):
             evidence.step_ms,
             ends,
             evidence.trial_numbers,
+            replace(readout_of(self.circuit), warn_of_noise=self.warn_of_noise),
         )
+
+    def decide(
+        self,
+        evidence: Evidence,
+        threshold: float | None = None,
+        *,
+        posterior: float | None = None,
+        forced: bool = True,
+        rates: RateMeans | None = None,
+    ) -> Decision:
+        """Let the circuit decide, with every check and warning of ``bgmodel circuit run``.
+
+        It goes through the trials a part at a time; where the engine can, a trial is over at its
+        decision.
+
+        Parameters
+        ----------
+        evidence : Evidence
+            What it is given.
+        threshold : float, optional
+            OUT at which it decides, in the circuit's unit.
+        posterior : float, optional
+            Posterior at which it decides, in the circuit's nats, in place of a threshold.
+        forced : bool
+            Whether the deadline forces a response.
+        rates : RateMeans, optional
+            Filled with the rates of all trials, which run to their ends then.
+
+        Raises
+        ------
+        ValueError
+            If the circuit would decide without evidence at that threshold, or does not read it.
+
+        Warns
+        -----
+        UserWarning
+            If the evidence leaves the circuit's range, noise alone crosses the threshold, or most
+            trials are decided by the deadline or before their first reading.
+        """
+        level = self.threshold(threshold, posterior)
+        self.warn_beyond_range(evidence)
+        self.warn_of_noise(level)
+        model = self.until(level - ROUNDING_NATS) if rates is None else self
+        decided = []
+        for part, activity, trace in model.batches(evidence):
+            decided.append(first_crossing(trace, level, forced=forced, checked=False))
+            if rates is not None:
+                rates.add(activity)
+            advance(part.trials)
+        decision = joined(decided)
+        check_decision(decision, level, forced=forced, of_test=False)
+        return decision
+
+    def threshold(self, threshold: float | None, posterior: float | None) -> float:
+        """Return the OUT at which the circuit decides, given as one or as a posterior; checked."""
+        if (threshold is None) == (posterior is None):
+            raise ValueError("give a threshold, an OUT of the circuit, or a posterior, not both")
+        given = posterior if threshold is None else threshold
+        if given is None or not is_number(given):
+            raise ValueError(f"a circuit decides at one number, got {given!r}")
+        known, level = readout_of(self.circuit), float(given)
+        if threshold is None:
+            level = float(known.threshold(given, self.circuit.channels))
+        known.check(level)
+        return level
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
         """Return all that the circuit did; trial t has the noise of ``first_trial + t``."""
@@ -212,6 +290,7 @@ class BasalGanglia(Facts):
 
     def batch(self, evidence: Evidence) -> int:
         """Return the number of trials in a batch of ``batches``."""
+        check_evidence(evidence)
         if self.options.get("rates", True):
             return BATCH
         samples = evidence.steps * evidence.step_ms / self.options.get("sample_ms", 1.0)
@@ -241,9 +320,34 @@ class BasalGanglia(Facts):
         return activity, trace
 
 
+def checked_circuit(given: Circuit | str | Path, channels: int | None = None) -> Circuit:
+    """Return a circuit: itself, or the table of a name or of a .toml file.
+
+    Parameters
+    ----------
+    given : Circuit, str or path
+        What a user gives.
+    channels : int, optional
+        Number of alternatives, where it is not a circuit yet.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, and for anything else.
+    """
+    if isinstance(given, Circuit):
+        return given
+    if isinstance(given, (str, Path)):
+        return named(given, channels)
+    hint = ": give its .circuit" if isinstance(given, BasalGanglia) else ""
+    raise ValueError(
+        f"circuit must be a Circuit, a name or a .toml file, got {type(given).__name__}{hint}"
+    )
+
+
 def check_engine(engine: str) -> None:
     """Raise ValueError, with the engines that there are, for a name that is none."""
-    if engine not in ENGINES:
+    if not isinstance(engine, str) or engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
 
 
@@ -306,21 +410,13 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
     ValueError
         With the OUT at rest.
     """
-    at_rest, low = rest_out(circuit), circuit.readable_nats[0]
-    if at_rest <= threshold_nats:
-        raise ValueError(
-            f"{circuit.name} rests at OUT = {round(at_rest, 2) + 0.0:.2f}, which is not above the "
-            f"threshold of {threshold_nats:.2f} {circuit.unit}: it would decide without evidence"
-        )
-    if threshold_nats < low:
-        at, of = "", ""
-        if circuit.unit == NATS:
-            at = f", a posterior of {np.exp(-low):.3f}"
-            of = f", one of {np.exp(-threshold_nats):.3f}"
-        raise ValueError(
-            f"{circuit.name} reads no OUT below {low:.3g} {circuit.unit}{at}; the threshold is "
-            f"{threshold_nats:.2f} {circuit.unit}{of}"
-        )
+    readout_of(circuit).check(threshold_nats)
+
+
+@lru_cache(maxsize=1024)
+def readout_of(circuit: Circuit) -> ReadOut:
+    """Return what thresholds on a circuit's OUT can mean: where it rests, and what it reads."""
+    return ReadOut(circuit.name, circuit.readable_nats[0], rest_out(circuit), circuit.unit)
 
 
 def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:

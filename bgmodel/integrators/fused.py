@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.checks import is_number, reals, whole
 from bgmodel.compiling import compiled, inlined
 from bgmodel.decision import Tally
 
@@ -60,17 +61,20 @@ def gaussian_tally(
     ValueError
         If a number makes no sense.
     """
-    levels = np.atleast_1d(np.asarray(thresholds, dtype=np.float64))
-    if trials < 1 or not 1 <= steps <= MOST_STEPS or hypotheses < 2:
-        raise ValueError(
-            f"trials must be at least 1, steps 1..{MOST_STEPS}, hypotheses at least 2, got "
-            f"{trials}, {steps} and {hypotheses}"
-        )
-    if seed < 0 or seed % 1 or seed >= 2**64:
+    levels = np.atleast_1d(np.asarray(reals("thresholds", thresholds), dtype=np.float64))
+    trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
+    hypotheses, seed = whole("hypotheses", hypotheses, 2), whole("seed", seed, 0)
+    if steps > MOST_STEPS:
+        raise ValueError(f"steps must lie in 1..{MOST_STEPS}, got {steps}")
+    if seed >= 2**64:
         raise ValueError(f"seed must be a whole number from 0, below 2^64, got {seed}")
-    if not 0 < separation < np.inf:
-        raise ValueError(f"separation must be > 0 and finite, got {separation}")
-    if levels.ndim != 1 or not ((levels > 0) & (levels < np.log(hypotheses))).all():
+    if not (is_number(separation) and 0 < separation < np.inf):
+        raise ValueError(f"separation must be > 0 and finite, got {separation!r}")
+    if (
+        levels.ndim != 1
+        or not levels.size
+        or not ((levels > 0) & (levels < np.log(hypotheses))).all()
+    ):
         raise ValueError(
             f"thresholds must be (K,), between 0 and ln {hypotheses} nats, got {levels.tolist()}"
         )

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
+from bgmodel.checks import whole
 from bgmodel.decision import Trace
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
+from bgmodel.readout import ReadOut
 
 LOOP_READINGS = 3
 """Readings that evidence takes round the loop: one each to basal ganglia, thalamus and cortex."""
@@ -48,12 +50,12 @@ class RecursiveMsprt:
     feedback: float = 0.4
 
     def __post_init__(self) -> None:
-        if self.window is not None and self.window < 1:
-            raise ValueError(f"window must be at least 1 reading, or None, got {self.window}")
+        if self.window is not None:
+            whole("window", self.window, 1)
 
     def run(self, evidence: Evidence) -> Trace:
         """Return OUT as a trace (trials, 1 + steps, hypotheses); the prior is its first reading."""
-        summed = total = evidence.totals
+        summed = total = check_evidence(evidence).totals
         if self.window is not None and self.window < total.shape[1]:
             summed = total.copy()
             summed[:, self.window :] -= total[:, : -self.window]
@@ -65,4 +67,4 @@ class RecursiveMsprt:
             back = thalamus if self.loop else 0.0
             thalamus = self.feedback * cortex.mean(axis=1, keepdims=True) - said
             cortex, said = summed[:, t] + back + self.baseline, out[:, t]
-        return at_readings(out, evidence)
+        return at_readings(out, evidence, ReadOut("the recursive MSPRT", lowest=0.0))

@@ -13,8 +13,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from bgmodel.arrays import Array
+from bgmodel.checks import is_number
 from bgmodel.decision import Trace
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
 
 
@@ -43,7 +44,8 @@ class Race:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -Y as a trace (trials, 1 + steps, hypotheses)."""
-        return at_readings(-evidence.totals - np.log(evidence.hypotheses), evidence)
+        totals = check_evidence(evidence).totals
+        return at_readings(-totals - np.log(evidence.hypotheses), evidence)
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class MaxVsAverage:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return mean Y - Y as a trace (trials, 1 + steps, hypotheses)."""
-        total = evidence.totals
+        total = check_evidence(evidence).totals
         return at_readings(total.mean(axis=2, keepdims=True) - total, evidence)
 
 
@@ -73,7 +75,7 @@ class MaxVsNext:
 
     def run(self, evidence: Evidence) -> Trace:
         """Return the best other total minus Y as a trace (trials, 1 + steps, hypotheses)."""
-        total = evidence.totals
+        total = check_evidence(evidence).totals
         top = np.sort(total, axis=2)[:, :, -2:]
         leads = total == top[:, :, 1:]
         return at_readings(np.where(leads, top[:, :, :1], top[:, :, 1:]) - total, evidence)
@@ -99,12 +101,13 @@ class Lca:
 
     def __post_init__(self) -> None:
         for name in ("leak_hz", "inhibition_hz"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+            value = getattr(self, name)
+            if not (is_number(value) and 0 <= value < np.inf):
+                raise ValueError(f"{name} must be >= 0 and finite, got {value!r}")
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -x as a trace (trials, 1 + steps, hypotheses)."""
-        n, step_s = evidence.hypotheses, evidence.step_ms / 1000
+        n, step_s = check_evidence(evidence).hypotheses, evidence.step_ms / 1000
         readings = np.asarray(evidence.log_likelihood, dtype=np.float64)
         common = readings.mean(axis=2, keepdims=True)
         # The mean and the differences from it are the two modes of the matrix.
@@ -135,14 +138,15 @@ class LinearGpe:
 
     def __post_init__(self) -> None:
         for name in ("gain", "slope"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be > 0 and finite, got {getattr(self, name)}")
+            value = getattr(self, name)
+            if not (is_number(value) and 0 < value < np.inf):
+                raise ValueError(f"{name} must be > 0 and finite, got {value!r}")
 
     def run(self, evidence: Evidence) -> Trace:
         """Return Sigma - y as a trace (trials, 1 + steps, hypotheses)."""
         from scipy.special import logsumexp, wrightomega
 
-        y = self.gain * (evidence.totals + np.log(evidence.hypotheses))
+        y = self.gain * (check_evidence(evidence).totals + np.log(evidence.hypotheses))
         sigma = wrightomega(logsumexp(y, axis=2) + np.log(self.slope)) / self.slope
         return at_readings(sigma[:, :, None] - y, evidence)
 

@@ -8,8 +8,15 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.checks import is_number, reals, whole
 from bgmodel.decision import Decision, Tally, Trace, first_crossing
-from bgmodel.evidence import Evidence, checked_prior, minus_log_softmax
+from bgmodel.evidence import Evidence, check_evidence, checked_prior, minus_log_softmax
+from bgmodel.readout import LOG_ODDS, ReadOut, meant
+from bgmodel.readout import criterion_from_posterior as criterion_from_posterior
+
+OF_SPRT = ReadOut("the SPRT", unit=LOG_ODDS)
+OF_MSPRT = ReadOut("the MSPRT", lowest=0.0)
+"""OUT = -ln P falls to 0 and no further."""
 
 
 class Integrator(Protocol):
@@ -38,7 +45,7 @@ class Sprt:
         start = float(np.log(evidence.prior[1]) - np.log(evidence.prior[0]))
         out = np.empty((evidence.trials, evidence.steps + 1, 2))
         log_odds(evidence.log_likelihood, start, out)
-        return at_readings(out, evidence)
+        return at_readings(out, evidence, OF_SPRT)
 
     def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the state before the first reading: Z_0, shape (1,)."""
@@ -71,12 +78,12 @@ class Msprt:
     gain: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.gain) and self.gain > 0):
-            raise ValueError(f"gain must be > 0, got {self.gain}")
+        if not (is_number(self.gain) and 0 < self.gain < np.inf):
+            raise ValueError(f"gain must be > 0 and finite, got {self.gain!r}")
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -ln P as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
-        return at_readings(self.output(evidence.totals), evidence)
+        return at_readings(self.output(check_evidence(evidence).totals), evidence, OF_MSPRT)
 
     def start(self, prior: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the state before the first reading: log priors (N,)."""
@@ -104,9 +111,15 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
     """
     from bgmodel.crossing import tally_odds
 
-    levels = np.asarray(thresholds, dtype=np.float64)
+    check_evidence(evidence)
+    levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
     if levels.ndim != 1 or not levels.size or not np.isfinite(levels).all():
         raise ValueError(f"thresholds must be (K,) finite nats, got {levels.tolist()}")
+    if levels.max() > 0:
+        raise ValueError(
+            f"thresholds of the SPRT are -delta / 2, at most 0, got {levels.max():g}: it would "
+            f"decide without evidence{meant(float(levels.max()))}"
+        )
     if evidence.truth is None:
         raise ValueError("tally counts correct choices: it needs the truth of each trial")
     start = Sprt().start(checked_two(evidence).prior)[0]
@@ -125,7 +138,7 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
 
 def checked_two(evidence: Evidence) -> Evidence:
     """Return the evidence; ValueError unless it has two hypotheses."""
-    if evidence.hypotheses != 2:
+    if check_evidence(evidence).hypotheses != 2:
         raise ValueError(f"Sprt needs exactly 2 hypotheses, got {evidence.hypotheses}: use Msprt")
     return evidence
 
@@ -152,51 +165,26 @@ def criterion_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return criterion
 
 
-def criterion_from_posterior(
-    posterior: npt.ArrayLike, hypotheses: int = 2
-) -> npt.NDArray[np.float64]:
-    """Return the ``Msprt`` threshold on OUT, nats, that stops at a posterior: ``-ln P``.
-
-    Parameters
-    ----------
-    posterior : float or array
-        Posterior probability of the hypothesis that is chosen.
-    hypotheses : int
-        Number of hypotheses: at chance, one over it, and below nothing has to be read.
-
-    Raises
-    ------
-    ValueError
-        If a posterior is not above chance and below 1.
-    """
-    asked = np.asarray(posterior, dtype=np.float64)
-    if hypotheses < 2:
-        raise ValueError(f"hypotheses must be at least 2, got {hypotheses}")
-    if not ((asked > 1 / hypotheses) & (asked < 1)).all():
-        raise ValueError(
-            f"posterior must lie between chance, {1 / hypotheses:.3g} with {hypotheses} "
-            f"hypotheses, and 1, got {asked.tolist()}"
-        )
-    return -np.log(asked)
-
-
 def _checked_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    gap = np.asarray(delta, dtype=np.float64)
-    if not (np.isfinite(gap).all() and (gap >= 0).all()):
+    gap = np.asarray(reals("delta", delta), dtype=np.float64)
+    if not (gap.size and np.isfinite(gap).all() and (gap >= 0).all()):
         raise ValueError(f"delta must be finite and >= 0 nats, got {gap.tolist()}")
     return gap
 
 
-def at_readings(out: npt.NDArray[np.float64], evidence: Evidence) -> Trace:
+def at_readings(
+    out: npt.NDArray[np.float64], evidence: Evidence, readout: ReadOut | None = None
+) -> Trace:
     """Return OUT (trials, 1 + steps, hypotheses) as a trace: tick 0 is the prior.
 
-    A trial ends with its last reading.
+    A trial ends with its last reading; ``readout`` says what its thresholds mean.
     """
     readings = np.arange(evidence.steps + 1, dtype=np.float64)
     time_ms = evidence.onset_ms + evidence.step_ms * readings
     time_ms[0] = 0.0
     ends = evidence.readings + 1
-    return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms, ends, evidence.trial_numbers)
+    numbers = evidence.trial_numbers
+    return Trace(out, time_ms, evidence.onset_ms, evidence.step_ms, ends, numbers, readout)
 
 
 @dataclass
@@ -230,15 +218,29 @@ class Stream:
     readings: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.test, (Sprt, Msprt)):
+            raise ValueError(f"test must be Sprt or Msprt, got {type(self.test).__name__}")
+        self.hypotheses = whole("hypotheses", self.hypotheses, 2)
         if isinstance(self.test, Sprt) and self.hypotheses != 2:
             raise ValueError(f"Sprt needs exactly 2 hypotheses, got {self.hypotheses}: use Msprt")
-        if self.t_max is not None and self.t_max < 1:
-            raise ValueError(f"t_max must be at least 1 reading, got {self.t_max}")
+        if self.t_max is not None:
+            self.t_max = whole("t_max", self.t_max, 1)
+        self.number = whole("number", self.number, 0)
         self._state = self.test.start(checked_prior(self.prior, self.hypotheses))
-        self._levels = np.broadcast_to(
-            np.asarray(self.threshold, dtype=np.float64), (self.hypotheses,)
-        )[None]
+        levels = np.asarray(reals("threshold", self.threshold), dtype=np.float64)
+        if levels.shape not in ((), (self.hypotheses,)):
+            raise ValueError(
+                f"threshold must be a number or ({self.hypotheses},), got shape {levels.shape}"
+            )
+        self._levels = np.broadcast_to(levels, (self.hypotheses,))[None]
+        known = OF_SPRT if isinstance(self.test, Sprt) else OF_MSPRT
+        known.check(self._levels)
         self.choice: int | None = self._decide()
+        if self.choice is not None:
+            raise ValueError(
+                f"the stream would decide before its first reading: the prior is past the "
+                f"threshold of {levels.flat[0]:.3g} already{meant(float(levels.flat[0]))}"
+            )
 
     def update(self, log_likelihood: npt.ArrayLike) -> int | None:
         """Take one reading (hypotheses,) in nats; return the choice, or None to go on.
@@ -246,7 +248,7 @@ class Stream:
         Raises ValueError if the reading has the wrong shape or is not finite, and RuntimeError
         if the trial is already decided.
         """
-        reading = np.asarray(log_likelihood, dtype=np.float64)
+        reading = np.asarray(reals("a reading", log_likelihood), dtype=np.float64)
         if reading.shape != (self.hypotheses,) or not np.isfinite(reading).all():
             raise ValueError(
                 f"a reading must hold {self.hypotheses} finite log-likelihoods, got {reading}"
@@ -264,6 +266,6 @@ class Stream:
         numbers = np.array([self.number])
         now = Trace(out[None, None], np.array([float(self.readings)]), numbers=numbers)
         last = self.t_max is not None and self.readings >= self.t_max
-        decision: Decision = first_crossing(now, self._levels, forced=last)
+        decision: Decision = first_crossing(now, self._levels, forced=last, checked=False)
         choice = int(decision.choice[0, 0])
         return choice if choice >= 0 else None

@@ -62,6 +62,8 @@ def circuit(name: str | Path, channels: int | None = None) -> Circuit:
     ValueError
         If there is none of that name, with the names that there are; or as ``table_reader.read``.
     """
+    if not isinstance(name, (str, Path)):
+        raise ValueError(f"circuit must be a name or the path of a .toml file, got {name!r}")
     if table_files.is_path(name):
         return table_reader.read(name, channels)
     if name not in CIRCUITS:

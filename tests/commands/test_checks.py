@@ -1,14 +1,12 @@
 """Places of results: refused, or written over only by force, before anything runs."""
 
+import warnings
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 
-from bgmodel.cli import main
-from bgmodel.commands.checks import say_before, say_of_trials
-from bgmodel.files import read_table
+from bgmodel.cli import _plain_warnings, main
+from bgmodel.commands.checks import say_before
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import circuit
 from tests.helpers import run, some_evidence
@@ -99,7 +97,7 @@ def cannot(**given):
     raise OSError(30, "Read-only file system")
 
 
-def test_warnings_are_a_sentence_and_say_when_the_deadline_decides(tmp_path, capsys):
+def test_a_run_that_the_deadline_decides_is_warned_of(tmp_path):
     out = tmp_path / "out.csv"
     arguments = [
         "--engine",
@@ -113,35 +111,13 @@ def test_warnings_are_a_sentence_and_say_when_the_deadline_decides(tmp_path, cap
         "--t-max",
         2,
     ]
-    assert run("circuit", "run", out, *arguments, "--posterior", 0.99) == 0
-    said = capsys.readouterr().err
-    assert "bgmodel: 20 of 20 trials never met the threshold" in said
-    assert ".py" not in said
-    assert "give more readings or a lower --posterior, or another --gain" in said
+    with pytest.warns(UserWarning, match="20 of 20 trials never meet the threshold"):
+        assert run("circuit", "run", out, *arguments, "--posterior", 0.99) == 0
 
 
-def test_the_advice_on_a_threshold_is_one_that_decides_more_trials(tmp_path, capsys):
-    """A decision is OUT <= threshold: the higher threshold is met, the lower is not."""
-    given = ("--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1, "--trials", 20)
-    forced = {}
-    for threshold in (0.01, 0.4):
-        out = tmp_path / f"{threshold}.csv"
-        assert run("circuit", "run", out, *given, "--t-max", 4, "--threshold", threshold) == 0
-        said = capsys.readouterr().err
-        forced[threshold] = int(read_table(out)["forced"].sum())
-        advised = "give more readings or a higher --threshold, or another --gain" in said
-        assert advised == (forced[threshold] > 10)
-    assert forced[0.01] > 10 > forced[0.4]
-
-
-@pytest.mark.parametrize(
-    ("criterion", "harder"),
-    [("--threshold", "lower"), ("--posterior", "higher"), ("--delta", "higher")],
-)
-def test_the_advice_on_early_decisions_is_a_criterion_met_later(capsys, criterion, harder):
-    table = pd.DataFrame({"forced": False, "undecided": False, "premature": [True, True, False]})
-    say_of_trials(table, criterion)
-    assert capsys.readouterr().err.endswith(f"without evidence: give a {harder} {criterion}\n")
+def test_a_warning_is_shown_as_one_sentence_without_its_place():
+    with _plain_warnings():
+        assert warnings.formatwarning("so it is", UserWarning, "a.py", 3) == "bgmodel: so it is\n"
 
 
 @pytest.mark.parametrize(("name", "channels"), [("bogacz_gurney", 50), ("macaque", 12)])
@@ -184,15 +160,3 @@ def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys,
         for call in later:
             call()
         assert ("bgmodel: compiling, once for" in capsys.readouterr().err) == compiles
-
-
-@pytest.mark.parametrize(("late", "early"), [(2, 0), (3, 0), (0, 2), (0, 3)])
-def test_advice_on_a_criterion_comes_where_more_than_half_of_the_trials_need_it(
-    capsys, late, early
-):
-    of = np.arange(4)
-    table = pd.DataFrame({"forced": False, "undecided": of < late, "premature": of < early})
-    say_of_trials(table, "--posterior")
-    told = capsys.readouterr().err
-    assert ("they stay undecided: give more readings or a lower --posterior" in told) == (late > 2)
-    assert ("decided before their first reading" in told) == (early > 2)

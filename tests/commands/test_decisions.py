@@ -128,15 +128,14 @@ def test_the_policy_that_learns_is_the_one_that_is_named(tmp_path, monkeypatch, 
 def test_decide_says_what_it_forced(tmp_path, capsys):
     out = tmp_path / "out.csv"
     given = ("--trials", 40, "--t-max", 2, "--delta", 16, "--period-mm", 1.5)
-    assert run("decide", out, *given) == 0
-    said = capsys.readouterr()
+    with pytest.warns(UserWarning, match="of 40 trials never meet the threshold") as warned:
+        assert run("decide", out, *given) == 0
     forced = int(read_table(out)["forced"].sum())
-    assert f"forced {forced}, undecided 0" in said.out
-    assert f"bgmodel: {forced} of 40 trials never met the threshold" in said.err
-    assert run("decide", out, *given, "--no-forced", "--force") == 0
-    said = capsys.readouterr()
-    assert f"forced 0, undecided {forced}" in said.out
-    assert "they stay undecided" in said.err
+    assert f"forced {forced}, undecided 0" in capsys.readouterr().out
+    assert str(warned[0].message).startswith(f"{forced} of 40 ")
+    with pytest.warns(UserWarning, match="they stay undecided"):
+        assert run("decide", out, *given, "--no-forced", "--force") == 0
+    assert f"forced 0, undecided {forced}" in capsys.readouterr().out
 
 
 def test_json_of_decide_holds_every_trial(tmp_path, capsys):

@@ -80,7 +80,7 @@ def test_without_the_loop_a_short_window_forgets():
 
 
 def test_a_window_of_nothing_is_refused():
-    with pytest.raises(ValueError, match="window must be at least 1 reading, or None, got 0"):
+    with pytest.raises(ValueError, match="window must be"):
         RecursiveMsprt(window=0)
 
 

@@ -128,7 +128,7 @@ def test_sums_equal_up_to_rounding_are_equal():
         (lambda: Stream(Msprt(), 0.1).update([0.0, np.nan]), "finite log-likelihoods"),
         (lambda: Stream(Msprt(), 0.1).update([0.0, 0.0, 0.0]), "must hold 2 finite"),
         (lambda: Stream(Sprt(), 0.1, hypotheses=3), "exactly 2 hypotheses"),
-        (lambda: Stream(Msprt(), 0.1, t_max=0), "at least 1 reading"),
+        (lambda: Stream(Msprt(), 0.1, t_max=0), "t_max must be"),
     ],
 )
 def test_tests_and_criteria_without_sense_are_refused(call, says):
@@ -157,7 +157,7 @@ def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
         numbers=rng.permutation(100)[:30],
     )
     thresholds = threshold_from_gap(gaps)
-    want = tally(Sprt().run(evidence), evidence.truth, thresholds)
+    want = tally(Sprt().run(evidence), evidence.truth, thresholds, checked=False)
     found = tally_sprt(evidence, thresholds)
     for name in ("trials", "correct", "steps", "forced"):
         assert np.array_equal(getattr(found, name), getattr(want, name))
@@ -166,9 +166,9 @@ def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
 def test_a_deadline_may_be_one_reading():
     """The least that there is: the choice is forced by it, whatever the threshold."""
     for test in (Sprt(), Msprt()):
-        trial = Stream(test, -50.0, t_max=1)
+        trial = Stream(test, -50.0 if test == Sprt() else 0.0, t_max=1)
         assert trial.choice is None
         assert trial.update([0.0, 0.2]) == 1
         assert trial.readings == 1
-    with pytest.raises(ValueError, match="hypotheses must be at least 2, got 1"):
+    with pytest.raises(ValueError, match="hypotheses must be"):
         criterion_from_posterior(0.9, 1)

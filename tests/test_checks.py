@@ -1,0 +1,151 @@
+"""What a user gives is a value of the kind that is asked for, or one sentence, never a crash."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, stream
+from bgmodel.checks import is_number, is_whole, one_per_trial, reals, whole
+from bgmodel.evidence import expecting, gaussian_evidence
+from bgmodel.integrators.fused import gaussian_tally
+from bgmodel.integrators.recursive import RecursiveMsprt
+from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe
+from bgmodel.integrators.sprt import (
+    Stream,
+    criterion_from_posterior,
+    tally_sprt,
+    threshold_from_gap,
+)
+from circuits.anatomy import CIRCUITS, circuit
+from tests.helpers import some_evidence
+
+READINGS = some_evidence(trials=4, steps=3, hypotheses=2).log_likelihood
+EVIDENCE = Evidence(READINGS, np.array([0, 1, 0, 1]), step_ms=50.0, baseline=0.0)
+TABLE = circuit("macaque")
+ODD = ["0.5", "abc", None, 1j, [], {}, object()]
+
+
+@given(st.one_of(st.integers(), st.floats(), st.booleans(), st.text(), st.none()))
+def test_a_number_is_one_and_a_whole_number_is_a_number(value):
+    assert is_number(value) == (type(value) in (int, float))
+    assert is_whole(value) == (is_number(value) and value == value // 1)
+
+
+@given(st.integers(-5, 5), st.integers(0, 3), st.sampled_from([int, float, np.int32, np.float32]))
+def test_a_whole_number_of_any_type_is_the_same_int(value, least, kind):
+    if value >= least:
+        found = whole("n", kind(value), least)
+        assert type(found) is int
+        assert found == value
+    else:
+        with pytest.raises(ValueError, match=r"^n must be"):
+            whole("n", kind(value), least)
+
+
+@pytest.mark.parametrize("kind", ["f2", ">f4", ">f8", "g", "i1", "u8", "?", "O"])
+def test_numbers_of_any_type_become_those_that_compiled_loops_take(kind):
+    values = np.array([0, 1, 1]).astype(kind)
+    found = reals("x", values)
+    assert found.dtype == np.float64
+    assert found.tolist() == [0, 1, 1]
+    assert reals("x", found) is found
+
+
+@pytest.mark.parametrize("values", ["a", [1, [2]], 1j, ["1"], [None, "x"], np.array("2020", "M8")])
+def test_what_holds_no_numbers_is_refused_by_name(values):
+    with pytest.raises(ValueError, match=r"^x must be an array of real numbers"):
+        reals("x", values)
+
+
+@pytest.mark.parametrize("kind", [">i8", "u8", "i1"])
+def test_whole_numbers_per_trial_come_in_the_machines_order(kind):
+    found = one_per_trial("x", np.arange(3).astype(kind), 3)
+    assert found.dtype.isnative
+    assert found.tolist() == [0, 1, 2]
+
+
+CALLS = {
+    "step_ms": lambda odd: Evidence(READINGS, step_ms=odd),
+    "onset_ms": lambda odd: Evidence(READINGS, onset_ms=odd),
+    "log_likelihood": Evidence,
+    "gain": Msprt,
+    "gain of a circuit": lambda odd: BasalGanglia(TABLE, gain=odd),
+    "circuit": BasalGanglia,
+    "engine": lambda odd: BasalGanglia(TABLE, odd),
+    "circuit by name": circuit,
+    "leak": Lca,
+    "slope": lambda odd: LinearGpe(slope=odd),
+    "separation": lambda odd: gaussian_evidence(2, 3, odd, rng=1),
+    "conflict": lambda odd: gaussian_evidence(2, 3, 0.5, rng=1, conflict=odd),
+    "trials": lambda odd: gaussian_evidence(odd, 3, 0.5, rng=1),
+    "rng": lambda odd: gaussian_evidence(2, 3, 0.5, rng=odd),
+    "foreperiod": lambda odd: expecting(EVIDENCE, 1.0, odd, rng=1),
+    "posterior": criterion_from_posterior,
+    "hypotheses": lambda odd: criterion_from_posterior(0.9, odd),
+    "gap": threshold_from_gap,
+    "thresholds": lambda odd: tally_sprt(EVIDENCE, odd),
+    "test of a stream": lambda odd: Stream(odd, 0.2),
+    "threshold of a stream": lambda odd: Stream(Msprt(), odd),
+    "trials of a tally": lambda odd: gaussian_tally(odd, 5, 0.5, [0.2], seed=1),
+    "seed of a tally": lambda odd: gaussian_tally(2, 5, 0.5, [0.2], seed=odd),
+    "nucleus": TABLE.without,
+    "row": TABLE.row,
+    "evidence": lambda odd: compare("macaque", odd, seed=1),
+    "compared circuit": lambda odd: compare(odd, some_evidence(hypotheses=2), seed=1),
+    "accuracies": lambda odd: compare(
+        "macaque", some_evidence(hypotheses=2, baseline=0.0), seed=1, accuracies=odd
+    ),
+    "resamples": lambda odd: compare(
+        "macaque", some_evidence(hypotheses=2, baseline=0.0), seed=1, engine="algebra",
+        accuracies=0.7, resamples=odd,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", CALLS)
+@pytest.mark.filterwarnings("ignore")
+def test_what_is_of_the_wrong_kind_is_one_sentence(what):
+    for odd in ODD:
+        with pytest.raises(ValueError, match=r".") as caught:
+            CALLS[what](odd)
+        assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "integrator",
+    [Sprt(), Msprt(), RecursiveMsprt(), BasalGanglia(TABLE), *(kind() for kind in RIVALS.values())],
+    ids=lambda one: type(one).__name__,
+)
+def test_an_integrator_is_given_evidence_and_no_bare_array(integrator):
+    for odd in (READINGS, READINGS.tolist(), "mine.csv", None):
+        with pytest.raises(ValueError, match=r"^evidence must be an Evidence"):
+            integrator.run(odd)
+    assert integrator.run(EVIDENCE).out_nats.shape == (4, 4, 2)
+
+
+@pytest.mark.parametrize("name", CIRCUITS)
+def test_a_whole_number_of_channels_may_be_written_as_a_float(name):
+    assert circuit(name, 3.0) == circuit(name, 3)
+    assert type(circuit(name, 3.0).channels) is int
+    assert circuit(name, 3).with_channels(2.0).channels == 2
+
+
+def test_a_circuit_may_be_named():
+    assert BasalGanglia("macaque").circuit == TABLE
+    with pytest.raises(ValueError, match=r"with_channels\(3\)"):
+        BasalGanglia("macaque").run(some_evidence(hypotheses=3, baseline=0.0))
+
+
+def test_a_seed_in_place_of_a_generator_is_that_of_its_stream():
+    one, other = (gaussian_evidence(3, 4, 0.5, rng=rng) for rng in (7, stream(7)))
+    assert np.array_equal(one.log_likelihood, other.log_likelihood)
+    with pytest.raises(ValueError, match="seed"):
+        gaussian_evidence(3, 4, 0.5, rng=-1)
+
+
+def test_one_accuracy_is_a_list_of_one():
+    evidence = gaussian_evidence(120, 30, 0.5, rng=3, step_ms=50.0)
+    given = {"seed": 1, "engine": "algebra", "resamples": 20}
+    one, listed = (compare("macaque", evidence, accuracies=a, **given) for a in (0.8, [0.8]))
+    assert one.equals(listed)
