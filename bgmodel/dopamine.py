@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from bgmodel.arrays import Array
+from bgmodel.checks import is_number
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Tradeoff
 from bgmodel.comparison.steady import leader_out
@@ -170,6 +171,8 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
     ValueError
         If the level lies outside the working range.
     """
+    if not (is_number(gain) and 0 < gain < np.inf):
+        raise ValueError(f"gain must be > 0 and finite, got {gain!r}")
     odds = _odds(circuit)
     past = decided_out(circuit, level, odds) - threshold_nats
     if not past[0] > 0 >= past.min():

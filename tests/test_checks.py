@@ -5,8 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, stream
+from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
 from bgmodel.checks import is_number, is_whole, one_per_trial, reals, whole
+from bgmodel.comparison.circuits import decide_at_thresholds
+from bgmodel.comparison.compare import tradeoff
+from bgmodel.dopamine import criterion
 from bgmodel.evidence import expecting, gaussian_evidence
 from bgmodel.integrators.fused import gaussian_tally
 from bgmodel.integrators.recursive import RecursiveMsprt
@@ -17,6 +20,9 @@ from bgmodel.integrators.sprt import (
     tally_sprt,
     threshold_from_gap,
 )
+from bgmodel.learning.reward import reward
+from bgmodel.tables.trials import Trials, trial_table
+from circuits import engines
 from circuits.anatomy import CIRCUITS, circuit
 from tests.helpers import some_evidence
 
@@ -149,3 +155,47 @@ def test_one_accuracy_is_a_list_of_one():
     given = {"seed": 1, "engine": "algebra", "resamples": 20}
     one, listed = (compare("macaque", evidence, accuracies=a, **given) for a in (0.8, [0.8]))
     assert one.equals(listed)
+
+
+def test_parts_that_belong_to_other_trials_are_refused():
+    """Shapes that only happen to fit gave numbers without meaning."""
+    evidence = some_evidence(hypotheses=2, baseline=0.0)
+    trace = Msprt().run(evidence)
+    decision = first_crossing(trace, 0.3)
+    low = BasalGanglia(TABLE).circuit.readable_nats[0] / 2
+    for call in (
+        lambda: tradeoff(trace, some_evidence(hypotheses=4)),
+        lambda: tradeoff(trace, evidence[:10]),
+        lambda: tradeoff(trace, evidence, 0.3),
+        lambda: tradeoff(trace, evidence, [[0.3, 0.2]]),
+        lambda: reward(decision, evidence.truth[:3], 5.0),
+        lambda: first_crossing(trace, [0.3, 0.2]).plot(truth=evidence.truth[:3]),
+        lambda: Trials(evidence, ["a"]),
+        lambda: trial_table(decision, Trials(evidence[:5], ["a", "b"]), model="m"),
+        lambda: trial_table(decision, evidence, model="m"),
+        lambda: decide_at_thresholds(BasalGanglia(TABLE), evidence, [low]),
+        lambda: compare(TABLE, evidence, seed=1, engine="algebra", intact="macaque"),
+        lambda: criterion(TABLE, 1.0, 0.3, -1.0),
+        lambda: engines.run("macaque", np.zeros((1, 1, 2)), engine="algebra", step_ms=1.0),
+    ):
+        with pytest.raises(ValueError, match=r"must|not of|reads no OUT|equals"):
+            call()
+
+
+@pytest.mark.parametrize(
+    "index", [999, -999, [0, 999], "a", 1.5, (0, 1), None, np.array([[0]]), np.array([True])]
+)
+def test_trials_that_are_not_there_are_an_index_error(index):
+    with pytest.raises(IndexError, match=r"^trials must be"):
+        EVIDENCE[index]
+
+
+def test_one_trial_by_its_number_is_evidence_of_that_trial():
+    for index, number in ((0, 0), (-1, 3), (np.int64(2), 2)):
+        one = EVIDENCE[index]
+        assert one.trials == 1
+        assert one.trial_numbers.tolist() == [number]
+        assert np.array_equal(one.log_likelihood[0], READINGS[number])
+    assert [one.trial_numbers[0] for one in EVIDENCE] == [0, 1, 2, 3]
+    with pytest.raises(ValueError, match=r"got none of 4"):
+        EVIDENCE[2:2]

@@ -147,6 +147,7 @@ LEVELS = [
 ]
 TACTILE_MAY = {
     "bgmodel.arrays",
+    "bgmodel.checks",
     "bgmodel.compiling",
     "bgmodel.evidence",
     "bgmodel.files",

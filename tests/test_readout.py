@@ -251,7 +251,7 @@ def test_a_circuit_decides_in_python_what_it_decides_at_the_terminal(tmp_path):
         first_crossing(model.run(evidence), posterior=0.85),
     ):
         assert (decision.choice == evidence.truth).tolist() == table["correct"].tolist()
-        assert decision.steps.tolist() == pytest.approx(table["steps"].tolist())
+        assert decision.time_ms.tolist() == pytest.approx((1000 * table["rt"]).tolist())
     assert {"STN", "GPe"} <= {*means.table()["population"]}
 
 

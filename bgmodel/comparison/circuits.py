@@ -39,6 +39,7 @@ from bgmodel.integrators.basal_ganglia import (
     NOISE_SHARE,
     ROUNDING_NATS,
     BasalGanglia,
+    check_threshold,
     deciding_thresholds,
     rest_out,
 )
@@ -175,11 +176,19 @@ def decide_at_thresholds(
     decoder_tau_ms : float, optional
         How long the decoder counts; None for no decoder.
 
+    Raises
+    ------
+    ValueError
+        If the circuit reads no OUT as low as the highest threshold.
+
     Notes
     -----
     Where the engine can, a trial is dropped once its OUT is a little below the lowest threshold. If
     the decoder has not crossed all thresholds by then, the trial is run again, to its end.
     """
+    if np.max(thresholds) < model.circuit.readable_nats[0]:
+        # Where OUT rests may be what is asked for; what is never read is no answer.
+        check_threshold(model.circuit, float(np.max(thresholds)))
     in_nats = model.circuit.unit == NATS
     decodes = in_nats and model.engine in NOISY and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))

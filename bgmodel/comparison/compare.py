@@ -19,7 +19,7 @@ from bgmodel.arrays import Array, Integers
 from bgmodel.checks import reals, whole
 from bgmodel.comparison.pairs import Choices, side_by_side
 from bgmodel.decision import Trace, first_crossing
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.facts import Facts, span
 from bgmodel.seeds import generator
 
@@ -147,6 +147,13 @@ def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None 
     thresholds : array (K,), optional
         ``levels(trace)`` if left out.
     """
+    if np.shape(trace.out_nats)[::2] != (check_evidence(evidence).trials, evidence.hypotheses):
+        raise ValueError(
+            f"the trace must be of this evidence, {evidence.trials} trials of "
+            f"{evidence.hypotheses} hypotheses, got OUT of shape {np.shape(trace.out_nats)}"
+        )
+    if thresholds is not None and np.ndim(reals("thresholds", thresholds)) != 1:
+        raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
     chosen = levels(trace) if thresholds is None else np.sort(np.asarray(thresholds))[::-1]
     decided = first_crossing(trace, chosen, checked=False)
     reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)

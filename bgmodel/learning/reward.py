@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array, Integers
+from bgmodel.checks import is_number, one_per_trial
 from bgmodel.decision import Decision, Tally
 
 
@@ -36,6 +37,7 @@ def reward(decision: Decision, truth: Integers, xi: float) -> Array:
 
     An omission is an error, and its T is the number of readings of the whole trial.
     """
+    truth = one_per_trial("truth", truth, decision.choice.shape[-1])
     whole = np.where(np.isnan(decision.steps), decision.deadline_ms / decision.step_ms, 0)
     return reward_of(decision.choice != truth, np.fmax(decision.steps, whole), xi)
 
@@ -47,5 +49,5 @@ def mean_reward(counts: Tally, xi: float) -> Array:
 
 def check_xi(xi: float) -> None:
     """Raise ValueError if this cannot be the cost of an error."""
-    if not (np.isfinite(xi) and xi > 0):
+    if not (is_number(xi) and 0 < xi < np.inf):
         raise ValueError(f"xi must be > 0 readings, got {xi}")

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.decision import Decision
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, check_evidence
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,6 +46,12 @@ class Trials:
     names: list[str]
     columns: pd.DataFrame = field(default_factory=_no_columns)
     varying: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if len(self.names) != check_evidence(self.evidence).hypotheses:
+            raise ValueError(
+                f"names must be of {self.evidence.hypotheses} hypotheses, got {self.names}"
+            )
 
     def where(self, chosen: npt.NDArray[np.bool_]) -> Trials:
         """Return some of the trials."""
@@ -105,7 +111,13 @@ def trial_table(
         raise ValueError(
             f"a trial table holds one threshold, got decisions of shape {decision.choice.shape}"
         )
+    if not isinstance(trials, Trials):
+        raise ValueError(
+            f"trials must be Trials, got {type(trials).__name__}: Trials(evidence, names)"
+        )
     evidence = trials.evidence
+    if decision.choice.shape != (evidence.trials,):
+        raise ValueError(f"{len(decision.choice)} decisions are not of {evidence.trials} trials")
     labels = np.array([*trials.names, ""], dtype=object)
     truth = evidence.truth
     known = truth is not None

@@ -14,7 +14,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.arrays import Array
+from bgmodel.checks import whole
 from bgmodel.evidence import Evidence
+from bgmodel.seeds import generator
 from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
 
 FOLDS = 6
@@ -125,7 +127,7 @@ class Source:
         trials: int,
         steps: int,
         *,
-        rng: np.random.Generator,
+        rng: np.random.Generator | int,
         prior: npt.ArrayLike | None = None,
         step_ms: float = STEP_MS,
     ) -> Evidence:
@@ -136,15 +138,15 @@ class Source:
         trials, steps : int
             Truth is balanced: trial k belongs to hypothesis k mod N.  Its readings are the same
             however many trials follow.
-        rng : numpy.random.Generator
-            The source of every random number.
+        rng : numpy.random.Generator or int
+            The source of every random number, or a seed.
         prior : array (hypotheses,), optional
             What the decider believes; the draw stays balanced.
         step_ms : float
             Time a tap takes, ms; 500 is assumed.
         """
-        if trials < 1 or steps < 1:
-            raise ValueError(f"trials and steps must be >= 1, got {trials} and {steps}")
+        trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
+        rng = generator(rng)
         count = len(self.names)
         truth = np.arange(trials) % count
         # Filled trial by trial, one number a reading: a trial never sees the ones after it.

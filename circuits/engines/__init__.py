@@ -74,7 +74,11 @@ def run(
     ValueError
         For an unknown engine, one with noise and no seed, or an option that it does not take.
     """
-    if engine not in ENGINES:
+    if not isinstance(circuit, Circuit):
+        raise ValueError(
+            f"circuit must be a Circuit, as from circuits.anatomy.circuit, got {circuit!r}"
+        )
+    if not isinstance(engine, str) or engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
     module = importlib.import_module(f"circuits.engines.{MODULES[engine]}")
     fixed = SETTINGS.get(engine, {})
