@@ -137,13 +137,18 @@ def _head(circuit: Circuit) -> str:
         f"{circuit.rest_drive:.3g} at rest, works"
     )
     gain = circuit.default_gain
+    lead = (
+        f"; follows a lead of up to {circuit.most_lead_nats:g} {circuit.unit} of drive per 100 ms"
+        if math.isfinite(circuit.most_lead_nats)
+        else ""
+    )
     default = "no default gain" if gain is None else f"default gain {gain:g} per nat of evidence"
     return (
         f"{circuit.name}: {circuit.about}\n"
         f"{circuit.channels} channels, evidence into {circuit.input}, OUT from {circuit.readout}, "
         f"{'exact' if circuit.exact else 'not exact'}\n"
         f"{at_rest} from {low:g} to {high:g}; OUT is "
-        f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}\n"
+        f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}{lead}\n"
         f"{_drive(circuit)}, drive gain "
         f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
         f"{_off(circuit)}{_outside(circuit)}"

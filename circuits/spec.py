@@ -75,6 +75,10 @@ class Circuit:
     reach_nats : float
         How far below the leader's drive another channel's may fall: a silent cell cannot fall
         further. The leader's OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``.
+    most_lead_nats : float
+        Largest mean lead, nats of drive, that one channel may gain over the mean of the others per
+        100 ms, or per reading where readings are further apart. Beyond it decisions come late or
+        never. Infinite where it was not measured.
     most_channels : int
         Most alternatives for which the circuit has a state of rest.
     wiring_seed : int
@@ -101,6 +105,7 @@ class Circuit:
     readable_nats: tuple[float, float] = (0.0, math.inf)
     centred: bool = True
     reach_nats: float = math.inf
+    most_lead_nats: float = math.inf
     most_channels: int = 1000
     wiring_seed: int = 0
     courses: tuple[Course, ...] = ()
@@ -179,8 +184,9 @@ class Circuit:
                     raise ValueError(f"{self.name}: a row must be a {kind.__name__}, got {row!r}")
 
     def _check_numbers(self) -> None:
-        if not self.reach_nats > 0:
-            raise ValueError(f"reach_nats must be > 0, got {self.reach_nats}")
+        for name in ("reach_nats", "most_lead_nats"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
         if not 0 <= self.readout_tau_ms < math.inf:
             raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
         for name in ("range_nats", "readable_nats"):
@@ -542,9 +548,17 @@ class Circuit:
         return found
 
     def with_channels(self, channels: int) -> Circuit:
-        """Return the circuit for another number of alternatives, for which no gain was found."""
-        gain = self.default_gain if channels == self.channels else None
-        return replace(self, channels=channels, default_gain=gain)
+        """Return the circuit for another number of alternatives.
+
+        The default gain and the largest lead were measured for one number: neither is kept.
+        """
+        same = channels == self.channels
+        return replace(
+            self,
+            channels=channels,
+            default_gain=self.default_gain if same else None,
+            most_lead_nats=self.most_lead_nats if same else math.inf,
+        )
 
     def with_neurons(self, neurons: int) -> Circuit:
         """Return the circuit with another number of cells in every spiking population.
@@ -633,8 +647,9 @@ class Circuit:
     ) -> Circuit:
         """Return the circuit with other tables; itself if they are the same.
 
-        It stays exact if they differ in nothing that a fixed point depends on. Courses stay unless
-        others are given.
+        It stays exact if they differ in nothing that a fixed point depends on. The largest lead
+        that it follows, measured for its delays and time constants, becomes unknown when one of
+        these changes. Courses stay unless others are given.
         """
         tables = populations, projections, self.courses if courses is None else courses
         if tables == (self.populations, self.projections, self.courses):
@@ -642,8 +657,15 @@ class Circuit:
         old, new = self.populations + self.projections, populations + projections
         exact = self.exact and [*map(_computes, old)] == [*map(_computes, new)]
         exact = exact and tables[2] == self.courses
+        times = {row.name: _times(row) for row in new}
+        same = all(times.get(row.name) == _times(row) for row in old)
         return replace(
-            self, populations=populations, projections=projections, courses=tables[2], exact=exact
+            self,
+            populations=populations,
+            projections=projections,
+            courses=tables[2],
+            exact=exact,
+            most_lead_nats=self.most_lead_nats if same else math.inf,
         )
 
     def _everywhere(self, **values: Any) -> Circuit:
@@ -681,3 +703,10 @@ class Circuit:
 def _computes(row: Population | Projection) -> list[object]:
     """Return the fields of a row that a fixed point depends on."""
     return [getattr(row, f.name) for f in fields(row) if f.name not in NOT_COMPUTED]
+
+
+def _times(row: Population | Projection) -> tuple[float, ...]:
+    """Return the delay and the time constants of a row, ms."""
+    if isinstance(row, Population):
+        return row.tau_ms, getattr(row.cell, "tau_ms", 0.0)
+    return row.delay_ms, row.tau_ms

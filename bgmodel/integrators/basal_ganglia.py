@@ -44,6 +44,10 @@ ROUNDING_NATS = 0.01
 """How far below its threshold a trial is dropped."""
 SETTLE_MS = 300.0
 """Time at rest before each trial in the engines that need it, ms, unless an option says so."""
+LEAD_MS = 100.0
+"""Time per which a circuit states the largest lead that it follows, ms."""
+REFUSED_TIMES = 4.0
+"""A lead this many times the stated one is refused: twice the d' of Gaussian evidence."""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
@@ -224,7 +228,11 @@ class BasalGanglia(Facts):
         return level
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
-        """Return all that the circuit did; trial t has the noise of ``first_trial + t``."""
+        """Return all that the circuit did; trial t has the noise of ``first_trial + t``.
+
+        Warns of evidence that is stronger than the circuit follows; see ``check_strength``.
+        """
+        self.check_strength(evidence)
         return self.run_drive(self.drive(evidence), evidence.step_ms, first_trial)
 
     def run_drive(self, drive: npt.ArrayLike, step_ms: float, first_trial: int = 0) -> Activity:
@@ -259,6 +267,44 @@ class BasalGanglia(Facts):
     def warn_beyond_range(self, evidence: Evidence) -> None:
         """Warn if the evidence leaves the range in which the circuit works."""
         warn_beyond_range(self.circuit, self.drive(evidence))
+
+    def lead_nats(self, evidence: Evidence) -> float:
+        """Return the mean lead that the best-supported channel gains, nats of drive.
+
+        The lead is over the mean of the other channels at a trial's end, per 100 ms, or per reading
+        where readings are further apart.
+        """
+        total = evidence.log_likelihood.sum(axis=1, dtype=np.float64)
+        most = total.max(axis=1)
+        others = (total.sum(axis=1) - most) / (evidence.hypotheses - 1)
+        per_reading = self.gain * float((most - others).sum()) / int(evidence.readings.sum())
+        return per_reading * max(1.0, LEAD_MS / evidence.step_ms)
+
+    def check_strength(self, evidence: Evidence) -> None:
+        """Warn if evidence is stronger than the circuit follows.
+
+        The fixed point, engine ``algebra``, has no dynamics and follows any evidence.
+
+        Raises
+        ------
+        ValueError
+            If the evidence gains ``REFUSED_TIMES`` the lead that the circuit states, or more.
+        """
+        most = self.circuit.most_lead_nats
+        if self.engine == "algebra" or not np.isfinite(most):
+            return
+        lead = self.lead_nats(evidence)
+        # A hypothesis that is ruled out has no finite nats: the engines refuse it.
+        if lead <= most or not np.isfinite(lead):
+            return
+        said = (
+            f"the evidence is too strong for {self.circuit.name}: one channel gains a lead of "
+            f"{lead:.3g} nats of drive per {max(LEAD_MS, evidence.step_ms):g} ms, the circuit "
+            f"follows up to {most:.3g}, and beyond that decisions come late or never"
+        )
+        if lead >= REFUSED_TIMES * most:
+            raise ValueError(f"{said}; lower the gain or give weaker evidence")
+        warnings.warn(said, stacklevel=3)
 
     def out_at_rest(self, trials: int = 40) -> npt.NDArray[np.float64]:
         """Return OUT (trials, ticks, channels) of 500 ms without evidence, with noise."""
@@ -303,20 +349,27 @@ class BasalGanglia(Facts):
         """Go through many trials, a part that fits into memory at a time.
 
         Yields each part of the evidence with its activity and its OUT; what a trial does is the
-        same in any part, and trial t has the noise of ``first_trial + t``.
+        same in any part, and trial t has the noise of ``first_trial + t``. Warnings and errors of
+        ``check_strength`` are about all of the evidence.
         """
+        self.check_strength(evidence)
+        yield from self._parts(evidence, first_trial)
+
+    def _parts(
+        self, evidence: Evidence, first_trial: int
+    ) -> Iterator[tuple[Evidence, Activity, Trace]]:
         batch = self.batch(evidence)
         for first in range(0, evidence.trials, batch):
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
                 # A part at a time it would be said many times: ``warn_beyond_range`` says it once.
                 warnings.filterwarnings("ignore", message="(S|the input) runs from")
-                activity = self.activity(part, first_trial + first)
+                activity = self.run_drive(self.drive(part), part.step_ms, first_trial + first)
             yield part, activity, self.trace(activity, part)
 
     def one_trial(self, part: Evidence, first_trial: int, trial: int) -> tuple[Activity, Trace]:
         """Return one trial of a part as ``batches`` yields it, and as it is in that part."""
-        ((_, activity, trace),) = self.batches(part[trial : trial + 1], first_trial + trial)
+        ((_, activity, trace),) = self._parts(part[trial : trial + 1], first_trial + trial)
         return activity, trace
 
 

@@ -25,6 +25,15 @@ PACEMAKER = f"pacemaker, CV assumed; rate {LIENARD}"
 OUTPUT = "pacemaker, CV assumed; rate tuned"
 D2_AMPA = f"{AMPA}; D2 {HERNANDEZ}"
 D2_GABA = f"{SHARED}; D2 {SHEN}"
+MOST_LEAD_NATS = {
+    2: 1.2, 3: 2.4, 4: 2.4, 5: 1.5, 6: 1.1, 7: 0.65, 8: 0.6, 9: 0.5, 10: 0.4, 11: 0.33, 12: 0.28,
+}  # fmt: skip
+"""Largest lead per 100 ms by number of alternatives, measured (benchmarks/tuning/strength.py).
+
+Up to it at most 2.5 % of decisions come 400 ms or more after those of the fixed point, at a
+posterior of 0.9. With few alternatives the delays of the loop of STN and GPe limit it, which
+oscillates above Sigma = 5.1; with many, the highest rate of cortex does.
+"""
 SLOW = "GPe to frontal cortex, Saunders et al. 2015, mouse; gain, time assumed"
 
 
@@ -130,6 +139,7 @@ def macaque(channels: int = 2) -> Circuit:
         range_nats=(top - tone, inf),
         # Losers are silent from top nats behind on.
         readable_nats=(log1p((channels - 1) * exp(-top)), log_n),
+        most_lead_nats=MOST_LEAD_NATS.get(channels, inf),
         most_channels=12,
         default_gain=0.55 if channels == 2 else 0.5 if channels < 8 else 0.4,
         about="basal ganglia of a macaque that decide by raw evidence as the MSPRT does",

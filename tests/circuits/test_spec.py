@@ -388,3 +388,29 @@ def test_a_multiple_of_the_cells_is_rounded_and_at_least_one(factor, neurons):
     for silly in (0, -1, math.inf):
         with pytest.raises(ValueError, match=f"factor must be > 0 and finite, got {silly}"):
             found.with_neurons_times(silly)
+
+
+def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_cleared_by_others():
+    table = anatomy.macaque(2)
+    most = table.most_lead_nats
+    assert np.isfinite(most)
+    kept = [
+        table.without("GPe", 0.1),
+        table.scaled("ctx", "D1", 1.1),
+        table.dopamine(0.9),
+        table.edited("STN.bias_nats=-2"),
+        table.with_rows("D1->GPe weight=-0.1"),
+        table.with_neurons_times(2),
+        table.with_channels(2),
+    ]
+    assert {edited.most_lead_nats for edited in kept} == {most}
+    cleared = [
+        table.edited("STN->GPe.delay_ms=4"),
+        table.edited("GPe->STN.tau_ms=3"),
+        table.edited("GPe_ctx.tau_ms=500"),
+        table.with_channels(4),
+    ]
+    assert {edited.most_lead_nats for edited in cleared} == {np.inf}
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match="most_lead_nats must be > 0"):
+            replace(table, most_lead_nats=wrong)

@@ -215,3 +215,76 @@ def test_evidence_drives_a_circuit_by_its_own_nats_unless_a_gain_is_given():
     total = EVIDENCE.totals
     wanted = total - total.mean(axis=2, keepdims=True)
     np.testing.assert_allclose(drive_of(EVIDENCE), wanted, atol=1e-12)
+
+
+def strong(d_prime, channels=2, trials=200, steps=40, step_ms=50.0):
+    """Gaussian evidence of so many standard deviations per reading."""
+    return gaussian_evidence(
+        trials,
+        steps,
+        d_prime / np.sqrt(2),
+        rng=stream(SEED, "strong"),
+        hypotheses=channels,
+        step_ms=step_ms,
+    )
+
+
+def mean_ms(d_prime, posterior):
+    """Mean decision time of the default circuit by populations."""
+    level = -np.log(posterior)
+    model = BasalGanglia(macaque(2), "population", gain_of(macaque(2)), SEED).until(level)
+    return first_crossing(model.run(strong(d_prime)), level).time_ms.mean()
+
+
+@pytest.mark.parametrize("posterior", [0.82, 0.9])
+def test_stronger_evidence_is_decided_sooner_up_to_the_stated_lead_and_later_beyond(posterior):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        times_ms = [mean_ms(d_prime, posterior) for d_prime in (0.7, 0.9, 1.15, 1.45)]
+    assert (np.diff(times_ms) < -20).all()
+    with pytest.warns(UserWarning, match="too strong for macaque"):
+        late_ms = mean_ms(2.9, posterior)
+    assert late_ms > times_ms[-1]
+
+
+@pytest.mark.parametrize("channels", range(2, 13))
+def test_usual_evidence_is_not_too_strong_for_the_default_circuit(channels):
+    table = macaque(channels)
+    model = BasalGanglia(table, "population", gain_of(table), SEED)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for d_prime in (0.5, 1.0) if channels < 10 else (0.5, 0.75):
+            model.check_strength(strong(d_prime, channels))
+
+
+@given(st.sampled_from([2, 4, 8]), st.sampled_from([10.0, 50.0, 200.0]), st.floats(0.05, 20))
+def test_the_lead_per_100_ms_decides_between_silence_warning_and_refusal(channels, step_ms, ratio):
+    table = macaque(channels)
+    per_reading = ratio * table.most_lead_nats / max(1, 100 / step_ms)
+    reading = np.zeros(channels)
+    reading[0] = per_reading
+    evidence = Evidence(np.broadcast_to(reading, (2, 5, channels)), step_ms=step_ms, baseline=0.0)
+    model = BasalGanglia(table, "rate", 1.0)
+    assert model.lead_nats(evidence) == pytest.approx(ratio * table.most_lead_nats)
+    BasalGanglia(table, "algebra", 1.0).check_strength(evidence)
+    BasalGanglia(replace(table, most_lead_nats=np.inf), "rate", 1.0).check_strength(evidence)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        if ratio > 4.001:
+            with pytest.raises(ValueError, match="lower the gain"):
+                model.check_strength(evidence)
+        elif ratio < 3.999:
+            model.check_strength(evidence)
+    if abs(ratio - 1) > 1e-3 and not 3.999 <= ratio <= 4.001:
+        assert len(caught) == (1 < ratio < 4)
+
+
+def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_said_once():
+    table = macaque(2)
+    model = BasalGanglia(table, "population", gain_of(table), SEED)
+    for run in (model.run, model.activity, lambda evidence: next(model.batches(evidence))):
+        with pytest.raises(ValueError, match="too strong"):
+            run(strong(10.0))
+    with pytest.warns(UserWarning, match="too strong") as caught:
+        parts = [part.trials for part, _, _ in model.batches(strong(2.0, trials=300, steps=2))]
+    assert (len(parts), len(caught)) == (2, 1)

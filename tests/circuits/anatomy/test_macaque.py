@@ -1,10 +1,14 @@
 """The macaque's table: OUT is -ln P of raw evidence, what channels share is cancelled inside."""
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.tuning.strength import decided, drawn, late, variants
+from benchmarks.tuning.strength import stability as stability_of_loop
 from bgmodel.evidence import Evidence, gaussian_evidence, minus_log_softmax
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits import anatomy
@@ -150,7 +154,7 @@ def test_it_does_not_oscillate_at_rest_nor_where_it_decides(channels):
 def test_endless_evidence_saturates_cortex_and_nothing_runs_away():
     evidence = Evidence(np.tile([4.0, -4.0], (1, 60, 1)), baseline=0.0, step_ms=50.0)
     model = BasalGanglia(anatomy.macaque(2), "population", 0.55, options={"noise": False})
-    found = model.activity(evidence)
+    found = model.run_drive(model.drive(evidence), evidence.step_ms)  # too strong for ``activity``
     assert found.rates_hz["ctx"].max() <= 0.8 + 11 * MOST_NATS + 1e-3
     assert found.output_nats[0, -1].argmin() == 0
 
@@ -199,4 +203,30 @@ def test_a_baseline_is_taken_from_no_more_readings_than_there_are():
 
 
 def test_no_number_changes_by_accident():
-    assert hashes("macaque") == ("9c4bc534", "ce663daa")
+    assert hashes("macaque") == ("1f593af1", "4908cd9e")
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_the_loop_of_stn_and_gpe_alone_oscillates_above_a_sigma_of_5_1(channels):
+    """Why evidence can be too strong: the slow cells that inhibit cortex come too late for it."""
+    table = anatomy.macaque(channels)
+    calm, wild = stability_of_loop(table, (1.5, 1.7))
+    assert 4.9 < calm[1] < 5.144 < wild[1] < 5.5
+    assert calm[2] < 0 < wild[2]
+    assert wild[3] == pytest.approx(21, abs=0.5)
+
+
+def test_a_loop_with_short_times_lets_the_circuit_follow_evidence_that_is_too_strong_for_it():
+    table = anatomy.macaque(2)
+    evidence = drawn(3.0, 2, 100)
+    gain = table.default_gain
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        exact = decided(table, "algebra", evidence, gain, 0.82)
+        shares = {
+            name: late(decided(one, "rate", evidence, gain, 0.82), exact)
+            for name, one in variants(table).items()
+            if name in ("as it is", "STN-GPe loop with times of 1 ms")
+        }
+    assert shares["as it is"] > 0.1
+    assert shares["STN-GPe loop with times of 1 ms"] == 0

@@ -1,0 +1,133 @@
+"""How strong evidence may be: where decisions of the macaque's table stop getting faster, and why.
+
+``python -m benchmarks.tuning.strength [--trials 200]`` prints three tables: the stability of the
+loop of STN and GPe against its activity, decision times against d' with one part of the circuit
+changed at a time, and the share of late decisions by number of alternatives, from which
+``circuits.anatomy.macaque.MOST_LEAD_NATS`` is taken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+
+import numpy as np
+
+from bgmodel import stream
+from bgmodel.decision import Decision, first_crossing
+from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from circuits.anatomy import macaque
+from circuits.fixed_point import solve, wired
+from circuits.laws.stability import growth
+from circuits.spec import Circuit
+
+SEED = 1004
+LATE_MS = 400.0
+READINGS = 40
+STRENGTHS = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
+ALTERNATIVES = (2, 3, 4, 5, 6, 7, 8, 10, 12)
+
+
+def variants(table: Circuit) -> dict[str, Circuit]:
+    """Return the table, and what changes one of the suspects at a time."""
+    loop = ("STN->GPe.delay_ms=1", "GPe->STN.delay_ms=1")
+    short = (*loop, "STN->GPe.tau_ms=1", "GPe->STN.tau_ms=1")
+    return {
+        "as it is": table,
+        "GPe->STN with a delay of 3 ms": table.edited("GPe->STN.delay_ms=3"),
+        "STN-GPe loop with times of 1 ms": table.edited(*short),
+        "no ceiling of cortex": table.edited("ctx.transfer=rectified"),
+        "both": table.edited(*short, "ctx.transfer=rectified"),
+        "GPe_ctx 10 times faster": table.edited("GPe_ctx.tau_ms=500"),
+        "cortical inhibition held": table.without(fast_inhibition(table), replaced=True),
+    }
+
+
+def fast_inhibition(table: Circuit) -> str:
+    """Return the name of the interneurons of cortex."""
+    return next(p.target for p in table.projections if p.source == "ctx" and p.delay_ms == 1)
+
+
+def loop_alone(table: Circuit) -> Circuit:
+    """Return the circuit with all but the loop of STN and GPe held at rest."""
+    held = table.without("GPe_ctx", replaced=True).without(fast_inhibition(table), replaced=True)
+    return held.edited("ctx.transfer=rectified")
+
+
+def stability(table: Circuit, rises_nats: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """Return the rise of S above rest, Sigma, the growth in 1/s and its frequency in Hz."""
+    found, alone = [], loop_alone(table)
+    wiring = wired(alone)
+    own, hz = wiring.blocks_of("STN"), table.population("STN").gain_hz_per_nat
+    for rise in rises_nats:
+        drive = np.full(table.channels, rise)
+        root = growth(alone, drive)
+        sigma = float(wiring.rates(solve(wiring, drive[None]))[0, own].sum()) / hz
+        found.append((rise, sigma, root.real, abs(root.imag) / (2 * np.pi)))
+    return found
+
+
+def decided(
+    table: Circuit, engine: str, evidence: Evidence, gain: float, posterior: float
+) -> Decision:
+    """Return the decisions at a posterior, whatever lead the table states."""
+    level = -np.log(posterior)
+    seed = None if engine in ("rate", "algebra") else SEED
+    model = BasalGanglia(table, engine, gain, seed).until(level)
+    parts = [first_crossing(trace, level) for _, _, trace in model._parts(evidence, 0)]
+    return parts[0]
+
+
+def late(found: Decision, exact: Decision) -> float:
+    """Return the share of decisions well after that of the fixed point."""
+    return float(((found.time_ms > exact.time_ms + LATE_MS) & ~exact.forced).mean())
+
+
+def drawn(d_prime: float, channels: int, trials: int, readings: int = READINGS) -> Evidence:
+    """Return Gaussian evidence, a reading every 50 ms."""
+    rng = stream(SEED, "strength")
+    separation = d_prime / np.sqrt(2)
+    return gaussian_evidence(
+        trials, readings, separation, rng=rng, hypotheses=channels, step_ms=50.0
+    )
+
+
+def main() -> None:
+    """Print the three tables."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--trials", type=int, default=200)
+    trials = asked.parse_args().trials
+    warnings.simplefilter("ignore")
+    table = macaque(2)
+    print("S above rest, Sigma, growth (1/s), Hz: the loop of STN and GPe alone")
+    for row in stability(table, (0.0, 0.5, 1.0, 1.5, 1.6, 2.0, 2.5, 3.0)):
+        print("  " + " ".join(f"{value:8.2f}" for value in row))
+    print(f"mean time in ms (late share) at d' = {STRENGTHS}; 2 alternatives, posterior 0.82")
+    for name, one in {**variants(table), "spikes": table}.items():
+        engine = "ensemble" if name == "spikes" else "population"
+        cells = []
+        for d_prime in STRENGTHS:
+            evidence = drawn(d_prime, 2, min(trials, 250))
+            exact = decided(table, "algebra", evidence, gain_of(table), 0.82)
+            try:
+                found = decided(one, engine, evidence, gain_of(table), 0.82)
+            except ValueError as error:
+                cells.append(str(error).partition(",")[0][-8:])
+                continue
+            cells.append(f"{found.time_ms.mean():.0f} ({late(found, exact):.2f})")
+        print(f"  {name:32s}" + " ".join(f"{cell:>12s}" for cell in cells), flush=True)
+    print("late share at posterior 0.9 by alternatives and lead per 100 ms")
+    for channels in ALTERNATIVES:
+        table, cells = macaque(channels), []
+        gain = gain_of(table)
+        for d_prime in (1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5):
+            evidence = drawn(d_prime, channels, min(trials, 250), 60)
+            exact = decided(table, "algebra", evidence, gain, 0.9)
+            found = decided(table, "population", evidence, gain, 0.9)
+            cells.append(f"{gain * d_prime**2:.2f}: {late(found, exact):.3f}")
+        print(f"  {channels:2d} " + "  ".join(cells), flush=True)
+
+
+if __name__ == "__main__":
+    main()
