@@ -47,21 +47,22 @@ LINEAR, EXACT = "linear", "exact"
 
 
 def with_fast(gain: float, channels: int = CHANNELS) -> Circuit:
-    """Return the default circuit with a gain of FSI onto cortex, all rates at rest kept."""
+    """Return the default circuit with a gain of cortical inhibition, all rates at rest kept."""
     table = circuit(DEFAULT, channels)
     if not gain:
-        return table.without("FSI", replaced=True)
+        return table.without("ctx_inh", replaced=True)
     tone = table.population("ctx").bias_nats
-    tone += (gain + table.projection("FSI", "ctx").weight) * table.rest_drive
-    return table.with_projection("FSI", "ctx", weight=-gain).with_population("ctx", bias_nats=tone)
+    tone += (gain + table.projection("ctx_inh", "ctx").weight) * table.rest_drive
+    table = table.with_projection("ctx_inh", "ctx", weight=-gain)
+    return table.with_population("ctx", bias_nats=tone)
 
 
 def circuits() -> dict[str, Circuit]:
-    """Return the circuits by name: the default one by the gain of its FSI, and the old one."""
+    """Return the circuits by name: the default one by its fast inhibition, and the old one."""
     return {f"{gain:g}": with_fast(gain) for gain in GAINS} | {OLD: circuit(OLD, CHANNELS)}
 
 
-SHOWN = {f"{DEFAULT_GAIN:g}": "default", "0": "FSI held", OLD: OLD}
+SHOWN = {f"{DEFAULT_GAIN:g}": "default", "0": "ctx_inh held", OLD: OLD}
 """Circuits that are run in spikes too, and drawn in time."""
 COLOURS = dict(zip(SHOWN, ("C0", "C4", "C3"), strict=True))
 
@@ -183,7 +184,7 @@ def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
 
 
 def frontier(settings: Settings, *, output: Path) -> None:
-    """Measure what each gain of FSI does to OUT after a common fall, and to decision times."""
+    """Measure what each gain does to OUT after a common fall, and to decision times."""
     rows: list[tuple[object, ...]] = []
     for gain in GAINS:
         fall = fall_of_out(with_fast(gain))
@@ -223,7 +224,7 @@ def fall_of_out(table: Circuit) -> float:
 
 
 def draw(settings: Settings, rated: Path, decided: Path, *, output: Path) -> Figure:
-    """Draw the rise by gain of FSI and by nucleus, in time, and what it is traded for."""
+    """Draw the rise by gain of inhibition and by nucleus, in time, and what it is traded for."""
     table, traded = read_table(rated), read_table(decided)
     figure = plt.figure(figsize=(7.4, 5.0))
     axes = figure.subplots(2, 3)
@@ -251,7 +252,7 @@ def _off(rows: pd.DataFrame) -> npt.NDArray[np.float64]:
 
 
 def _gains(ax: Any, table: pd.DataFrame) -> None:
-    """Show STN's rise against the gain of FSI, and in the old circuit right of it."""
+    """Show STN's rise against the gain of inhibition, and in the old circuit right of it."""
     stn, old = table[table["nucleus"] == "STN"], GAINS[-1] + 0.4
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
     for d_prime, colour in D_PRIMES.items():
@@ -275,7 +276,7 @@ def _gains(ax: Any, table: pd.DataFrame) -> None:
     ax.plot([], [], "o", ms=3.5, color="0.4", label="populations")
     ax.plot([], [], "s", ms=4, color="0.4", mfc="w", label="spikes")
     ax.set_xticks([*GAINS, old], [*(f"{gain:g}" for gain in GAINS), "old"])
-    ax.set(xlabel="gain of FSI onto cortex", ylabel="rise of rate with conflict (%)")
+    ax.set(xlabel="gain of the fast inhibition of cortex", ylabel="rise of rate with conflict (%)")
     ax.set_ylim(top=1.4 * stn["high"].max())
     ax.legend(loc="upper right", ncols=2, columnspacing=1, handlelength=1.4)
 
@@ -329,7 +330,7 @@ def _added(ax: Any, table: pd.DataFrame) -> None:
 
 
 def _rises(window: pd.DataFrame) -> pd.DataFrame:
-    """Return STN's rise by populations, d' 1, a row per gain of FSI in the order of ``GAINS``."""
+    """Return STN's rise by populations, d' 1, a row per gain in the order of ``GAINS``."""
     rows = window[(window["nucleus"] == "STN") & (window["d_prime"] == 1)]
     rows = rows[(rows["engine"] == "population") & (rows["circuit"] != OLD)]
     return rows.set_index(rows["circuit"].astype(float)).loc[list(GAINS)]

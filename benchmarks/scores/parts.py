@@ -40,7 +40,7 @@ EDITS: dict[str, tuple[str, Callable[[Circuit], Circuit]]] = {
     "GPe held at its rest": ("control", _held("GPe")),
     "STN's sum to the wrong channel": ("control", shuffled_stn),
     "slow common mode held (GPe to cortex)": ("part", _held("GPe_ctx")),
-    "fast inhibition held (FSI)": ("part", _held("FSI")),
+    "fast inhibition held (ctx_inh)": ("part", _held("ctx_inh")),
     "indirect pathway held (D2)": ("part", _held("D2")),
 }
 """What is held stands still at its rate at rest: what it sends is there, and tells nothing."""

@@ -14,16 +14,17 @@ HUMPHRIES = "Humphries et al. 2006"
 HERNANDEZ = "Hernandez et al. 2006, rat"
 SHEN = "Shen & Johnson 2000, rat"
 ASSUMED = "assumed"
-AMPA = f"delay {LIENARD}; tau after AMPA 2 ms, {HUMPHRIES}"
-GABA_A = f"delay {LIENARD}; tau after GABA 3 ms, {HUMPHRIES}"
+AMPA = f"delay {LIENARD}; tau assumed, near AMPA's 2 ms, {HUMPHRIES}"
+GABA_A = f"delay {LIENARD}; tau assumed, near GABA's 3 ms, {HUMPHRIES}"
 KERNEL = f"delay {LIENARD}; time constant tuned"
-SHARED = f"{GABA_A}; share tuned"
+SHARED = f"delay {LIENARD}; tau assumed, share tuned"
 CORTEX = "CV assumed; range of rates tuned"
-FAST = f"inhibition by the cortical mean, assumed; rate {LIENARD}"
+FAST = "cortical interneurons driven by the mean of cortex; rate, gain assumed"
 MSN = "CV assumed; cells and rate tuned"
 PACEMAKER = f"pacemaker, CV assumed; rate {LIENARD}"
+OF_TWO = f"pacemaker, CV assumed; rate for two channels {LIENARD}"
 OUTPUT = "pacemaker, CV assumed; rate tuned"
-D2_AMPA = f"{AMPA}; D2 {HERNANDEZ}"
+D2_BENT = f"{KERNEL}; D2 {HERNANDEZ}"
 D2_GABA = f"{SHARED}; D2 {SHEN}"
 MOST_LEAD_NATS = {
     2: 1.2, 3: 2.4, 4: 2.4, 5: 1.5, 6: 1.1, 7: 0.65, 8: 0.6, 9: 0.5, 10: 0.4, 11: 0.33, 12: 0.28,
@@ -34,7 +35,9 @@ Up to it at most 2.5 % of decisions come 400 ms or more after those of the fixed
 posterior of 0.9. With few alternatives the delays of the loop of STN and GPe limit it, which
 oscillates above Sigma = 5.1; with many, the highest rate of cortex does.
 """
-SLOW = "GPe to frontal cortex, Saunders et al. 2015, mouse; gain, time assumed"
+SLOW = "GPe to frontal cortex, Saunders et al. 2015, mouse; rest assumed"
+TO_SLOW = "input from STN, gain, time assumed"
+TO_CTX = "GPe to frontal cortex, Saunders et al. 2015, mouse; delay assumed"
 
 
 def macaque(channels: int = 2) -> Circuit:
@@ -60,7 +63,7 @@ def macaque(channels: int = 2) -> Circuit:
     Kotaleski 2016).
 
     Rates at rest that lie outside what is printed for the macaque (Lienard & Girard 2014: MSN 0-1,
-    FSI 8-14, STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 5 Hz, for silent ones cannot
+    STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 5 Hz, for silent ones cannot
     follow a fall; STN 44 / N and SNr 20 + 36 ln N Hz, which depend on the number of alternatives as
     -ln P does. Tuned with ``benchmarks/tuning/macaque.py`` on seeds of its own.
     """
@@ -78,17 +81,17 @@ def macaque(channels: int = 2) -> Circuit:
     populations = rows(Population, (
         "name       cell        neurons pooled baseline_hz gain_hz_per_nat transmitter cite",
         ("ctx",     Phase(0.5), 600,    False, 0.8,        11,             GLUTAMATE,  CORTEX),
-        ("FSI",     Rate(),     1,      True,  0,          5,              GABA,       FAST),
+        ("ctx_inh", Rate(),     1,      True,  0,          5,              GABA,       FAST),
         ("D1",      Phase(0.5), 5000,   False, 0,          12,             GABA,       MSN),
         ("D2",      Phase(0.5), 600,    False, 3,          2,              GABA,       MSN),
-        ("STN",     Phase(0.3), 300,    False, 0,          20,             GLUTAMATE,  PACEMAKER),
+        ("STN",     Phase(0.3), 300,    False, 0,          20,             GLUTAMATE,  OF_TWO),
         ("GPe",     Phase(0.3), 300,    False, 58,         50,             GABA,       PACEMAKER),
         ("GPe_ctx", Rate(),     1,      True,  0,          20,             GABA,       SLOW),
         ("SNr",     Phase(0.3), 600,    False, 20,         36,             GABA,       OUTPUT),
     ), (
         "name       transfer      tau_ms  receptor  pivot_nats  bias_nats",
         ("ctx",     "saturating", 2,     "",       0.0,        tone + fast * rest),
-        ("FSI",     "linear",     5,      "",       0.0,        0.0),
+        ("ctx_inh", "linear",     5,      "",       0.0,        0.0),
         # Dopamine turns about the input at rest: rates at rest stay what they are.
         ("D1",      "linear",     0.0,    "D1",     rest,       above_floor - to_d1),
         ("D2",      "linear",     0.0,    "D2",     rest,       -rest),
@@ -110,16 +113,16 @@ def macaque(channels: int = 2) -> Circuit:
         ("ctx",     "D1",      to_d1 / rest, "channel", 7,        4,      "linear",        AMPA),
         ("ctx",     "D2",      1,            "channel", 7,        4,      "linear",        AMPA),
         ("ctx",     "STN",     direct,       "channel", 3,        4,      "linear",        AMPA),
-        ("ctx",     "FSI",     1 / channels, "diffuse", 1,        2,      "linear",        ASSUMED),
-        ("FSI",     "ctx",     -fast,        "diffuse", 1,        3,      "linear",        ASSUMED),
+        ("ctx",     "ctx_inh", 1 / channels, "diffuse", 1,        2,      "linear",        ASSUMED),
+        ("ctx_inh", "ctx",     -fast,        "diffuse", 1,        3,      "linear",        ASSUMED),
         ("D1",      "SNr",     -1,           "channel", 11,       6,      "linear",        KERNEL),
         ("D2",      "GPe",     -indirect,    "channel", 7,        4,      "linear",        GABA_A),
-        ("STN",     "GPe",     1,            "diffuse", 3,        3,      "s_minus_log_s", D2_AMPA),
+        ("STN",     "GPe",     1,            "diffuse", 3,        3,      "s_minus_log_s", D2_BENT),
         ("STN",     "SNr",     1,            "diffuse", 3,        19,     "linear",        KERNEL),
-        ("STN",     "GPe_ctx", 10,           "diffuse", 3,        5,      "linear",        SLOW),
+        ("STN",     "GPe_ctx", 10,           "diffuse", 3,        5,      "linear",        TO_SLOW),
         ("GPe",     "STN",     -share,       "channel", 10,       4,      "linear",        D2_GABA),
         ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      "linear",        SHARED),
-        ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    "linear",        SLOW),
+        ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    "linear",        TO_CTX),
     ), (
         # At terminals dopamine weakens the loop; GPe's activity is 0 at rest.
         "source target receptor pivot_nats",

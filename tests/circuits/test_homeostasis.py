@@ -247,11 +247,11 @@ def test_an_inverse_gives_the_input_back(name):
 
 def test_a_pooled_population_must_be_so_in_both():
     circuit = anatomy.macaque(2)
-    cell = circuit.population("FSI").cell
-    apart = circuit.with_population("FSI", pooled=False)
-    assert isinstance(apart.population("FSI"), Population)
-    assert cell == apart.population("FSI").cell
-    with pytest.raises(ValueError, match=r"^FSI is pooled in the circuit or in the reference"):
+    cell = circuit.population("ctx_inh").cell
+    apart = circuit.with_population("ctx_inh", pooled=False)
+    assert isinstance(apart.population("ctx_inh"), Population)
+    assert cell == apart.population("ctx_inh").cell
+    with pytest.raises(ValueError, match=r"^ctx_inh is pooled in the circuit or in the reference"):
         apart.recovered(circuit)
 
 
@@ -282,8 +282,8 @@ def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor)
 def test_a_weight_that_no_rule_could_find_is_refused():
     with pytest.raises(ValueError, match="D1->SNr must be linear, diffuse and of a weight other"):
         anatomy.macaque().balanced("D1")
-    with pytest.raises(ValueError, match="has no pathway FSI->SNr"):
-        anatomy.macaque().balanced("FSI")
+    with pytest.raises(ValueError, match="has no pathway ctx_inh->SNr"):
+        anatomy.macaque().balanced("ctx_inh")
 
 
 def test_a_population_without_afferents_moves_by_its_own_error_with_the_time_constant():

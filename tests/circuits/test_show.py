@@ -77,8 +77,8 @@ def test_nuclei_stand_in_rows_and_columns_with_even_margins():
     names = {row.name for row in circuit.populations}
     x, y = ({t.get_text(): t.get_position()[k] for t in ax.texts} for k in (0, 1))
     assert names <= set(x)
-    assert y["ctx"] == y["FSI"] == show.PLACES["common"][1] > y["D1"] == y["STN"] > y["GPe"]
-    assert x["D1"] == x["FSI"] == x["A"] < x["D2"] == x["ctx"] < x["STN"]
+    assert y["ctx"] == y["ctx_inh"] == show.PLACES["common"][1] > y["D1"] == y["STN"] > y["GPe"]
+    assert x["D1"] == x["ctx_inh"] == x["A"] < x["D2"] == x["ctx"] < x["STN"]
     assert x["STN"] == show.PLACES["common"][0]
     assert y["A"] == y["B"] == y["SNr"] - 1
     for of, (low, high) in ((x, ax.get_xlim()), (y, ax.get_ylim())):

@@ -144,7 +144,7 @@ def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes(
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda c: c.without("FSI", 0.5, channel=0), "FSI is pooled, one for all alternatives: it"),
+        (lambda c: c.without("ctx_inh", 0.5, channel=0), "ctx_inh is pooled, one for all alter"),
         (lambda c: c.without("GPe", 0.5, channel=2), r"GPe: channel must lie in 0\.\.1, got 2"),
         (lambda c: c.without("SNr", 0.5, channel=0), "SNr is the read-out"),
         (lambda c: c.without("GPe", 0.5, channel=0).with_channels(4), "4 channels, got 2$"),

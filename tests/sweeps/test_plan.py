@@ -223,13 +223,13 @@ def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engi
 
 
 def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
-    """FSI is a nucleus of macaque alone, and common one of spiking_msprt."""
+    """ctx_inh is a nucleus of macaque alone, and common one of spiking_msprt."""
     other = circuit("spiking_msprt")
     for values in ({"common": 0.2, "circuit": other.name}, {"circuit": other.name, "common": 0.2}):
         (found,) = Plan(points=(values,)).settings()
         assert found.table == other.without("common", 0.2)
-    with pytest.raises(ValueError, match=r"there is no 'FSI' to change; .* nuclei D1, D2, GPe,"):
-        Plan(points=({"FSI": 0.2, "circuit": other.name},)).settings()
+    with pytest.raises(ValueError, match=r"no 'ctx_inh' to change; .* nuclei D1, D2, GPe,"):
+        Plan(points=({"ctx_inh": 0.2, "circuit": other.name},)).settings()
 
 
 def test_a_file_is_warned_of_where_any_point_names_no_circuit(tmp_path, recwarn):

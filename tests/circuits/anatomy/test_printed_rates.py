@@ -13,7 +13,7 @@ from circuits.anatomy.printed_rates import at_rest, outside
 def test_the_macaque_names_what_rests_outside_what_its_own_text_says_is_printed(channels):
     """STN rests at 44 / N and SNr at 20 + 36 ln N Hz: which of them is outside turns on N."""
     text = " ".join((anatomy.macaque.__doc__ or "").split())
-    printed = re.search(r"MSN (\d+)-(\d+), FSI .* STN (\d+)-(\d+), .* SNr (\d+)-(\d+) Hz", text)
+    printed = re.search(r"MSN (\d+)-(\d+), STN (\d+)-(\d+), .* SNr (\d+)-(\d+) Hz", text)
     assert printed is not None
     msn, stn, snr = np.array(printed.groups(), dtype=float).reshape(3, 2)
     at = {"STN": (44 / channels, stn), "SNr": (20 + 36 * np.log(channels), snr)}
