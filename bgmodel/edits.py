@@ -34,7 +34,8 @@ class Edits:
     spread: float | None = None
     """Spread of cell constants, as a fraction: `spread = 0.1`."""
     add: tuple[str, ...] = ()
-    """New pathways and nuclei, as they are or like others, and what changes within a trial:
+    """New pathways and nuclei, as they are, like others or by the name of a motif
+    (`striatal_FSI`), and what changes within a trial:
     `add = ["D1->GPe weight=-0.1 delay_ms=4", "TRN like=STN bias_nats=-1",
     "dopamine amount=0.2 to_ms=300"]`."""
     change: tuple[str, ...] = ()
@@ -128,9 +129,10 @@ class Edits:
 def written(edit: str, *, replaced: bool = False, recovered: bool = False) -> Edits:
     """Return the one edit that a text says, told by its form.
 
-    ``D1->GPe weight=-0.1`` adds, ``STN->GPe.delay_ms=4`` changes, ``STN->GPe=0.5`` scales,
-    ``dopamine=0.9`` is the level, ``rebound SNr=0.5`` lets a nucleus recover to rest above its old
-    rate, and ``STN``, ``STN=0.5`` or, in one channel, ``STN[0]=0.5`` lesions.
+    ``D1->GPe weight=-0.1`` and ``striatal_FSI`` add, ``STN->GPe.delay_ms=4`` changes,
+    ``STN->GPe=0.5`` scales, ``dopamine=0.9`` is the level, ``rebound SNr=0.5`` lets a nucleus
+    recover to rest above its old rate, and ``STN``, ``STN=0.5`` or, in one channel, ``STN[0]=0.5``
+    lesions.
 
     Parameters
     ----------
@@ -145,6 +147,11 @@ def written(edit: str, *, replaced: bool = False, recovered: bool = False) -> Ed
 
 
 def _written(edit: str, replaced: bool) -> Edits:
+    # Importing it with the package would cost time that only circuits need.
+    from circuits.motifs import MOTIFS
+
+    if edit.strip() in MOTIFS:
+        return Edits(add=(edit,))
     place = edit.replace(" ->", "->").replace("-> ", "->").partition("=")[0].strip()
     if place.startswith(REBOUND):
         return Edits(rebound=(edit.strip().removeprefix(REBOUND),))

@@ -16,6 +16,7 @@ it is like; a row with an amount is a course. A value with blanks stands in quot
     TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20 cite="my data"
     dopamine amount=0.5 to_ms=300       a course: of dopamine
     STN amount=0.2 from_ms=100          or of the input of a population
+    striatal_FSI                        all rows of a motif of ``circuits.motifs``
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_h
 
 from circuits.cells import CELLS, Cell
 from circuits.courses import DOPAMINE, Course
+from circuits.motifs import MOTIFS, expanded
 from circuits.rows import Population, Projection
 
 if TYPE_CHECKING:
@@ -99,7 +101,8 @@ def _changed(row: Row, texts: Sequence[str]) -> Row:
 def new_rows(circuit: Circuit, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
     """Return the rows that are added to a circuit, those that are text read.
 
-    A row in text may be like one of the circuit or one above it.
+    A row in text may be like one of the circuit or one above it. The name of a motif stands for
+    all of its rows.
 
     Raises
     ------
@@ -109,7 +112,7 @@ def new_rows(circuit: Circuit, rows: Iterable[Row | Course | str]) -> list[Row |
     known: dict[str, Row] = {row.name: row for row in circuit.populations}
     known |= {row.name: row for row in circuit.projections}
     new: list[Row | Course] = []
-    for given in rows:
+    for given in expanded(circuit, rows):
         new.append(row := _read(circuit, known, given) if isinstance(given, str) else given)
         if not isinstance(row, Course):
             known[row.name] = row
@@ -182,7 +185,7 @@ def _new(text: str) -> tuple[str, dict[str, str]]:
     pairs = [word.partition("=") for word in words]
     given = {field: value for field, equals, value in pairs if equals}
     if not name or "=" in name or len(given) < len(pairs):
-        raise ValueError(f"{A_ROW}, each field once")
+        raise ValueError(f"{A_ROW}, each field once; or one of {', '.join(MOTIFS)}")
     return name, given
 
 

@@ -604,7 +604,7 @@ class Circuit:
         """Return the circuit with rows added: a nucleus, a pathway or a course of your own.
 
         A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``, ``"TRN like=STN bias_nats=-1"``,
-        ``"dopamine amount=0.5 to_ms=300"``.
+        ``"dopamine amount=0.5 to_ms=300"``, or the name of a motif, ``"striatal_FSI"``.
         """
         for row in rows:
             if not isinstance(row, (Population, Projection, Course, str)):

@@ -115,6 +115,7 @@ def test_no_edits_leave_the_circuit_and_say_nothing():
         ("STN -> GPe.delay_ms = 4", Edits(change=("STN -> GPe.delay_ms = 4",))),
         (PATHWAY, Edits(add=(PATHWAY,))),
         (NUCLEUS, Edits(add=(NUCLEUS,))),
+        ("striatal_FSI", Edits(add=("striatal_FSI",))),
         ("dopamine=0.9", Edits(dopamine=0.9)),
         ("rebound SNr=0.2", Edits(rebound=("SNr=0.2",))),
     ],
