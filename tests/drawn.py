@@ -1,5 +1,7 @@
 """Choices and times: given, or drawn from a model's own densities; an ideal integrator."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -62,3 +64,10 @@ def ideal(read, first):
     """Return OUT of an integrator without noise or delay, as ``crossings.Run`` asks for it."""
     time_ms = (np.arange(read.shape[1]) + 1) * 1000 * BIN_S
     return Trace(minus_log_softmax(GAIN * read), time_ms, step_ms=1000 * BIN_S)
+
+
+def slowed(some, seed, share=0.05):
+    """Return choices, some with a delay: exponential, its mean between 1 and 2 s by the seed."""
+    rng = stream(seed, "slowed")
+    delay_s = rng.exponential(rng.uniform(1, 2), some.trials)
+    return replace(some, rt_s=some.rt_s + delay_s * (rng.random(some.trials) < share))

@@ -56,9 +56,11 @@ LEVELS = [
         "bgmodel.tables.text_files",
         "bgmodel.theory.first_passage",
     },
+    {"bgmodel.fitting.window", "bgmodel.tables.cautions"},
     {"bgmodel.fitting.pieces", "bgmodel.learning.reward", "bgmodel.tables.choices"},
     {
         "bgmodel.comparison.pairs",
+        "bgmodel.fitting.sides",
         "bgmodel.integrators.fused",
         "bgmodel.integrators.sprt",
         "bgmodel.tables.exports",
@@ -102,6 +104,7 @@ LEVELS = [
         "bgmodel.fitting.identify",
         "bgmodel.fitting.means",
         "bgmodel.fitting.predicted",
+        "bgmodel.fitting.slow",
     },
     {
         "bgmodel.comparison.designed",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,12 +24,10 @@ from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     from bgmodel.fitting.algorithms import Model
+    from bgmodel.fitting.design import Design
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.tables.choices import Choices
 
-LEAST_RIGHT, FEWEST = 0.6, 20
-"""Share of response 1 below which it is hardly the right one at the largest strength, and trials
-that it takes to tell."""
 GAPS = {"constant_gap": False, "falling_gap": True}
 
 
@@ -63,6 +61,10 @@ class FitRun(Shows):
     """Name of the response that is 1, where responses are not 1 and 0."""
     deadline: float | None = None
     """Time at which a trial without a response ended, s."""
+    rt_window: tuple[float, float] | None = None
+    """Earliest and latest response time to fit, s; "0 inf" keeps all. If left out and there is no
+    deadline, times end at the upper quartile plus 20 interquartile ranges. The command says how
+    many trials are left out."""
     criterion: str = "threshold"
     """What sets a circuit's criterion: threshold, dopamine, stn_loss or gpe_loss; or, with a
     threshold, what changes within a trial: rising_dopamine or onset_stn."""
@@ -87,16 +89,19 @@ class FitRun(Shows):
     def __call__(self) -> None:
         """Run the command."""
         _need()
+        from bgmodel.fitting.design import design_of
+
         check_whole(trials=self.trials)
         self._check_names()
         columns = sorted({each.partition("/")[0] for each in self._vary.values()})
         choices = self._read(columns)
         folder = self.folder or Path("fits") / Path(self.data).stem
-        _check_strengths(choices)
         people: list[tuple[str, Choices]] = [(self.participant or "all", choices)]
         if not self.pooled:
             people = [(who, choices.where(choices.participant == who)) for who in choices.people()]
-        models = {name: self._model(name, choices, folder) for name in self.models}
+        designs = {who: design_of(some, columns, rt_window=self.rt_window) for who, some in people}
+        seconds = _seconds(designs.values())
+        models = {name: self._model(name, seconds, folder) for name in self.models}
         self._check_parameters(models)
         kept = Kept(
             folder, self.seed, self._asked(), _circuits(models),
@@ -105,12 +110,10 @@ class FitRun(Shows):
         kept.check(self.force)
         # All of them before any is fitted: what is wrong is said at once.
         asked = {
-            who: {name: self._likelihood(some, columns, each) for name, each in models.items()}
-            for who, some in people
+            who: {name: self._likelihood(design, each) for name, each in models.items()}
+            for who, design in designs.items()
         }
         self.note(choices.summary())
-        for who, some in people:
-            _say_lean(who, some)
         try:
             made = [kept.person(who, some, asked[who]) for who, some in people]
         except KeyboardInterrupt:
@@ -164,6 +167,9 @@ class FitRun(Shows):
         own = ("data", "folder", "models", "participant", "posterior", *UNRECORDED)
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
+        if self.rt_window is not None:
+            # As text, since JSON has no infinity.
+            said["rt_window"] = [f"{time:g}" for time in self.rt_window]
         simulated = {"simulated_trials": said.pop("trials"), "simulation_seed": self.seed}
         # Of the whole table: participants may be fitted one after the other.
         file = Path(self.data)
@@ -191,33 +197,27 @@ class FitRun(Shows):
             upper=self.upper,
         )
 
-    def _model(self, name: str, choices: Choices, folder: Path) -> Model:
-        import numpy as np
-
+    def _model(self, name: str, seconds: float, folder: Path) -> Model:
         from bgmodel.fitting.algorithms import GapModel
         from bgmodel.fitting.circuit import CircuitModel
         from bgmodel.fitting.criteria import CRITERIA
 
         if name in GAPS:
             return GapModel(GAPS[name])
-        longest = choices.deadline_s or float(np.nanmax(choices.rt_s))
         return CircuitModel(
             _circuit(name),
             self.engine,
             CRITERIA[self.criterion],
             noise_nats=self.noise_nats,
-            # Whole half seconds, so that participants share what is simulated.
-            seconds=float(np.ceil(2 * longest) / 2),
+            seconds=seconds,
             trials=self.trials,
             seed=self.seed,
             folder=folder / "stored",
         )
 
-    def _likelihood(self, some: Choices, columns: list[str], model: Model) -> Likelihood:
-        from bgmodel.fitting.design import design_of
+    def _likelihood(self, design: Design, model: Model) -> Likelihood:
         from bgmodel.fitting.optimum import likelihood_of
 
-        design = design_of(some, columns)
         known = {each.name for each in model.parameters}
 
         def own(name: str) -> str:
@@ -243,48 +243,16 @@ def _need() -> None:
         raise ImportError('fits need cma and emcee: pip install ".[fit]"') from error
 
 
-def _say_lean(who: str, choices: Choices) -> None:
-    """Say where a participant leans to one response: no model does."""
-    from bgmodel.comparison.cautions import STANDARD_ERRORS
-    from bgmodel.fitting.design import lean
+def _seconds(designs: Iterable[Design]) -> float:
+    """Return the length of simulated trials, s: that of the longest trial that is fitted.
 
-    every = choices.conditions
-    for levels, part in every.groupby(list(every)) if len(every.columns) else [((), every)]:
-        share, z = lean(choices.where(part.index.to_numpy()))
-        if abs(z) > STANDARD_ERRORS:
-            named = [f", {column} {level}" for column, level in zip(every, levels, strict=True)]
-            say(
-                f"{who}{''.join(named)}: response {int(share > 0)} comes in "
-                f"{abs(share):.1%} of trials more than if both sides were alike ({abs(z):.1f} "
-                "standard errors). No model has a bias to one response: this one enters the other "
-                "parameters"
-            )
-
-
-def _check_strengths(choices: Choices) -> None:
-    """Raise ValueError if strengths have no sign; say so where there are none, and seem missed.
-
-    Where no strength is below 0, response 1 is the one that all of them speak for.
+    In whole half seconds, so that participants share what is simulated.
     """
     import numpy as np
 
-    answered = choices.response >= 0
-    if choices.strength is None:
-        share = float((choices.response[answered] == 1).mean())
-        if share < LEAST_RIGHT:
-            say(
-                f"no strength is given, so that response 1 is taken for the right one, and it is "
-                f"{share:.0%} of responses: name the column of signed strengths (--strength)"
-            )
-        return
-    most = answered & (np.abs(choices.strength) == np.abs(choices.strength).max())
-    if (choices.strength >= 0).all() and most.sum() >= FEWEST:
-        wrong = int((choices.response[most] == 0).sum())
-        if wrong > (1 - LEAST_RIGHT) * most.sum():
-            raise ValueError(
-                f"strength must be signed, positive where it speaks for response 1: none is below "
-                f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0"
-            )
+    seen = [design.observed for design in designs]
+    longest = max(each.deadline_s or float(np.nanmax(each.rt_s)) for each in seen)
+    return float(np.ceil(2 * longest) / 2)
 
 
 def _circuits(models: Mapping[str, Model]) -> dict[str, str]:

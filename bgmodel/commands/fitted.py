@@ -111,6 +111,8 @@ class Kept:
             "model": recorded(likelihood.model.identity()),
             "free": likelihood.freedom.names,
             "values": [each.start for each in likelihood.freedom.parameters],
+            "window_s": [f"{time:g}" for time in likelihood.design.observed.window_s],
+            "left_out": likelihood.design.left_out,
             "posterior": self.posterior,
             "bgmodel": __version__,
         }
@@ -135,6 +137,7 @@ class Kept:
         piece = Piece(numbers, found.cells())
         piece.parameters["log_likelihood"] = found.optimum.log_likelihood
         piece.parameters["log_likelihood_simulation_error"] = found.simulation.log_likelihood
+        piece.parameters["left_out"] = likelihood.design.left_out
         for table in piece:
             table.insert(0, "participant", who)
             table.insert(1, "model", name)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.sides import check_sides, name_of
+from bgmodel.fitting.window import in_window
 from bgmodel.tables.choices import Choices
+from bgmodel.tables.columns import EVERYONE
 
 ALONE = 1.0
 """Strength of every trial where there is no column of strengths."""
@@ -28,11 +32,17 @@ class Design:
         What each cell is called in each column.
     observed : Observed
         The trials; response 1 is the one that the strength speaks for.
+    left_out : int
+        Number of trials whose response time lies outside the window: they are not among the trials.
+    who : str
+        Whose trials these are, for messages.
     """
 
     strength: Array
     conditions: dict[str, list[str]]
     observed: Observed
+    left_out: int = 0
+    who: str = EVERYONE
 
     @property
     def cells(self) -> int:
@@ -57,48 +67,15 @@ class Design:
     def part(self, trials: Array | Integers) -> Design:
         """Return the same cells with some of the trials."""
         seen = self.observed
-        few = Observed(
-            seen.cell[trials], seen.response[trials], seen.rt_s[trials], seen.grid, seen.deadline_s
+        few = replace(
+            seen, cell=seen.cell[trials], response=seen.response[trials], rt_s=seen.rt_s[trials]
         )
-        return Design(self.strength, self.conditions, few)
+        return replace(self, observed=few)
 
 
-def lean(choices: Choices) -> tuple[float, float]:
-    """Return the bias to response 1, as a share of all responses, and its z score.
-
-    Models are the same for both sides: a strength and its mirror image have one probability of a
-    right response, and strength 0 has a half. The bias is the responses 1 beyond that, over all
-    responses; z is the bias over its standard error where there is none, with the number of right
-    responses at each strength given (Cochran 1954; Mantel & Haenszel 1959).
-
-    Parameters
-    ----------
-    choices : Choices
-        Of one person in one condition. Trials without a response do not count. Where there are no
-        strengths, or a strength has no mirror image, nothing is known: 0 and 0.
-    """
-    if choices.strength is None:
-        return 0.0, 0.0
-    answered = choices.response >= 0
-    strength, ones = choices.strength[answered], choices.response[answered] == 1
-    beyond, variance = 0.0, 0.0
-    for size in np.unique(np.abs(strength)):
-        positive, negative = ones[strength == size], ones[strength == -size]
-        if size == 0:
-            beyond += positive.sum() - positive.size / 2
-            variance += positive.size / 4
-            continue
-        trials, right = positive.size + negative.size, positive.sum() + (~negative).sum()
-        # Right responses on one side more than its share; as many are missing on the other.
-        beyond += 2 * (positive.sum() - positive.size * right / trials)
-        spread = positive.size * negative.size * right * (trials - right)
-        variance += 4 * spread / (trials**2 * max(trials - 1, 1))
-    if not variance:
-        return 0.0, 0.0
-    return float(beyond / len(ones)), float(beyond / np.sqrt(variance))
-
-
-def design_of(choices: Choices, by: Sequence[str] = ()) -> Design:
+def design_of(
+    choices: Choices, by: Sequence[str] = (), *, rt_window: tuple[float, float] | None = None
+) -> Design:
     """Return the cells of a table of choices, by strength and some of its conditions.
 
     Parameters
@@ -107,29 +84,56 @@ def design_of(choices: Choices, by: Sequence[str] = ()) -> Design:
         Of one person, or of several taken for one.
     by : sequence of str
         Columns of conditions.
+    rt_window : tuple of float, s, optional
+        Earliest and latest response time to fit; (0, inf) keeps all. If left out, all times are
+        fitted where there is a deadline. Otherwise times end at the upper quartile plus 20
+        interquartile ranges, in the cell where that is latest (``window.fence_s``). A warning says
+        how many trials are left out; the likelihood is conditional on the window, and lapses are
+        uniform in it.
 
     Raises
     ------
     ValueError
-        For a column that is not among the conditions.
+        For a column that is not among the conditions; for strengths without a sign, or with fewer
+        right responses than by chance; for a window that is none or has fewer than 10 responses.
     """
     for column in by:
         if column not in choices.conditions:
             there = ", ".join(choices.conditions.columns) or "none"
             raise ValueError(f"no condition is called {column!r}; there are {there}")
-    signed = choices.strength
-    strength = np.full(choices.trials, ALONE) if signed is None else np.abs(signed)
-    response = choices.response.astype(np.int64)
-    if signed is not None:
-        response = np.where((signed < 0) & (response >= 0), 1 - response, response)
-    columns = [choices.conditions[column].to_numpy(dtype=str) for column in by]
-    keys = list(zip(strength.tolist(), *columns, strict=True))
+    check_sides(choices, by)
+    return _laid(choices, by, rt_window)
+
+
+def _laid(choices: Choices, by: Sequence[str], rt_window: tuple[float, float] | None) -> Design:
+    """Return the cells of choices, and those trials that lie in the window on a grid."""
+    response, keys = _mirrored(choices), _keys(choices, by)
     cells = sorted(set(keys))
     place = {key: number for number, key in enumerate(cells)}
-    longest = choices.deadline_s or float(np.nanmax(choices.rt_s)) + 10 * BIN_S
-    grid = Grid(int(np.ceil(longest / BIN_S)))
-    observed = Observed(
-        np.array([place[key] for key in keys]), response, choices.rt_s, grid, choices.deadline_s
-    )
+    cell = np.array([place[key] for key in keys])
+    deadline_s = choices.deadline_s
+    window, inside = in_window(choices.rt_s, cell, rt_window, deadline_s, name_of(choices))
+    if not inside.all():
+        rest = _laid(choices.where(inside), by, window)
+        return replace(rest, left_out=int((~inside).sum()))
+    longest = float(np.nanmax(choices.rt_s)) + 10 * BIN_S
+    grid = Grid(int(np.ceil((deadline_s or min(window[1], longest)) / BIN_S)))
+    observed = Observed(cell, response, choices.rt_s, grid, deadline_s, window)
     conditions = {column: [str(cell[1 + n]) for cell in cells] for n, column in enumerate(by)}
-    return Design(np.array([cell[0] for cell in cells]), conditions, observed)
+    return Design(np.array([cell[0] for cell in cells]), conditions, observed, who=name_of(choices))
+
+
+def _mirrored(choices: Choices) -> Integers:
+    """Return the responses, 1 on the side that the strength speaks for."""
+    response = choices.response.astype(np.int64)
+    if choices.strength is None:
+        return response
+    return np.where((choices.strength < 0) & (response >= 0), 1 - response, response)
+
+
+def _keys(choices: Choices, by: Sequence[str]) -> list[tuple[Any, ...]]:
+    """Return the size of the strength, and the level of each column, of each trial."""
+    signed = choices.strength
+    strength = np.full(choices.trials, ALONE) if signed is None else np.abs(signed)
+    columns = [choices.conditions[column].to_numpy(dtype=str) for column in by]
+    return list(zip(strength.tolist(), *columns, strict=True))

@@ -17,6 +17,7 @@ from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
 from bgmodel.fitting.posterior import Posterior, posterior
 from bgmodel.fitting.responses import BIN_S, moments
 from bgmodel.fitting.simulation import Simulation, simulation_error
+from bgmodel.fitting.slow import warn_of_slow
 
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 SHARE = 0.9
@@ -168,6 +169,7 @@ def fit(likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: N
     """
     tell("optimum")
     found = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))
+    warn_of_slow(found)
     there = directions(likelihood, found.vector)
     tell("simulation error")
     simulated = simulation_error(likelihood, there)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,10 @@ from bgmodel.arrays import Array, Integers
 
 BIN_S = 0.01
 """Width of a bin of time, s."""
+TINY = 1e-300
+"""Least probability whose logarithm is taken."""
+EVERY_TIME = (0.0, math.inf)
+"""Window that leaves out no response, s."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,9 @@ class Observed:
         That of the densities.
     deadline_s : float, s, optional
         When a trial is over. Responses after it do not exist, and no response is a value.
+    window_s : tuple of float, s
+        Earliest and latest time of a response that is fitted. Responses at other times were left
+        out, and the likelihood is conditional on that.
     """
 
     cell: Integers
@@ -84,6 +92,7 @@ class Observed:
     rt_s: Array
     grid: Grid
     deadline_s: float | None = None
+    window_s: tuple[float, float] = EVERY_TIME
 
     @cached_property
     def _places(self) -> tuple[Integers, Array]:
@@ -99,11 +108,28 @@ class Observed:
         answer = np.maximum(self.response, 0)
         found = (1 - toward) * density[self.cell, answer, low]
         found += toward * density[self.cell, answer, low + 1]
+        missing = np.zeros(len(density))
         if self.deadline_s is not None:
             within = self.grid.middles_s < self.deadline_s
             missing = 1 - density[:, :, within].sum(axis=(1, 2)) * BIN_S
             found = np.where(self.response < 0, missing[self.cell], found)
-        return np.asarray(np.log(np.maximum(found, 1e-300)))
+        log = np.log(np.maximum(found, TINY))
+        if self.window_s == EVERY_TIME:
+            return np.asarray(log)
+        kept = np.maximum(missing + self._inside(density), TINY)
+        return np.asarray(log - np.log(kept)[self.cell])
+
+    def _inside(self, density: Array) -> Array:
+        """Return the probability of a response in the window, (cells,)."""
+        mass = density.sum(axis=1) * BIN_S
+
+        def by(time_s: float) -> Array:
+            return np.asarray(mass @ np.clip(time_s / BIN_S - np.arange(self.grid.bins), 0, 1))
+
+        early, late = self.window_s
+        # Without a deadline the grid may end before the latest responses do.
+        whole = late > self.grid.bins * BIN_S and self.deadline_s is None
+        return (np.ones(len(mass)) if whole else by(late)) - by(early)
 
 
 def moments(density: Array, grid: Grid) -> dict[str, Array]:

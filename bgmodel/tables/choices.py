@@ -14,14 +14,26 @@ import pandas as pd
 
 from bgmodel.arrays import Array, Truths
 from bgmodel.facts import Facts, span
-from bgmodel.tables.columns import NO_RESPONSE, answers, participants, rows, strengths, texts
+from bgmodel.tables.cautions import (
+    check_deadline,
+    check_signs,
+    check_times,
+    warn_without_strength,
+    without_rounding,
+)
+from bgmodel.tables.columns import (
+    FEWEST,
+    NO_RESPONSE,
+    answers,
+    participants,
+    rows,
+    strengths,
+    texts,
+)
 from bgmodel.tables.shipped import SETS, shipped
 from bgmodel.tables.text_files import read_rows
 
 __all__ = ["Choices", "read_choices", "shipped"]
-
-FEWEST = 10
-"""Fewest trials of a participant in a condition."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,7 +166,11 @@ def read_choices(
     deadline_s: float | None = None,
     upper: str | None = None,
 ) -> Choices:
-    """Read a table of choices and times; nothing in it is changed or left out.
+    """Read a table of choices and times; no trial in it is left out.
+
+    Strengths that differ by less than a millionth are taken for one, with a warning. Other warnings
+    name what may be wrong: units of time, a deadline far beyond all responses, coarse times, and a
+    column that may hold the strength.
 
     Parameters
     ----------
@@ -189,19 +205,27 @@ def read_choices(
     name, table = _table(source)
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
     try:
-        table = rows(table, [*wanted, *([] if strength is None else [strength])], participant)
+        used = [*wanted, *([] if strength is None else [strength])]
+        table = rows(table, used, participant)
         rt_s, response = answers(table, deadline_s, upper)
+        check_times(rt_s)
+        if deadline_s is not None:
+            check_deadline(rt_s, deadline_s)
+        signed = None if strength is None else without_rounding(strengths(table[strength]))
         found = Choices(
             participants(table),
             rt_s,
             response,
-            None if strength is None else strengths(table[strength]),
+            signed,
             pd.DataFrame({c: texts(table[c]) for c in wanted}, index=range(len(table))),
             deadline_s,
             name,
         )
         _check_cells(found)
         _check_both_chosen(found)
+        check_signs(signed, response)
+        if strength is None:
+            warn_without_strength(table, used, response)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,12 +18,19 @@ MOST_MEDIAN_S = 50.0
 MISSING_RT = -999.0
 """What HSSM takes for the time of a response that never came."""
 NO_RESPONSE = -1
+FEWEST = 10
+"""Fewest trials of a participant in a condition."""
 EVERYONE = "all"
 """The participant of a table that names none."""
 OURS = ("participant_id", "rt", "response")
 """Columns that mean something by their name."""
 PEOPLE = ("subj_idx", "subj_id", "subj", "subject", "subject_id", "participant", "participantid")
 """Names under which other tools keep ids of participants."""
+PERSON = re.compile(
+    r"(subj(ect)?|sub|participant|ppt?|person|patient|observer|monkey|animal|rat|mouse|user)s?"
+    r"[ _.-]?(id|idx|name|no|nr|num|number|code|index)?|id|pid|sid"
+)
+"""Names of columns that may hold participants."""
 
 
 def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
@@ -52,6 +60,27 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
         raise ValueError("a table of choices needs at least one trial, got 0 rows")
 
 
+def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
+    """Raise ValueError for columns that may hold participants, where none is participant_id."""
+    if "participant_id" in table:
+        return
+    kinds = {
+        name: sorted({str(value) for value in table[name]})
+        for name in table
+        if name not in (*OURS, *used) and PERSON.fullmatch(str(name).strip().lower())
+    }
+    # More names than participants with enough trials: these are of trials.
+    found = {name: k for name, k in kinds.items() if 2 <= len(k) <= len(table) / FEWEST}
+    if found:
+        each = " and ".join(
+            f"{name!r} ({len(k)} values, as {', '.join(k[:3])})" for name, k in found.items()
+        )
+        raise ValueError(
+            f"column {each} may hold participants, whose trials would be pooled: call it "
+            "participant_id, or name it as a condition"
+        )
+
+
 def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.DataFrame:
     """Return the rows of one participant or of all, each with its number as the index."""
     names = [str(name) for name in table.columns]
@@ -63,6 +92,7 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
             "strength and conditions must be columns of their own, each named once, got "
             f"{', '.join(taken)}"
         )
+    _check_people(table, wanted)
     if participant is None:
         return table
     who = participants(table)

@@ -2,19 +2,19 @@
 
 import json
 import sys
+import warnings
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands.fits import _check_strengths
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.files import read_provenance
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.pieces import Piece
-from tests.drawn import choices, drawn
+from tests.drawn import drawn
 from tests.helpers import run
 
 GAP = ["--models", "constant_gap"]
@@ -109,6 +109,8 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--hold", "bound=1", "--vary", "bound=drug"], "bound can't be moved and held at once"),
         (["--trials", "0"], "trials must be at least 1, got 0"),
         (["--noise-nats", "0"], "noise_nats must be finite and above 0, got 0"),
+        (["--rt-window", "2", "0.3"], "rt_window must be an earliest and a later latest time"),
+        (["--rt-window", "5", "9"], "rt_window must leave at least 10 responses, got 0 of 80 of a"),
         (["--noise-nats", "nan"], "noise_nats must be finite and above 0, got nan"),
     ],
 )
@@ -118,7 +120,7 @@ def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):
     assert fails(capsys, "mine.csv", *given, *models, *arguments).startswith(says)
 
 
-def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_has_it(capsys):
+def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_has_it():
     """Two thirds of b's responses to negative strengths, without the drug, become response 1."""
     rng = np.random.default_rng(72)
     side = np.tile([1, -1], 400)
@@ -134,13 +136,15 @@ def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_ha
     leans = (table["participant_id"] == "b") & (table["drug"] == "off") & (side < 0)
     table.loc[leans & (np.arange(800) % 3 > 0), "response"] = 1
     table.to_csv("leans.csv", index=False)
-    assert run("fit", "leans.csv", *COHERENCE, *GAP, *QUICK, "--vary", "criterion=drug") == 0
-    said = [line for line in capsys.readouterr().err.splitlines() if "sides were alike" in line]
+    with pytest.warns(UserWarning, match="sides were alike") as caught:
+        assert run("fit", "leans.csv", *COHERENCE, *GAP, *QUICK, "--vary", "criterion=drug") == 0
+    said = [str(each.message) for each in caught if "sides were alike" in str(each.message)]
     assert len(said) == 1
-    assert said[0].startswith("bgmodel: b, drug off: response 1 comes in ")
+    assert said[0].startswith("b, drug off: response 1 comes in ")
     table[table["participant_id"] == "a"].to_csv("even.csv", index=False)
-    assert run("fit", "even.csv", *COHERENCE, *GAP, *QUICK) == 0
-    assert "sides were alike" not in capsys.readouterr().err
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", ".*sides were alike")
+        assert run("fit", "even.csv", *COHERENCE, *GAP, *QUICK) == 0
 
 
 def test_a_source_that_there_is_not_is_one_sentence(capsys):
@@ -256,12 +260,11 @@ def test_strengths_without_a_sign_are_seen(mine, capsys, drop):
     """Taken for signed, they make every response to the left an error."""
     changed(coherence=GOOD["coherence"].abs()).to_csv(mine, index=False)
     if drop:
-        assert run("fit", "mine.csv", *GAP, *QUICK, "--pooled") == 0
-        said = capsys.readouterr().err
-        assert "no strength is given, so that response 1 is taken for the right one" in said
+        with pytest.warns(UserWarning, match=r"coherence \(2 values, .* may hold it"):
+            assert run("fit", "mine.csv", *GAP, *QUICK, "--pooled") == 0
     else:
         said = fails(capsys, "mine.csv", *COHERENCE, *GAP)
-        assert said.startswith("strength must be signed, positive where it speaks for response 1:")
+        assert said.startswith("mine.csv: strength must be signed, positive where it speaks for")
 
 
 def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(mine):
@@ -269,31 +272,6 @@ def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(
     table = changed(coherence=GOOD["coherence"].abs(), response=right.astype(int))
     table.to_csv(mine, index=False)
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
-
-
-def answered(right, wrong, missed=0, strength=None):
-    """Return as many choices of each kind; the strength is of each trial, or of all."""
-    response = np.repeat([1, 0, -1], [right, wrong, missed])
-    if strength is not None:
-        strength = np.broadcast_to(strength, response.shape)
-    return choices(strength, response, deadline_s=1.0)
-
-
-def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(capsys):
-    _check_strengths(answered(12, 8, missed=9))
-    assert not capsys.readouterr().err
-    _check_strengths(answered(11, 9))
-    assert "and it is 55% of responses: name the column of signed" in capsys.readouterr().err
-
-
-def test_strengths_without_a_sign_are_refused_by_20_or_more_responses_to_the_largest():
-    """Where more than two fifths are against it; misses and weaker strengths do not count."""
-    _check_strengths(answered(12, 8, missed=9, strength=0.4))
-    _check_strengths(answered(0, 19, missed=1, strength=0.4))
-    with pytest.raises(ValueError, match="none is below 0, yet 9 of 20 responses to the largest"):
-        _check_strengths(answered(11, 9, strength=0.4))
-    for other in (-0.4, 0.1):
-        _check_strengths(answered(11, 9, strength=[0.4] * 19 + [other]))
 
 
 def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):
@@ -343,6 +321,32 @@ def test_a_circuit_is_simulated_to_the_half_second_after_the_longest_response(
         assert 0 <= simulated[-1] - longest < 0.5
         assert 2 * simulated[-1] == round(2 * simulated[-1])
     assert len(simulated) == 2
+
+
+def test_a_window_leaves_out_what_lies_outside_and_the_tables_say_how_much(mine, capsys):
+    late = GOOD["rt"].where(GOOD.index != 3, 45.0)
+    changed(rt=late).to_csv(mine, index=False)
+    one = ["mine.csv", *COHERENCE, *GAP, *QUICK]
+    with pytest.warns(UserWarning, match=r"b/c: 1 of 80 response times .* the longest 45 s"):
+        assert run("fit", *one) == 0
+    found = pd.read_csv("fits/mine/parameters.csv")
+    fitted = found[~found["held"]].groupby("participant")["left_out"].first()
+    assert fitted.to_dict() == {"a": 0, "b/c": 1}
+    capsys.readouterr()
+    said = fails(capsys, *one, "--rt-window", "0.3", "2")
+    assert said.startswith("'fits/mine' holds fits with another rt_window: give another folder")
+    outside = (late < 0.4) | (late > 2)
+    with pytest.warns(UserWarning, match="are left out of the fit"):
+        assert run("fit", "mine.csv", "out", *one[1:], "--pooled", "--rt-window", "0.4", "2") == 0
+    found = pd.read_csv("out/parameters.csv")
+    assert (found.loc[~found["held"], "left_out"] == outside.sum()).all()
+    assert read_provenance("out/parameters.csv")["parameters"]["rt_window"] == ["0.4", "2"]
+
+
+def test_all_times_are_fitted_if_asked_for(capsys):
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--rt-window", "0", "inf") == 0
+    behind = read_provenance("fits/mine/parameters.csv")["parameters"]
+    assert behind["rt_window"] == ["0", "inf"]
 
 
 def test_an_optimum_at_a_bound_is_said(mine, capsys):

@@ -1,0 +1,103 @@
+"""Whether responses lie on the sides that strengths speak for."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from bgmodel.tables.cautions import check_signs
+from bgmodel.tables.choices import Choices
+from bgmodel.tables.columns import EVERYONE
+
+STANDARD_ERRORS = 3.29
+"""Half the width of a 99.9 % interval: one false alarm in a thousand participants."""
+
+
+def name_of(choices: Choices) -> str:
+    """Return whose choices these are, for messages: "all" if they are of several participants."""
+    people = choices.people()
+    return people[0] if len(people) == 1 else EVERYONE
+
+
+def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
+    """Refuse responses that lie on the wrong side; warn of a bias to one response.
+
+    Parameters
+    ----------
+    choices : Choices
+        Of one person, or of several taken for one.
+    by : sequence of str
+        Columns of conditions: each level may have a bias of its own.
+
+    Raises
+    ------
+    ValueError
+        If strengths have no sign, or fewer responses are right than by chance.
+    """
+    who = name_of(choices)
+    check_signs(choices.strength, choices.response)
+    if choices.strength is None:
+        return
+    _check_right(choices, who)
+    every = choices.conditions[list(by)]
+    for levels, part in every.groupby(list(by)) if by else [((), every)]:
+        share, z = lean(choices.where(np.isin(every.index, part.index)))
+        if abs(z) > STANDARD_ERRORS:
+            named = "".join(f", {name} {level}" for name, level in zip(by, levels, strict=True))
+            warnings.warn(
+                f"{who}{named}: response {int(share > 0)} comes in {abs(share):.1%} of trials more "
+                f"than if both sides were alike ({abs(z):.1f} standard errors). No model has a "
+                "bias to one response: this one enters the other parameters",
+                stacklevel=3,
+            )
+
+
+def _check_right(choices: Choices, who: str) -> None:
+    """Raise ValueError if responses are right in fewer trials than by chance."""
+    right = choices.correct[np.isfinite(choices.correct)]
+    count, trials = int(right.sum()), len(right)
+    z = (count - trials / 2) / np.sqrt(max(trials, 1) / 4)
+    if z < -STANDARD_ERRORS:
+        raise ValueError(
+            f"{who}: responses must lie on the side that the strength speaks for more often than "
+            f"not, got {count} of {trials} ({count / trials:.0%}, {-z:.1f} standard errors below "
+            "chance): name the other response as the one that counts as 1 (upper, at the terminal "
+            "--upper), or change the sign of the strengths"
+        )
+
+
+def lean(choices: Choices) -> tuple[float, float]:
+    """Return the bias to response 1, as a share of all responses, and its z score.
+
+    Models are the same for both sides: a strength and its mirror image have one probability of a
+    right response, and strength 0 has a half. The bias is the responses 1 beyond that, over all
+    responses; z is the bias over its standard error where there is none, with the number of right
+    responses at each strength given (Cochran 1954; Mantel & Haenszel 1959).
+
+    Parameters
+    ----------
+    choices : Choices
+        Of one person in one condition. Trials without a response do not count. Where there are no
+        strengths, or a strength has no mirror image, nothing is known: 0 and 0.
+    """
+    if choices.strength is None:
+        return 0.0, 0.0
+    answered = choices.response >= 0
+    strength, ones = choices.strength[answered], choices.response[answered] == 1
+    beyond, variance = 0.0, 0.0
+    for size in np.unique(np.abs(strength)):
+        positive, negative = ones[strength == size], ones[strength == -size]
+        if size == 0:
+            beyond += positive.sum() - positive.size / 2
+            variance += positive.size / 4
+            continue
+        trials, right = positive.size + negative.size, positive.sum() + (~negative).sum()
+        # Right responses on one side more than its share; as many are missing on the other.
+        beyond += 2 * (positive.sum() - positive.size * right / trials)
+        spread = positive.size * negative.size * right * (trials - right)
+        variance += 4 * spread / (trials**2 * max(trials - 1, 1))
+    if not variance:
+        return 0.0, 0.0
+    return float(beyond / len(ones)), float(beyond / np.sqrt(variance))

@@ -1,0 +1,85 @@
+"""Trials that are slower than a fitted model allows."""
+
+from __future__ import annotations
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+
+from bgmodel.arrays import Array
+from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.responses import BIN_S
+
+TAILS_S = (0.75, 1.5, 3.0)
+"""Means of the exponential delays that slow trials may have, s."""
+SHARES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
+"""Shares of trials that may be slow."""
+GAIN_NATS = 1.0
+"""Gain in log likelihood above which slow trials are reported (``make validate`` checks it)."""
+
+
+class Slow(NamedTuple):
+    """The slow trials under which data are most likely: gain, nats; share; mean delay, s."""
+
+    gain_nats: float
+    share: float
+    tail_s: float
+
+
+def slow_trials(found: Optimum) -> Slow:
+    """Return what a share of slow trials would add to the log likelihood of an optimum.
+
+    A slow trial is one of the model's with an exponential delay. Parameters stay at the optimum, so
+    this is a lower bound of what a fit of share and delay would gain.
+
+    Parameters
+    ----------
+    found : Optimum
+        The fit.
+    """
+    observed, density = found.likelihood.design.observed, found.density
+    log = observed.each(density)
+    best = Slow(0.0, 0.0, 0.0)
+    for tail_s in TAILS_S:
+        ratio = np.exp(observed.each(_delayed(density, tail_s)) - log)
+        for share in SHARES:
+            gain = float(np.log1p(share * (ratio - 1)).sum())
+            best = max(best, Slow(gain, share, tail_s))
+    return best
+
+
+def warn_of_slow(found: Optimum) -> None:
+    """Warn where a tail of slow trials makes the data more likely than the fitted model alone.
+
+    Parameters
+    ----------
+    found : Optimum
+        The fit.
+    """
+    slow = slow_trials(found)
+    if slow.gain_nats <= GAIN_NATS:
+        return
+    likelihood = found.likelihood
+    design, model = likelihood.design, likelihood.model.identity()["model"]
+    held = "lapse" in likelihood.freedom.held
+    free = "let lapse be free, which takes some of them up, or " if held else ""
+    count = round(slow.share * len(design.observed.cell))
+    warnings.warn(
+        f"{design.who}, {model}: about {count} of {len(design.observed.cell)} trials are slower "
+        f"than the model allows (with an exponential delay of {slow.tail_s:g} s in "
+        f"{slow.share:.1%} of trials the log likelihood is {slow.gain_nats:.1f} nats higher). "
+        f"Such trials bias sensitivity and criterion: {free}compare with a fit to an earlier "
+        "rt_window (at the terminal --rt-window)",
+        stacklevel=3,
+    )
+
+
+def _delayed(density: Array, tail_s: float) -> Array:
+    """Return densities (cells, 2, bins) with an exponential delay added."""
+    bins = density.shape[2]
+    delay = np.exp(-np.arange(bins) * BIN_S / tail_s)
+    delay *= -np.expm1(-BIN_S / tail_s)
+    size = 2 * bins
+    spectrum = np.fft.rfft(density, size, axis=2) * np.fft.rfft(delay, size)
+    return np.maximum(np.fft.irfft(spectrum, size, axis=2)[:, :, :bins], 0.0)

@@ -1,0 +1,114 @@
+"""The window of response times that a fit uses."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+
+from bgmodel.arrays import Array, Integers, Truths
+from bgmodel.fitting.responses import EVERY_TIME
+from bgmodel.tables.columns import FEWEST
+
+RANGES = 20.0
+"""Interquartile ranges above the upper quartile at which the default window ends.
+
+No decision of a constant gap is that late: its tail is exponential, and one in 14 billion of such
+times exceeds this. Lapses may.
+"""
+ENOUGH = 20
+"""Responses of a cell whose quartiles are used on their own."""
+
+
+def fence_s(rt_s: Array, cell: Integers) -> float:
+    """Return where the default window ends, s; infinity where the quartiles are the same.
+
+    In each cell of at least 20 responses it is the upper quartile plus 20 interquartile ranges;
+    the latest of these counts. Without such a cell all responses are taken together.
+
+    Parameters
+    ----------
+    rt_s : array (trials,), s
+        NaN without a response.
+    cell : int array (trials,)
+        The cell of each trial.
+    """
+    answered = np.isfinite(rt_s)
+    groups = [rt_s[answered & (cell == each)] for each in np.unique(cell)]
+    groups = [group for group in groups if len(group) >= ENOUGH] or [rt_s[answered]]
+    fences = []
+    for group in groups:
+        lower, upper = np.quantile(group, [0.25, 0.75]) if len(group) else (0.0, 0.0)
+        fences.append(upper + RANGES * (upper - lower) if upper > lower else math.inf)
+    return float(max(fences))
+
+
+def check_window(rt_window: tuple[float, float]) -> None:
+    """Raise ValueError unless a window has an earliest and a later latest time.
+
+    Parameters
+    ----------
+    rt_window : tuple of float
+        Earliest and latest response time, s; infinity for no latest one.
+    """
+    if len(rt_window) != 2 or not 0 <= rt_window[0] < rt_window[1]:
+        raise ValueError(
+            "rt_window must be an earliest and a later latest time, 0 s or more, as 0.2 5 (inf for "
+            f"no latest one), got {' '.join(f'{time:g}' for time in rt_window)}"
+        )
+
+
+def in_window(
+    rt_s: Array,
+    cell: Integers,
+    rt_window: tuple[float, float] | None,
+    deadline_s: float | None,
+    who: str,
+) -> tuple[tuple[float, float], Truths]:
+    """Return the window of a fit, s, and which trials lie in it; warn with the number left out.
+
+    Parameters
+    ----------
+    rt_s, cell :
+        As of ``fence_s``.
+    rt_window : tuple of float, s, or None
+        As asked for. None: all times if there is a deadline, and otherwise those up to ``fence_s``.
+    deadline_s : float, s, optional
+        When a trial is over. A trial without a response is always in the window.
+    who : str
+        Whose trials these are.
+
+    Raises
+    ------
+    ValueError
+        If the window is none, or fewer than 10 responses lie in it.
+    """
+    rule = ""
+    if rt_window is not None:
+        check_window(rt_window)
+        window = (float(rt_window[0]), float(rt_window[1]))
+    elif deadline_s is None:
+        window = (0.0, fence_s(rt_s, cell))
+        rule = f" (upper quartile plus {RANGES:g} interquartile ranges)"
+    else:
+        window = EVERY_TIME
+    inside = np.isnan(rt_s) | ((rt_s >= window[0]) & (rt_s <= window[1]))
+    out, responses = int((~inside).sum()), int(np.isfinite(rt_s).sum())
+    span = f"between {window[0]:g} and {window[1]:.3g} s{rule}"
+    if out and responses - out < FEWEST:
+        raise ValueError(
+            f"rt_window must leave at least {FEWEST} responses, got {responses - out} of "
+            f"{responses} of {who} {span}"
+        )
+    if out:
+        warnings.warn(
+            f"{who}: {out} of {responses} response times are left out of the fit, the longest "
+            f"{rt_s[~inside].max():.3g} s: it uses those {span}. Another window: rt_window (at the "
+            "terminal --rt-window); 0 inf keeps all",
+            stacklevel=3,
+        )
+    elif rule:
+        # Nothing is left out: the likelihood is that of all times.
+        window = EVERY_TIME
+    return window, inside

@@ -1,0 +1,212 @@
+"""What is odd about a table of choices as a whole: refused where wrong, said where doubtful."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.arrays import Array
+from bgmodel.tables.columns import FEWEST, NO_RESPONSE, OURS
+
+LATE, TOO_LATE = 3.0, 10.0
+"""Multiples of the slowest response at which a deadline is doubted, and refused."""
+LONG_MEDIAN_S, SHORT_MEDIAN_S = 5.0, 0.1
+"""Median response times beyond which seconds are doubted."""
+STEPS_S = (0.5, 0.25, 0.2, 0.1, 0.05, 0.04, 1 / 30, 0.025, 0.02)
+"""Steps in which times may be recorded; finer ones move no estimate by half a standard error."""
+STEP_ERROR_S = 6e-4
+"""Distance from a multiple of a step at which a time still counts as one."""
+LEAST_RIGHT, ENOUGH = 0.6, 20
+"""Share of right responses at the largest strength below which signs are missing, and the number
+of responses that it takes to tell."""
+STRENGTHS = ("coherence", "coh", "contrast", "strength", "evidence", "stimulus")
+"""Words in the names of columns that hold the strength of evidence."""
+CORRELATED, STANDARD_ERRORS = 0.15, 5.0
+"""Correlation with responses, and its z score, above which a column may be the strength."""
+SAME = 1e-6
+"""Relative difference below which two strengths are the same but for rounding."""
+
+
+def check_times(rt_s: Array) -> None:
+    """Refuse times that are no seconds; warn of times that may be none, or are rounded.
+
+    Parameters
+    ----------
+    rt_s : (trials,) float64, s
+        NaN without a response.
+
+    Raises
+    ------
+    ValueError
+        If all times are whole numbers with a median above 5.
+    """
+    given = rt_s[np.isfinite(rt_s)]
+    if len(given) < FEWEST:
+        return
+    median = float(np.median(given))
+    whole = bool((given == np.round(given)).all())
+    if median > LONG_MEDIAN_S and whole:
+        raise ValueError(
+            f"rt must be in seconds, got {len(given)} whole numbers with a median of {median:g}: "
+            "divide by 100 if these are hundredths of a second"
+        )
+    if not SHORT_MEDIAN_S <= median <= LONG_MEDIAN_S:
+        warnings.warn(
+            f"the median of rt is {median:.3g} s: check that rt is in seconds from the onset of "
+            "evidence (hundredths of a second have to be divided by 100)",
+            stacklevel=3,
+        )
+    for step_s in STEPS_S:
+        if (np.abs(given - step_s * np.round(given / step_s)) <= STEP_ERROR_S).all():
+            warnings.warn(
+                f"all {len(given)} times are multiples of {step_s:.3g} s: rounding adds "
+                f"{1000 * step_s / np.sqrt(12):.0f} ms to t0_sd_s, and cutting off also takes "
+                f"{500 * step_s:.0f} ms off t0_s",
+                stacklevel=3,
+            )
+            break
+
+
+def check_deadline(rt_s: Array, deadline_s: float) -> None:
+    """Refuse or doubt a deadline long after all responses.
+
+    Parameters
+    ----------
+    rt_s : (trials,) float64, s
+        NaN without a response.
+    deadline_s : float, s
+        When a trial without a response ended.
+
+    Raises
+    ------
+    ValueError
+        If it is 10 times the slowest response or later.
+    """
+    given = rt_s[np.isfinite(rt_s)]
+    if not len(given) or deadline_s < LATE * given.max():
+        return
+    missed, slowest = len(rt_s) - len(given), float(given.max())
+    if deadline_s >= TOO_LATE * slowest:
+        raise ValueError(
+            f"deadline_s must be the time at which trials ended, s, got {deadline_s:g}, while the "
+            f"slowest of {len(given)} responses took {slowest:.3g} s: divide by 1000 if it is in "
+            "milliseconds, or leave out trials without a response that did not end by a deadline"
+        )
+    advice = (
+        f"{missed} trials without a response are hardly slow decisions. Check the deadline, or "
+        "leave these trials out"
+        if missed
+        else "leave it out, since every trial has a response"
+    )
+    warnings.warn(
+        f"the slowest of {len(given)} responses took {slowest:.3g} s, and deadline_s is "
+        f"{deadline_s:g}: {advice}",
+        stacklevel=3,
+    )
+
+
+def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
+    """Raise ValueError if strengths have no sign and responses are no rights and wrongs.
+
+    Parameters
+    ----------
+    strength : (trials,) float64 or None
+        Where none is below 0, all speak for response 1.
+    response : (trials,) int8
+        1, 0 or -1.
+    """
+    if strength is None or (strength < 0).any() or not strength.any():
+        return
+    most = (response >= 0) & (np.abs(strength) == np.abs(strength).max())
+    wrong = int((response[most] == 0).sum())
+    if most.sum() >= ENOUGH and wrong > (1 - LEAST_RIGHT) * most.sum():
+        raise ValueError(
+            f"strength must be signed, positive where it speaks for response 1: none is below "
+            f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0"
+        )
+
+
+def warn_without_strength(
+    table: pd.DataFrame, used: Sequence[str], response: npt.NDArray[np.int8]
+) -> None:
+    """Warn where the strength of the evidence seems to be missing.
+
+    A column may hold it if it has numbers that differ, and either is called so or has at least
+    three values and is correlated with the responses. Without such a column, response 1 may not be
+    the right one.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A user's table.
+    used : names
+        Columns that are read as conditions.
+    response : (trials,) int8
+        1, 0 or -1.
+    """
+    found = []
+    for name in table:
+        if name in (*OURS, *used):
+            continue
+        values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+        distinct = len(np.unique(values)) if np.isfinite(values).all() else 0
+        if distinct < 2:
+            continue
+        r = _correlation(values, response) if distinct > 2 else 0.0
+        called = any(word in STRENGTHS for word in re.split(r"[^a-z]+", str(name).lower()))
+        if called or abs(r) > max(CORRELATED, STANDARD_ERRORS / np.sqrt(len(values))):
+            found.append(f"{name} ({distinct} values, correlation with response 1 {r:.2f})")
+    if found:
+        warnings.warn(
+            f"no strength is named, and {', '.join(found)} may hold it: without strength all "
+            "trials count as equally difficult. Name the column of signed strengths (strength, at "
+            "the terminal --strength)",
+            stacklevel=3,
+        )
+        return
+    share = float((response[response >= 0] == 1).mean())
+    if share < LEAST_RIGHT:
+        warnings.warn(
+            f"no strength is given, so that response 1 is taken for the right one, and it is "
+            f"{share:.0%} of responses: name the column of signed strengths (strength, at the "
+            "terminal --strength)",
+            stacklevel=3,
+        )
+
+
+def _correlation(values: Array, response: npt.NDArray[np.int8]) -> float:
+    answered = response != NO_RESPONSE
+    x, y = values[answered], response[answered].astype(float)
+    return float(np.corrcoef(x, y)[0, 1]) if np.ptp(x) > 0 and np.ptp(y) > 0 else 0.0
+
+
+def without_rounding(strength: Array) -> Array:
+    """Return strengths, those that differ by less than a millionth as one; warn if there are any.
+
+    Parameters
+    ----------
+    strength : (trials,) float64
+        Signed; sizes are compared.
+    """
+    sizes, counts = np.unique(np.abs(strength), return_counts=True)
+    group = np.concatenate([[0], np.cumsum(np.diff(sizes) > SAME * sizes[1:])])
+    if len(sizes) == group[-1] + 1:
+        return strength
+    # The most frequent value of each group stands for all of it.
+    merged = sizes.copy()
+    for each in np.flatnonzero(np.bincount(group) > 1):
+        some = group == each
+        merged[some] = sizes[some][np.argmax(counts[some])]
+    first = int(np.flatnonzero(merged != sizes)[0])
+    warnings.warn(
+        f"{len(sizes)} strengths are taken for {group[-1] + 1}, since some differ by rounding "
+        f"only, as {sizes[first]!r:.22} and {merged[first]!r:.22}",
+        stacklevel=3,
+    )
+    at = np.searchsorted(sizes, np.abs(strength))
+    return np.asarray(np.sign(strength) * merged[at])

@@ -1,0 +1,61 @@
+"""Slow trials among those of a fit: said where there are some, and only there."""
+
+import warnings
+
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import fit
+from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.slow import slow_trials
+from tests.drawn import drawn, slowed
+
+MODEL, SEED = GapModel(), 84
+CLEAN = drawn(MODEL, [0.0, 0.1, 0.4], 200, SEED, seconds=4.0, sensitivity=12.0, bound=0.7)
+SLOWED = slowed(CLEAN, SEED)
+
+
+def fitted(some, **given):
+    """Return a fit, and the warnings of slow trials."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = fit(likelihood_of(MODEL, design_of(some), **given))
+    return found, [str(each.message) for each in caught if "slower" in str(each.message)]
+
+
+def test_a_clean_set_has_no_slow_trials():
+    found, said = fitted(CLEAN)
+    assert said == []
+    assert slow_trials(found.optimum).gain_nats < 0.5
+
+
+def test_a_tail_of_slow_trials_is_said_with_their_number():
+    """Of 600 trials 5 % have an exponential delay, and lapses take up a part of them."""
+    found, (text,) = fitted(SLOWED)
+    slow = slow_trials(found.optimum)
+    assert slow.gain_nats > 1
+    assert text.startswith(f"all, constant_gap: about {round(600 * slow.share)} of 600 trials are")
+    assert 0.005 <= slow.share <= 0.08
+    assert "rt_window" in text
+    assert "let lapse be free" not in text
+
+
+def test_where_lapses_are_held_it_is_advised_to_free_them_and_that_helps():
+    held, (text,) = fitted(SLOWED, fixed={"lapse": 0.001})
+    assert "let lapse be free" in text
+    free, _ = fitted(SLOWED)
+    off = [abs(each.optimum.values["bound"] - 0.7) for each in (free, held)]
+    assert off[0] < off[1] / 2
+
+
+@pytest.mark.parametrize("scale", [0.25, 4])
+def test_slow_trials_are_those_of_the_density_whatever_the_unit_of_strength(scale):
+    from dataclasses import replace
+
+    one, other = (
+        slow_trials(fitted(each)[0].optimum)
+        for each in (SLOWED, replace(SLOWED, strength=scale * SLOWED.strength))
+    )
+    assert other.share == one.share
+    assert other.gain_nats == pytest.approx(one.gain_nats, abs=0.1)

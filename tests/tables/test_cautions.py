@@ -1,0 +1,210 @@
+"""Tables of choices that mislead: refused, or said with the number."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel.seeds import stream
+from bgmodel.tables.cautions import (
+    STEPS_S,
+    check_deadline,
+    check_signs,
+    check_times,
+    without_rounding,
+)
+from bgmodel.tables.choices import read_choices, shipped
+
+TRIALS = 400
+
+
+def table(**columns):
+    """Return one participant's trials: right in four of five, at signed coherences."""
+    rng = stream(81, "cautions")
+    coherence = rng.choice([-0.4, -0.1, 0.1, 0.4], TRIALS)
+    right = rng.random(TRIALS) < 0.8
+    good = {
+        "rt": rng.gamma(4, 0.1, TRIALS) + 0.3,
+        "response": (right == (coherence > 0)).astype(int),
+        "coherence": coherence,
+    }
+    return pd.DataFrame({**good, **columns})
+
+
+GOOD = table()
+NAMED = {"strength": "coherence"}
+
+
+def said(source, **options):
+    """Return the warnings of reading a table."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        read_choices(source, **options)
+    assert all(issubclass(each.category, UserWarning) for each in caught)
+    return [str(each.message) for each in caught]
+
+
+def test_good_tables_and_the_published_ones_are_read_without_a_word():
+    assert said(GOOD, **NAMED) == []
+    for name, one in shipped().items():
+        assert said(name, strength=one.strength, conditions=one.conditions) == []
+
+
+def missed(deadline_s, rows=(3, 40)):
+    """Return a table some of whose trials have no response, and the options that read it."""
+    at = GOOD.index.isin(rows)
+    bad = GOOD.assign(rt=GOOD["rt"].where(~at), response=GOOD["response"].where(~at))
+    return bad, {**NAMED, "deadline_s": deadline_s}
+
+
+@pytest.mark.parametrize("deadline_s", [120.0, 1200.0])
+def test_a_deadline_in_another_unit_is_refused(deadline_s):
+    bad, options = missed(deadline_s)
+    with pytest.raises(ValueError, match="slowest of 398 responses took") as raised:
+        read_choices(bad, **options)
+    assert f"got {deadline_s:g}," in str(raised.value)
+
+
+def test_a_deadline_long_after_all_responses_is_doubted_by_the_number_of_missed_trials():
+    slowest = GOOD["rt"].max()
+    bad, options = missed(4 * slowest)
+    (text,) = said(bad, **options)
+    assert "2 trials without a response" in text
+    assert f"took {slowest:.3g} s" in text
+    bad, options = missed(2 * slowest)
+    assert said(bad, **options) == []
+
+
+@given(st.floats(0.1, 100), st.floats(0.1, 100))
+def test_a_deadline_is_judged_by_its_ratio_to_the_slowest_response(slowest, deadline_s):
+    rt_s = np.array([slowest / 2, slowest, np.nan])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        if deadline_s >= 10 * slowest:
+            with pytest.raises(ValueError, match="slowest of 2 responses"):
+                check_deadline(rt_s, deadline_s)
+        else:
+            check_deadline(rt_s, deadline_s)
+    assert len(caught) == (3 * slowest <= deadline_s < 10 * slowest)
+
+
+def test_hundredths_of_a_second_are_no_seconds():
+    """Their median, 45 to 70, is that of a slow task; whole numbers tell."""
+    hundredths = 100 * (GOOD["rt"] - 0.25)
+    assert 5 < hundredths.median() < 50
+    with pytest.raises(ValueError, match="400 whole numbers with a median of"):
+        read_choices(table(rt=np.ceil(hundredths)), **NAMED)
+    (text,) = said(table(rt=hundredths), **NAMED)
+    assert f"{hundredths.median():.3g} s" in text
+
+
+def test_times_of_minutes_are_doubted():
+    (text,) = said(table(rt=GOOD["rt"] / 60), **NAMED)
+    assert f"{GOOD['rt'].median() / 60:.3g} s" in text
+
+
+@pytest.mark.parametrize("step_s", STEPS_S)
+def test_coarse_times_are_said_with_their_step_and_what_it_does(step_s):
+    rt = np.maximum(step_s * np.round(GOOD["rt"] / step_s), step_s)
+    (text,) = said(table(rt=rt), **NAMED)
+    assert f"multiples of {step_s:.3g} s" in text
+    assert f" {1000 * step_s / np.sqrt(12):.0f} ms" in text
+
+
+@pytest.mark.parametrize("step_s", [0.01, 0.005, 0.002, 0.001])
+def test_finer_steps_are_not_worth_a_word(step_s):
+    assert said(table(rt=step_s * np.round(GOOD["rt"] / step_s)), **NAMED) == []
+
+
+def test_few_times_say_nothing_of_their_steps():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_times(np.full(9, 8.0))
+
+
+@pytest.mark.parametrize("name", ["id", "monkey", "Monkey_ID", "rat", "animal name", "observer"])
+def test_columns_that_may_hold_participants_are_not_pooled(name):
+    who = np.where(np.arange(TRIALS) < 150, "b", "n")
+    with pytest.raises(ValueError, match=rf"column '{name}' \(2 values, as b, n\)"):
+        read_choices(table(**{name: who}), **NAMED)
+    read_choices(table(**{name: who, "participant_id": who}), **NAMED)
+    read_choices(table(**{name: who}), **NAMED, conditions=[name])
+    read_choices(table(**{name: "b"}), **NAMED)
+
+
+def test_ids_of_trials_and_other_columns_are_no_participants():
+    read_choices(table(id=np.arange(TRIALS)), **NAMED)
+    for name in ("valid", "rate", "subject_age", "session", "idle"):
+        read_choices(table(**{name: np.arange(TRIALS) % 2}), **NAMED)
+
+
+def test_a_strength_that_is_not_named_is_said_by_its_name_or_by_what_it_does():
+    named = table(signed_coherence=GOOD["coherence"]).drop(columns="coherence")
+    (text,) = said(named)
+    assert "signed_coherence (4 values, correlation with response 1 0." in text
+    (text,) = said(GOOD.rename(columns={"coherence": "x"}).astype({"x": str}))
+    assert " x (4 values" in text
+    assert said(named, strength="signed_coherence") == []
+    (text,) = said(table(contrast=0.1 + np.arange(TRIALS) % 2).drop(columns="coherence"))
+    assert "contrast (2 values" in text
+
+
+def test_columns_that_hold_no_strength_are_not_taken_for_one():
+    rng = stream(82, "cautions")
+    more = {
+        "trial": np.arange(TRIALS),
+        "theta": rng.normal(size=TRIALS),
+        "correct": GOOD["response"],
+        "cue": np.where(np.arange(TRIALS) % 2, "speed", "accuracy"),
+        "empty": np.nan,
+    }
+    assert not any("may hold it" in text for text in said(table(**more).drop(columns="coherence")))
+
+
+def test_strengths_that_differ_by_rounding_only_are_one():
+    at = GOOD.index % 7 == 0
+    rounded = GOOD["coherence"] * np.where(at, 1 + 1e-7, 1.0)
+    with pytest.warns(UserWarning, match="4 strengths are taken for 2"):
+        found = read_choices(table(coherence=rounded), **NAMED)
+    assert found.strength.tolist() == GOOD["coherence"].tolist()
+
+
+@given(st.lists(st.floats(1e-3, 10), min_size=1, max_size=8), st.integers(0, 2**32))
+def test_taking_strengths_for_one_changes_none_by_more_than_a_millionth(sizes, seed):
+    rng = stream(seed, "strengths")
+    given_ = rng.choice([-1, 1], 60) * rng.choice(sizes, 60) * (1 + 1e-8 * rng.normal(size=60))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = without_rounding(given_)
+        assert np.array_equal(without_rounding(found), found)
+    assert found == pytest.approx(given_, rel=1e-5)
+    assert len(np.unique(np.abs(found))) <= len(sizes)
+
+
+def answered(right, wrong, missed=0):
+    """Return as many responses of each kind."""
+    return np.repeat([1, 0, -1], [right, wrong, missed]).astype(np.int8)
+
+
+def test_strengths_without_a_sign_are_refused_by_20_or_more_responses_to_the_largest():
+    """Where more than two fifths are against it; misses and weaker strengths do not count."""
+    check_signs(np.full(29, 0.4), answered(12, 8, missed=9))
+    check_signs(np.full(20, 0.4), answered(0, 19, missed=1))
+    check_signs(None, answered(0, 29))
+    check_signs(np.zeros(29), answered(0, 29))
+    with pytest.raises(ValueError, match="none is below 0, yet 9 of 20 responses to the largest"):
+        check_signs(np.full(20, 0.4), answered(11, 9))
+    for other in (-0.4, 0.1):
+        check_signs(np.array([0.4] * 19 + [other]), answered(11, 9))
+
+
+@pytest.mark.parametrize(("right", "doubted"), [(240, False), (239, True)])
+def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(right, doubted):
+    without = table(response=np.repeat([1, 0], [right, TRIALS - right])).drop(columns="coherence")
+    found = said(without)
+    assert len(found) == doubted
+    if doubted:
+        assert "it is 60% of responses" in found[0]

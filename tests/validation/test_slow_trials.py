@@ -1,0 +1,84 @@
+"""Slow trials bias a fit only where a warning says so: make validate."""
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import fit
+from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.seeds import stream
+from bgmodel.tables.choices import read_choices
+from tests.drawn import drawn, slowed
+
+pytestmark = pytest.mark.validate
+TUNING_SEED, SCORING_SEED = 902, 91_001
+"""Of the sets by which ``GAIN_NATS`` and ``RANGES`` were chosen, and of those that judge them."""
+SETS = 200
+STRENGTHS = (0.0, 0.064, 0.128, 0.256, 0.512)
+TRIALS = (60, 120, 240)
+"""At each strength."""
+PRIOR = {
+    "sensitivity": (5.0, 25.0),
+    "bound": (0.35, 1.0),
+    "t0_s": (0.2, 0.5),
+    "t0_sd_s": (0.02, 0.1),
+    "lapse": (0.001, 0.03),
+}
+SECONDS = 8.0
+"""Longest time: one decision in two thousand of the slowest participants is later."""
+
+
+class Judged(NamedTuple):
+    """How far a fit is off, in standard errors of sensitivity and bound, and what was said."""
+
+    off: np.ndarray
+    warned: bool
+
+
+def judged(number, *, slow, seed=SCORING_SEED):
+    """Fit one set, with slow trials or without."""
+    rng = stream(seed, "slow trials", number)
+    values = {name: rng.uniform(*ends) for name, ends in PRIOR.items()}
+    key = int(rng.integers(2**31))
+    each = int(rng.choice(TRIALS))
+    some = drawn(GapModel(), STRENGTHS, each, key, seconds=SECONDS, **values)
+    some = slowed(some, key) if slow else some
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = fit(likelihood_of(GapModel(), design_of(some)))
+    table = found.parameters().set_index("parameter").loc[["sensitivity", "bound"]]
+    truth = [values[name] for name in table.index]
+    said = [str(each.message) for each in caught]
+    warned = any("slower than" in text or "left out" in text for text in said)
+    return Judged(((table["value"] - truth) / table["standard_error"]).to_numpy(), warned)
+
+
+@pytest.mark.timeout(3600)
+def test_slow_trials_bias_no_fit_without_a_warning_and_clean_sets_are_not_warned_of():
+    """Of estimates without bias, about one set in ten has one of two beyond 2 standard errors."""
+    clean, slow = ([judged(k, slow=each) for k in range(SETS)] for each in (False, True))
+    quiet = [each for each in slow if not each.warned]
+    beyond = sum((np.abs(each.off) > 2).any() for each in quiet)
+    alike = sum((np.abs(each.off) > 2).any() for each in clean)
+    print(
+        f"clean: {sum(each.warned for each in clean)} of {SETS} warned of, {alike} beyond 2 "
+        f"standard errors; with slow trials: {SETS - len(quiet)} warned of, {beyond} beyond and "
+        f"not warned of, at most {max(np.abs(each.off).max() for each in quiet):.1f}"
+    )
+    assert sum(each.warned for each in clean) <= 0.05 * SETS
+    assert beyond <= 0.1 * SETS
+    assert beyond <= alike + 2 * np.sqrt(alike)
+
+
+@pytest.mark.parametrize("who", ["b", "n"])
+def test_the_falling_gap_makes_no_monkey_less_likely_than_the_constant_gap(who):
+    choices = read_choices("roitman_shadlen_2002", strength="coherence", participant=who)
+    design = design_of(choices)
+    constant, falling = (
+        optimum(likelihood_of(GapModel(each), design)).log_likelihood for each in (False, True)
+    )
+    assert falling >= constant
