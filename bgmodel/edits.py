@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
+
+from bgmodel.places import RowEdit, channel_of, overlapping, tidied
 
 if TYPE_CHECKING:
     from circuits.spec import Circuit
@@ -15,6 +19,8 @@ OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
 """Fields that a fixed point does not depend on."""
 REBOUND = "rebound "
 """How an edit by itself begins that lets a nucleus rebound."""
+ROWS = ("add", "change", "without", "scale", "rebound")
+"""Edits of which there can be several."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +100,13 @@ class Edits:
             if spikes or field in OF_SPIKES or (engine == "algebra" and field in OF_TIME):
                 raise ValueError(f"{edit!r} says nothing to the {engine} engine")
 
+    def _check_once(self) -> None:
+        """Refuse a lesion or a factor that is given twice: together they would be another one."""
+        for kind in ("without", "scale"):
+            for one, other in combinations(_rows(self, kind), 2):
+                if one.place == other.place:
+                    raise overlapping(one, other)
+
     def apply(self, circuit: Circuit) -> Circuit:
         """Return the edited circuit.
 
@@ -110,6 +123,7 @@ class Edits:
         if self.spread is not None:
             circuit = circuit.with_spread(self.spread)
         circuit = circuit.with_rows(*self.add).edited(*self.change)
+        self._check_once()
         for edit in self.without:
             circuit = _lesioned(circuit, edit, self.replaced)
         for edit in self.scale:
@@ -117,13 +131,62 @@ class Edits:
         circuit = circuit.dopamine(self.dopamine)
         if not (self.recovered or self.rebound):
             return circuit
-        rebound_nats: dict[str, float] = {}
+        return circuit.recovered(table, rebound_nats=self._rebound_nats())
+
+    def _rebound_nats(self) -> dict[str, float]:
+        """Return how far above its old rate each nucleus comes to rest, nats."""
+        found: dict[str, float] = {}
         for edit in self.rebound:
             name, nats = _value(edit, None)
-            if name in rebound_nats:
+            if name in found:
                 raise ValueError(f"{edit!r}: the rebound of {name} is given twice")
-            rebound_nats[name] = nats
-        return circuit.recovered(table, rebound_nats=rebound_nats)
+            found[name] = nats
+        return found
+
+
+def with_edits(edits: Edits, more: Iterable[str]) -> Edits:
+    """Return edits with others, each in place of the one that edits the same place.
+
+    Parameters
+    ----------
+    edits : Edits
+        The edits so far.
+    more : iterable of str
+        Further edits of rows, as ``written`` reads them.
+
+    Raises
+    ------
+    ValueError
+        If two of the further edits, or one of them and one that is kept, set the same number, so
+        that it would be neither's: a lesion of all channels and of one, a weight and a factor on
+        it, two courses of one nucleus.
+    """
+    new = [row for text in more for row in _rows(written(text))]
+    for one, other in combinations(new, 2):
+        courses = one.of_course and other.of_course
+        if one.place == other.place or (one.overlaps(other) and not courses):
+            raise overlapping(one, other)
+    places = {row.place for row in new}
+    for old in _rows(edits):
+        for row in () if old.place in places else new:
+            # What changes a new row is made after it and holds.
+            made_before = old.kind == "add" and not row.of_course
+            if row.overlaps(old) and not made_before:
+                raise overlapping(row, old)
+    for row in new:
+        old_rows = list(_rows(edits, row.kind))
+        texts = [row.text if old.place == row.place else old.text for old in old_rows]
+        if row.text not in texts:
+            texts.append(row.text)
+        changed: dict[str, Any] = {row.kind: tuple(texts)}
+        edits = replace(edits, **changed)
+    return edits
+
+
+def _rows(edits: Edits, *kinds: str) -> Iterator[RowEdit]:
+    """Yield the edits of which there can be several."""
+    for kind in kinds or ROWS:
+        yield from (RowEdit(kind, text) for text in getattr(edits, kind))
 
 
 def written(edit: str, *, replaced: bool = False, recovered: bool = False) -> Edits:
@@ -152,7 +215,7 @@ def _written(edit: str, replaced: bool) -> Edits:
 
     if edit.strip() in MOTIFS:
         return Edits(add=(edit,))
-    place = edit.replace(" ->", "->").replace("-> ", "->").partition("=")[0].strip()
+    place = tidied(edit).partition("=")[0]
     if place.startswith(REBOUND):
         return Edits(rebound=(edit.strip().removeprefix(REBOUND),))
     if " " in place:
@@ -168,14 +231,14 @@ def _written(edit: str, replaced: bool) -> Edits:
 
 def _lesioned(circuit: Circuit, edit: str, replaced: bool) -> Circuit:
     name, fraction = _value(edit, 1.0)
-    name, channel = _channel(name, "GPe[0]")
+    name, channel = channel_of(name, "GPe[0]")
     with _naming(edit):
         return circuit.without(name.strip(), fraction, replaced=replaced, channel=channel)
 
 
 def _scaled(circuit: Circuit, edit: str) -> Circuit:
     name, factor = _value(edit, None)
-    name, channel = _channel(name, "ctx->D1[0]")
+    name, channel = channel_of(name, "ctx->D1[0]")
     source, arrow, target = name.partition("->")
     if not arrow:
         raise ValueError(f'scale needs a pathway like "STN->GPe=0.5", got {edit!r}')
@@ -206,14 +269,3 @@ def _value(edit: str, default: float | None) -> tuple[str, float]:
         return name.strip(), float(number)
     except ValueError:
         raise ValueError(f"an edit is a name, =, and a number; got {edit!r}") from None
-
-
-def _channel(name: str, example: str) -> tuple[str, int | None]:
-    """Split "name[channel]"; without brackets it is every channel."""
-    path, bracket, rest = name.partition("[")
-    if not bracket:
-        return path, None
-    number = rest.removesuffix("]")
-    if number == rest or not number.isdecimal():
-        raise ValueError(f'a channel is a number in brackets, as "{example}", got {name!r}')
-    return path, int(number)

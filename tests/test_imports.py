@@ -18,6 +18,7 @@ LEVELS = [
         "bgmodel.facts",
         "bgmodel.memory",
         "bgmodel.ours",
+        "bgmodel.places",
         "bgmodel.progress",
         "bgmodel.seeds",
         "bgmodel.version",

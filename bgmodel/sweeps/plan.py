@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from bgmodel import files, toml_files
-from bgmodel.edits import Edits, written
+from bgmodel.edits import ROWS, Edits, with_edits, written
 from bgmodel.experiments.measures import MEASURES
 from bgmodel.integrators.basal_ganglia import BasalGanglia, check_engine, gain_of, identity
 from bgmodel.integrators.sprt import criterion_from_posterior
@@ -32,8 +32,6 @@ BLOCK = 10_000
 TASK = "task."
 HELD_OUT = Path(str(resources("bgmodel.data") / "held_out_taps.parquet"))
 """The taps behind tactile tasks."""
-ROWS = ("add", "change", "without", "scale", "rebound")
-"""Edits of which there can be several."""
 Value = bool | int | float | str
 
 
@@ -192,7 +190,8 @@ class Plan(Setting):
     A key of ``grid`` or ``points`` is a field of ``Setting``, a field of its task as
     ``task.d_prime``, or the left side of an edit as everywhere else: ``STN`` is lesioned by a
     fraction, ``STN->GPe`` scaled, ``STN.bias_nats`` changed, ``dopamine`` set; ``rebound SNr``
-    lets SNr recover to rest above its old rate.
+    lets SNr recover to rest above its old rate. It replaces the same edit in ``edits``; an edit
+    that it would only add to, such as a factor on a weight, is refused.
     """
 
     name: str = ""
@@ -212,9 +211,22 @@ class Plan(Setting):
             raise ValueError("each key of grid needs one value or more")
         if any(set(point) != set(self.points[0]) or not point for point in self.points):
             raise ValueError("all points must name the same keys, one or more")
+        self._check_once()
         for measure in self.show:
             if measure not in MEASURES:
                 raise ValueError(f"show must name {', '.join(MEASURES)}; got {measure!r}")
+
+    def _check_once(self) -> None:
+        """Refuse a key in two spellings, and a value or a point that is there twice."""
+        names = [key.strip() for key in self.grid or self.points[0]]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"each key may be given once, got {name!r} in two spellings")
+        for key, values in (self.grid or {}).items():
+            if len(set(values)) < len(values):
+                raise ValueError(f"each value may be given once, got {key} = {list(values)}")
+        if len({frozenset(point.items()) for point in self.points}) < len(self.points):
+            raise ValueError("each point may be given once, got one of them twice")
 
     @cached_property
     def each(self) -> tuple[dict[str, Value], ...]:
@@ -248,7 +260,9 @@ class Plan(Setting):
 def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting:
     owner = f"the point {point_text(point)}"
     values = asdict(same)
-    for key, value in sorted(point.items(), key=lambda item: item[0] != "circuit"):
+    edits = []
+    for key, value in point.items():
+        key = key.strip()
         if key == "circuit":
             value = circuit_seen_from(folder, str(value))
         elif key == "task.evidence":
@@ -260,9 +274,14 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
         elif key in OF_EDITS:
             values["edits"][key] = value
         else:
-            _add_edit(values, key, value, owner)
+            edits.append(f"{key}={value}")
     if values["task"]["evidence"] is not None:
         values["task"]["evidence"] = str(values["task"]["evidence"])
+    try:
+        # With the circuit of the point, whatever comes first.
+        values["edits"] |= _edited(same.edits, edits, str(values["circuit"]))
+    except ValueError as error:
+        raise ValueError(f"{owner}: {error}") from None
     found = toml_files.decoded(values, Setting, owner)
     try:
         found.check()
@@ -271,19 +290,21 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
     return found
 
 
-def _add_edit(values: dict[str, Any], key: str, value: Value, owner: str) -> None:
-    """Add the edit that a key and a value say to those that every point has."""
-    one = written(f"{key}={value}")
-    if one.without and key.partition("[")[0].strip() not in _nuclei(values["circuit"]):
-        of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
-        nuclei = ", ".join(sorted(_nuclei(values["circuit"])))
-        raise ValueError(
-            f"{owner}: there is no {key!r} to change; there are {', '.join((*OWN, *of_task))}, "
-            f"{', '.join(OF_EDITS)}, the nuclei {nuclei}, and edits such as "
-            "STN->GPe or STN.bias_nats"
-        )
-    for name in ROWS:
-        values["edits"][name] = (*values["edits"][name], *getattr(one, name))
+def _edited(edits: Edits, texts: list[str], name: str) -> dict[str, Any]:
+    """Return the edits of rows of a point: the plan's, those that it names replaced."""
+    added = {text.split()[0] for text in edits.add}
+    for text in texts:
+        place = text.partition("=")[0]
+        if written(text).without and place.partition("[")[0].strip() not in _nuclei(name) | added:
+            of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
+            nuclei = ", ".join(sorted(_nuclei(name)))
+            raise ValueError(
+                f"there is no {place!r} to change; there are {', '.join((*OWN, *of_task))}, "
+                f"{', '.join(OF_EDITS)}, the nuclei {nuclei}, and edits such as "
+                "STN->GPe or STN.bias_nats"
+            )
+    found = with_edits(edits, texts)
+    return {name: getattr(found, name) for name in ROWS}
 
 
 def point_text(point: Mapping[str, Value]) -> str:
