@@ -79,7 +79,7 @@ def sweeps(draw):
     """Return what every point has, and a grid; keys of both may be the same."""
     keys = st.lists(st.sampled_from(sorted(VALUES)), unique=True, max_size=5)
     base = {key: draw(VALUES[key]) for key in draw(keys)}
-    chosen = draw(keys.filter(len).map(lambda some: some[:3]))
+    chosen = draw(keys.filter(len).map(lambda some: some[:2]))
     grid = {
         key: tuple(draw(st.lists(VALUES[key], unique=True, min_size=1, max_size=2)))
         for key in chosen

@@ -26,8 +26,8 @@ from bgmodel.facts import Facts
 from bgmodel.integrators.basal_ganglia import (
     BATCH,
     BasalGanglia,
+    check_conditions,
     check_engine,
-    check_threshold,
     gain_of,
 )
 from bgmodel.integrators.sprt import criterion_from_posterior
@@ -151,8 +151,9 @@ class Experiment:
     note: str
     """Why the manipulation stands for what was done, and where the sizes come from."""
     manipulation: Condition
-    predictions: tuple[Prediction, ...]
     task: Stimuli
+    predictions: tuple[Prediction, ...] = ()
+    """Written before the run; without any, it reports and gives no verdict."""
     published: str = ""
     """What was found; nothing where the question is new."""
     source: str = ""
@@ -176,8 +177,6 @@ class Experiment:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not self.predictions:
-            raise ValueError("predictions must hold one or more, got none")
         told = [(effect.measure, effect.unit) for effect in self.effects]
         if len(set(told)) < len(told):
             raise ValueError("effects must give a measure in one unit once, got it twice")
@@ -355,10 +354,7 @@ def run_experiment(
     conditions = (experiment.control, experiment.manipulation)
     models = [experiment.model(c, evidence.hypotheses, workers) for c in conditions]
     thresholds = [experiment.threshold_nats(c, evidence.hypotheses) for c in conditions]
-    for model, level in zip(models, thresholds, strict=True):
-        # Where OUT rests under a manipulation is an outcome; what is read is no part of it.
-        if model is models[0] or level < model.circuit.readable_nats[0]:
-            check_threshold(model.circuit, level)
+    check_conditions(models[0].circuit, thresholds[0], models[1].circuit, thresholds[1])
     models[0].warn_beyond_range(evidence)
     models[0].warn_of_noise(thresholds[0])
     weights = resampled(evidence.trials, RESAMPLES, stream(experiment.seed, "bootstrap"))

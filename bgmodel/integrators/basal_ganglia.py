@@ -472,6 +472,31 @@ def readout_of(circuit: Circuit) -> ReadOut:
     return ReadOut(circuit.name, circuit.readable_nats[0], rest_out(circuit), circuit.unit)
 
 
+def check_conditions(
+    control: Circuit, control_nats: float, manipulated: Circuit, manipulated_nats: float
+) -> None:
+    """Refuse the thresholds of a control and a manipulation, as ``check_threshold`` does.
+
+    A manipulated circuit that rests below its threshold is an outcome: it decides without evidence.
+    What its read-out tells apart is none.
+
+    Parameters
+    ----------
+    control, manipulated : Circuit
+        The circuit before and after a manipulation.
+    control_nats, manipulated_nats : float
+        OUT at which each decides.
+
+    Raises
+    ------
+    ValueError
+        If the control would decide without evidence, or either circuit never reads its threshold.
+    """
+    check_threshold(control, control_nats)
+    if manipulated_nats < manipulated.readable_nats[0]:
+        check_threshold(manipulated, manipulated_nats)
+
+
 def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
     """Return those thresholds that lie below OUT at rest, and that the read-out can reach."""
     low = circuit.readable_nats[0]

@@ -17,7 +17,13 @@ import numpy as np
 from bgmodel import files, toml_files
 from bgmodel.edits import ROWS, Edits, with_edits, written
 from bgmodel.experiments.measures import MEASURES
-from bgmodel.integrators.basal_ganglia import BasalGanglia, check_engine, gain_of, identity
+from bgmodel.integrators.basal_ganglia import (
+    BasalGanglia,
+    check_conditions,
+    check_engine,
+    gain_of,
+    identity,
+)
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from, warn_of_default
@@ -99,9 +105,13 @@ class Setting:
         return table
 
     def check(self) -> None:
-        """Raise ValueError for what can be seen before a run."""
+        """Raise ValueError for what can be seen before a run.
+
+        The table without the edits of the point is its control, as that of an experiment.
+        """
         gain_of(self.table, self.gain)
-        criterion_from_posterior(self.posterior, self.hypotheses)
+        level, intact = self.threshold_nats, circuit(self.circuit, self.hypotheses)
+        check_conditions(intact, level, self.table, level)
 
     def model(self, seed: int) -> BasalGanglia:
         """Return the circuit with its engine, its gain and the noise of a seed."""

@@ -62,7 +62,7 @@ def test_missed_trials_are_said(tmp_path):
 
 
 def test_too_few_decisions_are_said(tmp_path):
-    _, table = swept(tmp_path, grid={"posterior": (0.999,)}, task=Stimuli(trials=80, t_max=2))
+    _, table = swept(tmp_path, grid={"posterior": (0.94,)}, task=Stimuli(trials=80, t_max=1))
     assert set(table["remark"]) == {"fewer than 20 trials are decided in time"}
 
 

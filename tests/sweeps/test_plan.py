@@ -4,9 +4,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from bgmodel.edits import Edits
-from bgmodel.experiments.experiment import Experiment
+from bgmodel.experiments.experiment import Condition, Experiment, run_experiment
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps.plan import BLOCK, Plan, Setting, read_plan
 from circuits.anatomy import circuit
@@ -20,7 +22,7 @@ def plan(tmp_path, text):
     return read_plan(path)
 
 
-def settings(tmp_path, text):
+def points(tmp_path, text):
     return plan(tmp_path, text).settings(tmp_path)
 
 
@@ -128,7 +130,63 @@ def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
 )
 def test_a_point_that_makes_no_sense_is_named(tmp_path, grid, says):
     with pytest.raises(ValueError, match=says):
-        settings(tmp_path, f"[grid]\n{grid}")
+        points(tmp_path, f"[grid]\n{grid}")
+
+
+class Started(Exception):
+    """An experiment passed its checks."""
+
+
+def started(*_):
+    raise Started
+
+
+def refusal(run):
+    """Return what a run is refused with; nothing if it starts."""
+    try:
+        run()
+    except Started:
+        return ""
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    posterior=st.floats(0.45, 1) | st.floats(0.9, 0.97),
+    name=st.sampled_from(["macaque", "spiking_msprt", "appendix_b"]),
+    channels=st.integers(2, 4),
+    edits=st.sampled_from(
+        [{}, {"without": ("STN=0.1",)}, {"without": ("STN",)}, {"dopamine": 1.3},
+         {"scale": ("ctx->STN=0.5",)}, {"change": ("STN.bias_nats=9",)}]
+    ),
+)  # fmt: skip
+def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
+    monkeypatch, posterior, name, channels, edits
+):
+    monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", started)
+    monkeypatch.setattr("bgmodel.experiments.experiment.BasalGanglia.warn_of_noise", lambda *_: 0)
+    task = Stimuli(trials=100, t_max=2, channels=channels)
+    run = {"circuit": name, "engine": "rate", "gain": 0.5, "task": task}
+
+    def experiment():
+        words = {"name": "", "note": "", "predictions": (), "manipulation": Condition(**edits)}
+        run_experiment(Experiment(**words, **run, posterior=posterior))
+
+    def sweep():
+        Plan(**run, edits=Edits(**edits), grid={"posterior": (posterior,)}).settings()
+
+    one, other = refusal(experiment), refusal(sweep)
+    assert bool(one) == bool(other)
+    assert other.endswith(one)
+
+
+@pytest.mark.parametrize("posterior", [0.96, 0.98])
+def test_a_posterior_that_out_does_not_read_is_refused_before_anything_runs(posterior):
+    for grid in ({"posterior": (0.8, posterior)}, {"STN": (0.1,), "posterior": (posterior,)}):
+        with pytest.raises(ValueError, match="reads no OUT below"):
+            Plan(grid=grid).settings()
 
 
 def test_a_shard_is_named_by_what_it_computes():
@@ -167,7 +225,7 @@ def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both(
 def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_path):
     shown = some_evidence(trials=30, steps=21, hypotheses=3)
     long_table(shown).to_csv(tmp_path / "own.csv", index=False)
-    (found,) = settings(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\nSTN = [0.1]")
+    (found,) = points(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\nSTN = [0.1]")
     assert (found.trials, found.steps, found.hypotheses) == (30, 21, 3)
     assert found.table.channels == 3
     parts = [found.given(first, 12).evidence for first in (0, 12, 24)]
@@ -180,10 +238,10 @@ def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_p
     write(circuit("spiking_msprt", 2), tmp_path / "mine.toml")
     monkeypatch.chdir("/")
     for text in ("circuit = 'mine.toml'\n[grid]\nSTN = [0.1]", "grid = {circuit = ['mine.toml']}"):
-        (found,) = settings(tmp_path, text)
+        (found,) = points(tmp_path, text)
         assert found.circuit == str(tmp_path / "mine.toml")
     with pytest.raises(ValueError, match="there is no 'TRN' to change"):
-        settings(tmp_path, "[grid]\nTRN = [0.1]\ncircuit = ['mine.toml']")
+        points(tmp_path, "[grid]\nTRN = [0.1]\ncircuit = ['mine.toml']")
 
 
 @pytest.mark.parametrize("truth", [True, False])
@@ -191,10 +249,10 @@ def test_a_table_without_the_truth_is_refused_before_anything_runs(tmp_path, tru
     long_table(some_evidence(trials=30), truth).to_csv(tmp_path / "own.csv", index=False)
     text = "[grid]\n'task.evidence' = ['own.csv']"
     if truth:
-        assert len(settings(tmp_path, text)) == 1
+        assert len(points(tmp_path, text)) == 1
         return
     with pytest.raises(ValueError, match=r"own\.csv: a sweep counts errors: its evidence needs"):
-        settings(tmp_path, text)
+        points(tmp_path, text)
 
 
 def test_readings_and_alternatives_of_what_is_drawn_are_those_of_the_task():
