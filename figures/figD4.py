@@ -16,17 +16,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bgmodel.experiments.experiment import (
-    AGREES,
-    DISAGREES,
-    OPEN,
-    PERCENT,
-    WITHOUT,
-    Experiment,
-    run_experiment,
-    shipped,
-)
+from bgmodel.experiments.experiment import Experiment, run_experiment, shipped
 from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, outcomes
+from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, PERCENT, WITHOUT
 from bgmodel.files import read_table, write_table
 from figures.common import FULL, Settings, run, say_if_older
 

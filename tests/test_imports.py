@@ -94,6 +94,7 @@ LEVELS = [
         "bgmodel.web.model",
     },
     {
+        "bgmodel.experiments.predictions",
         "bgmodel.fitting.criteria",
         "bgmodel.fitting.optimum",
         "bgmodel.learning.gap",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 class ExperimentRun(Shows):
     """Run an experiment, control and manipulation, and hold it to what was published.
 
-    Without a file it lists the experiments that come with the package. The prediction stands in
-    the file, written before the run; each part is said to agree, to disagree or to be left open by
-    the 95 % interval of the change.
+    Without a file it lists the experiments that come with the package. Predictions are in the
+    file, written before the run; each agrees, disagrees or is left open by the 95 % interval of the
+    change. Without any, there is a report and no verdict.
 
     Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial --show;
     bgmodel experiment mine.toml outcome.csv --trials 200 --engine population
@@ -128,7 +128,7 @@ class ExperimentRun(Shows):
         from bgmodel.experiments.outcomes import beside_published, outcomes
 
         found = outcomes(experiment, done.measures).assign(condition="change")
-        kept = ["condition", "measure", "direction", "at_least", "outcome"]
+        kept = ["condition", "measure", "direction", "at_least", "outcome", "reason"]
         rows = done.measures.merge(found[kept], how="left", on=["condition", "measure"])
         if not experiment.effects:
             return rows
@@ -156,9 +156,13 @@ class ExperimentRun(Shows):
         from bgmodel.experiments.outcomes import page
 
         trials = len(done.trials) // 2
-        about = {"name": experiment.name, "source": experiment.source}
+        about: dict[str, Any] = {"name": experiment.name, "source": experiment.source}
         about |= {"published": experiment.published}
+        model, posterior = done.models[0], experiment.posterior_text()
+        about |= {"circuit": model.circuit.name, "engine": model.engine, "gain": model.gain}
+        about |= {"posterior": posterior, "seed": experiment.seed}
         where = {"trials": trials, "output": self.output}
+        experiment = replace(experiment, gain=done.models[0].gain)
         self.show(page(experiment, done.measures), rows, **about, **where)
         self.note(f"{trials} trials" + (f" -> {self.output}" if self.output is not None else ""))
 

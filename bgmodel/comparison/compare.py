@@ -156,12 +156,32 @@ def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None 
         raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
     chosen = levels(trace) if thresholds is None else np.sort(np.asarray(thresholds))[::-1]
     decided = first_crossing(trace, chosen, checked=False)
-    reading = np.floor(np.maximum(decided.time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
-    reading = np.minimum(reading, evidence.readings)
-    posterior = evidence.posterior[np.arange(evidence.trials), reading, decided.choice]
+    posterior = posterior_at(evidence, decided.time_ms, decided.choice)
     return Tradeoff(
         chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior
     )
+
+
+def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
+    """Return the posterior of choices at the times of decisions.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What was given.
+    time_ms : array (..., trials), ms
+        Times of decisions since the onset of evidence.
+    choice : int array (..., trials)
+        Chosen hypotheses.
+
+    Returns
+    -------
+    array (..., trials)
+        Of the last reading that had come; before the first, the prior.
+    """
+    reading = np.floor(np.maximum(time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
+    reading = np.minimum(reading, evidence.readings)
+    return np.asarray(evidence.posterior[np.arange(evidence.trials), reading, choice])
 
 
 def curve(swept: Tradeoff, weights: Array) -> tuple[Array, Array]:

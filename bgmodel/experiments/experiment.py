@@ -10,18 +10,26 @@ import warnings
 from dataclasses import dataclass
 from importlib.resources import files as resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from bgmodel import toml_files
+from bgmodel.comparison.cautions import calibration
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
 from bgmodel.decision import any_crossing
 from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.measures import MEASURES, OF_DECIDED, Behaviour
+from bgmodel.experiments.predictions import (
+    FEWEST_DECIDED,
+    PERCENT,
+    RELATIVE,
+    Effect,
+    Prediction,
+)
 from bgmodel.facts import Facts
 from bgmodel.integrators.basal_ganglia import (
     BATCH,
@@ -44,16 +52,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SHIPPED = resources("bgmodel.experiments") / "shipped"
-AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
-WITHOUT = "decides without evidence"
-"""The outcome, whatever was predicted, where the manipulated circuit reads nothing."""
-FEWEST_DECIDED = 20
-"""Trials that a condition decides in time, at least, for a statement on its decisions."""
 MANY_MISSED = 0.05
 """Share of trials without a decision in time above which a run warns of it."""
 CONDITIONS = ("control", "manipulation", "change")
-PERCENT = "percent"
-"""The change in per cent of the control's value: a condition more, for measures of decisions."""
 RENAMED = {
     "stn_bound": "stn_no_conflict",
     "stn_no_conflict_two": "stn_no_conflict",
@@ -61,75 +62,6 @@ RENAMED = {
     "stn_lesion_whole": "stn_lesion_chronic",
 }
 """Names of experiments that shipped once: where their question is asked now."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What a manipulation does to one measure."""
-
-    measure: str
-    """A name in ``behaviour.MEASURES``."""
-    direction: Literal["up", "down", "none"]
-    """Where it goes; "none" says that it stays within ``at_least``."""
-    at_least: float
-    """The smallest change that counts, in the measure's unit."""
-
-    def __post_init__(self) -> None:
-        if self.measure not in MEASURES:
-            raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {self.measure!r}")
-        if not 0 <= self.at_least < np.inf:
-            raise ValueError(f"at_least must be >= 0, got {self.at_least}")
-        if self.direction == "none" and not self.at_least:
-            raise ValueError('at_least must be > 0 where the direction is "none", got 0')
-
-    def outcome(self, low: float, high: float) -> str:
-        """Return the verdict of the change's 95 % interval: agrees, disagrees or left open."""
-        if not (np.isfinite(low) and np.isfinite(high)):
-            return OPEN
-        if self.direction == "none":
-            inside = -self.at_least < low and high < self.at_least
-            outside = low > self.at_least or high < -self.at_least
-            return AGREES if inside else DISAGREES if outside else OPEN
-        if self.direction == "down":
-            low, high = -high, -low
-        return AGREES if low > self.at_least else DISAGREES if high < self.at_least else OPEN
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What was published of one measure, as a number: manipulation minus control."""
-
-    measure: str
-    """A name in ``measures.MEASURES``."""
-    value: float
-    """The change."""
-    source: str
-    """Where it was published, and what was made of it here."""
-    low: float | None = None
-    """Lower end of its 95 % interval; none where none was published."""
-    high: float | None = None
-    """Upper end."""
-    unit: Literal["own", "percent"] = "own"
-    """The measure's own unit, or per cent of the control's value, where time scales differ."""
-
-    def __post_init__(self) -> None:
-        if self.measure not in MEASURES:
-            raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {self.measure!r}")
-        if self.unit == PERCENT and self.measure not in OF_DECIDED:
-            raise ValueError(
-                f"a change in percent is of one of {', '.join(OF_DECIDED)}, got {self.measure!r}"
-            )
-        if (self.low is None) != (self.high is None):
-            raise ValueError("an effect's interval needs both low and high, got one of them")
-        low, high = self.interval
-        if not (np.isfinite(self.value) and (np.isnan(low) or low <= self.value <= high)):
-            raise ValueError(f"value must lie between low and high, got {self.value:g}")
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Its 95 % interval; NaN where none was published."""
-        low, high = (np.nan if end is None else end for end in (self.low, self.high))
-        return low, high
 
 
 @dataclass(frozen=True)
@@ -219,6 +151,15 @@ class Experiment:
         asked = self.posterior if condition.posterior is None else condition.posterior
         return float(criterion_from_posterior(asked, hypotheses))
 
+    def posterior_text(self) -> str:
+        """Return the posterior at which both conditions decide, or that of each."""
+        both = [
+            self.posterior if condition.posterior is None else condition.posterior
+            for condition in (self.control, self.manipulation)
+        ]
+        texts = [f"{posterior:g}" for posterior in both]
+        return texts[0] if both[0] == both[1] else f"{texts[0]} (control), {texts[1]}"
+
     def table(self, condition: Condition, channels: int) -> Circuit:
         """Return a condition's circuit, for so many alternatives."""
         table = condition.apply(circuit(self.circuit, channels))
@@ -277,20 +218,24 @@ class Outcome(Facts):
 
     Parameters
     ----------
+    experiment : Experiment
+        What was run.
     given : Trials
         What both conditions were given.
     models : tuple of BasalGanglia
         Control and manipulation.
     measures : DataFrame
         One row per condition ("control", "manipulation", and "change", the second minus the first)
-        and measure of ``MEASURES``: condition, measure, value, low, high, the last two the 95 %
-        interval, a bootstrap over trials that keeps the two conditions of a trial together. For
+        and measure of ``MEASURES``: condition, measure, value, low, high, trials. Low and high are
+        the 95 % interval, a bootstrap over trials that keeps the two conditions of a trial
+        together; trials is the number that the value rests on, of a change the smaller one. For
         measures of decisions a condition "percent" too, the change over the control's value.
     trials : DataFrame
         One row per trial and condition, as from ``tables.trial_table``, and anticipatory: whether
         the foreperiod before it, a run of its own, ended in a response.
     """
 
+    experiment: Experiment
     given: Trials
     models: tuple[BasalGanglia, ...]
     measures: pd.DataFrame
@@ -303,6 +248,9 @@ class Outcome(Facts):
             "trials": f"{self.given.evidence.trials} per condition",
             "circuit": model.circuit.name,
             "engine": model.engine,
+            "gain": f"{model.gain:g}",
+            "posterior": self.experiment.posterior_text(),
+            "seed": f"{self.experiment.seed}",
         }
         for condition in CONDITIONS:
             sign = "+" if condition == "change" else ""
@@ -347,6 +295,12 @@ def run_experiment(
     ValueError
         If an edit does not fit the circuit, the control decides without evidence, a posterior lies
         beyond what OUT reads, or there are too few trials.
+
+    Warns
+    -----
+    UserWarning
+        If evidence leaves the circuit's range, noise alone crosses the threshold, many trials are
+        missed, or posteriors at the decision are not the share of right choices.
     """
     given = given or experiment.trials()
     evidence = given.evidence
@@ -368,19 +322,53 @@ def run_experiment(
         decided = behaviour.decision(evidence.step_ms)
         table = trial_table(decided, given, seed=experiment.seed, model=about, condition=name)
         trials.append(table.assign(anticipatory=behaviour.anticipatory))
-    found.append({name: found[1][name] - found[0][name] for name in MEASURES})
+    measures = _table(found, evidence.trials)
+    if said := uncalibrated(experiment, measures):
+        warnings.warn(said, stacklevel=2)
+    whole = pd.concat(trials, ignore_index=True)
+    return Outcome(experiment, given, tuple(models), measures, whole)
+
+
+def _table(found: list[dict[str, Any]], trials: int) -> pd.DataFrame:
+    """Return the measures of both conditions and of their change as a table."""
+    control, manipulation = found
+    change = {name: manipulation[name] - control[name] for name in MEASURES}
     # A control that is at 0 has no change in per cent.
-    of_control = {name: np.where(found[0][name] == 0, np.nan, found[0][name]) for name in MEASURES}
-    found.append({name: 100 * found[2][name] / of_control[name] for name in OF_DECIDED})
+    of = {name: np.where(control[name] == 0, np.nan, control[name]) for name in RELATIVE}
+    percent = {name: 100 * change[name] / of[name] for name in RELATIVE}
+    counts = [int(values["decided"][0]) for values in found]
     rows = [
-        (condition, measure, *interval(values[measure]))
-        for condition, values in zip((*CONDITIONS, PERCENT), found, strict=True)
-        for measure in MEASURES
-        if measure in values
+        (condition, name, *interval(values[name]), decided if name in OF_DECIDED else trials)
+        for condition, values, decided in zip(
+            (*CONDITIONS, PERCENT),
+            (control, manipulation, change, percent),
+            (*counts, min(counts), min(counts)),
+            strict=True,
+        )
+        for name in MEASURES
+        if name in values
     ]
-    columns = ["condition", "measure", "value", "low", "high"]
-    measures = pd.DataFrame(rows, columns=columns)
-    return Outcome(given, tuple(models), measures, pd.concat(trials, ignore_index=True))
+    columns = ["condition", "measure", "value", "low", "high", "trials"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def uncalibrated(experiment: Experiment, table: pd.DataFrame) -> str:
+    """Return a sentence if posteriors at the decision are not accuracies, or no text.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What was run. Where one truth alone counts, nothing is said: errors of one kind are missing.
+    table : DataFrame
+        The measures, as from ``run_experiment``.
+    """
+    values = table.set_index(["condition", "measure"])["value"]
+    for condition in CONDITIONS[:2] if experiment.truth is None else ():
+        names = ("criterion", "accuracy", "decided")
+        posterior, accuracy, decided = (float(values[condition, name]) for name in names)
+        if said := calibration(posterior, accuracy, decided):
+            return f"{condition}: {said}"
+    return ""
 
 
 def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -> None:

@@ -31,6 +31,9 @@ MEASURES = {
     "choice_0": "share of those decided that chooses the first alternative, that of channel 0",
     "mean_ms": "mean time of a decision from the onset of evidence, ms",
     "median_ms": "median time of a decision, ms",
+    "accuracy_all": "correct of all trials, those that are missed counted as errors",
+    "accuracy_best": "correct of all trials, those that are missed counted as correct",
+    "mean_all_ms": "mean time of all trials, those that are missed counted at the deadline, ms",
     "premature": "share that decides before the first reading",
     "anticipatory": "share that decides in a foreperiod without evidence",
     "missed": "share that does not decide in time",
@@ -51,6 +54,15 @@ NO_DIFFUSION = (
 """Why they are withheld where the deadline cuts off few trials."""
 OF_DECIDED = ("accuracy", "choice_0", "mean_ms", "median_ms", "criterion", *OF_DIFFUSION)
 """Measures of those trials alone that were decided in time."""
+COUNTED = {"accuracy": ("accuracy_all", "accuracy_best"), "mean_ms": ("mean_all_ms",)}
+"""Measures of decided trials, and the same of all trials: what missed ones could have made of them.
+Of accuracy these are the two ends; missed trials take at least until the deadline."""
+OF_ALL = tuple(name for names in COUNTED.values() for name in names)
+SHARES = (
+    *("accuracy", "choice_0", "accuracy_all", "accuracy_best"),
+    *("premature", "anticipatory", "missed", "criterion"),
+)
+"""Measures between 0 and 1."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +112,9 @@ class Behaviour:
             "choice_0": mean(self.decided.choice[0] == 0, ~missed, weights),
             "mean_ms": mean(time_ms, ~missed, weights),
             "median_ms": median(time_ms, ~missed, weights),
+            "accuracy_all": mean(correct & ~missed, everyone, weights),
+            "accuracy_best": mean(correct | missed, everyone, weights),
+            "mean_all_ms": mean(time_ms, everyone, weights),
             "premature": mean(self.decided.premature[0], everyone, weights),
             "anticipatory": mean(self.anticipatory, everyone, weights),
             "missed": mean(missed, everyone, weights),

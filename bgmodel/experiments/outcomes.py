@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 
 from bgmodel.comparison.compare import reads_nothing, shown
-from bgmodel.experiments.experiment import (
+from bgmodel.experiments.experiment import CONDITIONS, Experiment, uncalibrated
+from bgmodel.experiments.measures import (
+    COUNTED,
+    CUT_OFF,
+    DIFFUSION_S,
+    MEASURES,
+    NO_DIFFUSION,
+    OF_DECIDED,
+    OF_DIFFUSION,
+    SHARES,
+)
+from bgmodel.experiments.predictions import (
     AGREES,
-    CONDITIONS,
     DISAGREES,
     FEWEST_DECIDED,
     OPEN,
     PERCENT,
     WITHOUT,
-    Experiment,
+    Effect,
+    Prediction,
 )
-from bgmodel.experiments.measures import (
-    CUT_OFF,
-    DIFFUSION_S,
-    NO_DIFFUSION,
-    OF_DECIDED,
-    OF_DIFFUSION,
-)
+from bgmodel.integrators.basal_ganglia import gain_of
+from circuits.anatomy import circuit
 
 VERDICTS = {
     AGREES: "agrees",
@@ -44,7 +52,7 @@ UNITS = (
 
 
 def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
-    """Hold what was found to what was predicted.
+    """Compare what was found with what was predicted.
 
     Parameters
     ----------
@@ -56,25 +64,74 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per prediction: measure, direction, at_least, value, low, high (of the change), and
-        outcome: "agrees" if the whole interval lies beyond at_least in the direction (within
-        +-at_least for "none"), "disagrees" if none of it does, else "left open"; "decides
+        One row per prediction: measure, direction, at_least, value, low, high (of the change),
+        outcome, reason, control_trials and manipulation_trials (the numbers that it rests on). The
+        outcome is "agrees" if the whole interval lies beyond at_least in the direction (within
+        +-at_least for "none"), "disagrees" if none of it does, otherwise "left open"; "decides
         without evidence", whatever was predicted, if most manipulated trials decide before their
-        first reading or most foreperiods end in a response within half a second. Where fewer than
-        ``FEWEST_DECIDED`` trials are decided, what is said of decisions is left open.
+        first reading or most foreperiods end in a response within half a second.
+
+    Notes
+    -----
+    What is said of decided trials alone is left open, with the reason, unless it holds whatever
+    missed trials would have been. That of the accuracy must also be that of ``accuracy_all`` and of
+    ``accuracy_best``, the two ends; that of the mean time also that of ``mean_all_ms``. Of the
+    other measures the shares of missed trials must not differ by more than ``CUT_OFF``. It is left
+    open too where fewer than ``FEWEST_DECIDED`` trials are decided, or where the control is so near
+    the end of a measure's range that no change could be as large as predicted.
     """
-    blind, few = _blind(experiment, table), _few(table)
-    change = table[table["condition"] == "change"].set_index("measure")
-    change = change[["value", "low", "high"]]
+    by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
+    change = by["change"][["value", "low", "high"]].reindex(list(MEASURES))
     rows = []
     for p in experiment.predictions:
-        value, low, high = map(float, change.loc[p.measure].to_numpy())
-        verdict = WITHOUT if blind else p.outcome(low, high)
-        if not blind and few and p.measure in OF_DECIDED:
-            verdict = OPEN
-        rows.append((p.measure, p.direction, p.at_least, value, low, high, verdict))
-    names = ["measure", "direction", "at_least", "value", "low", "high", "outcome"]
-    return pd.DataFrame(rows, columns=names)
+        found = tuple(map(float, change.loc[p.measure].to_numpy()))
+
+        def judged(name: str, p: Prediction = p) -> str:
+            return p.outcome(*map(float, change.loc[name, ["low", "high"]].to_numpy()))
+
+        said, why = _verdict(experiment, table, p.measure, judged)
+        if said == DISAGREES and (none := _no_room(p, by["control"]["value"].loc[p.measure])):
+            said, why = OPEN, none
+        trials = (by[name].loc[p.measure, "trials"] for name in CONDITIONS[:2])
+        rows.append((p.measure, p.direction, p.at_least, *found, said, why, *trials))
+    names = ["measure", "direction", "at_least", "value", "low", "high", "outcome", "reason"]
+    return pd.DataFrame(rows, columns=[*names, *(f"{name}_trials" for name in CONDITIONS[:2])])
+
+
+def _verdict(
+    experiment: Experiment, table: pd.DataFrame, measure: str, judged: Callable[[str], str]
+) -> tuple[str, str]:
+    """Return the verdict on a measure, and why it is left open if its interval does not say so.
+
+    ``judged`` gives the verdict by one measure's interval.
+    """
+    if _blind(experiment, table):
+        return WITHOUT, ""
+    said = judged(measure)
+    if measure not in OF_DECIDED or said == OPEN:
+        return said, ""
+    if _few(table):
+        return OPEN, f"fewer than {FEWEST_DECIDED} trials of a condition are decided"
+    control, manipulation = _missed(table)
+    lost = f"the control misses {control:.1%} of trials, the manipulation {manipulation:.1%}"
+    for name in COUNTED.get(measure, ()):
+        if (other := judged(name)) != said:
+            return OPEN, f"{said} on decided trials, {other} on all ({name}): {lost}"
+    if measure not in COUNTED and abs(manipulation - control) > CUT_OFF:
+        return OPEN, f"{said} on decided trials, unknown on all: {lost}"
+    return said, ""
+
+
+def _no_room(prediction: Prediction, control: float) -> str:
+    """Return why no change could be as large as predicted, or no text."""
+    p = prediction
+    room = {"down": control, "up": 1 - control if p.measure in SHARES else np.inf}
+    bounded = p.measure in SHARES or p.measure.endswith("_ms")
+    if not bounded or p.at_least < room.get(p.direction, np.inf):
+        return ""
+    return (
+        f"at {control:.4g} the control leaves no room for a change of {p.at_least:g} {p.direction}"
+    )
 
 
 def _blind(experiment: Experiment, table: pd.DataFrame) -> bool:
@@ -89,6 +146,12 @@ def _few(table: pd.DataFrame) -> bool:
     """Whether the manipulated circuit decides too few trials to speak of."""
     chosen = (table["condition"] == "manipulation") & (table["measure"] == "decided")
     return bool(table.loc[chosen, "value"].item() < FEWEST_DECIDED)
+
+
+def _missed(table: pd.DataFrame) -> tuple[float, float]:
+    """Return the shares of trials that control and manipulation miss."""
+    missed = table[table["measure"] == "missed"].set_index("condition")["value"]
+    return float(missed["control"]), float(missed["manipulation"])
 
 
 def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
@@ -110,31 +173,36 @@ def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFram
         "differs"; "decides without evidence" and "left open" as in ``outcomes``. Both
         samples are independent: the ends of the interval are those of Zou & Donner 2008,
         ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``,
-        ``d = m - p``.
+        ``d = m - p``. A last column, comparison_reason, says why one is left open.
     """
-    blind, few = _blind(experiment, table), _few(table)
     rows = []
     for effect in experiment.effects:
         condition = PERCENT if effect.unit == PERCENT else CONDITIONS[2]
-        chosen = (table["condition"] == condition) & (table["measure"] == effect.measure)
-        value, low, high = map(float, table.loc[chosen, ["value", "low", "high"]].to_numpy()[0])
-        p_low, p_high = effect.interval
-        apart = value - effect.value
-        lower = apart - np.hypot(value - low, p_high - effect.value)
-        upper = apart + np.hypot(high - value, effect.value - p_low)
-        if blind:
-            said = WITHOUT
-        elif not np.isfinite(value) or (few and effect.measure in OF_DECIDED):
-            said = OPEN
-        elif np.isnan(p_low):
-            said = NO_INTERVAL
-        else:
-            said = COMPATIBLE if lower <= 0 <= upper else DIFFERS
-        numbers = (effect.value, p_low, p_high, value, low, high)
-        rows.append((condition, effect.measure, *numbers, effect.source, said))
+        found = table[table["condition"] == condition].set_index("measure")
+        found = found[["value", "low", "high"]].astype(float).reindex(list(MEASURES))
+
+        def judged(name: str, effect: Effect = effect, found: pd.DataFrame = found) -> str:
+            return _held(effect, *map(float, found.loc[name].to_numpy()))
+
+        said, why = _verdict(experiment, table, effect.measure, judged)
+        numbers = (effect.value, *effect.interval, *map(float, found.loc[effect.measure]))
+        rows.append((condition, effect.measure, *numbers, effect.source, said, why))
     names = ["condition", "measure", "published", "published_low", "published_high"]
-    names += ["value", "low", "high", "effect_source", "comparison"]
+    names += ["value", "low", "high", "effect_source", "comparison", "comparison_reason"]
     return pd.DataFrame(rows, columns=names)
+
+
+def _held(effect: Effect, value: float, low: float, high: float) -> str:
+    """Return how a model's change with its interval compares with a published one."""
+    p_low, p_high = effect.interval
+    if not np.isfinite(value):
+        return OPEN
+    if np.isnan(p_low):
+        return NO_INTERVAL
+    apart = value - effect.value
+    lower = apart - np.hypot(value - low, p_high - effect.value)
+    upper = apart + np.hypot(high - value, effect.value - p_low)
+    return COMPATIBLE if lower <= 0 <= upper else DIFFERS
 
 
 def page(experiment: Experiment, table: pd.DataFrame) -> str:
@@ -151,6 +219,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
         f"{experiment.name} ({experiment.source})" if experiment.source else experiment.name,
         *([f"published: {experiment.published}"] if experiment.published else []),
         experiment.note,
+        _setting(experiment, table),
         *_edits(experiment),
         "",
         "value [95 % interval, by a bootstrap over trials]",
@@ -161,14 +230,43 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
         if rows["value"].notna().any():
             cells = rows.loc[rows["condition"] != PERCENT, ["value", "low", "high"]].to_numpy()
             lines.append(f"{measure:<16}" + "".join(f"{_cell(measure, *c):<26}" for c in cells))
-    lines += ["", _units(table), *_withheld(experiment, table), "", "predicted before the run:"]
-    for measure, direction, at_least, *found, outcome in outcomes(experiment, table).to_numpy():
-        by = "to within" if direction == "none" else "by"
-        lines.append(
-            f"{measure} {direction}, {by} {at_least:g}: the model {VERDICTS[outcome]} "
-            f"({_cell(measure, *found)})"
-        )
+    said = uncalibrated(experiment, table)
+    lines += ["", _units(table), *_withheld(experiment, table), *([said] if said else []), ""]
+    lines += _verdicts(experiment, table)
     return "\n".join(line.rstrip() for line in [*lines, *_effects(experiment, table)])
+
+
+def _setting(experiment: Experiment, table: pd.DataFrame) -> str:
+    """Return circuit, engine, gain, posterior, seed and trials, as text."""
+    gain = experiment.gain
+    if gain is None:
+        channels = experiment.task.channels
+        if experiment.task.evidence is not None:
+            channels = experiment.trials().evidence.hypotheses
+        gain = gain_of(circuit(experiment.circuit, channels))
+    trials = table.loc[table["measure"] == "missed", "trials"].iloc[0]
+    return (
+        f"circuit {experiment.circuit}, engine {experiment.engine}, gain {gain:g}, posterior "
+        f"{experiment.posterior_text()}, seed {experiment.seed}; {trials} trials per condition"
+    )
+
+
+def _verdicts(experiment: Experiment, table: pd.DataFrame) -> list[str]:
+    """Return what was predicted and what came out, a line per prediction."""
+    if not experiment.predictions:
+        return ["nothing was predicted before the run: no verdict"]
+    lines = ["predicted before the run:"]
+    for row in outcomes(experiment, table).to_dict("records"):
+        by = "to within" if row["direction"] == "none" else "by"
+        found = _cell(row["measure"], row["value"], row["low"], row["high"])
+        of = [f"{row[f'{name}_trials']:.0f}" for name in CONDITIONS[:2]]
+        which = "decided trials" if row["measure"] in OF_DECIDED else "trials"
+        lines.append(
+            f"{row['measure']} {row['direction']}, {by} {row['at_least']:g}: the model "
+            f"{VERDICTS[row['outcome']]} ({found}; {of[0]} and {of[1]} {which})"
+            + (f": {row['reason']}" if row["reason"] else "")
+        )
+    return lines
 
 
 def _effects(experiment: Experiment, table: pd.DataFrame) -> list[str]:
@@ -187,6 +285,7 @@ def _effects(experiment: Experiment, table: pd.DataFrame) -> list[str]:
         unit = " in %" if relative else ""
         lines.append(
             f"{row['measure']}{unit}: {published}, the model {model}: {row['comparison']} ({told})"
+            + (f": {row['comparison_reason']}" if row["comparison_reason"] else "")
         )
     return lines
 

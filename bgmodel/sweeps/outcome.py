@@ -11,9 +11,11 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.arrays import Array
+from bgmodel.comparison.cautions import miscalibrated
 from bgmodel.comparison.compare import RESAMPLES, interval, reads_nothing, resampled
-from bgmodel.experiments.experiment import FEWEST_DECIDED, MANY_MISSED
-from bgmodel.experiments.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_DIFFUSION
+from bgmodel.experiments.experiment import MANY_MISSED
+from bgmodel.experiments.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
+from bgmodel.experiments.predictions import FEWEST_DECIDED
 from bgmodel.seeds import stream
 from bgmodel.sweeps.plan import Plan, Setting
 from bgmodel.sweeps.shards import REMARK, read
@@ -63,7 +65,7 @@ def measured(setting: Setting, folder: Path) -> pd.DataFrame:
     values = {name: float(joined[name][0]) for name in MEASURES}
     two = behaviour.hypotheses == 2
     caution = _caution(values, setting.foreperiod_ms) or (_withheld(values) if two else "")
-    remark = "; ".join(text for text in (remark, caution) if text)
+    remark = "; ".join(text for text in (remark, caution, _uncalibrated(values)) if text)
     return table.assign(trials=trials, **{REMARK: remark})
 
 
@@ -74,8 +76,21 @@ def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
     if values["decided"] < FEWEST_DECIDED:
         return f"fewer than {FEWEST_DECIDED} trials are decided in time"
     if values["missed"] > MANY_MISSED:
-        return "many trials are not decided in time: accuracy and times are those of the others"
+        return (
+            "many trials are not decided in time: accuracy and times are those of the others; "
+            f"{', '.join(OF_ALL)} are of all trials"
+        )
     return ""
+
+
+def _uncalibrated(values: dict[str, float]) -> str:
+    """Return a caution about posteriors that are not accuracies, or no text."""
+    sure = miscalibrated(values["criterion"], values["accuracy"], values["decided"])
+    if not sure:
+        return ""
+    return (
+        f"the evidence is too {sure}: posteriors at the decision are not the share of right choices"
+    )
 
 
 def _withheld(values: dict[str, float]) -> str:

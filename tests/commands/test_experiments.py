@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 from bgmodel.evidence import gaussian_evidence
-from bgmodel.experiments.experiment import AGREES, WITHOUT, read_experiment, shipped
+from bgmodel.experiments.experiment import read_experiment, shipped
+from bgmodel.experiments.predictions import AGREES, WITHOUT
 from bgmodel.files import provenance_path, read_provenance
 from tests.helpers import GOOD, run
 
@@ -43,6 +44,27 @@ def test_a_question_that_is_new_has_nothing_published(experiment_file, capsys):
     assert page.endswith("100 trials\n")  # nothing was written
     assert page.startswith("A longer delay from STN to GPe\n2 ms more, and a pathway")
     assert "published" not in page
+
+
+def test_an_experiment_without_a_prediction_reports_and_gives_no_verdict(experiment_file, capsys):
+    experiment_file.write_text(GOOD.partition("[[predictions]]")[0])
+    out = experiment_file.with_name("out.csv")
+    assert run("experiment", experiment_file, out) == 0
+    shown = capsys.readouterr().out
+    assert "no verdict" in shown
+    assert "circuit spiking_msprt, engine algebra, gain 0.7, posterior 0.82, seed 3;" in shown
+    table = pd.read_csv(out)
+    assert table[["direction", "at_least", "outcome", "reason"]].isna().all(axis=None)
+    assert run("experiment", experiment_file, out, "--json", "--force") == 0
+    found = json.loads(capsys.readouterr().out)
+    told = {name: found[name] for name in ("circuit", "engine", "gain", "posterior", "seed")}
+    assert told == {
+        "circuit": "spiking_msprt",
+        "engine": "algebra",
+        "gain": 0.7,
+        "posterior": "0.82",
+        "seed": 3,
+    }
 
 
 DELAY = """

@@ -7,11 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import norm
 
 from bgmodel import Msprt, stream
 from bgmodel.comparison.cautions import (
+    calibration,
     ceiling,
+    miscalibrated,
     warn_of_calibration,
     warn_of_ceiling,
     warn_of_own_ceiling,
@@ -91,6 +95,32 @@ def test_wrong_likelihoods_are_warned_of_with_both_numbers(factor, sure):
     variance = max((right - stated).var(), (stated * (1 - stated)).mean())
     assert high - low == pytest.approx(2 * norm.isf(0.0005) * np.sqrt(variance / 1000), abs=2e-3)
     assert low * high > 0
+
+
+@given(st.floats(0, 1), st.floats(0, 1), st.integers(1, 10**6))
+def test_the_sentence_is_said_where_zero_lies_outside_its_interval(posterior, accuracy, decisions):
+    said = calibration(posterior, accuracy, decisions)
+    variance = max(posterior * (1 - posterior), accuracy * (1 - accuracy))
+    apart = abs(accuracy - posterior) > 3.29 * np.sqrt(variance / decisions)
+    assert bool(said) == apart
+    which = miscalibrated(posterior, accuracy, decisions)
+    assert which == ("" if not apart else "sure" if posterior > accuracy else "unsure")
+
+
+def test_without_decisions_there_is_nothing_to_say():
+    assert calibration(np.nan, np.nan, 0) == miscalibrated(np.nan, np.nan, 0) == ""
+    silent(warn_of_calibration, np.array([]), np.array([], dtype=bool))
+
+
+@pytest.mark.parametrize("conflict", [0.0, 0.9])
+def test_a_run_under_conflict_says_that_posteriors_are_not_calibrated(tmp_path, conflict):
+    asked = ("circuit", "run", tmp_path / "out.csv", "--engine", "population", "--conflict")
+    asked += (conflict, "--trials", 200, "--posterior", 0.7)
+    if not conflict:
+        silent(run, *asked)
+        return
+    with pytest.warns(UserWarning, match="too sure: .* of 200 decisions are right"):
+        assert run(*asked) == 0
 
 
 def test_few_trials_show_no_miscalibration():

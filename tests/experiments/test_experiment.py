@@ -13,15 +13,9 @@ from bgmodel import stream
 from bgmodel.edits import Edits
 from bgmodel.evidence import gaussian_evidence
 from bgmodel.experiments.experiment import (
-    AGREES,
-    DISAGREES,
-    OPEN,
     RENAMED,
-    WITHOUT,
     Condition,
-    Effect,
     Experiment,
-    Prediction,
     behaviour_of,
     read_experiment,
     run_experiment,
@@ -29,6 +23,7 @@ from bgmodel.experiments.experiment import (
 )
 from bgmodel.experiments.measures import MEASURES
 from bgmodel.experiments.outcomes import outcomes, page
+from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
@@ -185,7 +180,7 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file,
     ],
 )
 def test_the_interval_decides(direction, at_least, interval, outcome):
-    assert Prediction("accuracy", direction, at_least).outcome(*interval) == outcome
+    assert Prediction("mean_ms", direction, at_least).outcome(*interval) == outcome
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])

@@ -137,3 +137,20 @@ def test_the_share_of_the_first_alternative_is_of_those_decided():
     assert found.measures(np.ones((1, 200)))["choice_0"][0] == 150 / 160
     weights = np.where(np.arange(200) < 10, 1.0, 0.0)[None]
     assert found.measures(weights)["choice_0"][0] == 1
+
+
+@given(st.integers(0, 2**31), st.integers(0, 40))
+def test_all_trials_count_with_what_missed_ones_can_make_of_them(seed, missed):
+    """Errors at the least, correct at the most, and the time of the deadline."""
+    rng = stream(seed, "all")
+    truth, choice = np.arange(40) % 2, rng.integers(0, 2, 40)
+    times = 300 + 10.0 * rng.integers(0, 90, 40)
+    times[40 - missed :] = 1250.0
+    weights = rng.integers(0, 3, (3, 40)).astype(float) + (np.arange(40) == 0)
+    found = behaving(choice, times, truth, missed).measures(weights)
+    decided = np.arange(40) < 40 - missed
+    right, total = decided & (choice == truth), weights.sum(axis=1)
+    np.testing.assert_allclose(found["accuracy_all"], weights @ right / total)
+    np.testing.assert_allclose(found["accuracy_best"], weights @ (right | ~decided) / total)
+    np.testing.assert_allclose(found["mean_all_ms"], weights @ times / total)
+    np.testing.assert_allclose(found["accuracy_best"] - found["accuracy_all"], found["missed"])

@@ -1,6 +1,7 @@
 """What a prediction is worth: agreement, open, or a decision without evidence."""
 
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -9,18 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from bgmodel.experiments.experiment import (
-    AGREES,
-    DISAGREES,
-    OPEN,
-    WITHOUT,
-    Effect,
-    Prediction,
-    read_experiment,
-    run_experiment,
-    shipped,
-)
-from bgmodel.experiments.measures import MEASURES
+from bgmodel.experiments.experiment import read_experiment, run_experiment, shipped
+from bgmodel.experiments.measures import MEASURES, OF_DECIDED
 from bgmodel.experiments.outcomes import (
     COMPATIBLE,
     DIFFERS,
@@ -29,6 +20,9 @@ from bgmodel.experiments.outcomes import (
     outcomes,
     page,
 )
+from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
+from bgmodel.seeds import stream
+from tests.helpers import behaving
 
 
 def changes(table):
@@ -86,23 +80,29 @@ def test_a_page_names_a_withheld_diffusion_of_two_alternatives_or_one_that_was_p
     values = dict.fromkeys(MEASURES, 0.0) | {"non_decision_ms": np.nan, "decided": 100.0}
     rows = [(c, m, v, v, v) for c in ("control", "change") for m, v in values.items()]
     rows += [("manipulation", m, v, v, v) for m, v in (values | {"non_decision_ms": 9}).items()]
-    table = pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
+    table = table_of(rows)
     assert ("of the control are withheld" in page(experiment, table)) == told
     assert "of the manipulation are withheld" not in page(experiment, table)
+
+
+def table_of(rows):
+    """Return measures as a table, each of 100 trials."""
+    columns = ["condition", "measure", "value", "low", "high"]
+    return pd.DataFrame(rows, columns=columns).assign(trials=100)
 
 
 def judged(shares, foreperiod_ms=500.0, decided=100, measure="mean_ms"):
     """Return the outcome of a change of -100 +- 10 that was predicted, for shares of responses."""
     experiment = shipped()["stn_no_conflict"]
-    prediction = Prediction(measure, "down", 20.0)
+    prediction = Prediction(measure, "down", 0.2 if measure == "missed" else 20.0)
     experiment = replace(
         experiment, predictions=(prediction,), effects=(), foreperiod_ms=foreperiod_ms
     )
     values = dict.fromkeys(MEASURES, 0.5) | {"decided": decided} | shares
-    rows = [("manipulation", name, value, value, value) for name, value in values.items()]
+    both = [(c, values) for c in ("control", "manipulation")]
+    rows = [(c, name, v, v, v) for c, values in both for name, v in values.items()]
     rows += [("change", name, -100.0, -110.0, -90.0) for name in MEASURES]
-    table = pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
-    return outcomes(experiment, table)["outcome"].item()
+    return outcomes(experiment, table_of(rows))["outcome"].item()
 
 
 def test_either_share_of_responses_without_evidence_is_enough():
@@ -122,6 +122,162 @@ def test_a_handful_of_decided_trials_decides_nothing():
     assert judged(rest, decided=4) == OPEN
     assert judged(rest, decided=4, measure="missed") == AGREES
     assert judged(rest, decided=40) == AGREES
+
+
+def arms(monkeypatch, control, manipulation, predictions, effects=()):
+    """Return the outcomes of two conditions of 1000 trials, each with a share right and missed.
+
+    Times of decisions are about 600 ms, those of missed trials 2000 ms.
+    """
+    experiment = replace(shipped()["stn_no_conflict"], effects=effects)
+    task = replace(experiment.task, trials=1000, t_max=2)
+    experiment = replace(experiment, predictions=predictions, task=task)
+    found = iter([control, manipulation])
+
+    def behaviour(model, evidence, *_):
+        right, missed, time_ms = next(found)
+        decided, order = 1000 - round(1000 * missed), stream(4, "arms").permutation(1000)
+        choice = np.where(order < right * 1000, evidence.truth, 1 - evidence.truth)
+        times = np.where(np.arange(1000) < decided, time_ms + order % 90, 2000.0)
+        return behaving(choice, times, evidence.truth, 1000 - decided)
+
+    monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", behaviour)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        table = run_experiment(experiment).measures
+    return experiment, table
+
+
+UP = Prediction("accuracy", "up", 0.005)
+SLOWER = Prediction("mean_ms", "up", 30.0)
+
+
+@pytest.mark.parametrize(
+    ("missed", "prediction", "effect", "said"),
+    [
+        # A loss of GPe: more of those that decide are right, far fewer decide.
+        ((0.08, 0.36), UP, (0.75, 0.85), OPEN),
+        ((0.0, 0.0), UP, (0.75, 0.85), AGREES),
+        ((0.08, 0.08), UP, (0.75, 0.85), AGREES),
+        ((0.0, 0.005), UP, (0.75, 0.85), AGREES),
+        # Fewer are missed: right or wrong, the missed ones of the control could undo it.
+        ((0.36, 0.08), UP, (0.8, 0.82), OPEN),
+        ((0.08, 0.36), Prediction("accuracy", "none", 0.05), (0.8, 0.8), OPEN),
+        ((0.08, 0.08), Prediction("accuracy", "none", 0.05), (0.8, 0.8), AGREES),
+        ((0.0, 0.3), Prediction("accuracy", "down", 0.01), (0.85, 0.8), OPEN),
+        ((0.08, 0.36), Prediction("accuracy_all", "down", 0.05), (0.75, 0.85), AGREES),
+        ((0.08, 0.36), Prediction("accuracy_best", "up", 0.05), (0.75, 0.85), AGREES),
+        ((0.08, 0.36), Prediction("missed", "up", 0.05), (0.75, 0.85), AGREES),
+        # The other measures of decided trials have no bounds: a hundredth of the trials counts.
+        ((0.08, 0.36), Prediction("choice_0", "none", 0.2), (0.75, 0.85), OPEN),
+        ((0.08, 0.085), Prediction("choice_0", "none", 0.2), (0.75, 0.85), AGREES),
+    ],
+)
+def test_a_verdict_holds_whatever_the_missed_trials_would_have_been(
+    monkeypatch, missed, prediction, effect, said
+):
+    both = [(right, lost, 600.0) for right, lost in zip(effect, missed, strict=True)]
+    experiment, table = arms(monkeypatch, *both, (prediction,))
+    row = outcomes(experiment, table).iloc[0]
+    assert row["outcome"] == said
+    assert bool(row["reason"]) == (said == OPEN)
+    assert (row["control_trials"], row["manipulation_trials"]) == tuple(
+        1000 - round(1000 * lost) if prediction.measure in OF_DECIDED else 1000 for lost in missed
+    )
+
+
+@pytest.mark.parametrize(
+    ("missed", "times", "said"),
+    [
+        ((0.0, 0.3), (600.0, 700.0), AGREES),  # the missed ones would be later still
+        ((0.3, 0.0), (600.0, 700.0), OPEN),
+        ((0.0, 0.3), (600.0, 500.0), OPEN),
+        ((0.1, 0.1), (600.0, 500.0), DISAGREES),
+        ((0.3, 0.0), (600.0, 500.0), DISAGREES),
+    ],
+)
+def test_times_count_missed_trials_at_the_deadline(monkeypatch, missed, times, said):
+    both = [(0.8, lost, time_ms) for lost, time_ms in zip(missed, times, strict=True)]
+    experiment, table = arms(monkeypatch, *both, (SLOWER,))
+    assert outcomes(experiment, table)["outcome"].item() == said
+
+
+def test_an_effect_is_left_open_where_missed_trials_could_undo_it(monkeypatch):
+    effects = (
+        Effect("accuracy", 0.1, "nobody", 0.05, 0.15),
+        Effect("accuracy_all", 0.1, "nobody", 0.05, 0.15),
+        Effect("accuracy", 12.0, "nobody", 5.0, 20.0, "percent"),
+    )
+    for missed, said in (
+        ((0.08, 0.36), [OPEN, DIFFERS, OPEN]),
+        ((0.08, 0.08), [COMPATIBLE, COMPATIBLE, COMPATIBLE]),
+    ):
+        both = [(right, lost, 600.0) for right, lost in zip((0.75, 0.85), missed, strict=True)]
+        experiment, table = arms(monkeypatch, *both, (), effects)
+        held = beside_published(experiment, table)
+        assert list(held["comparison"]) == said
+        assert list(held["comparison_reason"] != "") == [word == OPEN for word in said]
+
+
+@pytest.mark.parametrize(
+    ("control", "prediction", "said"),
+    [
+        (0.95, Prediction("accuracy", "up", 0.1), OPEN),
+        (0.80, Prediction("accuracy", "up", 0.1), DISAGREES),
+        (0.95, Prediction("accuracy", "down", 0.1), DISAGREES),
+        (0.95, Prediction("mean_ms", "down", 700.0), OPEN),
+        (0.95, Prediction("mean_ms", "down", 300.0), DISAGREES),
+        (0.95, Prediction("mean_ms", "up", 700.0), DISAGREES),
+        (0.95, Prediction("missed", "down", 0.1), OPEN),
+    ],
+)
+def test_a_change_for_which_the_control_leaves_no_room_is_left_open(
+    monkeypatch, control, prediction, said
+):
+    same = (control, 0.0, 600.0)
+    experiment, table = arms(monkeypatch, same, same, (prediction,))
+    row = outcomes(experiment, table).iloc[0]
+    assert row["outcome"] == said
+    assert ("leaves no room" in row["reason"]) == (said == OPEN)
+
+
+def test_a_page_says_what_ran_and_how_many_trials_a_verdict_rests_on(monkeypatch):
+    both = ((0.75, 0.08, 600.0), (0.85, 0.36, 600.0))
+    experiment, table = arms(monkeypatch, *both, (UP, Prediction("missed", "up", 0.05)))
+    shown = page(experiment, table)
+    ran = "circuit macaque, engine population, gain 0.55, posterior 0.66, seed 206; 1000 trials"
+    assert ran in shown
+    assert "; 920 and 640 decided trials): agrees on decided trials" in shown
+    assert "the control misses 8.0% of trials, the manipulation 36.0%" in shown
+    assert "; 1000 and 1000 trials)" in shown
+    other = replace(
+        experiment, gain=0.4, manipulation=replace(experiment.manipulation, posterior=0.7)
+    )
+    assert "gain 0.4, posterior 0.66 (control), 0.7, seed" in page(other, table)
+
+
+def test_an_experiment_without_a_prediction_has_no_verdict(monkeypatch):
+    same = (0.8, 0.0, 600.0)
+    experiment, table = arms(monkeypatch, same, same, ())
+    assert len(outcomes(experiment, table)) == 0
+    shown = page(experiment, table)
+    assert "no verdict" in shown
+    assert "the model" not in shown
+
+
+@pytest.mark.parametrize(
+    ("conflict", "truth", "warned"), [(0.6, None, 1), (0, None, 0), (0.6, 0, 0)]
+)
+def test_posteriors_that_are_not_accuracies_are_said(conflict, truth, warned):
+    experiment = replace(read_experiment("stn_conflict"), truth=truth)
+    task = replace(experiment.task, trials=200, t_max=40, conflict=conflict)
+    experiment = replace(experiment, task=task)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        table = run_experiment(experiment).measures
+    said = [str(w.message) for w in caught if "posteriors are not calibrated" in str(w.message)]
+    assert len(said) == warned
+    assert ("posteriors are not calibrated" in page(experiment, table)) == bool(warned)
 
 
 SHIPPED = shipped()
@@ -156,10 +312,10 @@ def held_to(effect, low, high, value=0.0, **shares):
     """Return the verdict on a model's change of 0 with its interval, beside an effect."""
     experiment = replace(shipped()["stn_no_conflict"], effects=(effect,))
     values = dict.fromkeys(MEASURES, 0.1) | {"decided": 100.0} | shares
-    rows = [("manipulation", name, one, one, one) for name, one in values.items()]
-    rows += [(c, effect.measure, value, low, high) for c in ("change", "percent")]
-    table = pd.DataFrame(rows, columns=["condition", "measure", "value", "low", "high"])
-    row = beside_published(experiment, table).iloc[0]
+    both = ("control", "manipulation")
+    rows = [(c, name, one, one, one) for c in both for name, one in values.items()]
+    rows += [(c, name, value, low, high) for c in ("change", "percent") for name in MEASURES]
+    row = beside_published(experiment, table_of(rows)).iloc[0]
     return row["condition"], row["comparison"]
 
 

@@ -57,8 +57,18 @@ def test_missed_trials_are_said(tmp_path):
     missed = table[table["measure"] == "missed"]["value"].item()
     assert 0.05 < missed < 0.75
     assert set(table["remark"]) == {
-        "many trials are not decided in time: accuracy and times are those of the others"
+        "many trials are not decided in time: accuracy and times are those of the others; "
+        "accuracy_all, accuracy_best, mean_all_ms are of all trials"
     }
+
+
+def test_posteriors_that_are_not_accuracies_are_said(tmp_path):
+    task = Stimuli(trials=200, t_max=40)
+    grid = {"task.conflict": (0.0, 0.9), "posterior": (0.7,)}
+    _, table = swept(tmp_path, grid=grid, engine="population", gain=None, task=task)
+    remarks = table.drop_duplicates("task.conflict").set_index("task.conflict")["remark"]
+    assert "the evidence is too sure: posteriors at the decision are not" in remarks[0.9]
+    assert "posteriors" not in remarks[0.0]
 
 
 def test_too_few_decisions_are_said(tmp_path):

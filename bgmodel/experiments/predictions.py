@@ -1,0 +1,132 @@
+"""What an experiment predicts of a measure, and what was published of it as a number."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bgmodel.experiments.measures import MEASURES, OF_ALL, OF_DECIDED, OF_DIFFUSION, SHARES
+
+AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
+WITHOUT = "decides without evidence"
+"""The outcome, whatever was predicted, where the manipulated circuit reads nothing."""
+FEWEST_DECIDED = 20
+"""Trials that a condition decides in time, at least, for a statement on its decisions."""
+PERCENT = "percent"
+"""The change in per cent of the control's value: a condition more, for measures of decisions."""
+RELATIVE = (*OF_DECIDED, *OF_ALL)
+"""Measures with a change in per cent."""
+LIKELY = {"decided": (1.0, np.inf), "drift": (0.0, 1.0), "bound": (0.0, 1.0)}
+"""Sizes of a change, other than 0, that are not warned of."""
+LIKELY |= dict.fromkeys(SHARES, (0.0, 0.5))
+LIKELY |= {name: (1.0, np.inf) for name in MEASURES if name.endswith("_ms")}
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a manipulation does to one measure."""
+
+    measure: str
+    """A name in ``measures.MEASURES``."""
+    direction: Literal["up", "down", "none"]
+    """Where it goes; "none" says that it stays within ``at_least``."""
+    at_least: float
+    """The smallest change that counts, in the measure's unit."""
+
+    def __post_init__(self) -> None:
+        if self.measure not in MEASURES:
+            raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {self.measure!r}")
+        if not 0 <= self.at_least < np.inf:
+            raise ValueError(f"at_least must be >= 0, got {self.at_least}")
+        check_size("at_least", self.measure, self.at_least, below=1)
+        if self.direction == "none" and not self.at_least:
+            raise ValueError('at_least must be > 0 where the direction is "none", got 0')
+
+    def outcome(self, low: float, high: float) -> str:
+        """Return the verdict of the change's 95 % interval: agrees, disagrees or left open."""
+        if not (np.isfinite(low) and np.isfinite(high)):
+            return OPEN
+        if self.direction == "none":
+            inside = -self.at_least < low and high < self.at_least
+            outside = low > self.at_least or high < -self.at_least
+            return AGREES if inside else DISAGREES if outside else OPEN
+        if self.direction == "down":
+            low, high = -high, -low
+        return AGREES if low > self.at_least else DISAGREES if high < self.at_least else OPEN
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What was published of one measure, as a number: manipulation minus control."""
+
+    measure: str
+    """A name in ``measures.MEASURES``."""
+    value: float
+    """The change."""
+    source: str
+    """Where it was published, and what was made of it here."""
+    low: float | None = None
+    """Lower end of its 95 % interval; none where none was published."""
+    high: float | None = None
+    """Upper end."""
+    unit: Literal["own", "percent"] = "own"
+    """The measure's own unit, or per cent of the control's value, where time scales differ."""
+
+    def __post_init__(self) -> None:
+        if self.measure not in MEASURES:
+            raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {self.measure!r}")
+        if self.unit == PERCENT and self.measure not in RELATIVE:
+            raise ValueError(
+                f"a change in percent is of one of {', '.join(RELATIVE)}, got {self.measure!r}"
+            )
+        if (self.low is None) != (self.high is None):
+            raise ValueError("an effect's interval needs both low and high, got one of them")
+        low, high = self.interval
+        if not (np.isfinite(self.value) and (np.isnan(low) or low <= self.value <= high)):
+            raise ValueError(f"value must lie between low and high, got {self.value:g}")
+        if self.unit == "own":
+            check_size("value", self.measure, abs(self.value), below=np.nextafter(1, 2))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Its 95 % interval; NaN where none was published."""
+        low, high = (np.nan if end is None else end for end in (self.low, self.high))
+        return low, high
+
+
+def check_size(what: str, measure: str, size: float, below: float) -> None:
+    """Refuse a change that a measure cannot make; warn of one that seems to be in another unit.
+
+    Parameters
+    ----------
+    what : str
+        The key that gives it.
+    measure : str
+        A name in ``measures.MEASURES``.
+    size : float
+        The size of the change, at least 0.
+    below : float
+        A share changes by less than this.
+
+    Raises
+    ------
+    ValueError
+        If a share would change by that much.
+    """
+    if measure in SHARES and size >= below:
+        raise ValueError(
+            f"{what} of {measure} must be a share, below 1, got {size:g}: write 0.01 for 1 %"
+        )
+    low, high = LIKELY[measure]
+    if size and not low <= size <= high:
+        units = {"decided": "a number of trials", **dict.fromkeys(SHARES, "a share of trials")}
+        of_diffusion = "in the units of EZ-diffusion, with a noise of s = 0.1"
+        units |= dict.fromkeys(OF_DIFFUSION[:2], of_diffusion)
+        warnings.warn(
+            f"{what} = {size:g} is an unlikely change of {measure}, which is "
+            f"{units.get(measure, 'in ms, not in s')}",
+            stacklevel=4,
+        )
