@@ -62,9 +62,11 @@ def toml(rng: Rng, valid: bool) -> str:
         "predictions": {
             "measure": pick(rng, '"accuracy"', '"mean_ms"', '"missed"'),
             "direction": pick(rng, '"up"', '"down"', '"none"'),
-            "at_least": f"{rng.uniform(0.01, 30):.3f}",
+            "at_least": f"{rng.uniform(0.01, 0.4):.3f}",
         },
     }
+    if parts["predictions"]["measure"] == '"mean_ms"':
+        parts["predictions"]["at_least"] = f"{rng.uniform(1, 30):.3f}"
     if rng.random() < 0.5:
         top["truth"] = "1"
         parts["task"]["trials"] = "240"
