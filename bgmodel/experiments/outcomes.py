@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -74,11 +74,12 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     Notes
     -----
     What is said of decided trials alone is left open, with the reason, unless it holds whatever
-    missed trials would have been. That of the accuracy must also be that of ``accuracy_all`` and of
-    ``accuracy_best``, the two ends; that of the mean time also that of ``mean_all_ms``. Of the
-    other measures the shares of missed trials must not differ by more than ``CUT_OFF``. It is left
-    open too where fewer than ``FEWEST_DECIDED`` trials are decided, or where the control is so near
-    the end of a measure's range that no change could be as large as predicted.
+    missed trials would have been, alike in both conditions. That of the accuracy must also be that
+    of ``accuracy_all`` and of ``accuracy_best``, the two ends; that of the mean time also that of
+    ``mean_all_ms``; those of choice_0 and the criterion hold with missed trials at 0 and at 1; for
+    the median the shares of missed trials must not differ by more than ``CUT_OFF``. It is left open
+    too where fewer than ``FEWEST_DECIDED`` trials are decided, or where the control is so near the
+    end of a measure's range that no change could be as large as predicted.
     """
     by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
     change = by["change"][["value", "low", "high"]].reindex(list(MEASURES))
@@ -86,8 +87,9 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     for p in experiment.predictions:
         found = tuple(map(float, change.loc[p.measure].to_numpy()))
 
-        def judged(name: str, p: Prediction = p) -> str:
-            return p.outcome(*map(float, change.loc[name, ["low", "high"]].to_numpy()))
+        def judged(name: str, shift: float = 0.0, p: Prediction = p) -> str:
+            low, high = map(float, change.loc[name, ["low", "high"]].to_numpy())
+            return p.outcome(low + shift, high + shift)
 
         said, why = _verdict(experiment, table, p.measure, judged)
         if said == DISAGREES and (none := _no_room(p, by["control"]["value"].loc[p.measure])):
@@ -98,13 +100,18 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*names, *(f"{name}_trials" for name in CONDITIONS[:2])])
 
 
-def _verdict(
-    experiment: Experiment, table: pd.DataFrame, measure: str, judged: Callable[[str], str]
-) -> tuple[str, str]:
-    """Return the verdict on a measure, and why it is left open if its interval does not say so.
+class Judged(Protocol):
+    """The verdict by the interval of a measure's change, shifted by some of its unit."""
 
-    ``judged`` gives the verdict by one measure's interval.
-    """
+    def __call__(self, name: str, shift: float = 0.0, /) -> str:
+        """Return the verdict."""
+        ...
+
+
+def _verdict(
+    experiment: Experiment, table: pd.DataFrame, measure: str, judged: Judged
+) -> tuple[str, str]:
+    """Return the verdict on a measure, and why it is left open if its interval does not say so."""
     if _blind(experiment, table):
         return WITHOUT, ""
     said = judged(measure)
@@ -112,14 +119,29 @@ def _verdict(
         return said, ""
     if _few(table):
         return OPEN, f"fewer than {FEWEST_DECIDED} trials of a condition are decided"
-    control, manipulation = _missed(table)
+    control, manipulation = _both(table, "missed")
     lost = f"the control misses {control:.1%} of trials, the manipulation {manipulation:.1%}"
-    for name in COUNTED.get(measure, ()):
-        if (other := judged(name)) != said:
+    for name, other in _of_all(table, measure, judged).items():
+        if other != said:
             return OPEN, f"{said} on decided trials, {other} on all ({name}): {lost}"
-    if measure not in COUNTED and abs(manipulation - control) > CUT_OFF:
+    if measure == "median_ms" and abs(manipulation - control) > CUT_OFF:
         return OPEN, f"{said} on decided trials, unknown on all: {lost}"
     return said, ""
+
+
+def _of_all(table: pd.DataFrame, measure: str, judged: Judged) -> dict[str, str]:
+    """Return verdicts on all trials, by what counts the missed ones; none if no trial is missed."""
+    missed = _both(table, "missed")
+    if not any(missed):
+        return {}
+    if measure in COUNTED or measure not in SHARES:
+        return {name: judged(name) for name in COUNTED.get(measure, ())}
+    control, manipulation = (
+        [lost * (at - value) for at in (0, 1)]
+        for lost, value in zip(missed, _both(table, measure), strict=True)
+    )
+    shifts = zip((0, 1), control, manipulation, strict=True)
+    return {f"missed ones at {at}": judged(measure, m - c) for at, c, m in shifts}
 
 
 def _no_room(prediction: Prediction, control: float) -> str:
@@ -148,10 +170,10 @@ def _few(table: pd.DataFrame) -> bool:
     return bool(table.loc[chosen, "value"].item() < FEWEST_DECIDED)
 
 
-def _missed(table: pd.DataFrame) -> tuple[float, float]:
-    """Return the shares of trials that control and manipulation miss."""
-    missed = table[table["measure"] == "missed"].set_index("condition")["value"]
-    return float(missed["control"]), float(missed["manipulation"])
+def _both(table: pd.DataFrame, measure: str) -> tuple[float, float]:
+    """Return a measure of control and manipulation."""
+    values = table[table["measure"] == measure].set_index("condition")["value"]
+    return float(values["control"]), float(values["manipulation"])
 
 
 def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
@@ -175,14 +197,19 @@ def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFram
         ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``,
         ``d = m - p``. A last column, comparison_reason, says why one is left open.
     """
+    control = table[table["condition"] == CONDITIONS[0]].set_index("measure")["value"]
     rows = []
     for effect in experiment.effects:
         condition = PERCENT if effect.unit == PERCENT else CONDITIONS[2]
         found = table[table["condition"] == condition].set_index("measure")
         found = found[["value", "low", "high"]].astype(float).reindex(list(MEASURES))
 
-        def judged(name: str, effect: Effect = effect, found: pd.DataFrame = found) -> str:
-            return _held(effect, *map(float, found.loc[name].to_numpy()))
+        def judged(
+            name: str, shift: float = 0.0, effect: Effect = effect, found: pd.DataFrame = found
+        ) -> str:
+            if effect.unit == PERCENT:
+                shift *= 100 / control[name]
+            return _held(effect, *(found.loc[name].to_numpy(dtype=float) + shift))
 
         said, why = _verdict(experiment, table, effect.measure, judged)
         numbers = (effect.value, *effect.interval, *map(float, found.loc[effect.measure]))

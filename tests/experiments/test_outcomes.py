@@ -168,9 +168,16 @@ SLOWER = Prediction("mean_ms", "up", 30.0)
         ((0.08, 0.36), Prediction("accuracy_all", "down", 0.05), (0.75, 0.85), AGREES),
         ((0.08, 0.36), Prediction("accuracy_best", "up", 0.05), (0.75, 0.85), AGREES),
         ((0.08, 0.36), Prediction("missed", "up", 0.05), (0.75, 0.85), AGREES),
-        # The other measures of decided trials have no bounds: a hundredth of the trials counts.
-        ((0.08, 0.36), Prediction("choice_0", "none", 0.2), (0.75, 0.85), OPEN),
-        ((0.08, 0.085), Prediction("choice_0", "none", 0.2), (0.75, 0.85), AGREES),
+        # Missed trials may choose either: 14 % of all trials is half of those missed more.
+        ((0.08, 0.36), Prediction("choice_0", "none", 0.1), (0.75, 0.85), OPEN),
+        ((0.08, 0.36), Prediction("choice_0", "none", 0.3), (0.75, 0.85), AGREES),
+        ((0.08, 0.08), Prediction("choice_0", "none", 0.1), (0.75, 0.85), AGREES),
+        # Posteriors at the decision are the same in both.
+        ((0.0, 0.01), Prediction("criterion", "none", 0.05), (0.75, 0.85), AGREES),
+        ((0.0, 0.2), Prediction("criterion", "none", 0.05), (0.75, 0.85), OPEN),
+        # A median has no such bounds: a hundredth of the trials counts.
+        ((0.08, 0.36), Prediction("median_ms", "none", 50.0), (0.75, 0.85), OPEN),
+        ((0.08, 0.085), Prediction("median_ms", "none", 50.0), (0.75, 0.85), AGREES),
     ],
 )
 def test_a_verdict_holds_whatever_the_missed_trials_would_have_been(
