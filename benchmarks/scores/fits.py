@@ -33,9 +33,9 @@ from circuits.anatomy import DEFAULT, circuit
 
 TRIALS, COARSE_TRIALS = 128_000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
-FEWER = 0.0625
+FEWER = 0.0234375
 """Share of them where it is simulated at many values of its criterion."""
-FEWEST = 0.03125
+FEWEST = 0.015625
 """Share of them for patients, each of whom has a tenth as many trials as a monkey."""
 SLOW_NATS = 1.5
 """Noise in nats where decisions take more than a second: a wider range of thresholds."""
