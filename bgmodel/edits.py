@@ -17,9 +17,19 @@ OF_SPIKES = ("neurons", "probability", "spread")
 """Fields of rows that act in spikes alone."""
 OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
 """Fields that a fixed point does not depend on."""
+CUT = "cut "
+"""How an edit by itself begins that cuts axons."""
+SCALED = (
+    "scale multiplies what a pathway signals and leaves its tone, the effect of its source's "
+    "steady firing; axons that are lost take both with them: cut"
+)
+AXONS_CUT = (
+    "cut takes a fraction of a pathway's axons, with what they signal and their tone, the effect "
+    "of its source's steady firing; scale changes what a pathway signals and leaves its tone"
+)
 REBOUND = "rebound "
 """How an edit by itself begins that lets a nucleus rebound."""
-ROWS = ("add", "change", "without", "scale", "rebound")
+ROWS = ("add", "change", "without", "cut", "scale", "rebound")
 """Edits of which there can be several."""
 
 
@@ -40,10 +50,12 @@ class Edits:
     spread: float | None = None
     """Spread of cell constants, as a fraction: `spread = 0.1`."""
     add: tuple[str, ...] = ()
-    """New pathways and nuclei, as they are, like others or by the name of a motif
-    (`striatal_FSI`), and what changes within a trial:
-    `add = ["D1->GPe weight=-0.1 delay_ms=4", "TRN like=STN bias_nats=-1",
-    "dopamine amount=0.2 to_ms=300"]`."""
+    """New pathways and nuclei, as they are, like others or by the name of a motif (striatal_FSI),
+    and what changes within a trial: `add = ["D1->GPe weight=-0.1 delay_ms=4",
+    "TRN like=STN bias_nats=-1", "striatal_FSI", "dopamine amount=0.2 to_ms=300"]`."""
+    keep_rest: bool = False
+    """Whether what was there keeps its rates at rest when rows are added: `add = ["TRN like=STN",
+    "TRN->GPe weight=0.1"]`, `keep_rest = true`."""
     change: tuple[str, ...] = ()
     """Fields of a pathway, a nucleus or its cells, all changed at once:
     `change = ["STN->GPe.delay_ms=4", "STN.bias_nats=-0.2", "STN.cell.cv=0.2"]`."""
@@ -53,9 +65,12 @@ class Edits:
     replaced: bool = False
     """Whether the output lost to lesions is given back as a constant:
     `without = ["GPe"]`, `replaced = true`."""
+    cut: tuple[str, ...] = ()
+    """Pathways whose axons are lost, all or a fraction, in all channels or in one: what they signal
+    and their tone. `cut = ["GPe->STN=0.3", "D1->SNr[0]=0.5", "ctx->D2"]`."""
     scale: tuple[str, ...] = ()
     """Pathways to scale, in all channels or in one. What is scaled is the change from the source's
-    baseline_hz, not its tone: to ask what a pathway does, scale it to 0.
+    baseline_hz, not its tone: to ask what a pathway does, scale it to 0; to lose axons, cut.
     `scale = ["STN->GPe=0.5", "ctx->D1[0]=1.1"]`."""
     dopamine: float = 1.0
     """Dopamine level, 0..2; 1 is normal: `dopamine = 1.1`."""
@@ -77,6 +92,16 @@ class Edits:
     def text(self) -> str:
         """Return the edits that change something, in the order in which they are made."""
         return "; ".join(_text(name, value) for name, value in self._changed().items())
+
+    def _added(self, circuit: Circuit) -> Circuit:
+        """Return the circuit with the rows that are added."""
+        if self.keep_rest and not self.add:
+            raise ValueError("keep_rest is for rows that are added, there are none: give add")
+        return circuit.with_rows(*self.add, keep_rest=self.keep_rest)
+
+    def notes(self) -> list[str]:
+        """Return a sentence for each kind of edit that is taken for another."""
+        return [SCALED] * bool(self.scale) + [AXONS_CUT] * bool(self.cut)
 
     def _changed(self) -> dict[str, Any]:
         changed = (f for f in fields(self) if getattr(self, f.name) != f.default)
@@ -102,7 +127,7 @@ class Edits:
 
     def _check_once(self) -> None:
         """Refuse a lesion or a factor that is given twice: together they would be another one."""
-        for kind in ("without", "scale"):
+        for kind in ("without", "cut", "scale"):
             for one, other in combinations(_rows(self, kind), 2):
                 if one.place == other.place:
                     raise overlapping(one, other)
@@ -122,10 +147,12 @@ class Edits:
             circuit = circuit.with_connections(self.connections)
         if self.spread is not None:
             circuit = circuit.with_spread(self.spread)
-        circuit = circuit.with_rows(*self.add).edited(*self.change)
+        circuit = self._added(circuit).edited(*self.change)
         self._check_once()
         for edit in self.without:
             circuit = _lesioned(circuit, edit, self.replaced)
+        for edit in self.cut:
+            circuit = _cut(circuit, edit)
         for edit in self.scale:
             circuit = _scaled(circuit, edit)
         circuit = circuit.dopamine(self.dopamine)
@@ -193,9 +220,9 @@ def written(edit: str, *, replaced: bool = False, recovered: bool = False) -> Ed
     """Return the one edit that a text says, told by its form.
 
     ``D1->GPe weight=-0.1`` and ``striatal_FSI`` add, ``STN->GPe.delay_ms=4`` changes,
-    ``STN->GPe=0.5`` scales, ``dopamine=0.9`` is the level, ``rebound SNr=0.5`` lets a nucleus
-    recover to rest above its old rate, and ``STN``, ``STN=0.5`` or, in one channel, ``STN[0]=0.5``
-    lesions.
+    ``STN->GPe=0.5`` scales, ``cut STN->GPe=0.5`` cuts axons, ``dopamine=0.9`` is the level,
+    ``rebound SNr=0.5`` lets a nucleus recover to rest above its old rate, and ``STN``, ``STN=0.5``
+    or, in one channel, ``STN[0]=0.5`` lesions.
 
     Parameters
     ----------
@@ -218,6 +245,8 @@ def _written(edit: str, replaced: bool) -> Edits:
     place = tidied(edit).partition("=")[0]
     if place.startswith(REBOUND):
         return Edits(rebound=(edit.strip().removeprefix(REBOUND),))
+    if place.startswith(CUT):
+        return Edits(cut=(edit.strip().removeprefix(CUT),))
     if " " in place:
         return Edits(add=(edit,))
     if "." in place:
@@ -238,12 +267,25 @@ def _lesioned(circuit: Circuit, edit: str, replaced: bool) -> Circuit:
 
 def _scaled(circuit: Circuit, edit: str) -> Circuit:
     name, factor = _value(edit, None)
+    source, target, channel = _pathway(name, edit, "scale")
+    with _naming(edit):
+        return circuit.scaled(source, target, factor, channel)
+
+
+def _cut(circuit: Circuit, edit: str) -> Circuit:
+    name, fraction = _value(edit, 1.0)
+    source, target, channel = _pathway(name, edit, "cut")
+    with _naming(edit):
+        return circuit.cut(source, target, fraction, channel)
+
+
+def _pathway(name: str, edit: str, kind: str) -> tuple[str, str, int | None]:
+    """Split "source->target[channel]"."""
     name, channel = channel_of(name, "ctx->D1[0]")
     source, arrow, target = name.partition("->")
     if not arrow:
-        raise ValueError(f'scale needs a pathway like "STN->GPe=0.5", got {edit!r}')
-    with _naming(edit):
-        return circuit.scaled(source.strip(), target.strip(), factor, channel)
+        raise ValueError(f'{kind} needs a pathway like "STN->GPe=0.5", got {edit!r}')
+    return source.strip(), target.strip(), channel
 
 
 def _naming(edit: str) -> AbstractContextManager[None]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 SETS = {
     "without": "intact",
+    "cut": "intact",
     "scale": "weight",
     "intact_by_channel": "intact",
     "replaced": "intact",
@@ -30,7 +31,7 @@ class RowEdit(NamedTuple):
         if self.kind == "add":
             name, *_ = head.split() or [""]
             return (COURSE, name, self.text) if self.of_course else ("add", name, "")
-        if self.kind in ("without", "scale"):
+        if self.kind in ("without", "cut", "scale"):
             name, channel = channel_of(head, "GPe[0]")
             return self.kind, name.strip(), "" if channel is None else str(channel)
         row, _, field = head.partition(".")
@@ -45,7 +46,7 @@ class RowEdit(NamedTuple):
     def sets(self) -> set[tuple[str, str, str]]:
         """The numbers that it sets: row, field and channel; no channel means all of them."""
         kind, row, part = self.place
-        if kind in ("without", "scale"):
+        if kind in ("without", "cut", "scale"):
             return {(row, SETS[kind], part)}
         names = {"add": self._given(), "change": [part]}.get(kind, [kind])
         return {(row, SETS.get(name, name), "") for name in names}

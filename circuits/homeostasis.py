@@ -16,6 +16,9 @@ bias is what the population needs less what it gets (``biases``). It mends offse
 slopes: what an edit does to the way in which OUT follows the evidence, stays. A loss of a part of
 STN is no such edit where STN's way to SNr and its loop with GPe lose alike: OUT is what it was.
 
+A population that the reference lacks keeps its bias and rests where the others, at their rates,
+take it.
+
 A population that is silent in the reference, or at its highest rate, tells the rule nothing as long
 as it stays so: its bias stays, or moves just far enough (as dynamics it may have been moved further
 on the way: its rate is the same). Rates are those of the table's lines. Cells
@@ -33,7 +36,7 @@ import numpy as np
 import pandas as pd
 
 from circuits import transfer
-from circuits.arrays import Array
+from circuits.arrays import Array, Truths
 from circuits.checks import check_number
 from circuits.fixed_point import rest, rest_rates, solve, wired
 from circuits.wiring import Wiring, wire
@@ -222,6 +225,17 @@ class _Goal:
             )
         return found
 
+    def with_held(self, held: Truths) -> Array:
+        """Return the rates (blocks,), Hz, at which the others settle while some are held."""
+        wiring = self.wiring
+        needed = self.needed(wiring.bias)
+        pinned = replace(
+            wiring,
+            weight=np.where(held[:, None], 0.0, wiring.weight),
+            bias=np.where(held, needed, wiring.bias),
+        )
+        return np.where(held, self.rates_hz, rest_rates(pinned))
+
     @property
     def mean_over_channels(self) -> Array:
         """The matrix (populations, blocks) that takes the mean of each population."""
@@ -235,7 +249,13 @@ class _Goal:
         each = np.abs(wiring.weight) @ (np.abs(wiring.deliver) * wiring.gain_hz_per_nat)
         total = each.sum(axis=1)
         rows = self.wiring.circuit.populations
-        found = np.array([max(1.0, total[wiring.blocks_of(row.name)].mean()) for row in rows])
+        known = {row.name for row in wiring.circuit.populations}
+        found = np.array(
+            [
+                max(1.0, total[wiring.blocks_of(row.name)].mean()) if row.name in known else 0.0
+                for row in rows
+            ]
+        )
         for name, value in speed.items():
             self.wiring.circuit.population(name)
             check_number(f"the speed of {name}", value)
@@ -251,22 +271,29 @@ def _goal(
     whole = _reference(circuit, reference)
     before, wiring = wired(whole), wire(circuit)
     x = rest(before)
-    hz, rates = before.rates(x), np.empty(wiring.blocks)
+    hz, rates = before.rates(x), wiring.rates(wiring.bias)
     inputs = np.full(wiring.blocks, np.nan)
     line = ("transfer", "baseline_hz", "gain_hz_per_nat", "cell")
+    known = {row.name for row in whole.populations}
     for row in circuit.populations:
+        if row.name not in known:
+            continue
         old, blocks = whole.population(row.name), wiring.blocks_of(row.name)
         rates[blocks] = hz[before.blocks_of(row.name)]
         if all(getattr(row, name) == getattr(old, name) for name in line):
             inputs[blocks] = x[before.blocks_of(row.name)]
     for name, nats in (rebound_nats or {}).items():
         blocks = wiring.blocks_of(name)
+        if name not in known:
+            raise ValueError(f"{name} is new: without an old rate it can't rebound above it")
         check_number(f"the rebound of {name}", nats)
         if not np.isfinite(nats):
             raise ValueError(f"the rebound of {name} must be finite, got {nats}")
         rates[blocks] += nats * wiring.gain_hz_per_nat[blocks]
         inputs[blocks] = np.nan if nats else inputs[blocks]
-    return _Goal(wiring, before, rates, inputs)
+    goal = _Goal(wiring, before, rates, inputs)
+    held = np.array([wiring.row(b).name in known for b in range(wiring.blocks)])
+    return goal if held.all() else replace(goal, rates_hz=goal.with_held(held))
 
 
 def _reference(circuit: Circuit, reference: Circuit | None) -> Circuit:
@@ -289,6 +316,7 @@ def _reference(circuit: Circuit, reference: Circuit | None) -> Circuit:
             f"the reference must have {circuit.channels} channels, got {reference.channels}"
         )
     for row in circuit.populations:
-        if row.pooled != reference.population(row.name).pooled:
+        old = next((old for old in reference.populations if old.name == row.name), row)
+        if row.pooled != old.pooled:
             raise ValueError(f"{row.name} is pooled in the circuit or in the reference alone")
     return reference

@@ -127,12 +127,7 @@ class Population:
         for name in ("baseline_hz", "bias_nats", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
-        if not 0 <= self.intact <= 1:
-            raise ValueError(f"{self.name}: intact must lie in 0..1, got {self.intact}")
-        if not all(0 <= part <= 1 for part in self.intact_by_channel):
-            raise ValueError(
-                f"{self.name}: intact_by_channel must lie in 0..1, got {self.intact_by_channel}"
-            )
+        _check_intact(self)
 
     @property
     def spiking(self) -> bool:
@@ -164,6 +159,11 @@ class Projection:
         "D1" or "D2" where dopamine at its terminals raises or lowers the weight.
     pivot_nats : float
         What arrives at rest, before the weight: there dopamine changes nothing.
+    intact : float
+        The fraction of axons that survives a cut. What is lost is all that they carry, the tone of
+        the source's ``baseline_hz`` as well.
+    intact_by_channel : tuple of float
+        What ``intact`` is multiplied by in each target channel; none means 1 in all.
     cite : str
         Where the numbers come from.
     """
@@ -179,6 +179,8 @@ class Projection:
     transfer: str = "linear"
     receptor: str = ""
     pivot_nats: float = 0.0
+    intact: float = 1.0
+    intact_by_channel: tuple[float, ...] = ()
     cite: str = ""
 
     def __post_init__(self) -> None:
@@ -201,6 +203,7 @@ class Projection:
             raise ValueError(f"{self.name}: probability must lie in 0..1, got {self.probability}")
         if self.probability < 1 and self.transfer != "linear":
             raise ValueError(f"{self.name}: connections of probability < 1 must be linear")
+        _check_intact(self)
         if not all(0 <= factor < math.inf for factor in self.factors):
             raise ValueError(f"{self.name}: factors must be >= 0, got {self.factors}")
         if self.factors and self.transfer != "linear":
@@ -213,6 +216,16 @@ class Projection:
     def name(self) -> str:
         """``source->target``."""
         return f"{self.source}->{self.target}"
+
+
+def _check_intact(row: Population | Projection) -> None:
+    """Refuse surviving fractions out of range."""
+    if not 0 <= row.intact <= 1:
+        raise ValueError(f"{row.name}: intact must lie in 0..1, got {row.intact}")
+    if not all(0 <= part <= 1 for part in row.intact_by_channel):
+        raise ValueError(
+            f"{row.name}: intact_by_channel must lie in 0..1, got {row.intact_by_channel}"
+        )
 
 
 def _check_name(name: str) -> None:

@@ -14,7 +14,7 @@ import pandas as pd
 from circuits.anatomy.printed_rates import at_rest, outside
 from circuits.cells import Cell
 from circuits.laws.posterior import off_nats
-from circuits.spec import DOPAMINE, GABA, NATS, Circuit, Population
+from circuits.spec import DOPAMINE, GABA, NATS, Circuit, Population, Projection
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,13 +76,16 @@ def pathways(circuit: Circuit) -> pd.DataFrame:
             "tau_ms": p.tau_ms,
             "probability": p.probability,
             "by_channel": " ".join(f"{factor:g}" for factor in p.factors),
+            "intact": _intact(p),
             "f": p.transfer,
             "receptor": p.receptor,
             "source": p.cite or ASSUMED,
         }
         for p in circuit.projections
     ]
-    return _dropping(pd.DataFrame(rows), probability=1.0, by_channel="", f="linear", receptor="")
+    return _dropping(
+        pd.DataFrame(rows), probability=1.0, by_channel="", intact="1", f="linear", receptor=""
+    )
 
 
 def courses(circuit: Circuit) -> pd.DataFrame:
@@ -235,7 +238,7 @@ def draw(circuit: Circuit, ax: Axes) -> Axes:
     for p in circuit.projections:
         source = circuit.population(p.source)
         both = (p.target, p.source) in joined
-        alive = circuit.intact_of(p.source).any() and p.weight != 0
+        alive = circuit.intact_of(p.source).any() and circuit.axons_of(p).any() and p.weight != 0
         ax.annotate(
             "",
             xy=places[p.target],
@@ -343,9 +346,10 @@ def panels(
     return np.asarray(axes[:, 0])
 
 
-def _intact(p: Population) -> str:
+def _intact(p: Population | Projection) -> str:
     left = [p.intact * part for part in p.intact_by_channel or (1.0,)]
-    return " ".join(f"{part:g}" for part in left) + (", replaced" if p.replaced else "")
+    replaced = isinstance(p, Population) and p.replaced
+    return " ".join(f"{part:g}" for part in left) + (", replaced" if replaced else "")
 
 
 def _dropping(table: pd.DataFrame, **defaults: object) -> pd.DataFrame:

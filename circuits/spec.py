@@ -138,19 +138,7 @@ class Circuit:
                     f"{self.channels_of(row.name)} channels, got {len(row.intact_by_channel)}"
                 )
         for p in self.projections:
-            self.population(p.target)
-            sign = SIGNS[self.population(p.source).transmitter]
-            if p.weight * sign < 0:
-                what = self.population(p.source).transmitter
-                raise ValueError(
-                    f"{p.name}: {p.source} releases {what}, so the weight must be "
-                    f"{'>=' if sign > 0 else '<='} 0, got {p.weight}"
-                )
-            if p.factors and len(p.factors) != self.channels_of(p.target):
-                raise ValueError(
-                    f"{p.name}: factors need one number for each of {self.channels_of(p.target)} "
-                    f"channels, got {len(p.factors)}"
-                )
+            self._check_projection(p)
         self._reaches()
         self._check_courses()
 
@@ -182,6 +170,23 @@ class Circuit:
             for row in rows:
                 if not isinstance(row, kind):
                     raise ValueError(f"{self.name}: a row must be a {kind.__name__}, got {row!r}")
+
+    def _check_projection(self, p: Projection) -> None:
+        """Refuse a weight of the wrong sign, and numbers for other channels than the target's."""
+        channels = self.channels_of(p.target)
+        what = self.population(p.source).transmitter
+        if p.weight * SIGNS[what] < 0:
+            raise ValueError(
+                f"{p.name}: {p.source} releases {what}, so the weight must be "
+                f"{'>=' if SIGNS[what] > 0 else '<='} 0, got {p.weight}"
+            )
+        for name in ("factors", "intact_by_channel"):
+            count = len(getattr(p, name))
+            if count not in (0, channels):
+                raise ValueError(
+                    f"{p.name}: {name} must hold one number for each of {channels} channels, got "
+                    f"{count}"
+                )
 
     def _check_numbers(self) -> None:
         for name in ("reach_nats", "most_lead_nats"):
@@ -290,6 +295,11 @@ class Circuit:
         row = self.population(name)
         left = row.intact_by_channel or (1.0,) * self.channels_of(name)
         return row.intact * np.array(left, dtype=np.float64)
+
+    def axons_of(self, p: Projection) -> Array:
+        """Return the fraction of a pathway's axons that survives, (target channels,)."""
+        left = p.intact_by_channel or (1.0,) * self.channels_of(p.target)
+        return p.intact * np.array(left, dtype=np.float64)
 
     def spiking(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return names of populations; ValueError for one whose cells do not spike."""
@@ -455,7 +465,8 @@ class Circuit:
         """Return the circuit with the weight of one pathway multiplied by a factor.
 
         A pathway carries the change from its source's ``baseline_hz``, whose tone the table takes
-        to be in the target's bias: scaled to 0 it takes what the source signals, not its tone.
+        to be in the target's bias: scaled to 0 it takes what the source signals, not its tone. Of
+        axons that are lost both go: ``cut``.
 
         Parameters
         ----------
@@ -486,6 +497,44 @@ class Circuit:
         factors = list(row.factors or (1.0,) * count)
         factors[int(channel)] *= factor
         return self.with_projection(source, target, factors=tuple(factors))
+
+    def cut(
+        self, source: str, target: str, fraction: float = 1.0, channel: int | None = None
+    ) -> Circuit:
+        """Return the circuit without a fraction of the axons of one pathway.
+
+        The target lacks what these carried: what the source signals, and its tone. ``scaled``
+        leaves the tone. A nucleus all of whose pathways are cut by a fraction is lesioned by it.
+
+        Parameters
+        ----------
+        source, target : str
+            The two ends of the pathway.
+        fraction : float
+            What is lost, 0..1.
+        channel : int, optional
+            The target's channel in which it is lost; all if left out.
+
+        Raises
+        ------
+        ValueError
+            For an unknown pathway or channel, a fraction out of range, or if no pathway is left
+            from the input to the read-out.
+        """
+        row = self.projection(source, target)
+        check_number("fraction", fraction)
+        if not 0 <= fraction <= 1:
+            raise ValueError(f"fraction must lie in 0..1, got {fraction}")
+        if channel is None:
+            return self.with_projection(source, target, intact=row.intact * (1 - fraction))
+        count = self.channels_of(target)
+        if channel not in range(count):
+            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel}")
+        if fraction == 0:
+            return self
+        left = list(row.intact_by_channel or (1.0,) * count)
+        left[channel] *= 1 - fraction
+        return self.with_projection(source, target, intact_by_channel=tuple(left))
 
     def receptors(self) -> tuple[tuple[Projection, Population | Projection], ...]:
         """Return the pathways that dopamine scales, each with the row that has the receptor.
@@ -600,11 +649,21 @@ class Circuit:
         )
         return replace(self, projections=rows)
 
-    def with_rows(self, *rows: Population | Projection | Course | str) -> Circuit:
+    def with_rows(
+        self, *rows: Population | Projection | Course | str, keep_rest: bool = False
+    ) -> Circuit:
         """Return the circuit with rows added: a nucleus, a pathway or a course of your own.
 
         A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``, ``"TRN like=STN bias_nats=-1"``,
         ``"dopamine amount=0.5 to_ms=300"``, or the name of a motif, ``"striatal_FSI"``.
+
+        Parameters
+        ----------
+        *rows : Population, Projection, Course or str
+            What is added.
+        keep_rest : bool
+            Whether the nuclei that were there keep their rates at rest: their biases make good what
+            the new rows add to their input, as in ``recovered``.
         """
         for row in rows:
             if not isinstance(row, (Population, Projection, Course, str)):
@@ -613,11 +672,14 @@ class Circuit:
                 )
         new = new_rows(self, rows)
         with naming(*(row for row in rows if isinstance(row, str))):
-            return self._with_tables(
+            found = self._with_tables(
                 self.populations + tuple(row for row in new if isinstance(row, Population)),
                 self.projections + tuple(row for row in new if isinstance(row, Projection)),
                 self.courses + tuple(row for row in new if isinstance(row, Course)),
             )
+            if not keep_rest or found == self:
+                return found
+            return replace(found.recovered(self), chronic=self.chronic)
 
     @property
     def steady(self) -> Circuit:
@@ -626,10 +688,11 @@ class Circuit:
 
     @property
     def unlesioned(self) -> Circuit:
-        """The circuit with every lesion undone; biases that recovered from one stay."""
-        whole: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "replaced": False}
-        rows = tuple(replace(p, **whole) for p in self.populations)
-        return replace(self, populations=rows, chronic=False)
+        """The circuit with every lesion and cut undone; biases that recovered from one stay."""
+        whole: dict[str, Any] = {"intact": 1.0, "intact_by_channel": ()}
+        rows = tuple(replace(p, replaced=False, **whole) for p in self.populations)
+        paths = tuple(replace(p, **whole) for p in self.projections)
+        return replace(self, populations=rows, projections=paths, chronic=False)
 
     def _with(self, *rows: Population | Projection) -> Circuit:
         """Return the circuit with these rows in place of those of their names."""
@@ -694,6 +757,7 @@ class Circuit:
                 if p.source in reached
                 and p.weight
                 and any(p.factors or (1,))
+                and self.axons_of(p).any()
                 and self.intact_of(p.source).any()
             }
         if self.readout not in reached:

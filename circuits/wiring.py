@@ -209,20 +209,22 @@ def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
 
     path, deliver, constant, weights = [], [], [], []
     for i, p in enumerate(circuit.projections):
-        pattern, place = np.unique(circuit.pattern(p), axis=0, return_inverse=True)
+        pattern, alive, place = units_of(circuit, p)
         source = circuit.population(p.source)
         first, intact = start[p.source], circuit.intact_of(p.source)
         kept = np.full(pattern.shape[1], -float(source.baseline_hz))
+        given = np.zeros(pattern.shape[1])
         if source.replaced and rest_hz is not None:
-            kept += (1 - intact) * rest_hz[first : first + pattern.shape[1]]
+            given += (1 - intact) * rest_hz[first : first + pattern.shape[1]]
         for k, row_ in enumerate(pattern):
             path.append(i)
             hz = np.zeros(len(owner))
-            hz[first : first + len(row_)] = intact * row_ / source.gain_hz_per_nat
+            hz[first : first + len(row_)] = intact * alive[k] / source.gain_hz_per_nat
             deliver.append(hz)
-            constant.append(float(row_ @ kept) / source.gain_hz_per_nat)
+            always = float(row_ @ (kept + given) + (alive[k] - row_) @ given)
+            constant.append(always / source.gain_hz_per_nat)
             column = np.zeros(len(owner))
-            targets = np.flatnonzero(place.ravel() == k)
+            targets = np.flatnonzero(place == k)
             column[start[p.target] + targets] = p.weight
             weights.append(column)
     shape = (len(path), len(owner))
@@ -236,6 +238,29 @@ def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
         weight=np.array(weights).reshape(shape).T,
         bias=bias,
     )
+
+
+def units_of(circuit: Circuit, p: Projection) -> tuple[Array, Array, Index]:
+    """Return what the units of a projection sum, and which unit each target channel has.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    p : Projection
+        One of its rows.
+
+    Returns
+    -------
+    whole, alive : arrays (units, source channels)
+        How much of each source channel arrives, and how much of it through axons that are left.
+    place : array (target channels,)
+        Number of each channel's unit.
+    """
+    whole, left = circuit.pattern(p), circuit.axons_of(p)[:, None]
+    both, place = np.unique(np.hstack([whole, left * whole]), axis=0, return_inverse=True)
+    sources = whole.shape[1]
+    return both[:, :sources], both[:, sources:], np.asarray(place.ravel(), dtype=np.intp)
 
 
 def fan_in(circuit: Circuit, p: Projection, target: int, source: int) -> npt.NDArray[np.int64]:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import toml_files
-from bgmodel.cli import parsed
+from bgmodel.cli import main, parsed
 from bgmodel.edits import Edits, written
 from bgmodel.integrators.basal_ganglia import rest_out
 from circuits import anatomy
@@ -220,3 +220,52 @@ def test_an_edit_that_is_written_by_itself_may_recover():
 def test_replaced_gives_back_what_a_lesion_took():
     lost = Edits(without=("GPe",), replaced=True).apply(TABLE)
     assert lost == TABLE.without("GPe", replaced=True) != TABLE.without("GPe")
+
+
+AXONS = "cut GPe->STN=0.3"
+
+
+def test_axons_are_cut_in_text_as_in_python():
+    assert written(AXONS) == Edits(cut=("GPe->STN=0.3",))
+    assert written(AXONS).apply(TABLE) == TABLE.cut("GPe", "STN", 0.3)
+    assert at_the_terminal("--edits.cut", "GPe->STN=0.3") == Edits(cut=("GPe->STN=0.3",))
+    assert Edits(cut=("D1 -> SNr[1]",)).apply(TABLE) == TABLE.cut("D1", "SNr", channel=1)
+    both = Edits(cut=("GPe->STN=0.3",), scale=("GPe->STN=0.5",))
+    assert both.apply(TABLE) == TABLE.cut("GPe", "STN", 0.3).scaled("GPe", "STN", 0.5)
+    assert both.text() == "cut GPe->STN=0.3; scale GPe->STN=0.5"
+    for wrong in ("GPe=0.3", "GPe->STN=1.2", "GPe->STN=x", "GPe->STN[7]=0.1", "STN->D1"):
+        with pytest.raises(ValueError, match=re.escape(wrong)):
+            Edits(cut=(wrong,)).apply(TABLE)
+
+
+def test_what_a_cut_and_a_scale_do_is_said_beside_each_other_and_of_no_other_edit():
+    scaled, cut = written("GPe->STN=0.5"), written(AXONS)
+    for one, other in ((scaled, "cut"), (cut, "scale")):
+        (note,) = one.notes()
+        assert "tone" in note
+        assert other in note
+    assert Edits(cut=("GPe->STN=0.3",), scale=("GPe->STN=0.5",)).notes() == [
+        *scaled.notes(),
+        *cut.notes(),
+    ]
+    assert written("STN=0.5").notes() == Edits().notes() == []
+
+
+@pytest.mark.parametrize("edits", [("--edits.scale", "GPe->STN=0.5"), ("--edits.cut", "GPe->STN")])
+def test_commands_say_what_a_cut_or_a_scale_does(edits, capsys):
+    assert main(["circuit", "show", "macaque", *edits]) == 0
+    found = capsys.readouterr()
+    assert "tone" in found.err
+    assert main(["circuit", "show", "macaque", "--edits.without", "STN=0.1"]) == 0
+    assert "tone" not in capsys.readouterr().err
+
+
+def test_rows_are_added_in_text_with_rates_at_rest_kept():
+    rows = ("TRN like=STN bias_nats=-1", "TRN->GPe weight=0.1")
+    edited = Edits(add=rows, keep_rest=True).apply(TABLE)
+    assert edited == TABLE.with_rows(*rows, keep_rest=True)
+    assert edited != TABLE.with_rows(*rows)
+    asked = Edits(add=rows, keep_rest=True)
+    assert at_the_terminal("--edits.add", *rows, "--edits.keep-rest") == asked
+    with pytest.raises(ValueError, match="keep_rest is for rows that are added"):
+        Edits(keep_rest=True).apply(TABLE)

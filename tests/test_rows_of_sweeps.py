@@ -23,6 +23,7 @@ FACTORS = st.sampled_from([0, 0.5, 0.9, 1, 1.2])
 NATS = st.sampled_from([-0.2, 0.0, 0.3])
 WEIGHTS = st.sampled_from([-0.1, -0.05])
 LESIONS, SCALES, CHANGES, ADDED, REBOUNDS = "without", "scale", "change", "add", "rebound"
+CUTS = "cut"
 EDITS = {
     "STN": (LESIONS, FRACTIONS),
     "STN[0]": (LESIONS, FRACTIONS),
@@ -33,6 +34,9 @@ EDITS = {
     "ctx->D1": (SCALES, FACTORS),
     "ctx->D1[0]": (SCALES, FACTORS),
     "ctx->D1[1]": (SCALES, FACTORS),
+    "cut GPe->STN": (CUTS, FRACTIONS),
+    "cut GPe->STN[1]": (CUTS, FRACTIONS),
+    "cut STN->SNr": (CUTS, FRACTIONS),
     "STN.bias_nats": (CHANGES, NATS),
     "STN.intact": (CHANGES, FRACTIONS.map(lambda lost: 1 - lost)),
     "STN->SNr.weight": (CHANGES, FACTORS),
@@ -49,6 +53,7 @@ OVERLAPS = [
     {"STN", "STN.intact"},
     {"STN[0]", "STN.intact"},
     {"STN[1]", "STN.intact"},
+    {"cut GPe->STN", "cut GPe->STN[1]"},
     {"ctx->D1", "ctx->D1[0]"},
     {"ctx->D1", "ctx->D1[1]"},
     {"STN->SNr", "STN->SNr.weight"},
@@ -89,10 +94,12 @@ def sweeps(draw):
 
 def edited(values):
     """Return the edits of these values by key, as an experiment's file has them."""
-    of_rows = {kind: [] for kind in (LESIONS, SCALES, CHANGES, ADDED, REBOUNDS)}
+    of_rows = {kind: [] for kind in (LESIONS, CUTS, SCALES, CHANGES, ADDED, REBOUNDS)}
     for key, value in values.items():
         if key in EDITS:
-            of_rows[EDITS[key][0]].append(f"{key.removeprefix('rebound ')}={value}")
+            of_rows[EDITS[key][0]].append(
+                f"{key.removeprefix('rebound ').removeprefix('cut ')}={value}"
+            )
     named = {key: value for key, value in values.items() if key in OF_ALL}
     return Edits(**{kind: tuple(texts) for kind, texts in of_rows.items()}, **named)
 

@@ -15,6 +15,7 @@ from bgmodel import files, progress
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bgmodel.edits import Edits
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
 
@@ -161,6 +162,12 @@ def _paths(options: Any) -> Iterator[tuple[str, Path]]:
 def say(text: str) -> None:
     """Say a sentence on stderr, as the command."""
     print(f"bgmodel: {text}", file=sys.stderr)
+
+
+def say_of_edits(*edits: Edits) -> None:
+    """Say, once for each kind, what an edit does that is taken for another."""
+    for text in dict.fromkeys(note for one in edits for note in one.notes()):
+        say(text)
 
 
 def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int = 1) -> None:

@@ -20,6 +20,7 @@ from bgmodel.commands.checks import (
     check_whole,
     options_of,
     say_before,
+    say_of_edits,
 )
 from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.decision import Decision
@@ -85,6 +86,7 @@ class CircuitShow(Writes):
         print(text(table))
         if edits := self.edits.text():
             print(f"\nedited, in this order: {edits}")
+            say_of_edits(self.edits)
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthere are no cells that spike")
         elif self.rest:
@@ -226,6 +228,7 @@ class CircuitRun(Writes):
         from circuits.engines import THREADED
 
         table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
+        say_of_edits(self.edits)
         options: dict[str, Any] = {}
         if self.engine in THREADED:
             options["workers"] = self.workers

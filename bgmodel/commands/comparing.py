@@ -18,6 +18,7 @@ from bgmodel.commands.checks import (
     options_of,
     say,
     say_before,
+    say_of_edits,
 )
 from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.edits import Edits, written
@@ -110,13 +111,13 @@ class CircuitLesion(Comparison):
     """Compare edited circuits with the circuit as it is, on the same evidence and noise.
 
     Each edit is a circuit of its own: a nucleus to lesion, whole ("STN"), by a fraction ("STN=0.2")
-    or in one channel ("GPe[0]=0.25"), a pathway to scale ("D1->SNr=0.9"), a field to change
-    ("STN->GPe.delay_ms=4"), a new row ("D1->GPe weight=-0.1") or a level of dopamine
-    ("dopamine=0.9"); --edits are made before, in all of them, and the circuit that has these alone
-    is called "as edited"; with --edits.recovered each nucleus comes back to its rate at rest after
-    each edit. Behaviour is shown at the threshold of the circuit before its lesions, and with
-    thresholds tuned anew. No experiment says that this is what happens: what a lesion does here is
-    the model's prediction.
+    or in one channel ("GPe[0]=0.25"), a pathway to scale ("D1->SNr=0.9") or to cut
+    ("cut GPe->STN=0.3"), a field to change ("STN->GPe.delay_ms=4"), a new row
+    ("D1->GPe weight=-0.1") or a level of dopamine ("dopamine=0.9"); --edits are made before, in all
+    of them, and the circuit that has these alone is called "as edited"; with --edits.recovered each
+    nucleus comes back to its rate at rest after each edit. Behaviour is shown at the threshold of
+    the circuit before its lesions, and with thresholds tuned anew. No experiment says that this is
+    what happens: what a lesion does here is the model's prediction.
 
     Example: bgmodel circuit lesion lesions.csv STN=0.2 "STN->GPe.delay_ms=4" --channels 4
     """
@@ -133,12 +134,14 @@ class CircuitLesion(Comparison):
         model, evidence = _model(self)
         whole = circuit(self.circuit, evidence.hypotheses)
         before = INTACT if model.circuit == whole else AS_EDITED
-        edited = {}
+        edited, asked = {}, []
         for edit in self.lesions:
             of_all = {"replaced": self.edits.replaced, "recovered": self.edits.recovered}
             one = written(edit, **of_all)
             one.check_engine(self.engine)
             edited[edit] = one.apply(model.circuit)
+            asked.append(one)
+        say_of_edits(*asked)
         if self.lesions == LESIONS:
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         circuits = 1 + len(edited)
@@ -183,6 +186,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     check_trials(evidence.trials)
     checked_accuracies(asked_for.accuracies, evidence.hypotheses)
     table = asked_for.edits.apply(circuit(asked_for.circuit, evidence.hypotheses))
+    say_of_edits(asked_for.edits)
     model = model_of(
         table,
         evidence,

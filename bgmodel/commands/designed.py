@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import Shows, bar, check_ending, check_whole, options_of, say_before
+from bgmodel.commands.checks import (
+    Shows,
+    bar,
+    check_ending,
+    check_whole,
+    options_of,
+    say_before,
+    say_of_edits,
+)
 from bgmodel.commands.names import CircuitName, EngineName
 from bgmodel.edits import Edits
 
@@ -67,6 +75,7 @@ class CircuitDesigned(Shows):
         if channels is None and not self.circuit.endswith(".toml"):
             channels = CHANNELS
         table = self.edits.apply(circuit(self.circuit, channels))
+        say_of_edits(self.edits)
         every = designed.designs(table.channels)
         model = model_of(
             table,

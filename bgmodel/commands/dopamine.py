@@ -20,6 +20,7 @@ from bgmodel.commands.checks import (
     options_of,
     say,
     say_before,
+    say_of_edits,
 )
 from bgmodel.commands.names import MACAQUE, RATE, CircuitName, TimedEngineName
 from bgmodel.edits import Edits
@@ -127,6 +128,7 @@ class CircuitLearn(Writes):
         from circuits.anatomy import circuit
 
         table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
+        say_of_edits(self.edits)
         table.check_nats("a criterion that dopamine sets")
         options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
         gain = gain_of(table, self.gain)

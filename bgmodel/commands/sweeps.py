@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal
 from tyro.conf import Positional
 
 from bgmodel import files
-from bgmodel.commands.checks import check_whole, recorded, say
+from bgmodel.commands.checks import check_whole, recorded, say, say_of_edits
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -111,6 +111,7 @@ class SweepRun:
             f"already{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
             flush=True,
         )
+        say_of_edits(*(setting.edits for setting in settings))
         if self.dry_run:
             return
         try:

@@ -349,7 +349,8 @@ def _edits(experiment: Experiment) -> list[str]:
     """Return what is edited in each condition that is, in the order in which it is done."""
     conditions = {"control": experiment.control, "manipulation": experiment.manipulation}
     edits = {name: condition.text() for name, condition in conditions.items()}
-    return [f"{name}: {text}" for name, text in edits.items() if text]
+    notes = dict.fromkeys(note for one in conditions.values() for note in one.notes())
+    return [*(f"{name}: {text}" for name, text in edits.items() if text), *notes]
 
 
 def _cell(measure: str, value: float, low: float, high: float) -> str:

@@ -31,6 +31,7 @@ from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
 from circuits.anatomy import DEFAULT, circuit
 from circuits.engines import NOISY, THREADED
+from circuits.motifs import expanded
 from circuits.spec import Circuit
 
 BLOCK = 10_000
@@ -302,7 +303,8 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
 
 def _edited(edits: Edits, texts: list[str], name: str) -> dict[str, Any]:
     """Return the edits of rows of a point: the plan's, those that it names replaced."""
-    added = {text.split()[0] for text in edits.add}
+    rows = expanded(circuit(name), edits.add)
+    added = {row.split()[0] if isinstance(row, str) else row.name for row in rows}
     for text in texts:
         place = text.partition("=")[0]
         if written(text).without and place.partition("[")[0].strip() not in _nuclei(name) | added:

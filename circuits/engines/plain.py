@@ -22,7 +22,7 @@ from circuits.fixed_point import wired
 from circuits.spec import Circuit
 from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
 from circuits.timed import Timed, timed
-from circuits.wiring import fan_in
+from circuits.wiring import fan_in, units_of
 
 Fired = dict[int, Truths]
 """Which cells of each block fired in a tick."""
@@ -201,7 +201,7 @@ class _OwnInputs:
     def __init__(self, scheme: Scheme, path: int, channel: int) -> None:
         w = scheme.wiring
         p = w.circuit.projections[path]
-        place = np.unique(w.circuit.pattern(p), axis=0, return_inverse=True)[1].ravel()
+        place = units_of(w.circuit, p)[2]
         unit = np.flatnonzero(w.path == path)[place[channel]]
         self.unit, self.weight, self.constant = unit, p.weight, w.constant[unit]
         self.delay, self.decay = scheme.unit_delay[unit], scheme.unit_decay[unit]

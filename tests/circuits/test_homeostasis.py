@@ -215,7 +215,6 @@ def test_lif_cells_come_back_as_near_as_their_line_comes_to_their_law():
         (lambda c: c.without("GPe", replaced=True).recovered(), "GPe: its lost output is replaced"),
         (lambda c: c.recovered(c, rebound_nats={"GPi": 1}), "macaque has no nucleus 'GPi'"),
         (lambda c: c.recovered(c, rebound_nats={"SNr": np.nan}), "the rebound of SNr must be"),
-        (lambda c: c.with_rows("TRN like=STN").recovered(c), "macaque has no nucleus 'TRN'"),
         (lambda c: recovery(c, c, speed={"GPi": 1}), "macaque has no nucleus 'GPi'"),
         (lambda c: recovery(c, c, speed={"GPe": -1}), "the speed of GPe must be >= 0"),
         (lambda c: recovery(c, c, step=0), "step must be > 0"),
@@ -300,3 +299,44 @@ def test_a_rule_has_a_hundred_time_constants_to_settle_by_default():
     circuit = anatomy.macaque(2)
     with pytest.raises(ValueError, match=r"does not recover: after 100 time constants"):
         recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, step=10.0)
+
+
+@given(
+    name=st.sampled_from(("spiking_msprt", "macaque")),
+    channels=st.sampled_from(CHANNELS),
+    bias=st.floats(-3, 1),
+    weights=st.tuples(*[st.floats(0, 0.3)] * 3),
+    lesion=st.floats(0, 0.3),
+)
+@settings(max_examples=30)
+def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_there(
+    name, channels, bias, weights, lesion
+):
+    """The new nucleus itself rests where these take it, whatever it sends and hears."""
+    table = anatomy.circuit(name, channels).without("STN", lesion)
+    heard, sent, own = weights
+    rows = (
+        f"TRN like=D2 bias_nats={bias} receptor='' baseline_hz=5",
+        f"STN->TRN weight={heard}",
+        f"TRN->GPe weight=-{sent}",
+        f"TRN->TRN weight=-{own} delay_ms=2",
+        f"D2->SNr weight=-{sent}",
+    )
+    kept = table.with_rows(*rows, keep_rest=True)
+    before, after = rest_hz(table), rest_hz(kept)
+    np.testing.assert_allclose(after[: len(before)], before, atol=CLOSE)
+    assert kept.chronic == table.chronic
+    assert kept.population("TRN").bias_nats == bias
+    assert [row.name for row in kept.populations] == [
+        *(row.name for row in table.populations),
+        "TRN",
+    ]
+
+
+def test_rest_is_kept_where_nothing_changes_it_and_a_new_nucleus_cannot_rebound():
+    table = anatomy.macaque(2)
+    assert table.with_rows(keep_rest=True) is table
+    motif = table.with_rows("striatal_FSI", keep_rest=True)
+    assert own_biases(motif) == pytest.approx(own_biases(table.with_rows("striatal_FSI")))
+    with pytest.raises(ValueError, match="FSI is new"):
+        motif.recovered(table, rebound_nats={"FSI": 0.3})

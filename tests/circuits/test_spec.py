@@ -18,6 +18,8 @@ EDITS = {
     "lesion": lambda c: c.without("STN", 0.3),
     "replaced lesion": lambda c: c.without("GPe", replaced=True),
     "weight": lambda c: c.scaled("STN", "GPe", 0.5),
+    "axons": lambda c: c.cut("STN", "GPe", 0.5),
+    "axons of one channel": lambda c: c.cut("D1", "SNr", 0.5, channel=1),
     "one channel": lambda c: c.scaled("D1", "SNr", 0.5, channel=1),
     "lesion in one channel": lambda c: c.without("STN", 0.3, channel=1),
     "dopamine": lambda c: c.dopamine(0.8),
@@ -55,6 +57,8 @@ def test_a_circuit_is_one_line_that_tells_two_apart():
 def test_edits_that_change_nothing_return_the_circuit(circuit):
     assert circuit.without("STN", 0) is circuit
     assert circuit.scaled("STN", "GPe", 1) is circuit
+    assert circuit.cut("STN", "GPe", 0) is circuit
+    assert circuit.cut("STN", "GPe", 0, channel=0) is circuit
     assert circuit.scaled("STN", "GPe", 1, channel=0) is circuit
     assert circuit.dopamine(1) is circuit
 

@@ -23,6 +23,8 @@ EDITS = [
     st.builds(lambda x: lambda c: c.without("STN", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.without("GPe", x, replaced=True), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.scaled("D1", "SNr", x, 1), st.floats(0.01, 9)),
+    st.builds(lambda x: lambda c: c.cut("GPe", "STN", x), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.cut("D1", "SNr", x, 1), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.scaled("ctx", "D1", x), st.floats(0.01, 9)),
     st.builds(lambda x: lambda c: c.with_population("STN", bias_nats=x), NUMBERS),
     st.builds(lambda x: lambda c: c.with_projection("STN", "GPe", delay_ms=x, cite="mine"), SIZES),

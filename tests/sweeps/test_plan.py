@@ -302,3 +302,10 @@ def test_a_tactile_task_depends_on_its_taps():
     (found,) = Plan(grid={"task.task": ("same-different",)}).settings()
     (shard,) = found.shards()
     assert len(shard.key["task"]["taps"]) == 64
+
+
+def test_a_grid_lesions_a_nucleus_that_a_motif_adds():
+    plan = Plan(edits=Edits(add=("striatal_FSI",)), grid={"FSI": (0.0, 0.5)})
+    whole, half = (setting.table for setting in plan.settings())
+    assert whole == circuit("macaque").with_rows("striatal_FSI")
+    assert half == whole.without("FSI", 0.5)

@@ -20,7 +20,7 @@ from circuits.engines.brian2 import text as brian_text
 from circuits.spec import Projection
 from circuits.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
 from circuits.timed import Timed
-from circuits.wiring import Wiring, fan_in
+from circuits.wiring import Wiring, fan_in, units_of
 
 Values = dict[tuple[str, str], Array]
 """(group, variable) -> what it holds."""
@@ -69,7 +69,7 @@ class Layout:
         """Blocks that each unit of the wiring reaches."""
         w, targets = self.wiring, []
         for p in w.circuit.projections:
-            place = np.unique(w.circuit.pattern(p), axis=0, return_inverse=True)[1].ravel()
+            place = units_of(w.circuit, p)[2]
             blocks = w.blocks_of(p.target)
             targets += [list(blocks[place == k]) for k in range(place.max() + 1)]
         return targets

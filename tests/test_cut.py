@@ -1,0 +1,112 @@
+"""Axons that are cut: the target lacks what they signal and their tone."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circuits import anatomy
+from circuits.anatomy.printed_rates import at_rest
+from circuits.engines import run
+from circuits.fixed_point import solve, wired
+
+LESIONED = ("D1", "D2", "STN", "GPe")
+SPIKES = {"step_ms": 20.0, "seed": 3, "settle_ms": 20.0}
+
+
+def state(circuit, drive):
+    wiring = wired(circuit)
+    return wiring.rates(solve(wiring, drive))
+
+
+def paths_of(circuit, name):
+    return [p for p in circuit.projections if p.source == name]
+
+
+@settings(max_examples=40)
+@given(
+    st.sampled_from(["macaque", "spiking_msprt", "appendix_b", "gpr"]),
+    st.sampled_from(LESIONED),
+    st.floats(0, 0.5),
+    st.sampled_from([None, 1]),
+)
+def test_a_nucleus_whose_axons_are_all_cut_by_a_fraction_is_lesioned_by_it(
+    name, nucleus, fraction, channel
+):
+    """In one channel of the source where its pathways stay within channels."""
+    table = anatomy.circuit(name, 3)
+    drive = np.array([[0.0, 0.0, 0.0], [0.6, 0.2, -0.3]])
+    own = all(p.pattern == "channel" for p in paths_of(table, nucleus))
+    channel = channel if own and not table.population(nucleus).pooled else None
+    cut = table
+    for p in paths_of(table, nucleus):
+        cut = cut.cut(p.source, p.target, fraction, channel)
+    lesioned = table.without(nucleus, fraction, channel=channel)
+    np.testing.assert_allclose(state(cut, drive), state(lesioned, drive), atol=1e-6)
+
+
+def test_half_of_the_axons_take_the_tone_and_half_the_weight_leaves_it():
+    table = anatomy.macaque(2)
+    scaled, cut = table.scaled("GPe", "STN", 0.5), table.cut("GPe", "STN", 0.5)
+    before = at_rest(table)
+    assert at_rest(scaled) == pytest.approx(before, abs=1e-9)
+    weight, tone = table.projection("GPe", "STN").weight, 58 / 50
+    by_hand = table.scaled("GPe", "STN", 0.5).with_population(
+        "STN", bias_nats=table.population("STN").bias_nats - 0.5 * weight * tone
+    )
+    assert at_rest(cut) == pytest.approx(at_rest(by_hand), abs=1e-9)
+    assert at_rest(cut)["SNr"] != pytest.approx(before["SNr"], abs=1)
+    assert at_rest(cut.recovered()) == pytest.approx(before, abs=1e-6)
+
+
+def test_cuts_add_up_are_undone_as_lesions_are_and_leave_a_circuit_that_was_exact():
+    table = anatomy.bogacz_gurney(3)
+    cut = table.cut("GPe", "STN", 0.5).cut("GPe", "STN", 0.5, channel=1)
+    np.testing.assert_allclose(cut.axons_of(cut.projection("GPe", "STN")), [0.5, 0.25, 0.5])
+    assert cut.unlesioned.projections == table.projections
+    assert table.exact
+    assert not cut.exact
+    assert table.cut("GPe", "STN", 0.0) is table
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_engines_cut_the_same_axons_in_one_channel(sparse):
+    table = anatomy.macaque(2).with_neurons(20)
+    table = table.with_connections(0.5) if sparse else table
+    for path in (("GPe", "STN"), ("STN", "GPe"), ("D1", "SNr")):
+        table = table.cut(*path, 0.2, channel=1)
+    drive = np.array([[[0.0, 0.0], [1.0, -0.5]]])
+    plain, compiled = (run(table, drive, engine=e, **SPIKES) for e in ("plain", "ensemble"))
+    for name in ("STN", "GPe", "SNr"):
+        np.testing.assert_allclose(plain.rates_hz[name], compiled.rates_hz[name], atol=0.02)
+
+
+def test_populations_and_rates_settle_where_the_fixed_point_of_a_cut_is():
+    table = anatomy.macaque(2).cut("GPe", "STN", 0.2).cut("STN", "GPe", 0.1, channel=0)
+    drive = np.repeat([[[0.4, -0.2]]], 80, axis=1)
+    held = run(table, drive[:, :1], engine="algebra", step_ms=50.0).output_nats[0, 0]
+    for engine, more in (("rate", {}), ("population", {"noise": False, "laws": "lines"})):
+        found = run(table, drive, engine=engine, step_ms=50.0, **more).output_nats[0, -1]
+        np.testing.assert_allclose(found, held, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("GPe", "D1", 0.5), "has no pathway GPe->D1"),
+        (("GPe", "STN", 1.5), "fraction must lie in 0..1, got 1.5"),
+        (("GPe", "STN", 0.5, 2), "channel must lie in 0..1, got 2"),
+    ],
+)
+def test_a_cut_without_sense_is_refused(arguments, says):
+    with pytest.raises(ValueError, match=says):
+        anatomy.macaque(2).cut(*arguments)
+
+
+def test_axons_without_which_nothing_reaches_the_read_out_are_not_cut_whole():
+    table = anatomy.bogacz_gurney(2)
+    for p in table.projections:
+        if p.target == table.readout and p.source != "STN":
+            table = table.cut(p.source, p.target)
+    with pytest.raises(ValueError, match="no pathway is left"):
+        table.cut("STN", table.readout)
