@@ -63,7 +63,7 @@ class FitRun(Shows):
     """Time at which a trial without a response ended, s."""
     rt_window: tuple[float, float] | None = None
     """Earliest and latest response time to fit, s; "0 inf" keeps all. If left out and there is no
-    deadline, times end at the upper quartile plus 20 interquartile ranges. The command says how
+    deadline, times end at the upper quartile plus 25 interquartile ranges. The command says how
     many trials are left out."""
     criterion: str = "threshold"
     """What sets a circuit's criterion: threshold, dopamine, stn_loss or gpe_loss; or, with a

@@ -86,7 +86,7 @@ def design_of(
         Columns of conditions.
     rt_window : tuple of float, s, optional
         Earliest and latest response time to fit; (0, inf) keeps all. If left out, all times are
-        fitted where there is a deadline. Otherwise times end at the upper quartile plus 20
+        fitted where there is a deadline. Otherwise times end at the upper quartile plus 25
         interquartile ranges, in the cell where that is latest (``window.fence_s``). A warning says
         how many trials are left out; the likelihood is conditional on the window, and lapses are
         uniform in it.

@@ -15,7 +15,7 @@ TAILS_S = (0.75, 1.5, 3.0)
 """Means of the exponential delays that slow trials may have, s."""
 SHARES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
 """Shares of trials that may be slow."""
-GAIN_NATS = 1.0
+GAIN_NATS = 1.25
 """Gain in log likelihood above which slow trials are reported (``make validate`` checks it)."""
 
 

@@ -11,11 +11,11 @@ from bgmodel.arrays import Array, Integers, Truths
 from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.tables.columns import FEWEST
 
-RANGES = 20.0
+RANGES = 25.0
 """Interquartile ranges above the upper quartile at which the default window ends.
 
-No decision of a constant gap is that late: its tail is exponential, and one in 14 billion of such
-times exceeds this. Lapses may.
+No decision of a constant gap is that late: an exponential tail, as it has, exceeds this in fewer
+than one of a million million trials. Lapses may.
 """
 ENOUGH = 20
 """Responses of a cell whose quartiles are used on their own."""
@@ -24,7 +24,7 @@ ENOUGH = 20
 def fence_s(rt_s: Array, cell: Integers) -> float:
     """Return where the default window ends, s; infinity where the quartiles are the same.
 
-    In each cell of at least 20 responses it is the upper quartile plus 20 interquartile ranges;
+    In each cell of at least 20 responses it is the upper quartile plus 25 interquartile ranges;
     the latest of these counts. Without such a cell all responses are taken together.
 
     Parameters

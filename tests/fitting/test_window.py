@@ -130,9 +130,9 @@ def test_times_cut_off_on_both_sides_give_the_parameters_back():
 def test_the_fence_is_that_of_the_cell_where_it_is_latest():
     rt = np.concatenate([np.linspace(0.4, 0.5, 41), np.linspace(0.4, 1.2, 41), [9.0]])
     cell = np.repeat([0, 1, 2], [41, 41, 1])
-    assert fence_s(rt, cell) == pytest.approx(1.0 + 20 * 0.4)
+    assert fence_s(rt, cell) == pytest.approx(1.0 + 25 * 0.4)
     few = fence_s(rt[:10], np.arange(10))
-    assert few == pytest.approx(np.quantile(rt[:10], 0.75) + 20 * np.ptp(rt[:10]) / 2)
+    assert few == pytest.approx(np.quantile(rt[:10], 0.75) + 25 * np.ptp(rt[:10]) / 2)
     assert fence_s(np.full(30, 0.5), np.zeros(30, int)) == np.inf
 
 

@@ -1,6 +1,7 @@
 """Slow trials bias a fit only where a warning says so: make validate."""
 
 import warnings
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,8 @@ PRIOR = {
     "t0_sd_s": (0.02, 0.1),
     "lapse": (0.001, 0.03),
 }
-SECONDS = 8.0
-"""Longest time: one decision in two thousand of the slowest participants is later."""
+SECONDS, LAPSE_S = 12.0, 4.0
+"""Longest time of a decision, which hardly one reaches, and of a lapse."""
 
 
 class Judged(NamedTuple):
@@ -39,13 +40,22 @@ class Judged(NamedTuple):
     warned: bool
 
 
+def lapsing(some, share, rng):
+    """Return choices, a share of which are lapses: either response at any time."""
+    lapse = rng.random(some.trials) < share
+    rt_s = np.where(lapse, rng.uniform(0.01, LAPSE_S, some.trials), some.rt_s)
+    response = np.where(lapse, rng.integers(0, 2, some.trials), some.response)
+    return replace(some, rt_s=rt_s, response=response.astype(np.int8))
+
+
 def judged(number, *, slow, seed=SCORING_SEED):
     """Fit one set, with slow trials or without."""
     rng = stream(seed, "slow trials", number)
     values = {name: rng.uniform(*ends) for name, ends in PRIOR.items()}
     key = int(rng.integers(2**31))
     each = int(rng.choice(TRIALS))
-    some = drawn(GapModel(), STRENGTHS, each, key, seconds=SECONDS, **values)
+    some = drawn(GapModel(), STRENGTHS, each, key, seconds=SECONDS, **{**values, "lapse": 0.0})
+    some = lapsing(some, values["lapse"], rng)
     some = slowed(some, key) if slow else some
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
