@@ -9,6 +9,7 @@ from sybil.document import Document
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
 from bgmodel.cli import main, parsed
+from bgmodel.comparison.compare import FEWEST_TRIALS
 from tests.helpers import ROOT
 
 DOCS = ROOT / "docs"
@@ -78,19 +79,35 @@ def own_files():
             yield text.splitlines()[0].removeprefix("# "), text
 
 
+@pytest.fixture(params=["few trials", pytest.param("all", marks=pytest.mark.validate)])
+def fewer(request):
+    """Return a function that lowers a number of trials, to no fewer than an interval needs."""
+
+    def lowered(given, interval):
+        if request.param == "all":
+            return str(given)
+        return str(min(int(given), max(FEWEST_TRIALS if interval else 20, int(given) // 10)))
+
+    return lowered
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch, fewer):
     """Go to an empty folder that holds the pages' own tables, experiments and sweeps."""
     for file, text in own_files():
-        (tmp_path / file).write_text(text)
+        (tmp_path / file).write_text(
+            re.sub(r"(?<=^trials = )\d+", lambda n: fewer(n[0], True), text, flags=re.MULTILINE)
+        )
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.mark.parametrize("example", blocks("python"))
-def test_a_python_block_runs_as_it_stands(example, folder, capsys):
-    example.namespace.clear()
-    example.evaluate()
+def test_a_python_block_runs(example, folder, fewer, capsys):
+    text = str(example.parsed)
+    interval = "compare(" in text
+    text = re.sub(r"(?<=gaussian_evidence\()\d+", lambda n: fewer(n[0], interval), text)
+    exec(compile(text, example.path, "exec"), {"__name__": "__main__"})
     assert capsys.readouterr().out
     if example.path.endswith("README.md"):
         # A first impression of few trials: a circuit faster than the optimal test.
@@ -98,10 +115,15 @@ def test_a_python_block_runs_as_it_stands(example, folder, capsys):
 
 
 @pytest.mark.parametrize("example", blocks("console"))
-def test_a_command_runs_or_at_least_parses(example, folder):
+def test_a_command_runs_or_at_least_parses(example, folder, fewer):
     for arguments, line in commands(example):
-        parsed(arguments)
+        command = parsed(arguments)
         if not line.startswith(tuple(PARSED)):
+            if hasattr(command, "workers") and "--workers" not in arguments:
+                arguments += ["--workers", "1"]  # a process more takes longer than its trials
+            if "--trials" in arguments:
+                at = arguments.index("--trials") + 1
+                arguments[at] = fewer(arguments[at], arguments[:2] != ["circuit", "run"])
             assert main(arguments) == 0
 
 

@@ -2,10 +2,13 @@
 
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 
 import pandas as pd
 import pytest
@@ -18,6 +21,7 @@ from tests.helpers import ROOT, run
 
 SMALL = """
 name = "a small sweep"
+circuit = "mine.toml"
 engine = "{engine}"
 gain = 0.7
 [task]
@@ -29,11 +33,26 @@ posterior = [0.7, 0.8, 0.9]
 """
 
 
+def written(folder, engine="algebra", trials=60):
+    """Write a sweep and its circuit into a folder; return the sweep's path."""
+    write(circuit("macaque", 2), folder / "mine.toml")
+    path = folder / "small.toml"
+    path.write_text(SMALL.format(engine=engine, trials=trials))
+    return path
+
+
 @pytest.fixture
 def small(tmp_path):
-    path = tmp_path / "small.toml"
-    path.write_text(SMALL.format(engine="algebra", trials=60))
-    return path
+    return written(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """Run the small sweep once for all; return its folder, what it printed and what it warned."""
+    home = tmp_path_factory.mktemp("swept")
+    with redirect_stdout(StringIO()) as said, redirect_stderr(StringIO()) as warned:
+        assert run("sweep", written(home), home / "found") == 0
+    return home / "found", said.getvalue(), warned.getvalue()
 
 
 def outcome(folder):
@@ -41,10 +60,8 @@ def outcome(folder):
     return [(folder / name).read_bytes() for name in names]
 
 
-def test_a_sweep_is_one_table_with_what_it_was_made_from(small, tmp_path, capsys):
-    folder = tmp_path / "found"
-    assert run("sweep", small, folder) == 0
-    said, warned = capsys.readouterr()
+def test_a_sweep_is_one_table_with_what_it_was_made_from(swept):
+    folder, said, warned = swept
     assert said.splitlines()[1].split() == ["measure", "accuracy", "mean_ms", "missed"]
     # Each remark once, with the number of points that have it; none for points without a remark.
     assert "bgmodel: at 2 of 6 points: many trials are not decided in time" in warned
@@ -58,29 +75,26 @@ def test_a_sweep_is_one_table_with_what_it_was_made_from(small, tmp_path, capsys
     assert len(set(behind["circuits"])) == 2
 
 
-def test_what_is_there_is_not_computed_again_and_what_is_damaged_is(small, tmp_path, capsys):
+def test_what_is_there_is_not_computed_again_and_what_is_damaged_is(small, swept, tmp_path, capsys):
     folder = tmp_path / "found"
-    run("sweep", small, folder)
-    first = outcome(folder)
+    shutil.copytree(swept[0], folder)
     made = {path: path.stat().st_mtime_ns for path in (folder / "shards").iterdir()}
     one, *others = made
     one.write_bytes(one.read_bytes()[:50])
-    capsys.readouterr()
     assert run("sweep", small, folder, "--workers", 1) == 0
     assert "shards: 6, 5 there already, 1 damaged, computed again" in capsys.readouterr().out
     assert all(path.stat().st_mtime_ns == made[path] for path in others)
-    assert outcome(folder) == first
+    assert outcome(folder) == outcome(swept[0])
 
 
-def test_parts_and_jobs_of_snakemake_give_the_same_bytes(small, tmp_path):
-    run("sweep", small, tmp_path / "whole")
+def test_parts_give_the_same_bytes(small, swept, tmp_path):
+    folder = tmp_path / "parts"
     for k in (2, 1):
-        assert run("sweep", small, tmp_path / "parts", "--part", f"{k}/2") == 0
-    assert len(list((tmp_path / "parts" / "shards").iterdir())) == 6
-    assert not (tmp_path / "parts" / "outcome.csv").exists()
-    assert run("sweep", small, tmp_path / "parts") == 0
-    assert run("sweep", small, tmp_path / "jobs", "--on", "snakemake", "--parts", 2) == 0
-    assert outcome(tmp_path / "whole") == outcome(tmp_path / "parts") == outcome(tmp_path / "jobs")
+        assert run("sweep", small, folder, "--part", f"{k}/2", "--workers", 1) == 0
+    assert len(list((folder / "shards").iterdir())) == 6
+    assert not (folder / "outcome.csv").exists()
+    assert run("sweep", small, folder, "--workers", 1) == 0
+    assert outcome(folder) == outcome(swept[0])
 
 
 def test_names_of_files_and_folders_reach_jobs_as_they_are(small, tmp_path, monkeypatch):
@@ -94,18 +108,17 @@ def test_names_of_files_and_folders_reach_jobs_as_they_are(small, tmp_path, monk
     assert not list(tmp_path.rglob("x"))
 
 
-def test_jobs_of_a_finished_sweep_run_again_where_the_circuit_was_edited(tmp_path, capfd):
-    table = circuit("spiking_msprt", 2)
-    write(table, tmp_path / "mine.toml")
-    path = tmp_path / "small.toml"
-    path.write_text("circuit = 'mine.toml'\nengine = 'algebra'\n[grid]\nposterior = [0.8]\n")
-    jobs = ("sweep", path, tmp_path / "jobs", "--on", "snakemake", "--parts", 1)
+def test_jobs_give_the_same_bytes_and_run_again_where_the_circuit_was_edited(
+    small, swept, tmp_path, capfd
+):
+    jobs = ("sweep", small, tmp_path / "jobs", "--on", "snakemake", "--parts", 2)
     assert run(*jobs) == 0
+    assert outcome(tmp_path / "jobs") == outcome(swept[0])
     capfd.readouterr()
     assert run(*jobs, "--dry-run") == 0
     assert "rule part:" not in "".join(capfd.readouterr())
     (tmp_path / "mine.toml").unlink()
-    write(table.without("STN", 0.1), tmp_path / "mine.toml")
+    write(circuit("macaque", 2).without("STN", 0.1), tmp_path / "mine.toml")
     assert run(*jobs, "--dry-run") == 0
     assert "rule part:" in "".join(capfd.readouterr())
 
@@ -142,33 +155,36 @@ def test_two_sweeps_in_one_folder_at_once_are_refused(small, tmp_path, capsys):
     assert "another sweep is at work in" in capsys.readouterr().err
 
 
-def killed(command, after_s):
-    """Start a command, kill its whole group after a time; return whether it was still at work."""
+def killed(command, shards, count, later_s):
+    """Start a command, kill its whole group once `count` shards are there and a time has passed."""
     with subprocess.Popen(command, cwd=ROOT, start_new_session=True) as child:
-        time.sleep(after_s)
-        alive = child.poll() is None
-        if alive:
+        while child.poll() is None and len(finished(shards)) < count:
+            time.sleep(0.02)
+        time.sleep(later_s)
+        if child.poll() is None:
             os.killpg(child.pid, signal.SIGKILL)
-    return alive
 
 
-@pytest.mark.parametrize("moments", [3, pytest.param(20, marks=pytest.mark.validate)])
-def test_a_sweep_that_is_killed_goes_on_to_the_same_bytes(tmp_path, moments):
-    path = tmp_path / "small.toml"
-    path.write_text(SMALL.format(engine="population", trials=1500))
-    assert run("sweep", path, tmp_path / "alone") == 0
-    folder = tmp_path / "killed"
+def finished(shards):
+    """Return the shards that are whole, and when each was written."""
+    return {p: p.stat().st_mtime_ns for p in shards.glob("[!.]*.parquet")}
+
+
+@pytest.mark.parametrize("kills", [1, pytest.param(12, marks=pytest.mark.validate)])
+def test_a_sweep_that_is_killed_goes_on_to_the_same_bytes(tmp_path, kills):
+    path, folder = written(tmp_path, "population", 300), tmp_path / "killed"
+    assert run("sweep", path, tmp_path / "alone", "--workers", 1) == 0
     command = [sys.executable, "-m", "bgmodel", "sweep", str(path), str(folder)]
-    rng = random.Random(moments)
-    finished = {}
-    for _ in range(moments):
-        alive = killed(command, rng.uniform(1.0, 4.5))
-        now = {p: p.stat().st_mtime_ns for p in (folder / "shards").glob("[!.]*.parquet")}
+    rng, before = random.Random(kills), {}
+    for k in range(kills):
+        # The last of many kills come while the outcome is written.
+        count, later_s = min(k + 1, 6), rng.uniform(0, 1) if k else 0
+        killed(command, folder / "shards", count, later_s)
+        now = finished(folder / "shards")
+        assert len(now) >= count
         # A finished shard stays as it is.
-        assert finished.items() <= now.items()
-        finished = now
-        if not alive:
-            break
-    assert run("sweep", path, folder) == 0
-    assert all(p.stat().st_mtime_ns == made for p, made in finished.items())
+        assert before.items() <= now.items()
+        before = now
+    assert run("sweep", path, folder, "--workers", 1) == 0
+    assert before.items() <= finished(folder / "shards").items()
     assert outcome(folder) == outcome(tmp_path / "alone")
