@@ -43,6 +43,8 @@ WHOLE = {"fig3.pdf": b"a half and a half", "fig3.png": b"a half and a half"}
 # Recordings may be named by a path that is another one in another place.
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "BGMODEL_RECORDINGS"}
 ENVIRONMENT["PYTHONPATH"] = str(ROOT)
+HANG_S = 600
+"""No process takes as long, however busy the machine is: one that does hangs."""
 
 
 class Checkout:
@@ -88,7 +90,7 @@ class Checkout:
 
     def assert_goes_on(self):
         self.release()
-        assert self.start().wait(60) == 0, self.said()
+        assert self.start().wait(HANG_S) == 0, self.said()
         assert self.files() == WHOLE
 
 
@@ -102,8 +104,8 @@ def checkout(tmp_path):
             process.kill()
 
 
-def until(holds, seconds=60):
-    end = time.monotonic() + seconds
+def until(holds):
+    end = time.monotonic() + HANG_S
     while not holds():
         assert time.monotonic() < end
         time.sleep(0.02)
@@ -117,38 +119,24 @@ def kill(*processes):
         process.kill()
 
 
-def test_a_stale_lock_of_snakemake_does_not_stop_a_run(checkout):
-    locks = checkout.folder / ".snakemake" / "locks"
-    locks.mkdir(parents=True)
-    (locks / "0.output.lock").write_text("figures/fast/fig3.png\nfigures/fast/fig3.pdf\n")
-    checkout.assert_goes_on()
-
-
-def test_a_live_run_refuses_a_second_and_goes_on_after_an_interrupt(checkout):
-    command, *others = checkout.held()
-    assert checkout.start().wait(60) == 2
+def test_a_live_run_refuses_a_second_pauses_its_jobs_and_goes_on_after_an_interrupt(checkout):
+    family = command, *others = checkout.held()
+    assert checkout.start().wait(HANG_S) == 2
     assert checkout.said() == (
         f"bgmodel: another `bgmodel figures` is at work in this checkout, process {command.pid}: "
         "wait for its end, or stop it\n"
     )
+    command.send_signal(signal.SIGTSTP)
+    until(lambda: all(process.status() == psutil.STATUS_STOPPED for process in family))
+    command.send_signal(signal.SIGCONT)
+    until(lambda: all(process.status() != psutil.STATUS_STOPPED for process in family))
     command.send_signal(signal.SIGINT)
-    assert command.wait(60) == 130
+    assert command.wait(HANG_S) == 130
     said = (checkout.folder / "said0").read_text()
     assert said.endswith("bgmodel: stopped. The same command goes on where it was.\n")
     assert "Traceback" not in said
-    assert not psutil.wait_procs(others, timeout=20)[1]
+    assert not psutil.wait_procs(others, timeout=HANG_S)[1]
     checkout.assert_goes_on()
-
-
-def test_a_paused_run_pauses_its_jobs(checkout):
-    family = checkout.held()
-    family[0].send_signal(signal.SIGTSTP)
-    until(lambda: all(process.status() == psutil.STATUS_STOPPED for process in family))
-    family[0].send_signal(signal.SIGCONT)
-    until(lambda: all(process.status() != psutil.STATUS_STOPPED for process in family))
-    checkout.release()
-    assert family[0].wait(60) == 0
-    assert checkout.files() == WHOLE
 
 
 @pytest.mark.parametrize(
@@ -166,7 +154,7 @@ def test_nothing_of_a_killed_run_lives_on_or_is_taken_for_finished(checkout, kil
         kill(*family)
     else:
         family[["command", "Snakemake"].index(killed)].send_signal(by)
-    assert not psutil.wait_procs(family, timeout=20)[1]
+    assert not psutil.wait_procs(family, timeout=HANG_S)[1]
     left = set(checkout.files()) - {"fig3.pdf"}
     assert len(left) == 1, left
     assert left.pop().endswith(".partial.fig3.png")
@@ -179,33 +167,36 @@ def test_a_run_waits_for_what_is_left_of_one_that_was_killed(checkout):
     for process in family:
         assert str(lock) in {file.path for file in process.open_files()}
     kill(*family)
-    psutil.wait_procs(family, timeout=20)
+    psutil.wait_procs(family, timeout=HANG_S)
     checkout.release()
     with lock.open("a+") as left:
         flock(left, LOCK_EX)
         again = checkout.start()
         until(lambda: "waiting for the last jobs" in checkout.said())
         assert again.poll() is None
-    assert again.wait(60) == 0, checkout.said()
+    assert again.wait(HANG_S) == 0, checkout.said()
     assert checkout.files() == WHOLE
 
 
 def test_no_job_outlives_snakemake_and_the_command(checkout):
     command, snakemake, *jobs = checkout.held()
     kill(snakemake, command)
-    assert not psutil.wait_procs(jobs, timeout=20)[1]
+    assert not psutil.wait_procs(jobs, timeout=HANG_S)[1]
     checkout.assert_goes_on()
 
 
 def test_a_figure_that_fails_says_so_in_the_last_line(checkout):
     (checkout.folder / "figures" / "fig3.py").write_text("raise SystemExit('no such luck')")
-    assert checkout.start().wait(60) == 1
+    assert checkout.start().wait(HANG_S) == 1
     assert checkout.said().splitlines()[-1] == (
         "bgmodel: not every figure is drawn, Snakemake ended with status 1"
     )
 
 
-def test_a_file_of_a_figure_can_be_asked_for(checkout):
+def test_a_file_of_a_figure_can_be_asked_for_and_a_stale_lock_of_snakemake_stops_no_run(checkout):
+    locks = checkout.folder / ".snakemake" / "locks"
+    locks.mkdir(parents=True)
+    (locks / "0.output.lock").write_text("figures/fast/fig3.png\nfigures/fast/fig3.pdf\n")
     command = [*COMMAND, "figures", "figures/fast/fig3.png", "--fast"]
     done = subprocess.run(command, cwd=checkout.folder, env=ENVIRONMENT, check=False)
     assert done.returncode == 0
