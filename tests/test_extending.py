@@ -6,11 +6,14 @@ import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from io import StringIO
 
 import pytest
 from sybil.document import Document
 from sybil.parsers.markdown import CodeBlockParser
 
+from bgmodel.cli import main
 from tests.helpers import ROOT
 
 TEXT = (ROOT / "docs/extending.md").read_text()
@@ -35,25 +38,38 @@ def save(folder, text):
             (folder / name).write_text(block)
 
 
+def ran(words, folder):
+    """Run a command in a folder, `bgmodel` in this process; return status, stdout and stderr."""
+    if words[0] == "bgmodel":
+        with (
+            chdir(folder),
+            redirect_stdout(StringIO()) as said,
+            redirect_stderr(StringIO()) as told,
+        ):
+            status = main(words[1:])
+        return status, said.getvalue(), told.getvalue()
+    where = os.pathsep.join([str(folder), str(ROOT), os.environ.get("PYTHONPATH", "")])
+    program = [sys.executable] if words[0] == "python" else words[:1]
+    done = subprocess.run(
+        [*program, *words[1:]],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": where, "MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
 def follow(folder, text):
     """Run the commands, and compare what the recipe shows with what they print."""
     script = "\n".join(blocks(text, "console", folder / "recipe.md"))
-    where = os.pathsep.join([str(folder), str(ROOT), os.environ.get("PYTHONPATH", "")])
     for part in script.split("$ ")[1:]:
         command, _, shown = part.partition("\n")
-        words = shlex.split(command)
-        programs = {"python": [sys.executable], "bgmodel": [sys.executable, "-m", "bgmodel"]}
-        done = subprocess.run(
-            [*programs.get(words[0], words[:1]), *words[1:]],
-            cwd=folder,
-            env=os.environ | {"PYTHONPATH": where, "MPLBACKEND": "Agg"},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+        status, said, told = ran(shlex.split(command), folder)
+        assert status == 0, f"{command}\n{said}\n{told}"
         if shown.strip():
-            assert done.stdout == shown
+            assert said == shown
 
 
 @pytest.mark.parametrize("recipe", RECIPES)
