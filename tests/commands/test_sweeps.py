@@ -104,7 +104,7 @@ def test_names_of_files_and_folders_reach_jobs_as_they_are(small, tmp_path, monk
     file.write_text(file.read_text().replace("[0.0, 0.1]", "[0.1]").replace(", 0.8, 0.9]", "]"))
     assert run("sweep", file.name, "010", "--on", "snakemake", "--parts", 1) == 0
     assert (tmp_path / "010" / "outcome.csv").is_file()
-    assert {path.name for path in tmp_path.iterdir()} == {file.name, "010"}
+    assert {path.name for path in tmp_path.iterdir()} == {file.name, "mine.toml", "010"}
     assert not list(tmp_path.rglob("x"))
 
 
