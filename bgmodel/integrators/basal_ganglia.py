@@ -46,8 +46,8 @@ SETTLE_MS = 300.0
 """Time at rest before each trial in the engines that need it, ms, unless an option says so."""
 LEAD_MS = 100.0
 """Time per which a circuit states the largest lead that it follows, ms."""
-REFUSED_TIMES = 4.0
-"""A lead this many times the stated one is refused: twice the d' of Gaussian evidence."""
+REFUSED_TIMES = 8.0
+"""A lead this many times the stated one is refused: a third of decisions come late by then."""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
