@@ -61,7 +61,7 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
     [
         (
             ["run", "a.csv", "--gain", "0.1"],
-            "not nats: a posterior has no meaning there; give --thr",
+            "not nats: a posterior has no meaning there; give a thr",
         ),
         (
             ["run", "a.csv", "--gain", "0.1", "--posterior", "0.9"],
@@ -100,7 +100,7 @@ def test_the_command_says_what_saliences_do_not_have(command, says, tmp_path, mo
         (("fit", "roitman_shadlen_2002", "--strength", "coherence", "--models"), "OUT is in nats"),
         (("page", "p.html", "--circuit"), "the page's -ln P has no meaning there"),
         (("circuit", "run", "a.csv", "--gain", ".1", "--engine", "rate", "--posterior", ".9",
-          "--circuit"), "a posterior has no meaning there; give --threshold"),
+          "--circuit"), "a posterior has no meaning there; give a threshold"),
         (("circuit", "learn", "a.csv", "--gain", ".1", "--circuit"), "has no meaning there"),
     ],
 )  # fmt: skip
