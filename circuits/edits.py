@@ -11,8 +11,8 @@ A new row is its name and its fields; what is not given is the default, or that 
 it is like; a row with an amount is a course. A value with blanks stands in quotes::
 
     D1->GPe weight=-0.1 delay_ms=4      a pathway
-    D1->GPe like=D1->SNr weight=-0.1    a pathway like another, of the circuit or written above
-    TRN like=STN bias_nats=-1           a population like another
+    D1->GPe like=D1->SNr weight=-0.1    a pathway like another, of the circuit or among those added
+    TRN like=STN bias_nats=-1           a population like another, without that one's lesions
     TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20 cite="my data"
     dopamine amount=0.5 to_ms=300       a course: of dopamine
     STN amount=0.2 from_ms=100          or of the input of a population
@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_h
 from circuits.cells import CELLS, Cell
 from circuits.courses import DOPAMINE, Course
 from circuits.motifs import MOTIFS, expanded
-from circuits.rows import Population, Projection
+from circuits.rows import WHOLE, Population, Projection
 
 if TYPE_CHECKING:
     from circuits.spec import Circuit
@@ -101,22 +101,38 @@ def _changed(row: Row, texts: Sequence[str]) -> Row:
 def new_rows(circuit: Circuit, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
     """Return the rows that are added to a circuit, those that are text read.
 
-    A row in text may be like one of the circuit or one above it. The name of a motif stands for
-    all of its rows.
+    A row in text may be like one of the circuit, or like one added with it, before or after. A
+    population like a lesioned one is whole. The name of a motif stands for all of its rows.
 
     Raises
     ------
     ValueError
         One sentence with the row as it was written and what is allowed.
     """
+    given = list(expanded(circuit, rows))
     known: dict[str, Row] = {row.name: row for row in circuit.populations}
     known |= {row.name: row for row in circuit.projections}
-    new: list[Row | Course] = []
-    for given in expanded(circuit, rows):
-        new.append(row := _read(circuit, known, given) if isinstance(given, str) else given)
-        if not isinstance(row, Course):
-            known[row.name] = row
-    return new
+    known |= {row.name: row for row in given if isinstance(row, (Population, Projection))}
+    texts = {k: row for k, row in enumerate(given) if isinstance(row, str)}
+    likes = {k: _like(text) for k, text in texts.items()}
+    read: dict[int, Row | Course] = {}
+    while waiting := [k for k in texts if k not in read]:
+        names = {_new(texts[k])[0] for k in waiting} - known.keys()
+        ready = [k for k in waiting if likes[k] not in names]
+        if not ready:
+            with naming(*(texts[k] for k in waiting)):
+                raise ValueError("rows that are like each other say nothing: give one its fields")
+        for k in ready:
+            row = read[k] = _read(circuit, known, texts[k])
+            if not isinstance(row, Course):
+                known[row.name] = row
+    return [read[k] if isinstance(row, str) else row for k, row in enumerate(given)]
+
+
+def _like(text: str) -> str:
+    """Return the name of the row that a new row in text is like; empty for none."""
+    with naming(text):
+        return _new(text)[1].get("like", "")
 
 
 def _read(circuit: Circuit, known: Mapping[str, Row], text: str) -> Row | Course:
@@ -136,6 +152,8 @@ def _read(circuit: Circuit, known: Mapping[str, Row], text: str) -> Row | Course
         identity = {"source": source, "target": target} if arrow else {"name": name}
         if like is not None:
             given.setdefault("cite", _as(like, given))
+        if isinstance(like, Population):
+            like = replace(like, **WHOLE)
         return _row(kind, like, given, identity)
 
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,8 @@ MOST_DELAY_MS = 10_000.0
 MOST_NEURONS = 10**9
 """Most neurons per channel: no nucleus of the basal ganglia has more in any species."""
 RECEPTORS = {"": 0, "D1": 1, "D2": -1}
+WHOLE: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "replaced": False}
+"""The fields of a population by which it is lesioned, without any lesion."""
 
 
 def _one_to_one(targets: int, sources: int) -> npt.NDArray[np.float64]:

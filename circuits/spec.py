@@ -17,10 +17,22 @@ from circuits.arrays import Array
 from circuits.checks import check_channels, check_number, check_types
 from circuits.courses import DOPAMINE, Course, extremes
 from circuits.edits import changed_rows, naming, new_rows, with_fields
-from circuits.rows import GABA, GLUTAMATE, PATTERNS, RECEPTORS, SIGNS, Population, Projection
+from circuits.rows import (
+    GABA,
+    GLUTAMATE,
+    PATTERNS,
+    RECEPTORS,
+    SIGNS,
+    WHOLE,
+    Population,
+    Projection,
+)
 
 NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite")
 """Fields of rows that leave the fixed point as it is."""
+
+EDITED = "edited from: "
+"""How ``about`` begins once a number of a table was changed: what it says is of the original."""
 
 NATS = "nats"
 UNITS = (NATS, "salience")
@@ -88,7 +100,8 @@ class Circuit:
     courses : tuple
         The third table: what changes within a trial. Most circuits have none.
     about : str
-        One sentence with its source.
+        One sentence with its source, of the table before any edit: an edited one begins with
+        ``EDITED``. It is no part of what makes two circuits equal.
     """
 
     name: str
@@ -109,7 +122,7 @@ class Circuit:
     most_channels: int = 1000
     wiring_seed: int = 0
     courses: tuple[Course, ...] = ()
-    about: str = ""
+    about: str = field(default="", compare=False)
     unit: str = NATS
     default_gain: float | None = None
     chronic: bool = False
@@ -602,8 +615,7 @@ class Circuit:
         The default gain and the largest lead were measured for one number: neither is kept.
         """
         same = channels == self.channels
-        return replace(
-            self,
+        return self._edited(
             channels=channels,
             default_gain=self.default_gain if same else None,
             most_lead_nats=self.most_lead_nats if same else math.inf,
@@ -625,7 +637,7 @@ class Circuit:
             replace(p, neurons=max(1, round(p.neurons * factor))) if p.spiking else p
             for p in self.populations
         )
-        return replace(self, populations=rows)
+        return self._edited(populations=rows)
 
     def with_spread(self, spread: float) -> Circuit:
         """Return the circuit with cells that differ by a fraction in every spiking population."""
@@ -647,7 +659,7 @@ class Circuit:
             replace(p, probability=probability) if spikes else p
             for p, spikes in zip(self.projections, between, strict=True)
         )
-        return replace(self, projections=rows)
+        return self._edited(projections=rows)
 
     def with_rows(
         self, *rows: Population | Projection | Course | str, keep_rest: bool = False
@@ -690,7 +702,7 @@ class Circuit:
     def unlesioned(self) -> Circuit:
         """The circuit with every lesion and cut undone; biases that recovered from one stay."""
         whole: dict[str, Any] = {"intact": 1.0, "intact_by_channel": ()}
-        rows = tuple(replace(p, replaced=False, **whole) for p in self.populations)
+        rows = tuple(replace(p, **WHOLE) for p in self.populations)
         paths = tuple(replace(p, **whole) for p in self.projections)
         return replace(self, populations=rows, projections=paths, chronic=False)
 
@@ -722,8 +734,7 @@ class Circuit:
         exact = exact and tables[2] == self.courses
         times = {row.name: _times(row) for row in new}
         same = all(times.get(row.name) == _times(row) for row in old)
-        return replace(
-            self,
+        return self._edited(
             populations=populations,
             projections=projections,
             courses=tables[2],
@@ -731,13 +742,20 @@ class Circuit:
             most_lead_nats=self.most_lead_nats if same else math.inf,
         )
 
+    def _edited(self, **changes: Any) -> Circuit:
+        """Return the circuit with fields changed, and marked as edited if they differ."""
+        if all(getattr(self, name) == value for name, value in changes.items()):
+            return self
+        about = EDITED + self.about.removeprefix(EDITED) if self.about else ""
+        return replace(self, about=about, **changes)
+
     def _everywhere(self, **values: Any) -> Circuit:
         if not any(row.spiking for row in self.populations):
             raise ValueError(
                 f"{self.name} has no cells that spike: {', '.join(values)} say nothing"
             )
         rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
-        return replace(self, populations=rows)
+        return self._edited(populations=rows)
 
     def _reaches(self) -> None:
         """Refuse a circuit whose evidence cannot reach its read-out."""

@@ -17,7 +17,7 @@ from typing import Any
 
 from circuits.cells import CELLS
 from circuits.checks import is_bool
-from circuits.spec import Circuit, Course, Population, Projection
+from circuits.spec import EDITED, Circuit, Course, Population, Projection
 
 FORMAT = 1
 """Version of the form of these files."""
@@ -52,7 +52,10 @@ def plain(circuit: Circuit) -> dict[str, Any]:
 
 def digest(circuit: Circuit) -> str:
     """Return the SHA-256 of what a circuit holds, in hexadecimal: equal circuits have one."""
-    text = json.dumps(_canonical(plain(circuit)), sort_keys=True)
+    held = plain(circuit)
+    if circuit.about:  # the mark of an edit says no more than the rows
+        held["about"] = circuit.about.removeprefix(EDITED)
+    text = json.dumps(_canonical(held), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -187,7 +187,7 @@ def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
     assert (algebra.run(edited, drive).output_nats > algebra.run(TABLE, drive).output_nats).all()
 
 
-def test_a_row_may_be_like_one_above_it():
+def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
     nucleus = "Arky cell=Rate transmitter=GABA"
     paths = "Arky->D1 weight=-0.1 delay_ms=6", "Arky->D2 like=Arky->D1"
     edited = TABLE.with_rows(nucleus, "B like=Arky baseline_hz=3", *paths)
@@ -198,10 +198,24 @@ def test_a_row_may_be_like_one_above_it():
     assert edited.population("B").transmitter == "GABA"
     python = Projection("Arky", "D1", -0.1, delay_ms=6)
     assert TABLE.with_rows(nucleus, python, paths[1]).projection("Arky", "D2") == second
-    with pytest.raises(ValueError, match=r"'Arky->D2 like=Arky->D1': .* has no pathway Arky->D1"):
-        TABLE.with_rows(nucleus, *reversed(paths))
+    rows = (nucleus, "B like=Arky baseline_hz=3", "C like=B", *paths)
+    forth, back = TABLE.with_rows(*rows), TABLE.with_rows(*reversed(rows))
+    assert set(back.populations) == set(forth.populations)
+    assert set(back.projections) == set(forth.projections)
+    assert back.populations[-3:] == forth.populations[:-4:-1]  # as they were written
+    with pytest.raises(ValueError, match="rows that are like each other"):
+        TABLE.with_rows("B like=C", "C like=B", nucleus)
     with pytest.raises(ValueError, match="'Arky like=STN': Arky is there already"):
         TABLE.with_rows(nucleus, "Arky like=STN")
+
+
+@given(st.floats(0.01, 1), st.sampled_from([None, 0, 1]), st.booleans())
+def test_a_row_like_a_lesioned_one_is_like_the_intact_one(fraction, channel, replaced):
+    lesioned = TABLE.without("STN", fraction, channel=channel, replaced=replaced)
+    assert lesioned.with_rows("PPN like=STN").row("PPN") == TABLE.with_rows("PPN like=STN").row(
+        "PPN"
+    )
+    assert lesioned.with_rows("PPN like=STN intact=0.3").population("PPN").intact == 0.3
 
 
 @pytest.mark.parametrize(

@@ -94,6 +94,44 @@ def test_equal_circuits_have_one_hash_and_others_another():
         assert table_files.digest(other) != table_files.digest(circuit)
 
 
+EDITED = {
+    "lesion": lambda c: c.without("STN", 0.1),
+    "scale": lambda c: c.scaled("STN", "SNr", 0.5),
+    "channel": lambda c: c.scaled("STN", "SNr", 0.5, 0),
+    "bias": lambda c: c.edited("STN.bias_nats=7"),
+    "delay": lambda c: c.edited("STN->GPe.delay_ms=40"),
+    "row": lambda c: c.with_rows("D2->SNr weight=-0.1"),
+    "course": lambda c: c.with_rows("STN amount=0.5"),
+    "dopamine": lambda c: c.dopamine(0.8),
+    "cells": lambda c: c.with_neurons(3),
+    "more cells": lambda c: c.with_neurons_times(0.1),
+    "sparse": lambda c: c.with_connections(0.05),
+    "spread": lambda c: c.with_spread(0.5),
+}
+
+
+@pytest.mark.parametrize("edit", EDITED)
+def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_path):
+    """For example that it decides as the MSPRT does. The hash depends on the rows alone."""
+    circuit = anatomy.macaque()
+    edited = EDITED[edit](circuit)
+    assert edited.about == "edited from: " + circuit.about
+    assert edited.without("D1", 0.5).about == edited.about
+    found = table_reader.read(table_files.write(edited, tmp_path / "mine.toml"))
+    assert found.about == edited.about
+    unmarked = replace(edited, about=circuit.about)
+    assert edited == unmarked
+    assert table_files.digest(edited) == table_files.digest(unmarked)
+
+
+def test_an_edit_that_changes_nothing_leaves_the_description():
+    circuit = anatomy.macaque()
+    row = circuit.population("STN")
+    for same in (circuit.without("STN", 0.0), circuit.dopamine(1.0), circuit.with_channels(2)):
+        assert same.about == circuit.about
+    assert circuit.edited(f"STN.neurons={row.neurons}").about == circuit.about
+
+
 def test_a_file_of_ones_own_needs_no_more_than_what_differs():
     text = """
         format = 1
