@@ -1,6 +1,7 @@
 """Slow trials among those of a fit: said where there are some, and only there."""
 
 import warnings
+from dataclasses import replace
 
 import pytest
 
@@ -51,8 +52,6 @@ def test_where_lapses_are_held_it_is_advised_to_free_them_and_that_helps():
 
 @pytest.mark.parametrize("scale", [0.25, 4])
 def test_slow_trials_are_those_of_the_density_whatever_the_unit_of_strength(scale):
-    from dataclasses import replace
-
     one, other = (
         slow_trials(fitted(each)[0].optimum)
         for each in (SLOWED, replace(SLOWED, strength=scale * SLOWED.strength))
