@@ -192,7 +192,7 @@ class Kept:
             table, circuits = pd.concat(parts, ignore_index=True), dict(self.circuits)
             known = self._before(name)
             if known and not self._differs(name):
-                before = files.read_table(self.folder / name)
+                before = _as_written(self.folder / name, table)
                 circuits |= known["circuits"]
                 who = ["participant", "model"]
                 ours = pd.MultiIndex.from_frame(table[who].astype(str))
@@ -203,6 +203,16 @@ class Kept:
             asked = {**self.asked, "circuits": circuits}
             files.write_table(table, self.folder / name, seed=self.seed, **asked)
         return tables[0][0]
+
+
+def _as_written(path: Path, like: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of other fits; what is text in the one beside it stays so: 01 is not 1."""
+    import pandas as pd
+
+    texts = [name for name in like if pd.api.types.is_string_dtype(like[name])]
+    none = {str(name): [""] for name in like if name not in texts}
+    kinds = dict.fromkeys(texts, str)
+    return pd.read_csv(path, dtype=kinds, keep_default_na=False, na_values=none)
 
 
 def _draw(cells: dict[str, pd.DataFrame], title: str, path: Path) -> None:

@@ -3,6 +3,7 @@
 import json
 import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -49,8 +50,6 @@ def mine(tmp_path, monkeypatch):
 
 def fails(capsys, *arguments):
     """Run a command that must end with one sentence and leave no new file; return the sentence."""
-    from pathlib import Path
-
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     assert run("fit", *arguments) == 2
     *_, line = capsys.readouterr().err.splitlines()
@@ -206,6 +205,21 @@ def test_one_participant_after_the_other_fills_one_table(tmp_path, capsys):
         assert run("fit", "mine.csv", "again", *one[1:], "--participant", who) == 0
     pd.testing.assert_frame_equal(pd.read_csv("again/parameters.csv"), whole)
     assert len(pd.read_csv("again/cells.csv")) == 4
+
+
+def test_names_of_participants_and_levels_stay_as_they_are_written():
+    """01 is not 1, and fits to one of them leave those to the other in the table."""
+    named = changed(
+        participant_id=GOOD["participant_id"].map({"a": "01", "b/c": "1"}),
+        drug=GOOD["drug"].map({"on": "NA", "off": "1.50"}),
+    )
+    named.to_csv("named.csv", index=False)
+    one = ["named.csv", *COHERENCE, *GAP, *QUICK, "--vary", "bound=drug"]
+    assert run("fit", *one) == 0
+    for who in ("01", "1"):
+        assert run("fit", "named.csv", "again", *one[1:], "--participant", who) == 0
+    for table in TABLES:
+        assert Path("again", table).read_bytes() == Path("fits/named", table).read_bytes()
 
 
 def test_fits_of_another_question_are_never_written_over_unasked(capsys):
