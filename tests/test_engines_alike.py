@@ -25,8 +25,14 @@ CENTRED = np.array([[1.1, -0.3, -0.8], [0.0, 0.0, 0.0], [-0.5, 1.5, -1.0]])
 
 
 def all_of(circuit, drive, engine, **options):
-    given = FAST[engine] | options
-    return run(circuit, drive, engine=engine, step_ms=100, seed=SEED, **given)
+    given = {"step_ms": 100} | FAST[engine] | options
+    return run(circuit, drive, engine=engine, seed=SEED, **given)
+
+
+def held(circuit, engine):
+    """Return the run of a drive that stays for 400 ms, forty of the longest time constants."""
+    given = {} if engine == "algebra" else {"settle_ms": 0}
+    return all_of(circuit, np.repeat(CENTRED[:, None, :], 4, axis=1), engine, **given)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -65,8 +71,7 @@ def test_every_engine_is_tested():
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("circuit", [anatomy.bogacz_gurney(3), anatomy.appendix_b(3)])
 def test_exact_tables_settle_at_the_log_posterior(engine, circuit):
-    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
-    activity = all_of(circuit, drive, engine)
+    activity = held(circuit, engine)
     npt.assert_allclose(
         activity.output_nats[:, -1], -log_softmax(CENTRED, axis=1), atol=CLOSE[engine], rtol=0
     )
@@ -78,9 +83,8 @@ def test_exact_tables_settle_at_the_log_posterior(engine, circuit):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_lesion_of_stn_shifts_the_criterion_on_every_engine(engine):
-    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
     circuit = anatomy.bogacz_gurney(3).without("STN", 0.4)
-    out = all_of(circuit, drive, engine).output_nats[:, -1]
+    out = held(circuit, engine).output_nats[:, -1]
     exact = -log_softmax(CENTRED, axis=1) + np.log(0.6)
     npt.assert_allclose(out, np.maximum(exact, 0), atol=CLOSE[engine], rtol=0)
 
@@ -163,9 +167,8 @@ LOST = ONE.without("GPe", 0.25, channel=0).without("D2", 1, channel=1).without("
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_edit_of_one_channel_acts_on_every_engine(engine):
-    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
     circuit = anatomy.bogacz_gurney(3).scaled("D1", "SNr", 0.9, channel=1)
-    out = all_of(circuit, drive, engine).output_nats[:, -1]
+    out = held(circuit, engine).output_nats[:, -1]
     y = CENTRED + circuit.reference_nats - np.log(3)
     exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
     npt.assert_allclose(out, exact, atol=CLOSE[engine], rtol=0)
@@ -173,25 +176,24 @@ def test_an_edit_of_one_channel_acts_on_every_engine(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_lesion_in_one_channel_acts_on_every_engine_and_in_each_is_the_whole_lesion(engine):
-    drive = np.repeat(CENTRED[:, None, :], 5, axis=1)
     whole = anatomy.bogacz_gurney(3)
     y = CENTRED + whole.reference_nats - np.log(3)
     # D1 takes y from OUT of its own channel; Sigma is ln sum exp y over what is left of STN.
-    of_d1 = all_of(whole.without("D1", 0.1, channel=1), drive, engine).output_nats[:, -1]
+    of_d1 = held(whole.without("D1", 0.1, channel=1), engine).output_nats[:, -1]
     exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
     npt.assert_allclose(of_d1, exact, atol=CLOSE[engine], rtol=0)
-    of_stn = all_of(whole.without("STN", 0.25, channel=0), drive, engine).output_nats[:, -1]
+    of_stn = held(whole.without("STN", 0.25, channel=0), engine).output_nats[:, -1]
     sigma = logsumexp(y, axis=1, b=[0.75, 1, 1], keepdims=True)
     npt.assert_allclose(of_stn, np.maximum(sigma - y, 0), atol=CLOSE[engine], rtol=0)
     each = whole
     for channel in range(3):
         each = each.without("STN", 0.2, channel=channel).without("STN", 0.5, channel=channel)
     whole = whole.without("STN", 0.6)
-    found, expected = (all_of(c, drive, engine).output_nats for c in (each, whole))
+    found, expected = (held(c, engine).output_nats for c in (each, whole))
     npt.assert_allclose(found, expected, atol=CLOSE[engine], rtol=0)
 
 
-SHORT = {"settle_ms": 30, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
+SHORT = {"step_ms": 70, "settle_ms": 20, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
 
 
 @cache
@@ -256,7 +258,7 @@ def edited(number):
     ids=["shipped", "GPe->D2", "dopamine", "courses", "loop", "lesion", "irregular", "spread"],
 )
 def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
-    walk = np.random.default_rng(2).normal(0, 0.4, (8, 3, circuit.channels)).cumsum(axis=1)
+    walk = np.random.default_rng(2).normal(0, 0.4, (8, 2, circuit.channels)).cumsum(axis=1)
     names = tuple(row.name for row in circuit.populations if row.spiking)
     given = {"step_ms": 50, "settle_ms": 0, "seed": 1, "spikes": names}
     fast = run(circuit, walk, engine="ensemble", **given)
@@ -273,7 +275,7 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
     sparse = TABLE.with_connections(0.5).with_rows(*COURSES)
     drive = np.repeat(CENTRED[:1, None], 1, axis=1)
     names = ("D1", "D2", "SNr")
-    given = {"settle_ms": 20, "spikes": names}
+    given = {"step_ms": 70, "settle_ms": 10, "spikes": names}
     plain, brian2, fast = (
         all_of(sparse, drive, engine, **given) for engine in ("plain", "brian2", "ensemble")
     )
