@@ -29,7 +29,7 @@ from bgmodel import stream
 from bgmodel.arrays import Array
 from bgmodel.files import read_table, write_table
 from bgmodel.fitting.circuit import CircuitModel
-from bgmodel.fitting.crossings import decided
+from bgmodel.fitting.control import decided
 from bgmodel.fitting.network import LikelihoodNetwork, shipped_path
 from bgmodel.fitting.responses import Grid, responded
 from bgmodel.integrators.basal_ganglia import identity

@@ -20,7 +20,8 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.arrays import Array
 from bgmodel.fitting.circuit import CircuitModel
-from bgmodel.fitting.crossings import Crossings, decided
+from bgmodel.fitting.control import decided
+from bgmodel.fitting.crossings import Crossings
 from bgmodel.fitting.network import LikelihoodNetwork, read_network
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from circuits.anatomy import DEFAULT, circuit

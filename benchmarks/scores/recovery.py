@@ -23,7 +23,8 @@ from bgmodel import stream
 from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.algorithms import GapModel, Model
 from bgmodel.fitting.circuit import NONE
-from bgmodel.fitting.crossings import Crossings, decided, simulated
+from bgmodel.fitting.control import decided
+from bgmodel.fitting.crossings import Crossings, simulated
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.fit import fit, widened
 from bgmodel.fitting.identify import directions

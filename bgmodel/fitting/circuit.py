@@ -18,9 +18,9 @@ import numpy as np
 from bgmodel.arrays import Array, Truths
 from bgmodel.decision import Trace
 from bgmodel.fitting.algorithms import SENSITIVITY
-from bgmodel.fitting.control import BOUNDS, ideal, matched
+from bgmodel.fitting.control import BOUNDS, decided, ideal, matched
 from bgmodel.fitting.criteria import CRITERIA, NONE, Axis, Criterion
-from bgmodel.fitting.crossings import DRIFTS, Crossings, Run, decided, simulated
+from bgmodel.fitting.crossings import DRIFTS, Crossings, Run, simulated
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.stored import read_crossings, write_crossings

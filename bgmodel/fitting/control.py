@@ -1,4 +1,4 @@
-"""A control variate for stored crossings: an ideal integrator that read the same evidence.
+"""Densities from stored crossings, with an ideal integrator as a control variate.
 
 When a walk between two bounds decides is known exactly. Walks on the evidence of the stored trials
 differ from that by chance, and much of this difference is shared by the circuit, which decides on
@@ -11,17 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array, Truths
 from bgmodel.decision import Trace
-from bgmodel.fitting.responses import BIN_S
-
-if TYPE_CHECKING:
-    from bgmodel.fitting.crossings import Crossings
+from bgmodel.fitting.crossings import Crossings, interpolated, log_odds, read
+from bgmodel.fitting.responses import BIN_S, Grid
 
 BOUNDS = 31
 """Bounds at which walks are stored."""
@@ -70,8 +67,6 @@ class Control:
         array (bins, 2, drifts)
             Probability of each response in each bin, estimated minus exact, later by the lag.
         """
-        from bgmodel.fitting.crossings import interpolated, read
-
         levels = self.walks.thresholds_nats
         bound = np.polyval(self.bound_of_odds, odds)
         place = float(np.interp(-bound, levels, np.arange(len(levels))))
@@ -85,6 +80,46 @@ class Control:
             few = max(min(bins - shift, len(found)), 0)
             late[shift : shift + few] += weight * found[:few]
         return SHARE * late
+
+
+def decided(
+    settings: Sequence[tuple[Crossings, float]],
+    threshold_nats: float,
+    drift: npt.ArrayLike,
+    grid: Grid,
+) -> Array:
+    """Return the probability of a decision for 0 and 1 in each bin, at drifts.
+
+    Parameters
+    ----------
+    settings : sequence of (Crossings, float)
+        The same trials at settings of a circuit that the asked one lies between, and its share of
+        each; they sum to 1. Where a trial chose alike at all of them, it decides between them in
+        time; where not, it is divided among them.
+    threshold_nats : float
+        Within those stored.
+    drift : array (drifts,), 1/sqrt(s)
+        In favour of response 1.
+    grid : Grid
+        Bins.
+
+    Returns
+    -------
+    array (drifts, 2, bins)
+        An estimate without bias: with a control it may lie below 0 by less than its error.
+    """
+    first, v = settings[0][0], np.asarray(drift, float)
+    levels = first.thresholds_nats
+    odds = log_odds(threshold_nats)
+    place = len(levels) - 1 - float(np.interp(odds, log_odds(levels[::-1]), np.arange(len(levels))))
+    mass = read(settings, interpolated(place, len(levels)), v)
+    controls = [(each.control, share) for each, share in settings if each.control is not None]
+    if controls:
+        mass = mass - joined(controls).excess(odds, v, len(mass))
+    found = np.zeros((len(v), 2, grid.bins))
+    few = min(grid.bins, len(mass))
+    found[:, :, :few] = mass[:few].transpose(2, 1, 0)
+    return found
 
 
 def joined(settings: Sequence[tuple[Control, float]]) -> Control:

@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from bgmodel.arrays import Array, Integers, Truths
 from bgmodel.decision import Trace, first_crossing
-from bgmodel.fitting.responses import BIN_S, Grid
+from bgmodel.fitting.responses import BIN_S
 from bgmodel.seeds import stream
 
 if TYPE_CHECKING:
@@ -116,50 +116,6 @@ class Counts:
 
     decided: Array
     never: Array
-
-
-def decided(
-    settings: Sequence[tuple[Crossings, float]],
-    threshold_nats: float,
-    drift: npt.ArrayLike,
-    grid: Grid,
-) -> Array:
-    """Return the probability of a decision for 0 and 1 in each bin, at drifts.
-
-    Parameters
-    ----------
-    settings : sequence of (Crossings, float)
-        The same trials at settings of a circuit that the asked one lies between, and its share of
-        each; they sum to 1. Where a trial chose alike at all of them, it decides between them in
-        time; where not, it is divided among them.
-    threshold_nats : float
-        Within those stored.
-    drift : array (drifts,), 1/sqrt(s)
-        In favour of response 1.
-    grid : Grid
-        Bins.
-
-    Returns
-    -------
-    array (drifts, 2, bins)
-        An estimate without bias: with a control it may lie below 0 by less than its error.
-    """
-    from bgmodel.fitting.control import joined
-
-    first, v = settings[0][0], np.asarray(drift, float)
-    levels = first.thresholds_nats
-    odds = _log_odds(threshold_nats)
-    place = (
-        len(levels) - 1 - float(np.interp(odds, _log_odds(levels[::-1]), np.arange(len(levels))))
-    )
-    mass = read(settings, interpolated(place, len(levels)), v)
-    controls = [(each.control, share) for each, share in settings if each.control is not None]
-    if controls:
-        mass = mass - joined(controls).excess(odds, v, len(mass))
-    found = np.zeros((len(v), 2, grid.bins))
-    few = min(grid.bins, len(mass))
-    found[:, :, :few] = mass[:few].transpose(2, 1, 0)
-    return found
 
 
 def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
@@ -252,7 +208,7 @@ def _unmixed(drifts: tuple[float, ...], bins: int, columns: int) -> Array:
     return np.exp(-log_mixture(drifts, read_s[:, None], _evidence(columns)))
 
 
-def _log_odds(threshold_nats: npt.ArrayLike) -> Any:
+def log_odds(threshold_nats: npt.ArrayLike) -> Any:
     """Return the log odds at which OUT of an ideal circuit is at a threshold."""
     return -np.log(np.expm1(threshold_nats))
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.control import Control, exact, ideal, matched
-from bgmodel.fitting.crossings import decided, simulated
+from bgmodel.fitting.control import Control, decided, exact, ideal, matched
+from bgmodel.fitting.crossings import simulated
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.theory.first_passage import Gaussian, walk
 from tests import drawn

@@ -6,14 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.fitting import passage
-from bgmodel.fitting.crossings import (
-    DRIFTS,
-    Crossings,
-    decided,
-    interpolated,
-    log_mixture,
-    simulated,
-)
+from bgmodel.fitting.control import decided
+from bgmodel.fitting.crossings import DRIFTS, Crossings, interpolated, log_mixture, simulated
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.theory.first_passage import Gaussian, walk
 from tests.drawn import GAIN, ideal

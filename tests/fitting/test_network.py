@@ -10,7 +10,8 @@ from benchmarks import hssm_check
 from benchmarks.scores import likelihood
 from bgmodel import stream
 from bgmodel.fitting.circuit import CircuitModel
-from bgmodel.fitting.crossings import DRIFTS, Crossings, decided
+from bgmodel.fitting.control import decided
+from bgmodel.fitting.crossings import DRIFTS, Crossings
 from bgmodel.fitting.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.integrators.basal_ganglia import identity

@@ -21,7 +21,7 @@ from circuits.spec import Circuit, Population, Projection
 
 S0 = 2.2
 LAW = transfer.named("s_minus_log_s")
-MANY = 10**12
+MANY = 10**9
 REST, FAVOURED = (0.0, 0.0), (0.85, -0.85)
 
 
