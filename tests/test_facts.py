@@ -34,7 +34,7 @@ def records(outcome):
         TRACE,
         first_crossing(TRACE, 0.1),
         first_crossing(TRACE, THRESHOLDS, forced=False),
-        first_crossing(TRACE, 1e-9, forced=False),
+        first_crossing(TRACE, 1e-9, forced=False, checked=False),
         tally(TRACE, EVIDENCE.truth, THRESHOLDS),
         tradeoff(TRACE, EVIDENCE),
         BasalGanglia(circuit("spiking_msprt"), "ensemble", 0.7, 3, {"workers": 2}),
@@ -70,7 +70,7 @@ def test_of_many_thresholds_trials_are_counted_at_each():
 
 
 def test_what_is_not_known_is_said_and_nothing_is_warned_of(recwarn):
-    blank = first_crossing(TRACE, 1e-9, forced=False)
+    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False)
     assert "mean_time_ms unknown" in repr(blank)
     assert f"undecided {EVIDENCE.trials}" in repr(blank)
     assert "truth unknown" in repr(Evidence(np.zeros((2, 3, 2))))
@@ -115,7 +115,7 @@ def test_times_are_drawn_by_choice_and_every_decided_trial_counts():
     height = sum(bar.get_y() + bar.get_height() for bar in top)
     assert height == EVIDENCE.trials - left
     assert ax.get_title() == f"{left} of {EVIDENCE.trials} undecided"
-    blank = first_crossing(TRACE, 1e-9, forced=False).plot(Figure().subplots())
+    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False).plot(Figure().subplots())
     assert blank.get_title() == "120 of 120 undecided"
 
 

@@ -113,7 +113,9 @@ def decided(
     odds = log_odds(threshold_nats)
     place = len(levels) - 1 - float(np.interp(odds, log_odds(levels[::-1]), np.arange(len(levels))))
     mass = read(settings, interpolated(place, len(levels)), v)
-    controls = [(each.control, share) for each, share in settings if each.control is not None]
+    controls = [
+        (each.control, share) for each, share in settings if isinstance(each.control, Control)
+    ]
     if controls:
         mass = mass - joined(controls).excess(odds, v, len(mass))
     found = np.zeros((len(v), 2, grid.bins))

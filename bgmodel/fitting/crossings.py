@@ -20,7 +20,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -29,9 +29,6 @@ from bgmodel.arrays import Array, Integers, Truths
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.seeds import stream
-
-if TYPE_CHECKING:
-    from bgmodel.fitting.control import Control
 
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""
@@ -42,6 +39,13 @@ BATCH = 500
 Run = Callable[[Array, int], Trace]
 """From evidence (trials, readings, 2), accumulated, sqrt(s), and the number of the first trial, to
 OUT: reading k, which is heard from k to k + 1 bins on, is the last that OUT may depend on then."""
+
+
+class Divided(Protocol):
+    """What can be taken for some parts of the trials, as a ``control.Control``."""
+
+    def part(self, parts: Truths) -> Divided:
+        """Return it for some parts."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,7 +64,7 @@ class Crossings:
         0 or 1, -1 where there was none. Evidence of positive drift speaks for 0.
     evidence : array (thresholds, trials), sqrt(s)
         X, the difference of what the two channels had read by then.
-    control : Control, optional
+    control : control.Control, optional
         Walks on the same evidence, whose chance differences are subtracted.
     parts : bool array (parts,)
         Which trials count: trial k does where ``parts[k % len(parts)]`` is true. Trials are
@@ -72,7 +76,7 @@ class Crossings:
     bins: Integers
     choice: Integers
     evidence: npt.NDArray[np.floating[Any]]
-    control: Control | None = None
+    control: Divided | None = None
     parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
     _counted: dict[int, Counts] = field(default_factory=dict, compare=False)
 
