@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +67,13 @@ def checked_truth(truth: npt.ArrayLike, trials: int, hypotheses: int) -> Integer
             f"truth must lie in 0..{hypotheses - 1}, got {values.min()}..{values.max()}"
         )
     return values
+
+
+def path_of(given: str | Path) -> Path:
+    """Return the path of a file; ValueError for what is none."""
+    if not isinstance(given, (str, PathLike)):
+        raise ValueError(f"a file is given by its path, got {type(given).__name__}")
+    return Path(given)
 
 
 def _kind(values: object) -> str:

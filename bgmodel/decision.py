@@ -443,13 +443,18 @@ def _check_before(trace: Trace, levels: npt.ArrayLike, *, asked: bool) -> None:
         known.warn_of_noise(level)
 
 
+def check_trace(given: Trace) -> None:
+    """Raise ValueError for what is no trace, as a bare array."""
+    if not isinstance(given, Trace):
+        raise ValueError(f"trace must be a Trace, as from Msprt().run, got {type(given).__name__}")
+
+
 def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return OUT, its first reading, and ends and numbers of trials, as compiled loops need them.
 
     These loops read where they are told to: what does not fit is refused here.
     """
-    if not isinstance(trace, Trace):
-        raise ValueError(f"trace must be a Trace, as from Msprt().run, got {type(trace).__name__}")
+    check_trace(trace)
     out = np.ascontiguousarray(reals("out_nats", trace.out_nats))
     if out.ndim != 3 or 0 in out.shape:
         raise ValueError(

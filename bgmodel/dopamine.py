@@ -22,7 +22,7 @@ from bgmodel.comparison.compare import Tradeoff
 from bgmodel.comparison.steady import leader_out
 from bgmodel.decision import any_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
+from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia, checked_circuit
 from circuits.engines import NOISY
 from circuits.spec import Circuit
 
@@ -79,6 +79,9 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
     ValueError
         If the circuit does not read the threshold, or no level in 0..2 serves.
     """
+    circuit = checked_circuit(circuit)
+    if not is_number(threshold_nats):
+        raise ValueError(f"threshold_nats must be a number, got {threshold_nats!r}")
     odds = _odds(circuit)
     low_nats, high_nats = circuit.readable_nats
     if not low_nats < threshold_nats < high_nats:
@@ -173,6 +176,7 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
     """
     if not (is_number(gain) and 0 < gain < np.inf):
         raise ValueError(f"gain must be > 0 and finite, got {gain!r}")
+    circuit = checked_circuit(circuit)
     odds = _odds(circuit)
     past = decided_out(circuit, level, odds) - threshold_nats
     if not past[0] > 0 >= past.min():

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bgmodel.checks import path_of
 from bgmodel.memory import NoMemoryError, check_table_memory
 from bgmodel.version import __version__
 
@@ -89,7 +90,7 @@ def write_table(
         If the ending is neither, the folder can't be written, or what lies at ``<name>.csv.json``
         is no provenance.
     """
-    path = Path(path)
+    path = path_of(path)
     if path.suffix not in (".parquet", ".csv"):
         raise ValueError(f"a table is written as .parquet or .csv, got {str(path)!r}")
     text = json.dumps(provenance(seed, **parameters), indent=1, sort_keys=True)
@@ -168,7 +169,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
     """Read a ``.parquet`` or ``.csv`` table; raise one clear ValueError if that can't be done."""
     import pandas as pd
 
-    path = Path(path)
+    path = path_of(path)
     if not path.is_file():
         raise ValueError(f"there is no table {str(path)!r}")
     try:

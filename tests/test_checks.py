@@ -9,8 +9,10 @@ from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing
 from bgmodel.checks import is_number, is_whole, one_per_trial, reals, whole
 from bgmodel.comparison.circuits import decide_at_thresholds
 from bgmodel.comparison.compare import tradeoff
-from bgmodel.dopamine import criterion
+from bgmodel.dopamine import criterion, working_range
 from bgmodel.evidence import expecting, gaussian_evidence
+from bgmodel.experiments.experiment import read_experiment, run_experiment
+from bgmodel.files import read_table
 from bgmodel.integrators.fused import gaussian_tally
 from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe
@@ -21,6 +23,8 @@ from bgmodel.integrators.sprt import (
     threshold_from_gap,
 )
 from bgmodel.learning.reward import reward
+from bgmodel.tables.choices import read_choices
+from bgmodel.tables.evidence import read_trials
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import engines
 from circuits.anatomy import CIRCUITS, circuit
@@ -166,6 +170,11 @@ def test_parts_that_belong_to_other_trials_are_refused():
     for call in (
         lambda: tradeoff(trace, some_evidence(hypotheses=4)),
         lambda: tradeoff(trace, evidence[:10]),
+        lambda: tradeoff(trace.out_nats, evidence),
+        lambda: run_experiment("stn_conflict"),
+        lambda: criterion("maca", 1.0, 0.3, 0.5),
+        lambda: working_range(3, 0.3),
+        lambda: working_range(TABLE, "0.3"),
         lambda: tradeoff(trace, evidence, 0.3),
         lambda: tradeoff(trace, evidence, [[0.3, 0.2]]),
         lambda: reward(decision, evidence.truth[:3], 5.0),
@@ -180,6 +189,13 @@ def test_parts_that_belong_to_other_trials_are_refused():
     ):
         with pytest.raises(ValueError, match=r"must|not of|reads no OUT|equals"):
             call()
+
+
+@pytest.mark.parametrize("read", [read_table, read_trials, read_choices, read_experiment])
+def test_a_file_is_given_by_its_path(read):
+    for odd in (None, 3, [], EVIDENCE):
+        with pytest.raises(ValueError, match=r"given by its path"):
+            read(odd)
 
 
 @pytest.mark.parametrize(

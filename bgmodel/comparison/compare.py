@@ -18,7 +18,7 @@ import pandas as pd
 from bgmodel.arrays import Array, Integers
 from bgmodel.checks import reals, whole
 from bgmodel.comparison.pairs import Choices, side_by_side
-from bgmodel.decision import Trace, first_crossing
+from bgmodel.decision import Trace, check_trace, first_crossing
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.facts import Facts, span
 from bgmodel.seeds import generator
@@ -147,6 +147,7 @@ def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None 
     thresholds : array (K,), optional
         ``levels(trace)`` if left out.
     """
+    check_trace(trace)
     if np.shape(trace.out_nats)[::2] != (check_evidence(evidence).trials, evidence.hypotheses):
         raise ValueError(
             f"the trace must be of this evidence, {evidence.trials} trials of "

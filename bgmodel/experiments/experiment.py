@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import toml_files
+from bgmodel.checks import path_of
 from bgmodel.comparison.cautions import calibration
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
@@ -189,7 +190,7 @@ def read_experiment(file: str | Path) -> Experiment:
     ValueError
         One sentence with the key, what was given and what is allowed.
     """
-    path = Path(file)
+    path = path_of(file)
     if path.suffix == ".toml":
         found = seen_from(path.parent, toml_files.read(path, Experiment))
         warn_of_default(path)
@@ -302,6 +303,10 @@ def run_experiment(
         If evidence leaves the circuit's range, noise alone crosses the threshold, many trials are
         missed, or posteriors at the decision are not the share of right choices.
     """
+    if not isinstance(experiment, Experiment):
+        raise ValueError(
+            f"experiment must be an Experiment, as from read_experiment, got {experiment!r}"
+        )
     given = given or experiment.trials()
     evidence = given.evidence
     check_trials(evidence.trials)

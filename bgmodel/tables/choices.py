@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.arrays import Array, Truths
+from bgmodel.checks import path_of
 from bgmodel.facts import Facts, span
 from bgmodel.tables.cautions import (
     check_deadline,
@@ -235,14 +236,15 @@ def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
     """Return the name of a source, and its table as it stands there."""
     if isinstance(source, pd.DataFrame):
         return "a table", source
+    path = path_of(source)
     if source in SETS:
         return str(source), shipped()[str(source)].table
-    if not Path(source).suffix:
+    if not path.suffix:
         raise ValueError(
             f"source must be a .csv, .tsv or .parquet or one of {', '.join(SETS)}, got "
             f"{str(source)!r}"
         )
-    return Path(source).name, read_rows(Path(source))
+    return path.name, read_rows(path)
 
 
 def _check_cells(choices: Choices) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.checks import path_of
 from bgmodel.evidence import Evidence
 from bgmodel.files import read_table
 from bgmodel.memory import check_evidence_memory, check_table_memory
@@ -52,7 +53,7 @@ def read_trials(
     ValueError
         One sentence with the file's name.
     """
-    path = Path(path)
+    path = path_of(path)
     table = _read_csv(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
     try:
         return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
