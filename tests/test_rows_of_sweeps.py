@@ -210,6 +210,11 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
                 "without": ("TRN=0.5",),
             },
         ),
+        (
+            {"add": ("striatal_FSI",)},
+            {"FSI": (0.5,)},
+            {"add": ("striatal_FSI",), "without": ("FSI=0.5",)},
+        ),
     ],
 )
 def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):

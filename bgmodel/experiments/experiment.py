@@ -125,7 +125,10 @@ class Experiment:
                 self.threshold_nats(condition, self.task.channels)
 
     def check_differs(self) -> None:
-        """Raise ValueError if both conditions are one circuit that decides at one threshold."""
+        """Raise ValueError if both conditions are alike, or decide at a threshold that is refused.
+
+        ``run_experiment`` refuses the latter too; here it is seen before anything is said.
+        """
         channels = self.trials().evidence.hypotheses
         both = [
             (self.table(c, channels), self.threshold_nats(c, channels))
@@ -133,6 +136,7 @@ class Experiment:
         ]
         if both[0] == both[1]:
             raise ValueError("the manipulation changes nothing: control and manipulation are alike")
+        check_conditions(*both[0], *both[1])
 
     def trials(self) -> Trials:
         """Return the evidence with the names of its hypotheses and a table's own columns."""
