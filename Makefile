@@ -5,6 +5,9 @@ PYTHONS ?= python3.11 python3.12 python3.13
 VENV = .venv
 BIN = $(VENV)/bin
 export MPLBACKEND = Agg
+# Tests run side by side: more threads of one would wait for each other.
+test validate: export OPENBLAS_NUM_THREADS = 1
+test validate: export OMP_NUM_THREADS = 1
 
 .PHONY: figures test lint docs validate faults score benchmark dist shipped-taps clean
 .DELETE_ON_ERROR:

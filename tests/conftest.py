@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.dopamine import THRESHOLD_NATS, decide_at_levels
@@ -12,8 +12,14 @@ from bgmodel.tables.trials import Trials, trial_table
 from tests.helpers import GOOD
 from tests.levels import LEVELS, MODEL, SEED
 
-# A test gives one result: no example has a time limit, and each run tries the same examples.
-settings.register_profile("bgmodel", deadline=None, derandomize=True)
+# A test gives one result: no example has a time limit, drawing one neither (a busy machine would fail
+# it), and each run tries the same examples.
+settings.register_profile(
+    "bgmodel",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("bgmodel")
 
 

@@ -57,7 +57,7 @@ WITH_ADEX = with_cell(BASE, "GPe", ADEX)
 def lacking(engine="ensemble", **options):
     def call(circuit):
         given = GIVEN if engine in SPIKING else {"step_ms": 40.0}
-        return run(circuit, DRIVE, engine=engine, **given | options)
+        return run(circuit, DRIVE[:, :1], engine=engine, **given | options)
 
     return call
 

@@ -47,7 +47,9 @@ def test_a_nucleus_that_inhibits_itself_alone_settles_where_its_rates_do():
     np.testing.assert_allclose(settled, exact, atol=1e-6)
 
 
-@pytest.mark.parametrize("channels", [2, 6, 100, 150, 300])
+@pytest.mark.parametrize(
+    "channels", [2, 6, 100, 150, pytest.param(300, marks=pytest.mark.validate)]
+)
 def test_gpr_rests_where_its_equations_do_by_hand_for_any_number_of_channels(channels):
     # STN s = .25 - GPe g, g = .9 N s + .2, output .9 N s - .3 g + .2; striatum is silent.
     s = 0.05 / (1 + 0.9 * channels)

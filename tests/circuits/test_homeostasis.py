@@ -265,6 +265,7 @@ def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_
 
 
 @given(st.sampled_from(["ctx->D1", "D1->SNr", "STN->GPe", "GPe->STN"]), st.floats(0.85, 1.15))
+@settings(max_examples=30)
 def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor):
     table = anatomy.macaque(4)
     edited = table.scaled(*name.split("->"), factor).recovered(table)

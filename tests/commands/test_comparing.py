@@ -12,6 +12,7 @@ from bgmodel.files import provenance_path
 from circuits.anatomy import DEFAULT
 from tests.helpers import run
 
+FIXED_POINT = ("--engine", "algebra", "--d-prime", 1, "--t-max", 20, "--accuracies", 0.9)
 SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edits.neurons", 100)
 
 
@@ -27,8 +28,7 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     again = tmp_path / "b.csv"
     assert run("compare", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()
-    algebra = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
-    assert run("compare", out, *algebra) == 0
+    assert run("compare", out, *FIXED_POINT, "--trials", 100, "--force") == 0
     assert re.search(r"same choice \(agreement\) +1\.000", capsys.readouterr().out)
 
 
@@ -56,7 +56,7 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, capsys, monkeypa
 
 def test_json_is_all_that_stdout_holds(tmp_path, capsys):
     out = tmp_path / "a.csv"
-    small = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--json")
+    small = (*FIXED_POINT, "--trials", 100, "--json")
     for command, edits in ((("compare",), ()), (("circuit", "lesion"), ("STN=0.2",))):
         assert run(*command, out, *edits, *small, "--force") == 0
         told = capsys.readouterr()
@@ -70,7 +70,7 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
         assert "100 trials -> " in told.err
         assert "left out" not in told.err
         assert "json" not in json.loads(provenance_path(out).read_text())["parameters"]["command"]
-    plain = ("--engine", "algebra", "--trials", 100, "--accuracies", 0.9, "--force")
+    plain = (*FIXED_POINT, "--trials", 100, "--force")
     assert run("circuit", "lesion", out, "STN=0.2", *plain) == 0
     shown = capsys.readouterr().out
     assert "value [95 % interval, by a bootstrap over trials]" in shown
@@ -180,7 +180,7 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
 
 
 def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
-    small = ("--engine", "algebra", "--trials", 200, "--accuracies", 0.9)
+    small = (*FIXED_POINT, "--trials", 200)
     assert run("compare", tmp_path / "a.csv", *small, "--edits.without", "STN=0.1") == 0
     shown = capsys.readouterr().out
     assert "MSPRT at its gain, circuit minus intact: offset_ms" in shown

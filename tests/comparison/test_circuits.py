@@ -115,11 +115,11 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
     """Below the lowest threshold a trial is over, unless the decoder has not got there."""
     given = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
     model = replace(MODEL, circuit=edited)
-    # Batches of 20: a trial that is run again has the noise of its place among all.
-    monkeypatch.setattr(basal_ganglia, "BATCH", 20)
-    dropped = decide_at_thresholds(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
+    # Batches of 10: a trial that is run again has the noise of its place among all.
+    monkeypatch.setattr(basal_ganglia, "BATCH", 10)
+    dropped = decide_at_thresholds(model, EVIDENCE[:20], given, decoder_tau_ms=tau_ms)
     monkeypatch.setattr(basal_ganglia, "DROPPING", ())
-    whole = decide_at_thresholds(model, EVIDENCE[:40], given, decoder_tau_ms=tau_ms)
+    whole = decide_at_thresholds(model, EVIDENCE[:20], given, decoder_tau_ms=tau_ms)
     assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
     for name, one in whole.items():
         for field in ("choice", "time_ms", "forced", "posterior"):

@@ -29,11 +29,17 @@ def changes(table):
     return table[table["condition"] == "change"].set_index("measure")
 
 
-def test_the_threshold_alone_moves_what_it_must():
-    """At the fixed point: times, criterion and bound follow the threshold, the drift does not."""
+@pytest.fixture(scope="module")
+def by_threshold():
+    """Return an experiment on the threshold at the fixed point, and its measures."""
     experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
     experiment = replace(experiment, task=replace(experiment.task, trials=200))
-    table = run_experiment(experiment).measures
+    return experiment, run_experiment(experiment).measures
+
+
+def test_the_threshold_alone_moves_what_it_must(by_threshold):
+    """At the fixed point: times, criterion and bound follow the threshold, the drift does not."""
+    experiment, table = by_threshold
     said = outcomes(experiment, table).set_index("measure")["outcome"]
     assert dict(said) == {"bound": AGREES, "criterion": AGREES, "drift": said["drift"]}
     assert said["drift"] != DISAGREES
@@ -48,10 +54,8 @@ def test_the_threshold_alone_moves_what_it_must():
     assert "EZ-diffusion" not in page(experiment, few)
 
 
-def test_a_page_says_why_a_diffusion_is_withheld():
-    experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
-    experiment = replace(experiment, task=replace(experiment.task, trials=200))
-    table = run_experiment(experiment).measures
+def test_a_page_says_why_a_diffusion_is_withheld(by_threshold):
+    experiment, table = by_threshold
     assert "withheld" not in page(experiment, table)
     cut = (table["condition"] == "manipulation") & (table["measure"] == "missed")
     shown = page(experiment, table.assign(value=table["value"].mask(cut, 0.04)))

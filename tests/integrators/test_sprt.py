@@ -68,7 +68,7 @@ def test_streaming_gives_the_batch_decision(hypotheses, precision):
 def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
     """The martingale identity, exact for true likelihoods, in one z-test a threshold."""
     evidence = gaussian_evidence(
-        60_000, 60, 0.5, hypotheses=hypotheses, rng=stream(11, "martingale", hypotheses)
+        20_000, 60, 0.5, hypotheses=hypotheses, rng=stream(11, "martingale", hypotheses)
     )
     trace = Msprt().run(evidence)
     decision = first_crossing(trace, -np.log([0.7, 0.9, 0.97]))

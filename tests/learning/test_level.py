@@ -162,7 +162,7 @@ def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, 
         tactile,
         xi=XI,
         start_level=start,
-        runs=6,
+        runs=3,
         seed=SEED,
         name="tactile",
     )

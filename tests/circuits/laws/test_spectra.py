@@ -35,7 +35,7 @@ def test_beta_of_cells_that_differ_is_what_spikes_show(level):
     """The macaque's, of which each cell has a rate of its own, from 13 to 30 Hz."""
     table = anatomy.macaque().dopamine(level)
     assert table.population("STN").spread
-    found = ensemble.run(table, np.zeros((60, 3, 2)), step_ms=1000, seed=75)
+    found = ensemble.run(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
     for name in ("ctx", "STN", "GPe", "SNr"):
         frequency, power = found.spectrum(name, from_ms=1000, segment_ms=500)
         band = (frequency >= 13) & (frequency <= 30)
