@@ -12,8 +12,8 @@ from bgmodel.tables.trials import Trials, trial_table
 from tests.helpers import GOOD
 from tests.levels import LEVELS, MODEL, SEED
 
-# A test gives one result: no example has a time limit, drawing one neither (a busy machine would fail
-# it), and each run tries the same examples.
+# A test gives one result, however busy the machine is: examples have no time limit, nor has drawing
+# them, and each run tries the same.
 settings.register_profile(
     "bgmodel",
     deadline=None,

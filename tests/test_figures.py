@@ -149,7 +149,9 @@ def computed_and_drawn(script, folder):
     return read_table(data), figure
 
 
-def test_figure_c1_counts_what_theory_says(tmp_path):
+def test_figure_c1_counts_what_theory_says(tmp_path, monkeypatch):
+    monkeypatch.setattr(figC1, "CELLS", 500)
+    monkeypatch.setattr(figC1, "HELD_S", 2)
     table, figure = computed_and_drawn(figC1, tmp_path)
     assert len(figure.axes) == 5
     fast = table[table["law_hz"] > 5]
@@ -178,8 +180,9 @@ def test_figure_c2_sets_the_chosen_channel_against_the_mean_of_the_others():
     assert pairs.tolist() == [[[1.0, 5.5]], [[7.0, 2.5]]]
 
 
-def test_figure_d5_counts_what_its_closed_form_says(tmp_path):
+def test_figure_d5_counts_what_its_closed_form_says(tmp_path, monkeypatch):
     """Less dopamine, more power of 13-30 Hz: doubled at .5; nothing that was fitted."""
+    monkeypatch.setattr(figD5, "LEVELS", (1.0, 0.7, 0.5))
     table, figure = computed_and_drawn(figD5, tmp_path)
     assert len(figure.axes) == 6
     power = table[(table["measure"] == "band") & table["level"].isin(figD5.LEVELS)]

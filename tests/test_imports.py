@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -169,7 +170,12 @@ def modules(package):
         yield name.removesuffix(".__init__"), path
 
 
+@cache
 def imports(path):
+    return tuple(_imports(path))
+
+
+def _imports(path):
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -179,6 +185,7 @@ def imports(path):
             yield from (n if n in known() else node.module for n in names)
 
 
+@cache
 def known():
     return {name for package in ("bgmodel", "circuits") for name, _ in modules(package)}
 

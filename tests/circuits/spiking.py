@@ -28,8 +28,8 @@ ADEX = AdEx(
     jump_mv=80.5 / 30,
     leak_mv=-70.6,
 )
-DRIVE = np.zeros((2, 3, 2))
-DRIVE[0, :, 0] = DRIVE[1, :, 1] = np.array([0, 0.7, 1.4])
+DRIVE = np.zeros((2, 2, 2))
+DRIVE[0, :, 0] = DRIVE[1, :, 1] = np.array([0, 1.4])
 DRIVE -= DRIVE.mean(axis=2, keepdims=True)
 GIVEN = {"step_ms": 40.0, "seed": 3, "settle_ms": 20.0}
 

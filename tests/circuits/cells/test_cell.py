@@ -205,7 +205,7 @@ def test_what_all_cells_do_alike_counts_for_each_of_them():
         sum(s[0] == "STN" for s in spikes_of(fitting(tick=staticmethod(tick)), engine))
         for engine in ("plain", "ensemble")
     ]
-    assert counts[0] == counts[1] == 2 * 2 * 40 * 1200
+    assert counts[0] == counts[1] == 2 * 2 * 40 * 800
 
 
 def test_a_class_that_was_registered_anew_takes_the_place_of_the_old_one():

@@ -66,7 +66,7 @@ def test_cells_spike_as_in_the_plain_scheme(circuit):
     ids=["sparse", "one channel", "lost in one channel", "both"],
 )
 def test_sparse_inputs_make_cells_spike_as_in_the_plain_scheme_up_to_single_precision(circuit):
-    fast, plain = both(circuit, ramp(2, 3))
+    fast, plain = both(circuit, ramp(2, 2))
     for name in NAMES:
         a, b = spike_set(fast.spikes[name]), spike_set(plain.spikes[name])
         # A potential within a rounding of the threshold fires a tick early or late, and takes
