@@ -62,4 +62,4 @@ def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):
     circuit = replace(BASE, populations=tuple(rows))
     one_sentence(lambda: lacking("ensemble")(circuit), "transfers", "square", "brian2")
     assert isinstance(circuit, Circuit)
-    assert lacking("plain")(circuit).output_nats.shape == (2, 120, 2)
+    assert lacking("plain")(circuit).output_nats.shape == (2, 40, 2)
