@@ -120,6 +120,7 @@ class Kept:
         there = read_piece(pieces, title, key)
         if there is not None:
             self.note(f"{who}, {name}: there already")
+            _warn(who, name, there)
             return there
         shape = "{desc} {elapsed}{postfix}"
         with tqdm(desc=f"{who}, {name}", bar_format=shape, disable=None) as bar:
@@ -127,40 +128,31 @@ class Kept:
             with warnings.catch_warnings(record=True) as cautions:
                 warnings.simplefilter("always", UserWarning)
                 found = fit(likelihood, draws=self.posterior, tell=said)
-        for caution in cautions:
-            say(f"{who}, {name}: {caution.message}")
         self._say(who, name, found)
         held = pd.Series(likelihood.freedom.held, dtype=float)
         more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})
         more = more.assign(at_bound=False, held=True)
         numbers = pd.concat([found.parameters().assign(held=False), more], ignore_index=True)
-        piece = Piece(numbers, found.cells())
+        said_so = pd.DataFrame({"caution": [str(each.message) for each in cautions]}, dtype=str)
+        piece = Piece(numbers, found.cells(), said_so)
         piece.parameters["log_likelihood"] = found.optimum.log_likelihood
         piece.parameters["log_likelihood_simulation_error"] = found.simulation.log_likelihood
         piece.parameters["left_out"] = likelihood.design.left_out
-        for table in piece:
+        for table in (piece.parameters, piece.cells):
             table.insert(0, "participant", who)
             table.insert(1, "model", name)
         write_piece(pieces, title, key, piece, seed=self.seed)
+        _warn(who, name, piece)
         return piece
 
     def _say(self, who: str, name: str, found: Fit) -> None:
-        """Say what can be told apart, what lies at a bound, and what draws are worth."""
+        """Say what can be told apart, how exact it is, and what draws are worth."""
         import pandas as pd
-
-        from bgmodel.fitting.posterior import ENOUGH
 
         names = found.directions.names
         cosines = pd.DataFrame(found.directions.cosines, names, names).round(2)
         self.note(f"\n{who}, {name}: cosines of the directions in which parameters move the data")
         self.note(cosines.to_string())
-        for each, at_bound in zip(names, found.optimum.at_bound, strict=True):
-            if at_bound:
-                place = found.optimum.values[each]
-                say(
-                    f"{who}, {name}: {each} ends at a bound of its range, {place:.3g}: its "
-                    "standard error means nothing"
-                )
         own = found.simulation.log_likelihood
         if own:
             self.note(
@@ -170,12 +162,6 @@ class Kept:
         drawn = found.posterior
         if drawn is not None and drawn.long_enough:
             self.note(f"{who}, {name}: draws are worth {drawn.effective:.0f} independent ones")
-        elif drawn is not None:
-            say(
-                f"{who}, {name}: the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation "
-                f"times and not {ENOUGH}: its draws are worth less than {drawn.effective:.0f} "
-                "independent ones, and intervals are rough"
-            )
 
     def gather(self, made: Sequence[Piece]) -> pd.DataFrame:
         """Write the tables of all fits, those that are there of others kept, and return the first.
@@ -188,8 +174,9 @@ class Kept:
         import pandas as pd
 
         tables: list[tuple[pd.DataFrame, dict[str, str]]] = []
-        for name, parts in zip(TABLES, zip(*made, strict=True), strict=True):
-            table, circuits = pd.concat(parts, ignore_index=True), dict(self.circuits)
+        parts = ([piece.parameters for piece in made], [piece.cells for piece in made])
+        for name, some in zip(TABLES, parts, strict=True):
+            table, circuits = pd.concat(some, ignore_index=True), dict(self.circuits)
             known = self._before(name)
             if known and not self._differs(name):
                 before = _as_written(self.folder / name, table)
@@ -203,6 +190,12 @@ class Kept:
             asked = {**self.asked, "circuits": circuits}
             files.write_table(table, self.folder / name, seed=self.seed, **asked)
         return tables[0][0]
+
+
+def _warn(who: str, name: str, piece: Piece) -> None:
+    """Say the warnings of a fit, also of one that was made before."""
+    for caution in piece.cautions["caution"]:
+        say(f"{who}, {name}: {caution}")
 
 
 def _as_written(path: Path, like: pd.DataFrame) -> pd.DataFrame:

@@ -14,7 +14,7 @@ from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
-from bgmodel.fitting.posterior import Posterior, posterior
+from bgmodel.fitting.posterior import ENOUGH, Posterior, posterior
 from bgmodel.fitting.responses import BIN_S, moments
 from bgmodel.fitting.simulation import Simulation, simulation_error
 from bgmodel.fitting.slow import warn_of_slow
@@ -155,8 +155,9 @@ def _said(density: Array, middles_s: Array) -> dict[str, float]:
 def fit(likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: None) -> Fit:
     """Return a fit: its optimum, and what can be told apart there.
 
-    It warns of parameters that these data hardly tell apart at the optimum, and of a simulation
-    error that is more than a third of the standard error.
+    It warns of parameters that these data hardly tell apart at the optimum or that end at a bound
+    of their range, of a simulation error that is more than a third of the standard error, and of
+    draws that are too few.
 
     Parameters
     ----------
@@ -173,12 +174,33 @@ def fit(likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: N
     there = directions(likelihood, found.vector)
     tell("simulation error")
     simulated = simulation_error(likelihood, there)
-    for caution in (*there.cautions(), *_rough(there, simulated)):
+    drawn = None
+    if draws:
+        drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
+    cautions = [*there.cautions(), *_rough(there, simulated), *_ended(found), *_short(drawn)]
+    for caution in cautions:
         warnings.warn(caution, stacklevel=2)
-    if not draws:
-        return Fit(found, there, simulated)
-    drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
     return Fit(found, there, simulated, drawn)
+
+
+def _ended(found: Optimum) -> list[str]:
+    """Return a sentence for each number that ends at a bound of its range."""
+    return [
+        f"{name} ends at a bound of its range, {value:.3g}: its standard error means nothing"
+        for (name, value), ends in zip(found.values.items(), found.at_bound, strict=True)
+        if ends
+    ]
+
+
+def _short(drawn: Posterior | None) -> list[str]:
+    """Return a sentence if a chain of draws is short beside its autocorrelation time."""
+    if drawn is None or drawn.long_enough:
+        return []
+    return [
+        f"the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation times and not "
+        f"{ENOUGH}: its draws are worth less than {drawn.effective:.0f} independent ones, and "
+        "intervals are rough"
+    ]
 
 
 def _rough(there: Directions, simulated: Simulation) -> list[str]:

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 
 class Piece(NamedTuple):
-    """Tables of one finished fit, as of ``fit.Fit``."""
+    """Tables of one finished fit, as of ``fit.Fit``, and its warnings, one per row."""
 
     parameters: pd.DataFrame
     cells: pd.DataFrame
+    cautions: pd.DataFrame
 
 
 def read_piece(folder: Path, title: str, key: dict[str, Any]) -> Piece | None:

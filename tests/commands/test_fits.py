@@ -243,7 +243,9 @@ def test_a_circuit_that_was_edited_is_another_question(tmp_path):
         return Kept(tmp_path / "out", 1, {"data": "x"}, circuits, False, print)
 
     def piece(who, model):
-        return Piece(*(pd.DataFrame({"participant": [who], "model": [model]}) for _ in range(2)))
+        return Piece(
+            *(pd.DataFrame({"participant": [who], "model": [model]}) for _ in Piece._fields)
+        )
 
     kept(mine="a").gather([piece("a", "mine")])
     kept(other="b").check(force=False)
@@ -370,6 +372,17 @@ def test_an_optimum_at_a_bound_is_said(mine, capsys):
     said = capsys.readouterr().err
     assert "sensitivity ends at a bound of its range, 0.05: its standard error means" in said
     assert len(said.strip().splitlines()) == 1
+
+
+def test_a_fit_that_is_there_already_says_its_warnings_again(mine, capsys):
+    rng = np.random.default_rng(1)
+    changed(response=rng.integers(0, 2, len(GOOD))).to_csv(mine, index=False)
+    said = []
+    for _ in range(2):
+        assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
+        said.append(capsys.readouterr().err.splitlines())
+    assert len(said[0]) == 1
+    assert said[1] == said[0]
 
 
 def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):

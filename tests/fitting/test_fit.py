@@ -166,3 +166,12 @@ def test_an_interval_widens_by_the_error_of_the_simulation():
     low, high = widened(drawn_, np.array([0.4]))
     assert (high - low) / 2 == pytest.approx(1.645 * 0.5, rel=0.02)
     assert np.array_equal(widened(drawn_, np.zeros(1)), drawn_.interval(0.9))
+
+
+def test_a_number_that_ends_at_a_bound_is_said_in_python_too():
+    """Times of 2 s and more: t0 can't be as late, and the other numbers make up for it."""
+    from dataclasses import replace
+
+    some = drawn(MODEL, [0.05, 0.4], 100, 61, seconds=2.0, sensitivity=12.0, bound=0.6)
+    with pytest.warns(UserWarning, match=r"t0_s ends at a bound of its range, 1\.5"):
+        fit(likelihood_of(MODEL, design_of(replace(some, rt_s=some.rt_s + 2)), free=FREE))

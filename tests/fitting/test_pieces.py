@@ -6,7 +6,11 @@ import pytest
 from bgmodel.fitting.pieces import Piece, read_piece, safe, write_piece
 
 KEY = {"participant": "b", "model": {"model": "constant_gap"}, "values": [0.1, 10.0]}
-PIECE = Piece(pd.DataFrame({"value": [1.5]}), pd.DataFrame({"strength": [0.1, 0.2]}))
+PIECE = Piece(
+    pd.DataFrame({"value": [1.5]}),
+    pd.DataFrame({"strength": [0.1, 0.2]}),
+    pd.DataFrame({"caution": []}, dtype=str),
+)
 
 
 @pytest.fixture
@@ -26,10 +30,10 @@ def test_another_key_is_another_piece_beside_it(folder):
     assert read_piece(folder, "b constant_gap", other) is None
     write_piece(folder, "b constant_gap", other, PIECE, seed=1)
     assert read_piece(folder, "b constant_gap", KEY) is not None
-    assert len(list(folder.iterdir())) == 4
+    assert len(list(folder.iterdir())) == 6
 
 
-@pytest.mark.parametrize("damage", ["cut", "one of two"])
+@pytest.mark.parametrize("damage", ["cut", "one of three"])
 def test_a_damaged_piece_is_none(folder, damage):
     path = sorted(folder.iterdir())[0]
     if damage == "cut":
