@@ -71,7 +71,8 @@ class Directions:
         """Return a sentence for each pair of parameters that these data cannot tell apart.
 
         It has the cosine and the ridge, along which one makes up for the other; and a sentence for
-        each parameter on which nothing depends.
+        each parameter on which nothing depends. Where there is none of these and yet a standard
+        error is infinite, one sentence says so.
         """
         cosines = self.cosines
         found = []
@@ -86,7 +87,19 @@ class Directions:
                 f"{step:+.3g} is made up for by one of {self.names[j]} by {ridge:+.3g}. Hold one "
                 "of them, or give it a condition that moves it alone"
             )
-        return found + [f"nothing in this design depends on {name}: hold it" for name in self.idle]
+        found += [f"nothing in this design depends on {name}: hold it" for name in self.idle]
+        lacking = [
+            name
+            for name, error in zip(self.names, self.standard_errors, strict=True)
+            if np.isinf(error)
+        ]
+        if lacking and not found:
+            found.append(
+                f"no standard error can be given for {', '.join(lacking)}: the design, or too few "
+                "simulated trials, do not tell them apart. Hold one of them, or simulate more "
+                "trials (trials)"
+            )
+        return found
 
 
 def directions(likelihood: Likelihood, vector: Array) -> Directions:

@@ -204,3 +204,13 @@ def test_a_cosine_is_between_minus_1_and_1_where_information_is_an_estimate():
         one = Directions(["a", "b"], np.zeros(2), np.array([[1.0, sign * 1.3], [sign * 1.3, 1.0]]))
         assert one.cosines.tolist() == [[1, sign], [sign, 1]]
         assert np.isinf(one.standard_errors).all()
+
+
+def test_errors_that_are_infinite_without_a_pair_alike_are_said():
+    """Three directions in one plane: each pair has a cosine of -1/2."""
+    names = ["a", "b", "c"]
+    flat = Directions(names, np.ones(3), 1.5 * np.eye(3) - 0.5 * np.ones((3, 3)))
+    assert np.isinf(flat.standard_errors).all()
+    (caution,) = flat.cautions()
+    assert caution.startswith("no standard error can be given for a, b, c:")
+    assert not Directions(names, np.ones(3), np.eye(3)).cautions()
