@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -73,8 +74,10 @@ def likelihood_of(
     """Return the likelihood of a design's data; arguments as of ``parameters.freedom``.
 
     Bounds and start of sensitivity are divided by the largest strength: the drift there has the
-    same range in every unit of strength.
+    same range in every unit of strength. It warns of responses that are later than a model's
+    simulated trials are long.
     """
+    _warn_of_later(model, design)
     given = {"free": free, "fixed": fixed, "vary": vary}
     largest = design.strength.max()
     own = replace(
@@ -86,6 +89,20 @@ def likelihood_of(
     known = [own if each.name == SENSITIVITY.name else each for each in model.parameters]
     freed = freedom(known, design.conditions, design.cells, **given)  # type: ignore[arg-type]
     return Likelihood(model, design, freed)
+
+
+def _warn_of_later(model: Model, design: Design) -> None:
+    """Warn of responses after the end of a model's trials: only lapses are as late."""
+    seconds = getattr(model, "seconds", np.inf)  # exact models have no end
+    rt_s = design.observed.rt_s[np.isfinite(design.observed.rt_s)]
+    later = int((rt_s > seconds).sum())
+    if later:
+        warnings.warn(
+            f"{design.who}: {later} of {len(rt_s)} responses come after the {seconds:g} s "
+            f"for which the circuit is simulated, the last at {rt_s.max():.3g} s: it never decides "
+            "then, so that they count as lapses. Simulate longer trials (seconds)",
+            stacklevel=3,
+        )
 
 
 @dataclass(frozen=True)
