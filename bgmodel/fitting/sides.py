@@ -13,6 +13,8 @@ from bgmodel.tables.columns import EVERYONE
 
 STANDARD_ERRORS = 3.29
 """Half the width of a 99.9 % interval: one false alarm in a thousand participants."""
+SAME = 0.6
+"""Share of one response to evidence for either side above which it may say right or wrong."""
 
 
 def name_of(choices: Choices) -> str:
@@ -34,7 +36,7 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
     Raises
     ------
     ValueError
-        If strengths have no sign, or fewer responses are right than by chance.
+        If strengths have no sign, or fewer responses are right than by chance, also in one level.
     """
     who = name_of(choices)
     check_signs(choices.strength, choices.response)
@@ -43,15 +45,30 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
     _check_right(choices, who)
     every = choices.conditions[list(by)]
     for levels, part in every.groupby(list(by)) if by else [((), every)]:
-        share, z = lean(choices.where(np.isin(every.index, part.index)))
+        some = choices.where(np.isin(every.index, part.index))
+        named = "".join(f", {name} {level}" for name, level in zip(by, levels, strict=True))
+        _check_right(some, who + named)
+        share, z = lean(some)
         if abs(z) > STANDARD_ERRORS:
-            named = "".join(f", {name} {level}" for name, level in zip(by, levels, strict=True))
             warnings.warn(
                 f"{who}{named}: response {int(share > 0)} comes in {abs(share):.1%} of trials more "
                 f"than if both sides were alike ({abs(z):.1f} standard errors). No model has a "
-                "bias to one response: this one enters the other parameters",
+                f"bias to one response: this one enters the other parameters{_coded(some, share)}",
                 stacklevel=3,
             )
+
+
+def _coded(choices: Choices, share: float) -> str:
+    """Return a hint if the response that comes too often is the usual one to either side."""
+    strength = np.zeros(choices.trials) if choices.strength is None else choices.strength
+    against = choices.response[(choices.response >= 0) & (strength * share < 0)]
+    same = float((against == int(share > 0)).mean()) if len(against) else 0.0
+    if same <= SAME:
+        return ""
+    return (
+        f". It is also that of {same:.0%} of trials whose strength speaks for the other one: "
+        "if responses say right (1) and wrong (0), give strengths without a sign"
+    )
 
 
 def _check_right(choices: Choices, who: str) -> None:

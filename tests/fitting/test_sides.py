@@ -75,5 +75,27 @@ def test_responses_are_refused_where_fewer_are_right_than_by_chance(right):
         design_of(sided(right, 200 - right))
 
 
+def test_one_condition_whose_responses_are_on_the_other_side_is_refused_by_name():
+    """Together they are right in half of the trials: sensitivity would be 0."""
+    strength, cue = np.tile([0.2, -0.2], 100), np.repeat(["a", "b"], 100)
+    right = np.tile([1] * 9 + [0], 20)
+    response = np.where(strength > 0, right, 1 - right)
+    response = np.where(cue == "b", 1 - response, response)
+    some = choices(strength, response, cue=cue)
+    design_of(some)
+    with pytest.raises(ValueError, match=r"^a, cue b: responses must lie .* got 10 of 100"):
+        design_of(some, ["cue"])
+
+
+@pytest.mark.parametrize(("other", "hint"), [(0.8, True), (0.5, False)])
+def test_right_and_wrong_beside_strengths_with_a_sign_are_hinted_at(other, hint):
+    """The share of response 1 where the strength speaks for 0; it is .8 where it speaks for 1."""
+    ones = [80, 20, round(100 * other), round(100 * (1 - other))]
+    some = choices(np.repeat([0.2, -0.2], 100), np.repeat([1, 0, 1, 0], ones))
+    with pytest.warns(UserWarning, match="response 1 comes in") as caught:
+        design_of(some)
+    assert ("strengths without a sign" in str(caught[0].message)) == hint
+
+
 def test_responses_to_no_evidence_are_neither_right_nor_wrong():
     design_of(choices(np.zeros(100), [0] * 20 + [1] * 20 + [0, 1] * 30))
