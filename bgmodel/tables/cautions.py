@@ -28,6 +28,9 @@ STRENGTHS = ("coherence", "coh", "contrast", "strength", "evidence", "stimulus")
 """Words in the names of columns that hold the strength of evidence."""
 CORRELATED, STANDARD_ERRORS = 0.15, 5.0
 """Correlation with responses, and its z score, above which a column may be the strength."""
+PILE, PILE_SHARE = 5, 0.01
+"""Number and share of times that are exactly the longest, above which trials were cut off there;
+the number also beside how many trials share a time on average."""
 SAME = 1e-6
 """Relative difference below which two strengths are the same but for rounding."""
 
@@ -70,6 +73,39 @@ def check_times(rt_s: Array) -> None:
                 stacklevel=3,
             )
             break
+    _warn_of_pile(given)
+
+
+def _warn_of_pile(given: Array) -> None:
+    """Warn where many times are exactly the longest: trials that were cut off there."""
+    longest = float(given.max())
+    ends, times = int((given == longest).sum()), len(np.unique(given))
+    # Of times in coarse steps, as many share each of them.
+    if ends >= PILE and ends > PILE_SHARE * len(given) and ends > PILE * len(given) / times:
+        warnings.warn(
+            f"{ends} of {len(given)} times are exactly the longest one, {longest:g} s: where a "
+            "trial ended then without a response, leave rt and response empty, and give that time "
+            "as the deadline (deadline_s, at the terminal --deadline)",
+            stacklevel=4,
+        )
+
+
+def warn_of_copies(table: pd.DataFrame) -> None:
+    """Warn where every row of a table is there twice or more: standard errors would be too small.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A user's table, all columns.
+    """
+    if len(table) >= 2 * FEWEST and table.duplicated(keep=False).all():
+        different = len(table.drop_duplicates())
+        warnings.warn(
+            f"every one of {len(table)} rows is there more than once, and {different} are "
+            "different: if trials were put together twice, leave out the copies, since standard "
+            "errors count each row as a trial of its own",
+            stacklevel=3,
+        )
 
 
 def check_deadline(rt_s: Array, deadline_s: float) -> None:

@@ -19,6 +19,7 @@ from bgmodel.tables.cautions import (
     check_deadline,
     check_signs,
     check_times,
+    warn_of_copies,
     warn_without_strength,
     without_rounding,
 )
@@ -170,8 +171,9 @@ def read_choices(
     """Read a table of choices and times; no trial in it is left out.
 
     Strengths that differ by less than a millionth are taken for one, with a warning. Other warnings
-    name what may be wrong: units of time, a deadline far beyond all responses, coarse times, and a
-    column that may hold the strength.
+    name what may be wrong: units of time, a deadline far beyond all responses, coarse times, many
+    times that are exactly the longest, rows that are there twice, and a column that may hold the
+    strength.
 
     Parameters
     ----------
@@ -208,6 +210,7 @@ def read_choices(
     try:
         used = [*wanted, *([] if strength is None else [strength])]
         table = rows(table, used, participant)
+        warn_of_copies(table)
         rt_s, response = answers(table, deadline_s, upper)
         check_times(rt_s)
         if deadline_s is not None:

@@ -119,6 +119,25 @@ def test_finer_steps_are_not_worth_a_word(step_s):
     assert said(table(rt=step_s * np.round(GOOD["rt"] / step_s)), **NAMED) == []
 
 
+def test_many_times_that_are_exactly_the_longest_are_doubted():
+    """Trials that were cut off after 1 s; coarse times share a longest one by chance."""
+    assert (GOOD["rt"] > 1).sum() > 10
+    (text,) = said(table(rt=GOOD["rt"].clip(upper=1)), **NAMED)
+    assert text.startswith(f"{(GOOD['rt'] > 1).sum()} of 400 times are exactly the longest one, 1 ")
+    few = GOOD["rt"].where(GOOD["rt"].rank(ascending=False) > 4, GOOD["rt"].max())
+    assert said(table(rt=few), **NAMED) == []
+    coarse = np.repeat(np.arange(4, 12) / 10, 50)
+    assert not any("longest" in text for text in said(table(rt=coarse), **NAMED))
+
+
+def test_trials_that_are_all_there_twice_are_doubted():
+    (text,) = said(pd.concat([GOOD, GOOD]), **NAMED)
+    assert text.startswith("every one of 800 rows is there more than once, and 400 are different")
+    assert said(pd.concat([GOOD, GOOD.iloc[1:]]), **NAMED) == []
+    numbered = pd.concat([GOOD, GOOD]).assign(trial=np.arange(800))
+    assert said(numbered, **NAMED) == []
+
+
 def test_few_times_say_nothing_of_their_steps():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
