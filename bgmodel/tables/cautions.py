@@ -31,6 +31,8 @@ CORRELATED, STANDARD_ERRORS = 0.15, 5.0
 PILE, PILE_SHARE = 5, 0.01
 """Number and share of times that are exactly the longest, above which trials were cut off there;
 the number also beside how many trials share a time on average."""
+FAR = 10.0
+"""Ratio of strengths from which on the larger one is doubted where few trials have it."""
 SAME = 1e-6
 """Relative difference below which two strengths are the same but for rounding."""
 
@@ -88,6 +90,28 @@ def _warn_of_pile(given: Array) -> None:
             "as the deadline (deadline_s, at the terminal --deadline)",
             stacklevel=4,
         )
+
+
+def warn_of_far(strength: Array) -> None:
+    """Warn where few trials have a strength far beyond all others: a slip, or a code of none.
+
+    Parameters
+    ----------
+    strength : (trials,) float64
+        Signed; sizes are compared.
+    """
+    sizes, counts = np.unique(np.abs(strength), return_counts=True)
+    above = sizes[1:] >= FAR * sizes[:-1]
+    for first in np.flatnonzero(above & (sizes[:-1] > 0)) + 1:
+        many = int(counts[first:].sum())
+        if many < FEWEST:
+            warnings.warn(
+                f"{many} of {len(strength)} trials have a strength of {sizes[first]:g} or more, "
+                f"and all others of {sizes[first - 1]:g} or less: check them, since few such "
+                "trials set the sensitivity of all",
+                stacklevel=3,
+            )
+            break
 
 
 def warn_of_copies(table: pd.DataFrame) -> None:

@@ -20,6 +20,7 @@ from bgmodel.tables.cautions import (
     check_signs,
     check_times,
     warn_of_copies,
+    warn_of_far,
     warn_without_strength,
     without_rounding,
 )
@@ -172,8 +173,8 @@ def read_choices(
 
     Strengths that differ by less than a millionth are taken for one, with a warning. Other warnings
     name what may be wrong: units of time, a deadline far beyond all responses, coarse times, many
-    times that are exactly the longest, rows that are there twice, and a column that may hold the
-    strength.
+    times that are exactly the longest, rows that are there twice, a strength far beyond all others,
+    and a column that may hold the strength.
 
     Parameters
     ----------
@@ -216,6 +217,8 @@ def read_choices(
         if deadline_s is not None:
             check_deadline(rt_s, deadline_s)
         signed = None if strength is None else without_rounding(strengths(table[strength]))
+        if signed is not None:
+            warn_of_far(signed)
         found = Choices(
             participants(table),
             rt_s,

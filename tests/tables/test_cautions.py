@@ -130,6 +130,18 @@ def test_many_times_that_are_exactly_the_longest_are_doubted():
     assert not any("longest" in text for text in said(table(rt=coarse), **NAMED))
 
 
+def test_a_strength_far_beyond_all_others_is_doubted_in_few_trials():
+    """A slip of the pen, or 999 for none, would set the sensitivity of all trials."""
+    for wrong in (40.0, -999.0):
+        (text,) = said(table(coherence=GOOD["coherence"].where(GOOD.index > 0, wrong)), **NAMED)
+        assert text.startswith(
+            f"1 of 400 trials have a strength of {abs(wrong):g} or more, and all "
+        )
+    assert said(table(coherence=GOOD["coherence"].where(GOOD.index > 0, 3.9)), **NAMED) == []
+    weak = np.where(np.abs(GOOD["coherence"]) < 0.2, GOOD["coherence"] / 100, GOOD["coherence"])
+    assert said(table(coherence=weak), **NAMED) == []
+
+
 def test_trials_that_are_all_there_twice_are_doubted():
     (text,) = said(pd.concat([GOOD, GOOD]), **NAMED)
     assert text.startswith("every one of 800 rows is there more than once, and 400 are different")
