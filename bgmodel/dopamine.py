@@ -22,7 +22,12 @@ from bgmodel.comparison.compare import Tradeoff
 from bgmodel.comparison.steady import leader_out
 from bgmodel.decision import any_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia, checked_circuit
+from bgmodel.integrators.basal_ganglia import (
+    NOISE_SHARE,
+    BasalGanglia,
+    check_threshold,
+    checked_circuit,
+)
 from circuits.engines import NOISY
 from circuits.spec import Circuit
 
@@ -216,7 +221,14 @@ def decide_at_levels(
     -------
     Tradeoff
         Its ``settings`` are the levels, highest first.
+
+    Raises
+    ------
+    ValueError
+        If levels are not allowed or not distinct, or the circuit as it is would decide without
+        evidence at that threshold, or never reads it.
     """
+    check_threshold(model.circuit, threshold_nats)
     falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]
     low, high = ALLOWED
     if falling.ndim != 1 or not len(falling) or not np.all(np.diff(falling) < 0):

@@ -95,7 +95,6 @@ class CircuitLearn(Writes):
         say_before("learning in", model, evidence, runs=self.levels)
         with bar(self.levels * (evidence.trials + fresh.trials)):
             outcomes = level_outcomes(model, evidence, levels, threshold_nats)
-            _check_decided(outcomes)
             again = replace(model, seed=self.seed + 1)
             scored = level_outcomes(again, fresh, levels, threshold_nats)
         behind: dict[str, Any] = {
@@ -180,15 +179,3 @@ class CircuitLearn(Writes):
             raise ValueError(f"levels must be >= 2, got {self.levels}")
         if self.stimuli.evidence is None:
             criterion_from_posterior(self.posterior, self.stimuli.channels)
-
-
-def _check_decided(outcomes: LevelOutcomes) -> None:
-    """Say at how many levels the deadline decides; ValueError if at all of them."""
-    late = [share > 0.5 for share in outcomes.forced]
-    if all(late):
-        raise ValueError(
-            "the deadline decides most trials at every level: there is nothing to learn, give "
-            "more readings"
-        )
-    if any(late):
-        say(f"the deadline decides most trials at {sum(late)} of {len(late)} levels")

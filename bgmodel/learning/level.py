@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.arrays import Array
+from bgmodel.comparison.compare import MOST_FORCED
 from bgmodel.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -26,8 +29,37 @@ def level_outcomes(
     levels: npt.ArrayLike,
     threshold_nats: float = THRESHOLD_NATS,
 ) -> LevelOutcomes:
-    """Return the outcomes of a circuit's decisions at each level of dopamine."""
-    return LevelOutcomes.of(decide_at_levels(model, evidence, levels, threshold_nats), evidence)
+    """Return the outcomes of a circuit's decisions at each level of dopamine.
+
+    Raises
+    ------
+    ValueError
+        If the circuit decides without evidence at the threshold, or if the deadline decides most
+        trials at every level.
+
+    Warns
+    -----
+    UserWarning
+        If the deadline decides most trials at some levels.
+    """
+    decided = decide_at_levels(model, evidence, levels, threshold_nats)
+    outcomes = LevelOutcomes.of(decided, evidence)
+    check_decided(outcomes)
+    return outcomes
+
+
+def check_decided(outcomes: LevelOutcomes) -> None:
+    """Warn of levels at which the deadline decides most trials; ValueError if it does at all."""
+    late = outcomes.forced > MOST_FORCED
+    if late.all():
+        raise ValueError(
+            "the deadline decides most trials at every level: there is nothing to learn, give "
+            "more readings"
+        )
+    if late.any():
+        warnings.warn(
+            f"the deadline decides most trials at {late.sum()} of {len(late)} levels", stacklevel=3
+        )
 
 
 def learn_level(
@@ -118,7 +150,7 @@ def regret(level: npt.ArrayLike, fresh: LevelOutcomes, xi: float) -> Array:
     Parameters
     ----------
     level : array
-        Levels of dopamine.
+        Levels of dopamine; NaN comes back for those beyond the levels of ``fresh``.
     fresh : LevelOutcomes
         The circuit on trials that were not learned from.
     xi : float

@@ -105,9 +105,10 @@ class LevelOutcomes:
         return reward_of(~self.correct, self.steps, xi)
 
     def expected(self, level: npt.ArrayLike, xi: float) -> Array:
-        """Return the mean reward at levels, linear between those that were run."""
+        """Return the mean reward at levels, linear between those that were run; NaN beyond."""
         means: Array = self.rewards(xi).mean(axis=1)
-        return np.interp(np.asarray(level, dtype=np.float64), self.levels, means)
+        asked = np.asarray(level, dtype=np.float64)
+        return np.interp(asked, self.levels, means, left=np.nan, right=np.nan)
 
     def best(self, xi: float) -> tuple[float, float]:
         """Return the level with the highest mean reward, and that reward: exhaustive search."""

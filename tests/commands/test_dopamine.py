@@ -1,13 +1,10 @@
 """The command `circuit learn`."""
 
 import numpy as np
-import pytest
 
 from bgmodel import stream
 from bgmodel.cli import main
-from bgmodel.commands.dopamine import _check_decided
 from bgmodel.files import read_table
-from bgmodel.learning.worlds import LevelOutcomes
 from tests.helpers import run
 
 
@@ -33,20 +30,6 @@ def test_the_command_learns_and_says_what_it_did(tmp_path, capsys):
     table = read_table(path)
     assert list(table) == ["run", "episode", "tonic", "level", "reward", "phasic"]
     assert len(table) == 1200
-
-
-def test_the_deadline_is_said_to_decide_where_it_does_so_in_more_than_half_of_the_trials(capsys):
-    def outcomes(*forced):
-        many = len(forced), 4
-        return LevelOutcomes(np.arange(len(forced)), *np.ones((2, *many)), np.array(forced))
-
-    _check_decided(outcomes(0.5, 0.45))
-    assert not capsys.readouterr().err
-    _check_decided(outcomes(0.55, 0.5, 0.51))
-    said = "bgmodel: the deadline decides most trials at 2 of 3 levels\n"
-    assert capsys.readouterr().err == said
-    with pytest.raises(ValueError, match="decides most trials at every level"):
-        _check_decided(outcomes(0.55, 0.51))
 
 
 def test_memory_is_asked_for_what_is_kept_of_each_trial_at_each_level(tmp_path, monkeypatch):

@@ -8,10 +8,17 @@ from scipy.stats import chisquare, norm
 
 from bgmodel import stream
 from bgmodel.dopamine import playable_levels
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import gain_of
 from bgmodel.learning import level
-from bgmodel.learning.level import after_errors, learn_level, level_outcomes, regret, scored_runs
+from bgmodel.learning.level import (
+    after_errors,
+    check_decided,
+    learn_level,
+    level_outcomes,
+    regret,
+    scored_runs,
+)
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
@@ -30,6 +37,34 @@ def test_a_run_is_scored_where_fresh_trials_know_its_level_and_nowhere_else():
     wanted = (table["best_reward"] - table["reward"]) / table["best_reward"].abs()
     np.testing.assert_allclose(table["regret"], wanted)
     assert table["start_regret"].eq(float(regret(made.levels[0], made, XI))).all()
+
+
+def test_a_level_that_was_not_run_has_no_reward():
+    made = synthetic()
+    beyond = [made.levels[0] - 1e-3, made.levels[-1] + 1e-3, 100.0]
+    assert np.isnan(regret(beyond, made, XI)).all()
+    assert np.isfinite(regret(made.levels, made, XI)).all()
+
+
+def test_the_deadline_is_warned_of_where_it_decides_more_than_half_of_the_trials(recwarn):
+    def outcomes(*forced):
+        many = len(forced), 4
+        return LevelOutcomes(np.arange(len(forced)), *np.ones((2, *many)), np.array(forced))
+
+    check_decided(outcomes(0.5, 0.45))
+    assert not recwarn
+    with pytest.warns(UserWarning, match="2 of 3 levels"):
+        check_decided(outcomes(0.55, 0.5, 0.51))
+    with pytest.raises(ValueError, match="at every level"):
+        check_decided(outcomes(0.55, 0.51))
+
+
+def test_outcomes_that_nothing_can_be_learned_from_are_refused():
+    short, long = (gaussian_evidence(20, steps, 0.5, rng=1, step_ms=50) for steps in (1, 40))
+    with pytest.raises(ValueError, match="deadline"):
+        level_outcomes(MODEL, short, [0.95, 1.0])
+    with pytest.raises(ValueError, match="without evidence"):  # OUT at rest is ln 2
+        level_outcomes(MODEL, long, [0.95, 1.0], 0.9)
 
 
 def test_level_outcomes_return_the_mean_reward_between_its_levels():
