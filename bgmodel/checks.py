@@ -35,8 +35,12 @@ def reals(name: str, values: npt.ArrayLike) -> Reals:
     Raises
     ------
     ValueError
-        If the values are not real numbers, or rows differ in length.
+        If the values are not real numbers, some of them are masked, or rows differ in length.
     """
+    if np.ma.is_masked(values):
+        raise ValueError(
+            f"{name} must hold every value, got a masked array: numpy would read what is masked"
+        )
     try:
         array = np.asarray(values)
         if array.dtype in (np.float32, np.float64):

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from bgmodel.checks import checked_truth, is_number, one_per_trial, reals, whole
 from bgmodel.facts import Facts
 from bgmodel.memory import check_evidence_memory
+from bgmodel.readings import warn_of_readings
 from bgmodel.seeds import generator
 
 MOST_MS = 1e9
@@ -56,6 +57,11 @@ class Evidence(Facts):
         On wrong shapes, an empty set, fewer than two hypotheses, values that are not finite, a
         truth outside the hypotheses, a prior that does not sum to 1, times that make no sense,
         readings after the last of a trial, or an expectancy that does not fill the foreperiod.
+
+    Warns
+    -----
+    UserWarning
+        If the values look like probabilities or like running sums.
     """
 
     log_likelihood: npt.NDArray[np.floating]
@@ -99,6 +105,7 @@ class Evidence(Facts):
             steps = whole_steps(self.onset_ms, self.step_ms)
             expected = _checked_expectancy(self.expectancy_nats, (len(values), steps))
             object.__setattr__(self, "expectancy_nats", expected)
+        warn_of_readings(values, self.lengths)
 
     def facts(self) -> dict[str, str]:
         """Return shape, clock, truth and the mean evidence for it."""

@@ -1,9 +1,12 @@
 """Evidence: drawn alike for any number of trials, and refused where it makes no sense."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.comparison.compare import tradeoff
@@ -134,3 +137,52 @@ def test_expectancy_needs_a_foreperiod(foreperiod_ms):
 def test_a_baseline_is_one_finite_number(baseline):
     with pytest.raises(ValueError, match="baseline must be one finite number for all hypotheses"):
         Evidence(np.zeros((2, 3, 2)), baseline=baseline)
+
+
+def told(call):
+    """Return what was warned of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        call()
+    return [str(warning.message) for warning in caught]
+
+
+@given(st.integers(0, 2**31), st.integers(12, 40), st.integers(2, 4))
+def test_running_sums_and_posteriors_are_doubted_and_single_readings_are_not(seed, steps, channels):
+    drawn = gaussian_evidence(20, steps, 0.5, rng=seed, hypotheses=channels)
+    single, sums = drawn.log_likelihood, drawn.log_likelihood.cumsum(axis=1)
+    log_posterior = sums - np.logaddexp.reduce(sums, axis=2, keepdims=True)
+    assert not told(lambda: Evidence(single))
+    assert not told(lambda: Evidence(single + 5 * np.sin(np.arange(steps))[:, None]))
+    assert len(told(lambda: Evidence(sums))) == 1
+    assert len(told(lambda: Evidence(log_posterior))) == 1
+
+
+@given(st.integers(0, 2**31))
+def test_probabilities_in_place_of_logarithms_are_doubted(seed):
+    drawn = gaussian_evidence(50, 5, 0.5, rng=seed).log_likelihood
+    odds = np.exp(drawn)
+    assert len(told(lambda: Evidence(odds / odds.sum(axis=2, keepdims=True)))) == 1
+    assert not told(lambda: Evidence(np.log(odds)))
+    # Counts of events that say little are no probabilities: some are 0.
+    assert not told(lambda: Evidence(0.3 * stream(seed, "c").integers(0, 4, (50, 5, 2))))
+
+
+def test_zeros_after_the_last_reading_do_not_count():
+    values, lengths = np.zeros((40, 60, 2)), np.full(40, 12)
+    values[:, :12] = gaussian_evidence(40, 12, 0.5, rng=3).log_likelihood + 20
+    assert not told(lambda: Evidence(values, lengths=lengths))
+    values[:, :12] = values[:, :12].cumsum(axis=1)
+    assert len(told(lambda: Evidence(values, lengths=lengths))) == 1
+
+
+def test_evidence_that_never_changes_within_a_trial_has_no_correlation():
+    assert not told(lambda: Evidence(np.repeat(np.full((20, 1, 2), [0.1, -0.3]), 20, axis=1)))
+
+
+def test_masked_readings_are_refused():
+    values = np.zeros((2, 3, 2))
+    masked = np.ma.array(values, mask=np.arange(12).reshape(values.shape) == 5)
+    with pytest.raises(ValueError, match="masked"):
+        Evidence(masked)
+    assert Evidence(np.ma.array(values)).trials == 2

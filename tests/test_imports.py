@@ -24,7 +24,7 @@ LEVELS = [
         "bgmodel.seeds",
         "bgmodel.version",
     },
-    {"bgmodel.checks", "bgmodel.compiling"},
+    {"bgmodel.checks", "bgmodel.compiling", "bgmodel.readings"},
     {
         "bgmodel.comparison",
         "bgmodel.crossing",

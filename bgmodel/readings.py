@@ -1,0 +1,83 @@
+"""Doubts about log-likelihoods: numbers that are likely to be something else."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.arrays import Integers
+
+MOST_TRIALS = 1000
+"""Trials that are looked at: enough to tell, and quick."""
+FEWEST_READINGS = 100
+"""Readings below which nothing is said."""
+SHORTEST = 10
+"""Readings of the shortest trial whose serial correlation tells: in shorter ones it is low even for
+running sums."""
+CORRELATED = 0.5
+"""Serial correlation from which a warning is given; running sums over 10 readings have 0.6, over 20
+0.8, and independent readings about 0."""
+
+
+def warn_of_readings(
+    log_likelihood: npt.NDArray[np.floating], lengths: Integers | None = None
+) -> None:
+    """Warn if values look like probabilities, or like running sums.
+
+    Parameters
+    ----------
+    log_likelihood : array (trials, steps, hypotheses)
+        What each reading says, nats.
+    lengths : array (trials,), int, optional
+        Number of readings of each trial; all of them if left out.
+
+    Warns
+    -----
+    UserWarning
+        If all values lie between 0 and 1, or if successive readings of a trial correlate.
+    """
+    values = log_likelihood[:MOST_TRIALS]
+    read = np.ones(values.shape[:2], bool)
+    if lengths is not None:
+        read = np.arange(values.shape[1]) < lengths[:MOST_TRIALS, None]
+    if read.sum() < FEWEST_READINGS:
+        return
+    told = values[read]
+    if told.min() > 0 and told.max() < 1 and np.ptp(told) > 0:
+        warnings.warn(
+            "all log-likelihoods lie between 0 and 1, as probabilities do: give their natural "
+            "logarithms",
+            stacklevel=4,
+        )
+    r = serial_correlation(values, read)
+    if r > CORRELATED:
+        warnings.warn(
+            f"successive readings of a trial correlate (r = {r:.2f}), but they are added up as "
+            "independent: if these are running sums or posteriors, give the log-likelihood of "
+            "each reading alone",
+            stacklevel=4,
+        )
+
+
+def serial_correlation(values: npt.NDArray[np.floating], read: npt.NDArray[np.bool_]) -> float:
+    """Return the correlation of successive readings within a trial; 0 if it is not known.
+
+    Parameters
+    ----------
+    values : array (trials, steps, hypotheses)
+        What each reading says, nats. What the hypotheses of a reading share does not count.
+    read : bool array (trials, steps)
+        Whether the trial has this reading. Trials of fewer than ``SHORTEST`` do not count.
+    """
+    long = read.sum(axis=1) >= SHORTEST
+    values, read = values[long].astype(np.float64), read[long]
+    between = values - values.mean(axis=2, keepdims=True)
+    mean = (between * read[:, :, None]).sum(axis=1) / read.sum(axis=1)[:, None]
+    deviation = (between - mean[:, None]) * read[:, :, None]
+    variance = (deviation**2).sum()
+    # Rounding alone is no variance.
+    if not variance > 1e-12 * (between**2).sum():
+        return 0.0
+    return float((deviation[:, 1:] * deviation[:, :-1]).sum() / variance)
