@@ -61,6 +61,33 @@ def warn_of_readings(
         )
 
 
+def warn_of_copies(log_likelihood: npt.NDArray[np.floating], lengths: Integers) -> None:
+    """Warn if trials hold the very readings of other ones: together they tell no more than one.
+
+    Trials of fewer than ``SHORTEST`` readings, and those that repeat a reading, may be alike by
+    chance: they do not count.
+
+    Parameters
+    ----------
+    log_likelihood : array (trials, steps, hypotheses)
+        What each reading says, nats.
+    lengths : array (trials,), int
+        Number of readings of each trial.
+    """
+    seen: set[bytes] = set()
+    copies = 0
+    for values, length in zip(log_likelihood, lengths, strict=True):
+        key = values[:length].tobytes()
+        copies += key in seen and SHORTEST <= length == len(np.unique(values[:length, 0]))
+        seen.add(key)
+    if copies:
+        warnings.warn(
+            f"{copies} of {len(lengths)} trials hold the very readings of an earlier trial: "
+            "intervals count them as new; keep one of each",
+            stacklevel=3,
+        )
+
+
 def serial_correlation(values: npt.NDArray[np.floating], read: npt.NDArray[np.bool_]) -> float:
     """Return the correlation of successive readings within a trial; 0 if it is not known.
 

@@ -6,7 +6,6 @@ import csv
 import re
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from bgmodel.checks import path_of
 from bgmodel.evidence import Evidence
 from bgmodel.files import read_table
 from bgmodel.memory import check_evidence_memory, check_table_memory
+from bgmodel.readings import warn_of_copies
 from bgmodel.tables.trials import RESULT, Trials
 
 KEYS = ("participant_id", "trial")
@@ -88,6 +88,11 @@ def trials_from_table(
         If columns are absent, written twice or nearly but not quite as above; if an id is missing,
         a step is missing or there twice, a value is no finite number, or a truth is none of the
         hypotheses.
+
+    Warns
+    -----
+    UserWarning
+        As ``Evidence`` does, or if trials hold the very readings of other ones.
     """
     columns = _hypotheses(table)
     if len(table) == 0:
@@ -110,8 +115,9 @@ def trials_from_table(
         onset_ms,
         step_ms,
         lengths,
+        baseline=float(values.sum() / (lengths.sum() * len(columns))),
     )
-    evidence = replace(evidence, baseline=evidence.mean_reading)
+    warn_of_copies(values, lengths)
     own = [name for name in table.columns if name not in (*columns, "step", "truth")]
     varying = [name for name in own if not _constant(table[name], trial, first_row)]
     kept = table[[name for name in own if name not in varying]].iloc[first_row]

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from bgmodel import Msprt, first_crossing
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.files import write_table
 from bgmodel.seeds import stream
 from bgmodel.tables.evidence import read_trials, trials_from_table
@@ -287,3 +287,29 @@ def test_a_table_too_large_says_what_it_needs():
         ValueError, match=r"200001 trials of up to 2000000 readings need .* of memory"
     ):
         trials_from_table(pd.concat([table, long]))
+
+
+def test_the_baseline_is_the_mean_of_all_numbers():
+    evidence = trials_from_table(ragged(stream(3, "baseline"))[0]).evidence
+    assert evidence.baseline == evidence.mean_reading
+
+
+def test_trials_that_are_there_twice_are_warned_of_and_those_alike_by_chance_are_not(recwarn):
+    table = long_table(gaussian_evidence(30, 12, 0.5, rng=4))
+    again = table[table["trial"] < 7].assign(trial=lambda rows: rows["trial"] + 1000)
+    with pytest.warns(UserWarning, match="7 of 37 trials"):
+        trials_from_table(pd.concat([table, again]))
+    recwarn.clear()
+    trials_from_table(table)
+    binary = stream(4, "binary").choice([-0.4, 0.4], (200, 3, 2))
+    trials_from_table(long_table(Evidence(binary, np.arange(200) % 2)))
+    assert not recwarn
+
+
+def test_a_table_of_running_sums_is_doubted_once():
+    table = long_table(gaussian_evidence(30, 12, 0.5, rng=4))
+    told = ["ll_a", "ll_b"]
+    table[told] = table.groupby("trial")[told].cumsum()
+    with pytest.warns(UserWarning, match="correlate") as caught:
+        trials_from_table(table)
+    assert len(caught) == 1
