@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 SHIPPED = resources("bgmodel.experiments") / "shipped"
 MANY_MISSED = 0.05
 """Share of trials without a decision in time above which a run warns of it."""
+UNCHANGED = "no decision differs between control and manipulation"
 CONDITIONS = ("control", "manipulation", "change")
 RENAMED = {
     "stn_bound": "stn_no_conflict",
@@ -305,7 +306,8 @@ def run_experiment(
     -----
     UserWarning
         If evidence leaves the circuit's range, noise alone crosses the threshold, many trials are
-        missed, or posteriors at the decision are not the share of right choices.
+        missed, no decision differs between the conditions, or posteriors at the decision are not
+        the share of right choices.
     """
     if not isinstance(experiment, Experiment):
         raise ValueError(
@@ -332,6 +334,12 @@ def run_experiment(
         table = trial_table(decided, given, seed=experiment.seed, model=about, condition=name)
         trials.append(table.assign(anticipatory=behaviour.anticipatory))
     measures = _table(found, evidence.trials)
+    if unchanged(measures):
+        warnings.warn(
+            f"{UNCHANGED}: the manipulation says nothing to the {experiment.engine} engine, or "
+            "nothing while a trial lasts; look at its units and times",
+            stacklevel=2,
+        )
     if said := uncalibrated(experiment, measures):
         warnings.warn(said, stacklevel=2)
     whole = pd.concat(trials, ignore_index=True)
@@ -359,6 +367,13 @@ def _table(found: list[dict[str, Any]], trials: int) -> pd.DataFrame:
     ]
     columns = ["condition", "measure", "value", "low", "high", "trials"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def unchanged(table: pd.DataFrame) -> bool:
+    """Whether every change that is known is 0 with an interval of 0: no decision differs."""
+    change = table.loc[table["condition"] == CONDITIONS[2], ["value", "low", "high"]]
+    known = change[change["value"].notna()]
+    return bool(len(known) and (known == 0).all(axis=None))
 
 
 def uncalibrated(experiment: Experiment, table: pd.DataFrame) -> str:

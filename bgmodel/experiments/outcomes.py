@@ -8,7 +8,13 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.comparison.compare import reads_nothing, shown
-from bgmodel.experiments.experiment import CONDITIONS, Experiment, uncalibrated
+from bgmodel.experiments.experiment import (
+    CONDITIONS,
+    UNCHANGED,
+    Experiment,
+    uncalibrated,
+    unchanged,
+)
 from bgmodel.experiments.measures import (
     COUNTED,
     CUT_OFF,
@@ -78,8 +84,9 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     of ``accuracy_all`` and of ``accuracy_best``, the two ends; that of the mean time also that of
     ``mean_all_ms``; those of choice_0 and the criterion hold with missed trials at 0 and at 1; for
     the median the shares of missed trials must not differ by more than ``CUT_OFF``. It is left open
-    too where fewer than ``FEWEST_DECIDED`` trials are decided, or where the control is so near the
-    end of a measure's range that no change could be as large as predicted.
+    too where no decision differs between the conditions, where fewer than ``FEWEST_DECIDED`` trials
+    are decided, or where the control is so near the end of a measure's range that no change could
+    be as large as predicted.
     """
     by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
     change = by["change"][["value", "low", "high"]].reindex(list(MEASURES))
@@ -114,6 +121,8 @@ def _verdict(
     """Return the verdict on a measure, and why it is left open if its interval does not say so."""
     if _blind(experiment, table):
         return WITHOUT, ""
+    if unchanged(table):
+        return OPEN, UNCHANGED
     said = judged(measure)
     if measure not in OF_DECIDED or said == OPEN:
         return said, ""
