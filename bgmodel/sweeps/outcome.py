@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -139,13 +140,35 @@ def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
     ------
     ValueError
         If there is not one table per point.
+
+    Warns
+    -----
+    UserWarning
+        If no measure depends on a key.
     """
     whole = []
     for point, table in zip(plan.each, tables, strict=True):
         for place, (key, value) in enumerate(point.items()):
             table.insert(place, key, value)
         whole.append(table)
-    return pd.concat(whole, ignore_index=True)
+    table = pd.concat(whole, ignore_index=True)
+    for key in plan.axes:
+        if _idle(table, key, list(plan.axes)):
+            warnings.warn(
+                f"no measure depends on {key}: it says nothing to the engine, or nothing while a "
+                "trial lasts; look at its units and times",
+                stacklevel=2,
+            )
+    return table
+
+
+def _idle(table: pd.DataFrame, key: str, axes: list[str]) -> bool:
+    """Whether points that differ in a key alone have the same measures."""
+    known = table[table["value"].notna()]
+    others = ["measure", *(other for other in axes if other != key)]
+    values = known.groupby(others, sort=False)["value"].agg(["size", "nunique"])
+    compared = values[values["size"] > 1]
+    return bool(len(compared) and (compared["nunique"] == 1).all())
 
 
 def draw(plan: Plan, table: pd.DataFrame) -> Figure:

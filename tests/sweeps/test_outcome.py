@@ -1,5 +1,6 @@
 """The table and the figure of a sweep."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -210,3 +211,20 @@ def test_three_keys_have_a_table_and_no_figure():
     plan = Plan(grid={"STN": (0.1,), "GPe": (0.1,), "dopamine": (1.0,)})
     with pytest.raises(ValueError, match="one key or two, got STN, GPe, dopamine"):
         outcome.draw(plan, pd.DataFrame())
+
+
+@pytest.mark.parametrize(
+    ("grid", "idle"),
+    [
+        ({"replaced": (False, True), "posterior": (0.7, 0.8)}, ["replaced"]),
+        ({"STN.cite": ("a", "b")}, ["STN.cite"]),
+        ({"STN": (0.0, 0.1), "posterior": (0.7, 0.8)}, []),
+        ({"posterior": (0.8,)}, []),
+    ],
+)
+def test_a_key_on_which_no_measure_depends_is_warned_of(tmp_path, grid, idle):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        swept(tmp_path, grid=grid)
+    told = [str(one.message) for one in caught if "no measure depends" in str(one.message)]
+    assert [text.split(":")[0].split()[-1] for text in told] == idle
