@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.checks import whole
 from bgmodel.comparison.cautions import (
     listed,
     warn_of_calibration,
@@ -25,6 +24,7 @@ from bgmodel.comparison.compare import (
     OTHER_NOISE,
     RESAMPLES,
     Tradeoff,
+    check_resamples,
     check_trials,
     checked_accuracies,
     compare,
@@ -263,7 +263,7 @@ def compare_with_msprt(
     """
     check_trials(check_evidence(evidence).trials)
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
-    whole("resamples", resamples, 1)
+    check_resamples(resamples, groups)
     if intact == model.circuit:
         raise ValueError(f"{intact.name} equals the intact circuit: no edit changed anything")
     model.warn_beyond_range(evidence)
@@ -355,11 +355,17 @@ def compare_edits(
     Warns
     -----
     UserWarning
-        As ``compare_with_msprt``, for the circuit as it is and for each that is edited.
+        As ``compare_with_msprt``, for the circuit as it is and for each that is edited. If an
+        edited circuit is the circuit as it is.
     """
     check_trials(check_evidence(evidence).trials)
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
-    whole("resamples", resamples, 1)
+    check_resamples(resamples, groups)
+    if alike := [name for name, circuit in edited.items() if circuit == model.circuit]:
+        warnings.warn(
+            f"{', '.join(alike)}: no such edit changes anything, the circuit stays as it is",
+            stacklevel=2,
+        )
     model.warn_beyond_range(evidence)
     warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)

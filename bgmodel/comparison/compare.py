@@ -8,6 +8,7 @@ so that one expression gives the value and its resamples.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,8 @@ from bgmodel.seeds import generator
 ACCURACIES = (0.90, 0.95, 0.97)
 FEWEST_TRIALS = 100
 RESAMPLES = 1000
+FEWEST_DRAWN = {"resamples": 100, "groups": 10}
+"""Resamples and groups below which an interval is warned of."""
 # Accuracies over which the extra time is fitted by a line.
 SPAN = np.linspace(0.85, 0.98, 14)
 REST_MS = 500.0
@@ -340,6 +343,26 @@ def resampled(
     count = int(of.max()) + 1
     drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)
     return np.concatenate([np.ones((1, trials)), drawn[:, of]])
+
+
+def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
+    """Refuse a number of resamples that is none; warn of intervals that are too rough to tell.
+
+    Parameters
+    ----------
+    resamples, groups :
+        As for ``resampled``.
+    """
+    drawn = {"resamples": whole("resamples", resamples, 1)}
+    if groups is not None:
+        drawn["groups"] = len(np.unique(np.asarray(groups)))
+    for name, count in drawn.items():
+        if count < FEWEST_DRAWN[name]:
+            warnings.warn(
+                f"95 % intervals from {count} {name} are too rough to tell: give "
+                f"{FEWEST_DRAWN[name]} or more",
+                stacklevel=4,
+            )
 
 
 def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:

@@ -12,6 +12,7 @@ from bgmodel import Msprt, stream
 from bgmodel.comparison.compare import (
     Tradeoff,
     _matched,
+    check_resamples,
     check_trials,
     compare,
     curve,
@@ -316,3 +317,12 @@ def test_the_latency_is_that_of_accuracies_from_85_to_98_per_cent_and_of_no_othe
     for end in (0.85, 0.98):
         bent = np.where(np.abs(accuracy - end) < 0.0005, 60.0, 40.0)
         assert abs(late_by(bent)[1]) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("resamples", "groups", "warned"),
+    [(99, None, 1), (100, None, 0), (1000, np.arange(40) % 9, 1), (1000, np.arange(40) % 10, 0)],
+)
+def test_intervals_from_few_resamples_or_groups_are_warned_of(resamples, groups, warned, recwarn):
+    check_resamples(resamples, groups)
+    assert len(recwarn) == warned
