@@ -15,6 +15,8 @@ from bgmodel.memory import check_evidence_memory
 from bgmodel.readings import warn_of_readings
 from bgmodel.seeds import generator
 
+MOST_NATS = 1e6
+"""Beyond, sums of log-likelihoods lose what tells hypotheses apart."""
 MOST_MS = 1e9
 """Longest time of a reading or of a foreperiod: with more, times would be rounded."""
 
@@ -54,9 +56,10 @@ class Evidence(Facts):
     Raises
     ------
     ValueError
-        On wrong shapes, an empty set, fewer than two hypotheses, values that are not finite, a
-        truth outside the hypotheses, a prior that does not sum to 1, times that make no sense,
-        readings after the last of a trial, or an expectancy that does not fill the foreperiod.
+        On wrong shapes, an empty set, fewer than two hypotheses, values that are not finite or
+        too large, a truth outside the hypotheses, a prior that does not sum to 1, times that make
+        no sense, readings after the last of a trial, or an expectancy that does not fill the
+        foreperiod.
 
     Warns
     -----
@@ -88,6 +91,11 @@ class Evidence(Facts):
             raise ValueError(
                 f"log_likelihood must be finite, got {values[trial, step, hypothesis]} at trial "
                 f"{trial}, step {step}, hypothesis {hypothesis} ({(~finite).sum()} such values)"
+            )
+        if max(values.max(), -values.min()) > MOST_NATS:
+            raise ValueError(
+                f"log_likelihood must lie within +-{MOST_NATS:.0e} nats, got {values.min():.3g} to "
+                f"{values.max():.3g}: take off what the hypotheses of a reading share"
             )
         object.__setattr__(self, "log_likelihood", values)
         object.__setattr__(self, "truth", _truth(self.truth, values.shape))

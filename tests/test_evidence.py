@@ -186,3 +186,10 @@ def test_masked_readings_are_refused():
     with pytest.raises(ValueError, match="masked"):
         Evidence(masked)
     assert Evidence(np.ma.array(values)).trials == 2
+
+
+@pytest.mark.parametrize("shared", [1e7, -1e7, 1e300])
+def test_nats_that_drown_what_tells_hypotheses_apart_are_refused(shared):
+    drawn = gaussian_evidence(3, 4, 0.5, rng=1).log_likelihood
+    with pytest.raises(ValueError, match="log_likelihood must lie within"):
+        Evidence(drawn + shared)

@@ -37,6 +37,7 @@ from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
     check_conditions,
     check_engine,
+    check_foreperiod,
     gain_of,
 )
 from bgmodel.integrators.sprt import criterion_from_posterior
@@ -115,8 +116,7 @@ class Experiment:
         if len(set(told)) < len(told):
             raise ValueError("effects must give a measure in one unit once, got it twice")
         check_engine(self.engine)
-        if not 0 < self.foreperiod_ms < np.inf:
-            raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
+        check_foreperiod(self.foreperiod_ms)
         self.task.check()
         for condition in (self.control, self.manipulation):
             condition.check_engine(self.engine)

@@ -48,6 +48,8 @@ LEAD_MS = 100.0
 """Time per which a circuit states the largest lead that it follows, ms."""
 REFUSED_TIMES = 8.0
 """A lead this many times the stated one is refused: a third of decisions come late by then."""
+OF_A_RUN = ("step_ms", "seed", "first_trial")
+"""What a run gives to an engine itself, so that no option may."""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
@@ -91,6 +93,11 @@ class BasalGanglia(Facts):
             whole("seed", self.seed, 0)
         if not isinstance(self.options, dict):
             raise ValueError(f"options must be a dict of the engine's, got {self.options!r}")
+        if own := [name for name in OF_A_RUN if name in self.options]:
+            raise ValueError(
+                f"options must not hold {', '.join(own)}: the model gives its own seed, and the "
+                "evidence its step_ms and its trials"
+            )
         if self.centred not in (None, True, False):
             raise ValueError(f"centred must be None, True or False, got {self.centred!r}")
 
@@ -402,6 +409,14 @@ def check_engine(engine: str) -> None:
     """Raise ValueError, with the engines that there are, for a name that is none."""
     if not isinstance(engine, str) or engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
+
+
+def check_foreperiod(foreperiod_ms: float) -> None:
+    """Raise ValueError unless a foreperiod has a whole number of ms, as OUT is sampled."""
+    if not (foreperiod_ms > 0 and float(foreperiod_ms).is_integer()):
+        raise ValueError(
+            f"foreperiod_ms must be a whole number of ms, 1 or more, got {foreperiod_ms:g}"
+        )
 
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:

@@ -21,6 +21,7 @@ from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
     check_conditions,
     check_engine,
+    check_foreperiod,
     gain_of,
     identity,
 )
@@ -67,8 +68,7 @@ class Setting:
 
     def __post_init__(self) -> None:
         check_engine(self.engine)
-        if not 0 < self.foreperiod_ms < np.inf:
-            raise ValueError(f"foreperiod_ms must be > 0, got {self.foreperiod_ms}")
+        check_foreperiod(self.foreperiod_ms)
         if self.seed < 0:
             raise ValueError(f"seed must be at least 0, got {self.seed}")
         self.task.check(Stimuli(trials=self.task.trials))

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.checks import path_of
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import MOST_NATS, Evidence
 from bgmodel.files import read_table
 from bgmodel.memory import check_evidence_memory, check_table_memory
 from bgmodel.readings import warn_of_copies
@@ -25,8 +25,6 @@ OURS = (*KEYS, "step", "truth")
 """Columns of an evidence table that mean something, beside ``ll_<hypothesis>``."""
 DECIMAL_SIGN = "is the decimal sign a comma? It must be a point"
 COMMA = re.compile(r"\s*[+-]?\d+,\d+\s*")
-MOST_NATS = 1e6
-"""Beyond, sums of log-likelihoods lose what tells hypotheses apart."""
 
 
 def read_trials(

@@ -70,7 +70,7 @@ def test_a_file_says_what_is_run(experiment_file):
             "posterior = 1.5\n[task]",
             "posterior must lie between chance, 0.5 with 2 hypotheses, and 1, got 1.5",
         ),
-        ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be > 0, got 0"),
+        ("[task]", "foreperiod_ms = 0\n[task]", "foreperiod_ms must be a whole number of ms"),
         (
             '"algebra"',
             '"pen"',

@@ -288,3 +288,9 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
     with pytest.warns(UserWarning, match="too strong") as caught:
         parts = [part.trials for part, _, _ in model.batches(strong(2.0, trials=300, steps=2))]
     assert (len(parts), len(caught)) == (2, 1)
+
+
+@pytest.mark.parametrize("name", ["seed", "step_ms", "first_trial"])
+def test_an_option_that_the_run_gives_itself_is_refused(name):
+    with pytest.raises(ValueError, match=f"must not hold {name}"):
+        BasalGanglia("macaque", "population", 0.5, 1, {name: 1})

@@ -89,9 +89,14 @@ def test_numbers_of_the_task_and_the_run_change_by_their_names():
     assert found.threshold_nats == pytest.approx(-np.log(0.9))
 
 
-def test_a_setting_takes_a_foreperiod_above_0_and_a_seed_from_0_on():
-    assert Setting(foreperiod_ms=0.5, seed=0).foreperiod_ms == 0.5
-    for wrong in ({"foreperiod_ms": 0.0}, {"foreperiod_ms": np.inf}, {"seed": -1}):
+def test_a_setting_takes_a_foreperiod_of_whole_ms_and_a_seed_from_0_on():
+    assert Setting(foreperiod_ms=1.0, seed=0).foreperiod_ms == 1.0
+    for wrong in (
+        {"foreperiod_ms": 0.0},
+        {"foreperiod_ms": 0.5},
+        {"foreperiod_ms": np.inf},
+        {"seed": -1},
+    ):
         (name,) = wrong
         with pytest.raises(ValueError, match=f"^{name} must be "):
             Setting(**wrong)
