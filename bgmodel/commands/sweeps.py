@@ -12,7 +12,7 @@ from functools import partial
 from importlib.resources import files as resources
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from bgmodel.sweeps.plan import Plan, Setting, Shard
 
 OUTCOME = "outcome.csv"
+FIGURES: dict[str, Any] = {".pdf": {"CreationDate": None}, ".png": {"Software": None}}
+"""Figures of an outcome by their endings, with what must not go in."""
 PART = re.compile(r"(\d+)/(\d+)")
 
 
@@ -119,6 +121,7 @@ class SweepRun:
                 stored.at_work(folder, alone=self.part is None),
                 stored.processes(self.workers) as pool,
             ):
+                _remove_outdated(plan, settings, folder)
                 done = stored.compute_all(missing, folder, pool)
                 for _ in tqdm(done, total=len(missing), unit="shard", disable=None):
                     pass
@@ -128,13 +131,11 @@ class SweepRun:
             raise KeyboardInterrupt("The same command goes on where it was.") from None
 
     def _gather(self, plan: Plan, settings: list[Setting], folder: Path, pool: Executor) -> None:
-        from bgmodel.integrators.basal_ganglia import identity
         from bgmodel.sweeps.outcome import gathered, measured
 
         table = gathered(plan, list(pool.map(partial(measured, folder=folder), settings)))
         output = folder / OUTCOME
-        circuits = [identity(setting.table)["sha256"] for setting in settings]
-        files.write_table(table, output, seed=plan.seed, sweep=recorded(plan), circuits=circuits)
+        files.write_table(table, output, **_behind(plan, settings))
         self._say(plan, table)
         if len(plan.axes) <= 2:
             _draw(plan, table, folder)
@@ -191,13 +192,38 @@ class SweepRun:
         }
 
 
+def _behind(plan: Plan, settings: list[Setting]) -> dict[str, Any]:
+    """Return what the table of a sweep was made from."""
+    from bgmodel.integrators.basal_ganglia import identity
+
+    circuits = [identity(setting.table)["sha256"] for setting in settings]
+    return {"seed": plan.seed, "sweep": recorded(plan), "circuits": circuits}
+
+
+def _remove_outdated(plan: Plan, settings: list[Setting], folder: Path) -> None:
+    """Remove table and figure of another sweep: a part or a stopped sweep would leave them."""
+    output = folder / OUTCOME
+    if not output.is_file():
+        return
+    try:
+        of = files.read_provenance(output)
+    except (OSError, ValueError):
+        of = {}
+    now = files.provenance(**_behind(plan, settings))
+    if all(of.get(name) == now[name] for name in ("parameters", "seed")):
+        return
+    say(f"{output} is of another sweep: it is removed, with its figure; shards stay")
+    for path in (output, files.provenance_path(output), *map(output.with_suffix, FIGURES)):
+        path.unlink(missing_ok=True)
+
+
 def _draw(plan: Plan, table: pd.DataFrame, folder: Path) -> None:
     import matplotlib.pyplot as plt
 
     from bgmodel.sweeps.outcome import draw
 
     figure = draw(plan, table)
-    for ending, metadata in ((".pdf", {"CreationDate": None}), (".png", {"Software": None})):
+    for ending, metadata in FIGURES.items():
         with files.replacing(folder / f"outcome{ending}") as partial_file:
             figure.savefig(partial_file, metadata=metadata, dpi=150)
     plt.close(figure)
