@@ -13,7 +13,7 @@ import numpy.typing as npt
 from bgmodel.arrays import Array, Integers, Reals, Truths
 from bgmodel.checks import checked_truth, is_number, one_per_trial, reals
 from bgmodel.facts import Facts, span
-from bgmodel.readout import NATS, POSTERIORS, ReadOut, check_trials, meant
+from bgmodel.readout import NATS, POSTERIORS, ReadOut, check_early_and_late, meant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -289,12 +289,12 @@ def check_decision(
 ) -> None:
     """Refuse decisions of which none needed a reading; warn of most of them.
 
-    The arguments are those of ``first_crossing`` and what it gave, and of ``check_trials``.
+    The arguments are those of ``first_crossing`` and what it gave, and of ``check_early_and_late``.
     """
     late = decision.forced | (decision.choice == UNDECIDED)
     late_counts, early = (np.atleast_1d(t.sum(axis=-1)) for t in (late, decision.premature))
     trials = late.shape[-1]
-    check_trials(late_counts, early, trials, thresholds, forced=forced, of_test=of_test)
+    check_early_and_late(late_counts, early, trials, thresholds, forced=forced, of_test=of_test)
 
 
 def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
@@ -395,7 +395,9 @@ def tally(
     if checked:
         before = np.sort(_lowest(out[:, :first])) if first else np.zeros(0)
         early = np.searchsorted(before, level[0] - ROUNDING, side="right")
-        check_trials(forced, early, len(out), level[0], forced=True, of_test=_of_test(trace))
+        check_early_and_late(
+            forced, early, len(out), level[0], forced=True, of_test=_of_test(trace)
+        )
     back = np.argsort(order[0])
     return Tally(len(out), correct[back], steps[back], forced[back])
 

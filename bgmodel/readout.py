@@ -149,7 +149,7 @@ def criterion_from_posterior(posterior: npt.ArrayLike, hypotheses: int = 2) -> A
     return -np.log(asked)
 
 
-def check_trials(
+def check_early_and_late(
     late: Integers,
     early: Integers,
     trials: int,

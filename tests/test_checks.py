@@ -117,6 +117,8 @@ CALLS = {
 @pytest.mark.filterwarnings("ignore")
 def test_what_is_of_the_wrong_kind_is_one_sentence(what):
     for odd in ODD:
+        if what == "gain of a circuit" and odd is None:
+            continue  # the default of the table
         with pytest.raises(ValueError, match=r".") as caught:
             CALLS[what](odd)
         assert len(str(caught.value).splitlines()) == 1

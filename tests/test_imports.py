@@ -58,7 +58,7 @@ LEVELS = [
         "bgmodel.tables.text_files",
         "bgmodel.theory.first_passage",
     },
-    {"bgmodel.fitting.window", "bgmodel.tables.cautions"},
+    {"bgmodel.calibration", "bgmodel.fitting.window", "bgmodel.tables.cautions"},
     {"bgmodel.fitting.pieces", "bgmodel.learning.reward", "bgmodel.tables.choices"},
     {
         "bgmodel.comparison.pairs",

@@ -23,7 +23,7 @@ from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import check_threshold, readout_of, rest_out
 from bgmodel.integrators.rivals import MaxVsNext
 from bgmodel.integrators.sprt import Stream, tally_sprt
-from bgmodel.readout import ReadOut, check_trials
+from bgmodel.readout import ReadOut, check_early_and_late
 from circuits.activity import RateMeans
 from circuits.anatomy import CIRCUITS
 from tests.helpers import run, some_evidence
@@ -169,7 +169,7 @@ def test_a_lesion_that_decides_nothing_is_warned_of_and_one_that_needs_no_eviden
 @pytest.mark.parametrize(("late", "early"), [(2, 0), (3, 0), (0, 2), (0, 3)])
 def test_more_than_half_of_the_trials_are_a_majority(late, early):
     counts = np.array([late]), np.array([early])
-    said = told(lambda: check_trials(*counts, 4, 0.3, forced=True, of_test=True))
+    said = told(lambda: check_early_and_late(*counts, 4, 0.3, forced=True, of_test=True))
     assert [one[:13] for one in said] == ["3 of 4 trials"] * (max(late, early) > 2)
 
 
@@ -177,8 +177,8 @@ def test_all_trials_before_their_first_reading_are_refused_of_a_test_alone():
     """A circuit has noise: one trial may be early, and is what came of it."""
     counts = np.array([0]), np.array([1])
     with pytest.raises(ValueError, match=r"every trial decides before its first reading"):
-        check_trials(*counts, 1, 0.3, forced=True, of_test=True)
-    (said,) = told(lambda: check_trials(*counts, 1, 0.3, forced=True, of_test=False))
+        check_early_and_late(*counts, 1, 0.3, forced=True, of_test=True)
+    (said,) = told(lambda: check_early_and_late(*counts, 1, 0.3, forced=True, of_test=False))
     assert said.startswith("1 of 1 trials decide before their first reading")
     biased = some_evidence(hypotheses=2, prior=[0.2, 0.8])
     for decide in (

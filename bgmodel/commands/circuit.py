@@ -203,12 +203,6 @@ class CircuitRun(Writes):
         if self.stimuli.evidence is not None:
             print(trials.summary())
         known, seconds = evidence.truth is not None, time.perf_counter() - started
-        if evidence.truth is not None:
-            from bgmodel.comparison.cautions import warn_of_calibration
-            from bgmodel.comparison.compare import posterior_at
-
-            stated = posterior_at(evidence, decision.time_ms, decision.choice)
-            warn_of_calibration(stated, decision.choice == evidence.truth)
         self._say_decided(result, decision, known, seconds)
 
     @staticmethod

@@ -94,12 +94,10 @@ class Decide(Shows):
         files.write_table(table, self.output, seed=seed, command=self._options())
         if self.evidence is not None:
             self.note(trials.summary())
-        if self.evidence is not None and evidence.truth is not None:
-            from bgmodel.comparison.cautions import warn_of_calibration
-            from bgmodel.comparison.compare import tradeoff
+        if self.evidence is not None:
+            from bgmodel.calibration import warn_of_decisions
 
-            found = tradeoff(trace, evidence, [threshold])
-            warn_of_calibration(found.posterior[0], found.choice[0] == evidence.truth)
+            warn_of_decisions(evidence, decision)
         self._show(table, known=evidence.truth is not None)
 
     def _show(self, table: pd.DataFrame, known: bool) -> None:

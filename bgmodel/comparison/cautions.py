@@ -6,13 +6,9 @@ import warnings
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from bgmodel.comparison.compare import Tradeoff, curve, margin
 from bgmodel.evidence import Evidence
-
-STANDARD_ERRORS = 3.29
-"""Half the width of a 99.9 % interval: one false alarm in a thousand comparisons."""
 
 
 def ceiling(evidence: Evidence) -> float:
@@ -68,71 +64,6 @@ def warn_of_own_ceiling(name: str, found: Tradeoff, accuracies: Sequence[float])
             "trials there",
             stacklevel=3,
         )
-
-
-def calibration(posterior: float, accuracy: float, decisions: float) -> str:
-    """Return a sentence if the mean posterior at the decision differs from accuracy, or no text.
-
-    If likelihoods and prior are those of the readings, the two are equal under any stopping rule,
-    because the posterior is a martingale.
-
-    Parameters
-    ----------
-    posterior : float
-        Mean posterior of the choice, at the decision.
-    accuracy : float
-        Share of the same decisions that are right.
-    decisions : float
-        Their number.
-
-    Notes
-    -----
-    The variance of ``right - posterior`` is ``E[P (1 - P)]`` where posteriors are calibrated, at
-    most that of their mean.
-    """
-    off, which = accuracy - posterior, miscalibrated(posterior, accuracy, decisions)
-    if not which:
-        return ""
-    half = _half_width(posterior, accuracy, decisions)
-    return (
-        f"the evidence is too {which}: its mean posterior at the decision is {posterior:.3f}, and "
-        f"{accuracy:.3f} of {decisions:.0f} decisions are right (difference {off:+.3f}, 99.9 % "
-        f"interval {off - half:+.3f} to {off + half:+.3f}); its likelihoods or its prior are not "
-        "those of these trials (under conflict they never are), so posteriors are not calibrated: "
-        "accuracies that are expected from them are off by as much"
-    )
-
-
-def miscalibrated(posterior: float, accuracy: float, decisions: float) -> str:
-    """Return "sure" or "unsure" where ``calibration`` says that the evidence is, or no text."""
-    off = accuracy - posterior
-    if not abs(off) > _half_width(posterior, accuracy, decisions):
-        return ""
-    return "sure" if off < 0 else "unsure"
-
-
-def _half_width(posterior: float, accuracy: float, decisions: float) -> float:
-    """Return half the width of the difference's 99.9 % interval; infinity without decisions."""
-    if not decisions > 0:
-        return np.inf
-    # Without errors there is no scatter: the variance is at least that of calibrated posteriors.
-    variance = max(posterior * (1 - posterior), accuracy * (1 - accuracy))
-    return STANDARD_ERRORS * float(np.sqrt(variance / decisions))
-
-
-def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
-    """Warn if the mean posterior at the decision differs from the accuracy: see ``calibration``.
-
-    Parameters
-    ----------
-    stated : array (trials,)
-        Posterior of the choice, at the decision.
-    correct : array (trials,)
-        Whether the choice is right.
-    """
-    posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
-    if len(right) and (said := calibration(posterior.mean(), right.mean(), len(right))):
-        warnings.warn(said, stacklevel=3)
 
 
 def listed(values: Iterable[float]) -> str:

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.calibration import warn_of_calibration
 from bgmodel.comparison.cautions import (
     listed,
-    warn_of_calibration,
     warn_of_ceiling,
     warn_of_own_ceiling,
 )

@@ -17,6 +17,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.arrays import Array, Integers
+from bgmodel.calibration import posterior_at
 from bgmodel.checks import reals, whole
 from bgmodel.comparison.pairs import Choices, side_by_side
 from bgmodel.decision import Trace, check_trace, first_crossing
@@ -164,28 +165,6 @@ def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None 
     return Tradeoff(
         chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior
     )
-
-
-def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
-    """Return the posterior of choices at the times of decisions.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        What was given.
-    time_ms : array (..., trials), ms
-        Times of decisions since the onset of evidence.
-    choice : int array (..., trials)
-        Chosen hypotheses.
-
-    Returns
-    -------
-    array (..., trials)
-        Of the last reading that had come; before the first, the prior.
-    """
-    reading = np.floor(np.maximum(time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
-    reading = np.minimum(reading, evidence.readings)
-    return np.asarray(evidence.posterior[np.arange(evidence.trials), reading, choice])
 
 
 def curve(swept: Tradeoff, weights: Array) -> tuple[Array, Array]:

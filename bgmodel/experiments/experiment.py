@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import toml_files
+from bgmodel.calibration import calibration
 from bgmodel.checks import path_of
-from bgmodel.comparison.cautions import calibration
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
 from bgmodel.decision import any_crossing

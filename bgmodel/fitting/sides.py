@@ -7,12 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bgmodel.calibration import STANDARD_ERRORS
 from bgmodel.tables.cautions import check_signs
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
 
-STANDARD_ERRORS = 3.29
-"""Half the width of a 99.9 % interval: one false alarm in a thousand participants."""
 SAME = 0.6
 """Share of one response to evidence for either side above which it may say right or wrong."""
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array
+from bgmodel.calibration import warn_of_decisions
 from bgmodel.checks import is_number, whole
 from bgmodel.decision import Decision, Trace, any_crossing, check_decision, first_crossing, joined
 from bgmodel.evidence import Evidence, check_evidence
@@ -64,9 +65,10 @@ class BasalGanglia(Facts):
         The table; or a name or a .toml file: that of 2 channels, or of as many as the file has.
     engine : str
         A name in ``circuits.engines.ENGINES``.
-    gain : float
+    gain : float, optional
         Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then
-        ``-ln softmax(kappa L)``.
+        ``-ln softmax(kappa L)``. The table's default unless given, as in the commands, or 1 for a
+        table that states none.
     seed : int, optional
         Key of the noise; the engines that spike need one.
     options : dict
@@ -79,7 +81,7 @@ class BasalGanglia(Facts):
 
     circuit: Circuit
     engine: str = "algebra"
-    gain: float = 1.0
+    gain: float = None  # type: ignore[assignment]  # a number once the model is made
     seed: int | None = None
     options: dict[str, Any] = field(default_factory=dict)
     centred: bool | None = None
@@ -87,6 +89,8 @@ class BasalGanglia(Facts):
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
         check_engine(self.engine)
+        if self.gain is None:
+            object.__setattr__(self, "gain", self.circuit.default_gain or 1.0)
         if not (is_number(self.gain) and 0 < self.gain < np.inf):
             raise ValueError(f"gain must be > 0 and finite, got {self.gain!r}")
         if self.seed is not None:
@@ -204,8 +208,9 @@ class BasalGanglia(Facts):
         Warns
         -----
         UserWarning
-            If the evidence leaves the circuit's range, noise alone crosses the threshold, or most
-            trials are decided by the deadline or before their first reading.
+            If the evidence leaves the circuit's range, noise alone crosses the threshold, most
+            trials are decided by the deadline or before their first reading, or posteriors at the
+            decision are not the share of right choices.
         """
         level = self.threshold(threshold, posterior)
         self.warn_beyond_range(evidence)
@@ -219,6 +224,7 @@ class BasalGanglia(Facts):
             advance(part.trials)
         decision = joined(decided)
         check_decision(decision, level, forced=forced, of_test=False)
+        warn_of_decisions(evidence, decision)
         return decision
 
     def threshold(self, threshold: float | None, posterior: float | None) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.arrays import Array
-from bgmodel.comparison.cautions import miscalibrated
+from bgmodel.calibration import miscalibrated
 from bgmodel.comparison.compare import RESAMPLES, interval, reads_nothing, resampled
 from bgmodel.experiments.experiment import MANY_MISSED
 from bgmodel.experiments.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_ALL, OF_DIFFUSION

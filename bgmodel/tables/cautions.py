@@ -26,7 +26,7 @@ LEAST_RIGHT, ENOUGH = 0.6, 20
 of responses that it takes to tell."""
 STRENGTHS = ("coherence", "coh", "contrast", "strength", "evidence", "stimulus")
 """Words in the names of columns that hold the strength of evidence."""
-CORRELATED, STANDARD_ERRORS = 0.15, 5.0
+CORRELATED, ERRORS_OF_R = 0.15, 5.0
 """Correlation with responses, and its z score, above which a column may be the strength."""
 PILE, PILE_SHARE = 5, 0.01
 """Number and share of times that are exactly the longest, above which trials were cut off there;
@@ -219,7 +219,7 @@ def warn_without_strength(
             continue
         r = _correlation(values, response) if distinct > 2 else 0.0
         called = any(word in STRENGTHS for word in re.split(r"[^a-z]+", str(name).lower()))
-        if called or abs(r) > max(CORRELATED, STANDARD_ERRORS / np.sqrt(len(values))):
+        if called or abs(r) > max(CORRELATED, ERRORS_OF_R / np.sqrt(len(values))):
             found.append(f"{name} ({distinct} values, correlation with response 1 {r:.2f})")
     if found:
         warnings.warn(

@@ -12,14 +12,8 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison.cautions import (
-    calibration,
-    ceiling,
-    miscalibrated,
-    warn_of_calibration,
-    warn_of_ceiling,
-    warn_of_own_ceiling,
-)
+from bgmodel.calibration import calibration, miscalibrated, warn_of_calibration
+from bgmodel.comparison.cautions import ceiling, warn_of_ceiling, warn_of_own_ceiling
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.comparison.with_msprt import compare
 from bgmodel.evidence import gaussian_evidence

@@ -147,7 +147,33 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     # Numbers made for two alternatives say nothing of five.
     assert anatomy.spiking_msprt(2).with_channels(5).default_gain is None
     assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
+
+
+@pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
+@pytest.mark.parametrize("channels", [2, 4, 8])
+def test_a_model_has_the_gain_of_its_table_as_the_command_does(name, channels):
+    table = circuit(name, channels)
+    assert BasalGanglia(table).gain == gain_of(table)
+    assert BasalGanglia(table, gain=1.0).gain == 1
+    assert BasalGanglia(table.dopamine(0.9)).gain == gain_of(table)
+
+
+def test_a_table_without_a_gain_takes_a_nat_for_a_nat():
     assert BasalGanglia(circuit("bogacz_gurney")).gain == 1
+
+
+@pytest.mark.parametrize("forced", [True, False])
+def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warned_of(forced):
+    """Python warns as the command does; evidence that is shuffled has no truth in it."""
+    evidence = gaussian_evidence(300, 40, 0.5, rng=3, step_ms=50)
+    model = BasalGanglia("macaque", "population", seed=3, options={"rates": False})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.decide(evidence, posterior=0.8, forced=forced)
+    shuffled = replace(evidence, truth=stream(3, "shuffled").permutation(evidence.truth))
+    with pytest.warns(UserWarning, match="too sure"):
+        model.decide(shuffled, posterior=0.8, forced=forced)
+    model.decide(replace(evidence, truth=None), posterior=0.8)
 
 
 @pytest.mark.parametrize("engine", ["ensemble", "rate"])

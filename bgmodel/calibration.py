@@ -1,0 +1,120 @@
+"""Whether posteriors at decisions are the share of right choices."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.arrays import Array, Integers
+from bgmodel.decision import UNDECIDED, Decision
+from bgmodel.evidence import Evidence
+
+STANDARD_ERRORS = 3.29
+"""Half the width of a 99.9 % interval: one false alarm in a thousand comparisons."""
+
+
+def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
+    """Return the posterior of choices at the times of decisions.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What was given.
+    time_ms : array (..., trials), ms
+        Times of decisions since the onset of evidence.
+    choice : int array (..., trials)
+        Chosen hypotheses.
+
+    Returns
+    -------
+    array (..., trials)
+        Of the last reading that had come; before the first, the prior.
+    """
+    reading = np.floor(np.maximum(time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
+    reading = np.minimum(reading, evidence.readings)
+    return np.asarray(evidence.posterior[np.arange(evidence.trials), reading, choice])
+
+
+def calibration(posterior: float, accuracy: float, decisions: float) -> str:
+    """Return a sentence if the mean posterior at the decision differs from accuracy, or no text.
+
+    If likelihoods and prior are those of the readings, the two are equal under any stopping rule,
+    because the posterior is a martingale.
+
+    Parameters
+    ----------
+    posterior : float
+        Mean posterior of the choice, at the decision.
+    accuracy : float
+        Share of the same decisions that are right.
+    decisions : float
+        Their number.
+
+    Notes
+    -----
+    The variance of ``right - posterior`` is ``E[P (1 - P)]`` where posteriors are calibrated, at
+    most that of their mean.
+    """
+    off, which = accuracy - posterior, miscalibrated(posterior, accuracy, decisions)
+    if not which:
+        return ""
+    half = _half_width(posterior, accuracy, decisions)
+    return (
+        f"the evidence is too {which}: its mean posterior at the decision is {posterior:.3f}, and "
+        f"{accuracy:.3f} of {decisions:.0f} decisions are right (difference {off:+.3f}, 99.9 % "
+        f"interval {off - half:+.3f} to {off + half:+.3f}); its likelihoods or its prior are not "
+        "those of these trials (under conflict they never are), so posteriors are not calibrated: "
+        "accuracies that are expected from them are off by as much"
+    )
+
+
+def miscalibrated(posterior: float, accuracy: float, decisions: float) -> str:
+    """Return "sure" or "unsure" where ``calibration`` says that the evidence is, or no text."""
+    off = accuracy - posterior
+    if not abs(off) > _half_width(posterior, accuracy, decisions):
+        return ""
+    return "sure" if off < 0 else "unsure"
+
+
+def _half_width(posterior: float, accuracy: float, decisions: float) -> float:
+    """Return half the width of the difference's 99.9 % interval; infinity without decisions."""
+    if not decisions > 0:
+        return np.inf
+    # Without errors there is no scatter: the variance is at least that of calibrated posteriors.
+    variance = max(posterior * (1 - posterior), accuracy * (1 - accuracy))
+    return STANDARD_ERRORS * float(np.sqrt(variance / decisions))
+
+
+def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
+    """Warn if the mean posterior at the decision differs from the accuracy: see ``calibration``.
+
+    Parameters
+    ----------
+    stated : array (trials,)
+        Posterior of the choice, at the decision.
+    correct : array (trials,)
+        Whether the choice is right.
+    """
+    posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
+    if len(right) and (said := calibration(posterior.mean(), right.mean(), len(right))):
+        warnings.warn(said, stacklevel=3)
+
+
+def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
+    """Warn if decisions at one threshold are right more or less often than their posteriors say.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What was decided on; without a truth there is no warning.
+    decision : Decision
+        Undecided trials do not count.
+    """
+    if evidence.truth is None:
+        return
+    decided = decision.choice != UNDECIDED
+    times = np.where(decided, decision.time_ms, 0.0)  # NaN is no time of a reading
+    stated = posterior_at(evidence, times, decision.choice)
+    warn_of_calibration(stated[decided], (decision.choice == evidence.truth)[decided])
