@@ -1,6 +1,7 @@
 """One fit as tables."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.responses import moments
+from bgmodel.fitting.simulation import Simulation
 from tests.drawn import TRUTH, drawn
 
 MODEL = GapModel()
@@ -157,6 +159,19 @@ def test_what_differs_at_the_optimum_is_fitted_without_a_warning(likelihood):
 def test_an_exact_model_has_no_simulation_error(found):
     assert found.simulation.log_likelihood == 0
     assert (found.parameters()["simulation_error"] == 0).all()
+
+
+def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(found):
+    own = 2 * found.directions.standard_errors
+    draws = found.optimum.vector + np.random.default_rng(1).normal(0, own, (1000, len(own)))
+    drawn_ = Posterior(FREE, draws, np.zeros(len(draws)), 1.0, 100.0)
+    simulated = replace(found, simulation=Simulation(0.5, own), posterior=drawn_)
+    table = simulated.parameters()
+    expected = np.sqrt(5) * found.directions.standard_errors
+    assert table["standard_error"].to_numpy() == pytest.approx(expected)
+    assert table["simulation_error"].tolist() == own.tolist()
+    assert table[["low", "high"]].to_numpy().T == pytest.approx(widened(drawn_, own))
+    assert (table["low"] < drawn_.interval(0.9)[0]).all()
 
 
 def test_an_interval_widens_by_the_error_of_the_simulation():
