@@ -44,7 +44,7 @@ LEVELS = 60
 LOWEST_LOG_ODDS, HIGHEST_LOG_ODDS = 0.15, 2.8
 """Range of those thresholds, where the circuit reads and does not decide at rest."""
 TRIALS = 16_000
-"""Trials at each drift: their error is below a third of that of some 2 500 trials of data."""
+"""Trials at each drift; a fit warns where they are too few for the data."""
 PARTS = 16
 """Parts of the stored trials, each of which is left out in turn: how much depends on them?"""
 SIMULATION_SEED = 24_001

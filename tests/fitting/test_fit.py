@@ -170,7 +170,7 @@ def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(fo
     expected = np.sqrt(5) * found.directions.standard_errors
     assert table["standard_error"].to_numpy() == pytest.approx(expected)
     assert table["simulation_error"].tolist() == own.tolist()
-    assert table[["low", "high"]].to_numpy().T == pytest.approx(widened(drawn_, own))
+    assert pytest.approx(widened(drawn_, own)) == table[["low", "high"]].to_numpy().T
     assert (table["low"] < drawn_.interval(0.9)[0]).all()
 
 
