@@ -416,7 +416,7 @@ def _chosen(
         return reals("thresholds", thresholds)  # type: ignore[arg-type]
     if trace.readout is None:
         raise ValueError(
-            "this trace does not say which posterior an OUT stands for: give thresholds"
+            "this trace does not say which posterior an OUT corresponds to: give thresholds"
         )
     return trace.readout.threshold(posterior, trace.out_nats.shape[2])
 
@@ -454,7 +454,7 @@ def check_trace(given: Trace) -> None:
 def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return OUT, its first reading, and ends and numbers of trials, as compiled loops need them.
 
-    These loops read where they are told to: what does not fit is refused here.
+    The compiled loops do not check their bounds, so arrays that do not fit are refused here.
     """
     check_trace(trace)
     out = np.ascontiguousarray(reals("out_nats", trace.out_nats))

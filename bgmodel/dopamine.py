@@ -225,7 +225,7 @@ def decide_at_levels(
     Raises
     ------
     ValueError
-        If levels are not allowed or not distinct, or the circuit as it is would decide without
+        If levels are not allowed or not distinct, or the unchanged circuit would decide without
         evidence at that threshold, or never reads it.
     """
     check_threshold(model.circuit, threshold_nats)

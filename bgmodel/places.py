@@ -19,7 +19,7 @@ COURSE = "course"
 
 
 class RowEdit(NamedTuple):
-    """One of several edits, as it was written."""
+    """One of several edits, in the words of the user."""
 
     kind: str
     text: str
@@ -85,7 +85,7 @@ def channel_of(name: str, example: str) -> tuple[str, int | None]:
     Raises
     ------
     ValueError
-        With an example, if what stands in brackets is no number.
+        If the text in brackets is not a number; the message has an example.
     """
     path, bracket, rest = name.partition("[")
     if not bracket:

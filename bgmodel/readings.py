@@ -12,7 +12,7 @@ from bgmodel.arrays import Integers
 MOST_TRIALS = 1000
 """Trials that are looked at: enough to tell, and quick."""
 FEWEST_READINGS = 100
-"""Readings below which nothing is said."""
+"""Number of readings below which there is no warning."""
 SHORTEST = 10
 """Readings of the shortest trial whose serial correlation tells: in shorter ones it is low even for
 running sums."""

@@ -3,7 +3,7 @@
 By default Numba writes next to the source. In an installed package, pip then leaves the folder
 behind when it removes the package, and what is left hides a later editable installation. Numba also
 checks only the file that holds a function: after an edit elsewhere the old code would run silently.
-Here compiled functions are stored under a hash of all sources as they were imported.
+Compiled functions are stored under a hash of all sources at the time of import.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ A change names one field of one row, and a value of the type that the field decl
     STN->GPe.delay_ms=4                 a field of a pathway
 
 A new row is its name and its fields; what is not given is the default, or that of the row which
-it is like; a row with an amount is a course. A value with blanks stands in quotes::
+it is like; a row with an amount is a course. A value with blanks needs quotes::
 
     D1->GPe weight=-0.1 delay_ms=4      a pathway
     D1->GPe like=D1->SNr weight=-0.1    a pathway like another, of the circuit or among those added

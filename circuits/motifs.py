@@ -30,7 +30,7 @@ def striatal_fsi(circuit: Circuit) -> tuple[Row, ...]:
 
     At rest they fire at their baseline, the middle of what is printed for the macaque (8 to 14 Hz),
     so that adding them leaves all other rates at rest as they are. Each channel's cells hear their
-    own cortex and inhibit D1 and D2 of all channels alike: what they take away is common to all.
+    own cortex and inhibit D1 and D2 of all channels alike, so they remove an input that is common to all channels.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite"
 """Fields of rows that leave the fixed point as it is."""
 
 EDITED = "edited from: "
-"""How ``about`` begins once a number of a table was changed: what it says is of the original."""
+"""Prefix of ``about`` once a number of a table has changed: the text describes the original."""
 
 NATS = "nats"
 UNITS = (NATS, "salience")
@@ -502,14 +502,7 @@ class Circuit:
             raise ValueError(f"factor must be >= 0, got {factor}")
         if channel is None:
             return self.with_projection(source, target, weight=row.weight * factor)
-        count = self.channels_of(target)
-        if channel not in range(count):
-            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel!r}")
-        if factor == 1:
-            return self
-        factors = list(row.factors or (1.0,) * count)
-        factors[int(channel)] *= factor
-        return self.with_projection(source, target, factors=tuple(factors))
+        return self._multiplied(row, "factors", factor, channel)
 
     def cut(
         self, source: str, target: str, fraction: float = 1.0, channel: int | None = None
@@ -540,14 +533,18 @@ class Circuit:
             raise ValueError(f"fraction must lie in 0..1, got {fraction}")
         if channel is None:
             return self.with_projection(source, target, intact=row.intact * (1 - fraction))
-        count = self.channels_of(target)
+        return self._multiplied(row, "intact_by_channel", 1 - fraction, channel)
+
+    def _multiplied(self, row: Projection, field: str, factor: float, channel: int) -> Circuit:
+        """Return the circuit with one target channel's number of a pathway multiplied."""
+        count = self.channels_of(row.target)
         if channel not in range(count):
-            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel}")
-        if fraction == 0:
+            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel!r}")
+        if factor == 1:
             return self
-        left = list(row.intact_by_channel or (1.0,) * count)
-        left[channel] *= 1 - fraction
-        return self.with_projection(source, target, intact_by_channel=tuple(left))
+        values = list(getattr(row, field) or (1.0,) * count)
+        values[int(channel)] *= factor
+        return self.with_projection(row.source, row.target, **{field: tuple(values)})
 
     def receptors(self) -> tuple[tuple[Projection, Population | Projection], ...]:
         """Return the pathways that dopamine scales, each with the row that has the receptor.

@@ -174,7 +174,7 @@ def test_more_than_half_of_the_trials_are_a_majority(late, early):
 
 
 def test_all_trials_before_their_first_reading_are_refused_of_a_test_alone():
-    """A circuit has noise: one trial may be early, and is what came of it."""
+    """A circuit has noise, so that a single early trial is a result and no error."""
     counts = np.array([0]), np.array([1])
     with pytest.raises(ValueError, match=r"every trial decides before its first reading"):
         check_early_and_late(*counts, 1, 0.3, forced=True, of_test=True)

@@ -363,7 +363,7 @@ def compare_edits(
     check_resamples(resamples, groups)
     if alike := [name for name, circuit in edited.items() if circuit == model.circuit]:
         warnings.warn(
-            f"{', '.join(alike)}: no such edit changes anything, the circuit stays as it is",
+            f"{', '.join(alike)}: the edit changes nothing in this circuit",
             stacklevel=2,
         )
     model.warn_beyond_range(evidence)

@@ -381,8 +381,7 @@ def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> 
     Raises
     ------
     ValueError
-        If there is none, or one that is no number between chance and 1: within ``MARGIN`` of
-        chance nothing is compared either.
+        If the list is empty, or an accuracy is not a number between chance plus ``MARGIN`` and 1.
     """
     given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
     if given.ndim != 1 or not given.size:

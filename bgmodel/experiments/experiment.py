@@ -128,7 +128,7 @@ class Experiment:
     def check_differs(self) -> None:
         """Raise ValueError if both conditions are alike, or decide at a threshold that is refused.
 
-        ``run_experiment`` refuses the latter too; here it is seen before anything is said.
+        ``run_experiment`` refuses the latter too; this check comes before the run is announced.
         """
         channels = self.trials().evidence.hypotheses
         both = [

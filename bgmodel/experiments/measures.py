@@ -55,7 +55,7 @@ NO_DIFFUSION = (
 OF_DECIDED = ("accuracy", "choice_0", "mean_ms", "median_ms", "criterion", *OF_DIFFUSION)
 """Measures of those trials alone that were decided in time."""
 COUNTED = {"accuracy": ("accuracy_all", "accuracy_best"), "mean_ms": ("mean_all_ms",)}
-"""Measures of decided trials, and the same of all trials: what missed ones could have made of them.
+"""Measures of decided trials, and of all trials: the bounds that missed trials set.
 Of accuracy these are the two ends; missed trials take at least until the deadline."""
 OF_ALL = tuple(name for names in COUNTED.values() for name in names)
 SHARES = (

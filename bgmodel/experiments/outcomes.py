@@ -79,7 +79,7 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
 
     Notes
     -----
-    What is said of decided trials alone is left open, with the reason, unless it holds whatever
+    A verdict on decided trials alone is left open, with the reason, unless it holds whatever
     missed trials would have been, alike in both conditions. That of the accuracy must also be that
     of ``accuracy_all`` and of ``accuracy_best``, the two ends; that of the mean time also that of
     ``mean_all_ms``; those of choice_0 and the criterion hold with missed trials at 0 and at 1; for
@@ -290,7 +290,7 @@ def _setting(experiment: Experiment, table: pd.DataFrame) -> str:
 def _verdicts(experiment: Experiment, table: pd.DataFrame) -> list[str]:
     """Return what was predicted and what came out, a line per prediction."""
     if not experiment.predictions:
-        return ["nothing was predicted before the run: no verdict"]
+        return ["no prediction was made before the run, so there is no verdict"]
     lines = ["predicted before the run:"]
     for row in outcomes(experiment, table).to_dict("records"):
         by = "to within" if row["direction"] == "none" else "by"

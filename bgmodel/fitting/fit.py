@@ -193,7 +193,7 @@ def _ended(found: Optimum) -> list[str]:
 
 
 def _short(drawn: Posterior | None) -> list[str]:
-    """Return a sentence if a chain of draws is short beside its autocorrelation time."""
+    """Return a sentence if a chain of draws is short compared with its autocorrelation time."""
     if drawn is None or drawn.long_enough:
         return []
     return [

@@ -70,9 +70,9 @@ class Directions:
     def cautions(self) -> list[str]:
         """Return a sentence for each pair of parameters that these data cannot tell apart.
 
-        It has the cosine and the ridge, along which one makes up for the other; and a sentence for
-        each parameter on which nothing depends. Where there is none of these and yet a standard
-        error is infinite, one sentence says so.
+        It has the cosine and the ridge, along which one makes up for the other. Parameters on which
+        nothing depends get a sentence too. If neither explains an infinite standard error, one
+        sentence says so.
         """
         cosines = self.cosines
         found = []

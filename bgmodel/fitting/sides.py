@@ -30,7 +30,7 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
     choices : Choices
         Of one person, or of several taken for one.
     by : sequence of str
-        Columns of conditions: each level may have a bias of its own.
+        Columns of conditions: each level may have another bias.
 
     Raises
     ------

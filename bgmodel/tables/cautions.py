@@ -30,7 +30,7 @@ CORRELATED, ERRORS_OF_R = 0.15, 5.0
 """Correlation with responses, and its z score, above which a column may be the strength."""
 PILE, PILE_SHARE = 5, 0.01
 """Number and share of times that are exactly the longest, above which trials were cut off there;
-the number also beside how many trials share a time on average."""
+the number also compared with how many trials share a time on average."""
 FAR = 10.0
 """Ratio of strengths from which on the larger one is doubted where few trials have it."""
 SAME = 1e-6
@@ -127,7 +127,7 @@ def warn_of_copies(table: pd.DataFrame) -> None:
         warnings.warn(
             f"every one of {len(table)} rows is there more than once, and {different} are "
             "different: if trials were put together twice, leave out the copies, since standard "
-            "errors count each row as a trial of its own",
+            "errors count each row as a new trial",
             stacklevel=3,
         )
 

@@ -52,7 +52,7 @@ def test_lean_is_not_known_without_mirror_images():
 
 
 def sided(right, wrong, missed=0):
-    """Return choices at strengths of both signs, so many of which are right."""
+    """Return choices at strengths of both signs, `right` of which are correct."""
     strength = np.tile([0.2, -0.2], (right + wrong + missed + 1) // 2)[: right + wrong + missed]
     correct = np.repeat([1, 0, -1], [right, wrong, missed])
     response = np.where(strength > 0, correct, 1 - correct)
