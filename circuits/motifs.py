@@ -29,8 +29,8 @@ def striatal_fsi(circuit: Circuit) -> tuple[Row, ...]:
     """Return the fast-spiking interneurons of striatum: cortex -> FSI -> D1 and D2.
 
     At rest they fire at their baseline, the middle of what is printed for the macaque (8 to 14 Hz),
-    so that adding them leaves all other rates at rest as they are. Each channel's cells hear their
-    own cortex and inhibit D1 and D2 of all channels alike, so they remove an input that is common to all channels.
+    so that adding them leaves all other resting rates unchanged. Cells of a channel hear its cortex
+    and inhibit D1 and D2 of all channels alike, so they remove an input that all channels share.
 
     Parameters
     ----------

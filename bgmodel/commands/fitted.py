@@ -199,7 +199,7 @@ def _warn(who: str, name: str, piece: Piece) -> None:
 
 
 def _as_written(path: Path, like: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of earlier fits, with the text columns of the new one read as text: 01 is not 1."""
+    """Return a table of earlier fits; text columns stay text as in the new one: 01 is not 1."""
     import pandas as pd
 
     texts = [name for name in like if pd.api.types.is_string_dtype(like[name])]

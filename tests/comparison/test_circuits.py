@@ -305,5 +305,5 @@ def test_the_decoder_beside_a_circuit_counts_for_20_ms_by_default(monkeypatch):
 def test_an_edit_that_changes_nothing_is_warned_of():
     given = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
     edited = {"D1->SNr=1": TABLE.scaled("D1", "SNr", 1.0)}
-    with pytest.warns(UserWarning, match="changes anything"):
+    with pytest.warns(UserWarning, match="changes nothing"):
         compare_edits(replace(QUICK, engine="rate"), edited, LONG, **given)
