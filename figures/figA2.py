@@ -294,7 +294,9 @@ def _nuclei(ax: Any, table: pd.DataFrame) -> None:
                 where, rows["value"], _off(rows), fmt=mark, ms=3.5, lw=0.8, color=colour,
                 mfc=fill, label=label,
             )  # fmt: skip
-    ax.set_xticks(range(len(SHOWN)), [name.replace("_", "_\n") for name in SHOWN.values()])
+    # A name breaks at its blank, or after an underscore.
+    names = (n.replace(" ", "\n") if " " in n else n.replace("_", "_\n") for n in SHOWN.values())
+    ax.set_xticks(range(len(SHOWN)), list(names))
     ax.set(ylabel="rise of rate with conflict (%)")
     ax.legend(loc="upper right")
 
