@@ -18,11 +18,11 @@ LIENARD = "Lienard & Girard 2014"
 FSI = f"rate {LIENARD}, macaque; CV, gain, cells, spread assumed"
 DRIVEN = f"cortex drives them, Mallet et al. 2005, rat; delay as ctx->D1, {LIENARD}; rest assumed"
 FEEDFORWARD = (
-    "inhibit D1 and D2, Koos & Tepper 1999, Planert et al. 2010, rats; 53 % of D1, 36 % of D2 "
-    "connected, Gittis et al. 2010, mouse; strength, reach, delay, tau assumed"
+    "inhibit D1 and D2, Koos & Tepper 1999, Planert et al. 2010, rats; D1 more than D2, "
+    "Gittis et al. 2010, mouse; strength, reach, delay, tau assumed"
 )
 TO_D1, TO_D2 = 0.15, 0.1
-"""Nats that a nat of all FSI takes from D1 and D2: 3 to 2, near the shares that are connected."""
+"""Nats that a nat of all FSI takes from D1 and D2: assumed, more from D1 as in mice."""
 
 
 def striatal_fsi(circuit: Circuit) -> tuple[Row, ...]:
