@@ -32,6 +32,8 @@ from bgmodel.seeds import stream
 
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""
+LARGEST_EXPONENT = 650.0
+"""Of e in the weights of trials: beyond it numbers overflow."""
 EVIDENCE_BIN = 0.05
 """Width of a bin of evidence, sqrt(s)."""
 BATCH = 500
@@ -178,14 +180,29 @@ def read(
     never = np.sum([weight * counts.never for counts, weight in weighed], axis=0)
     read_s = (np.arange(len(seen)) + 1) * BIN_S
     # A stored trial and its mirror image: with the drift for the choice, and against it.
-    towards = np.exp(_evidence(seen.shape[1])[:, None] * np.concatenate([v, -v]))
+    read_so_far = _evidence(seen.shape[1])
+    moved = _moved(np.abs(v) * read_so_far[-1])
+    towards = np.exp(read_so_far[:, None] * np.concatenate([v, -v]) - np.tile(moved, 2))
     seen *= _unmixed(tuple(first.drifts.tolist()), *seen.shape)
     mass = (seen @ towards).reshape(len(seen), 2, len(v))
-    mass *= np.exp(-np.outer(read_s, v**2) / 2)[:, None]
+    mass *= np.exp(moved - np.outer(read_s, v**2) / 2)[:, None]
     last_s, evidence = read_s[_ends(settings) - 1], _evidence(len(never))[:, None]
     apart = v * evidence - v**2 * last_s / 2 - log_mixture(first.drifts, last_s, evidence)
     undecided = never @ (np.exp(apart) + np.exp(apart - 2 * v * evidence))
     return np.asarray(mass[:, ::-1] / (mass.sum(axis=(0, 1)) + undecided))
+
+
+def _moved(largest: Array) -> Array:
+    """Return what is taken from exponents of evidence and given back to those of time.
+
+    Trials that are decided late have read so much that the exponential alone would overflow.
+    """
+    if largest.max() > 2 * LARGEST_EXPONENT:
+        raise ValueError(
+            f"a circuit that still decides after {largest.max():.0f} nats of evidence cannot be "
+            f"weighed: at most {2 * LARGEST_EXPONENT:.0f}. Simulate shorter trials (seconds)"
+        )
+    return np.where(largest > LARGEST_EXPONENT, largest / 2, 0.0)
 
 
 def log_mixture(drifts: npt.ArrayLike, read_s: npt.ArrayLike, evidence: npt.ArrayLike) -> Array:

@@ -1,5 +1,7 @@
 """Stored crossings of an ideal integrator against the exact walk."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -225,3 +227,19 @@ def test_parts_hold_every_trial_once(stored):
     assert first.decided + second.decided == pytest.approx(whole.decided)
     assert first.never + second.never == pytest.approx(whole.never)
     assert first.decided.sum() > 0
+
+
+def waits(read, first):
+    """Return OUT of an ideal integrator that is silent until 2.9 s are read."""
+    trace = ideal(read, first)
+    silent = trace.time_ms[None, :, None] < 2900
+    return replace(trace, out_nats=np.where(silent, np.log(2), trace.out_nats))
+
+
+def test_a_circuit_that_decides_late_on_strong_evidence_has_finite_weights():
+    late = simulated(waits, THRESHOLDS, seconds=3.0, trials=100, seed=7)
+    (found,) = decided([(late, 1.0)], THRESHOLDS[8], [15.0], GRID)
+    assert found[:, :280].sum() == pytest.approx(0, abs=1e-6)
+    assert found[1].sum() == pytest.approx(1, abs=1e-6)
+    with pytest.raises(ValueError, match="nats of evidence"):
+        decided([(late, 1.0)], THRESHOLDS[8], [30.0], GRID)
