@@ -17,15 +17,12 @@ from bgmodel.integrators.sprt import (
     criterion_from_posterior,
     threshold_from_gap,
 )
-from bgmodel.moved import missing, tell_old_names
 from bgmodel.seeds import stream
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     from bgmodel.comparison.with_msprt import compare
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-
-tell_old_names()
 
 LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
@@ -53,9 +50,9 @@ __all__ = [
 if not TYPE_CHECKING:  # mypy would take any name for one that is there
 
     def __getattr__(name: str) -> Any:
-        """Return a name that is loaded where it is used; old names answer with the new one."""
+        """Return a name that is loaded where it is used."""
         if name not in LAZY:
-            raise missing(name)
+            raise AttributeError(f"module 'bgmodel' has no attribute {name!r}")
         from importlib import import_module
 
         found = getattr(import_module(LAZY[name]), name)

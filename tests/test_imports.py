@@ -41,7 +41,6 @@ LEVELS = [
         "bgmodel.integrators",
         "bgmodel.learning",
         "bgmodel.learning.policies",
-        "bgmodel.moved",
         "bgmodel.plots",
         "bgmodel.readout",
         "bgmodel.sweeps",
