@@ -13,7 +13,6 @@ from bgmodel.dopamine import criterion, working_range
 from bgmodel.evidence import expecting, gaussian_evidence
 from bgmodel.experiments.experiment import read_experiment, run_experiment
 from bgmodel.files import read_table
-from bgmodel.integrators.fused import gaussian_tally
 from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe
 from bgmodel.integrators.sprt import (
@@ -97,8 +96,6 @@ CALLS = {
     "thresholds": lambda odd: tally_sprt(EVIDENCE, odd),
     "test of a stream": lambda odd: Stream(odd, 0.2),
     "threshold of a stream": lambda odd: Stream(Msprt(), odd),
-    "trials of a tally": lambda odd: gaussian_tally(odd, 5, 0.5, [0.2], seed=1),
-    "seed of a tally": lambda odd: gaussian_tally(2, 5, 0.5, [0.2], seed=odd),
     "nucleus": TABLE.without,
     "row": TABLE.row,
     "evidence": lambda odd: compare("macaque", odd, seed=1),

@@ -62,7 +62,6 @@ LEVELS = [
     {
         "bgmodel.comparison.pairs",
         "bgmodel.fitting.sides",
-        "bgmodel.integrators.fused",
         "bgmodel.integrators.sprt",
         "bgmodel.tables.exports",
         "bgmodel.tables.statistics",

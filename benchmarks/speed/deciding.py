@@ -17,10 +17,9 @@ import pandas as pd
 
 from bgmodel import Msprt, criterion_from_gap, stream, tally
 from bgmodel.evidence import Evidence, gaussian_evidence
-from bgmodel.integrators.fused import gaussian_tally
 from bgmodel.learning.reinforce import exhaustive_search
 
-D, T_MAX, TRIALS, FEW = 0.5, 50, 1_000_000, 20_000
+D, T_MAX, FEW = 0.5, 50, 20_000
 DELTAS = np.linspace(0.2, 8, 40)
 POSTERIORS = np.linspace(0.3, 0.98, 40)
 SEPARATION = D / np.sqrt(2)
@@ -81,17 +80,10 @@ def main() -> None:
     four = gaussian_evidence(FEW, T_MAX, SEPARATION, rng=stream(1, "four"), hypotheses=4)
     criteria, levels = criterion_from_gap(DELTAS), -np.log(POSTERIORS)
 
-    def fused(trials: int, thresholds: np.ndarray, hypotheses: int) -> None:
-        gaussian_tally(trials, T_MAX, SEPARATION, thresholds, seed=1, hypotheses=hypotheses)
-
     exhaustive_search(small, DELTAS)  # compile
-    fused(1000, criteria, 2)
-    fused(1000, levels, 4)
     tally(Msprt().run(four[:10]), four.truth[:10], levels)
     work: dict[str, tuple[int, Callable[[], object]]] = {
         "SPRT, evidence given": (evidence.trials, lambda: exhaustive_search(evidence, DELTAS)),
-        "SPRT, evidence drawn inside": (TRIALS, lambda: fused(TRIALS, criteria, 2)),
-        "MSPRT of 4, drawn inside": (TRIALS, lambda: fused(TRIALS, levels, 4)),
         "MSPRT of 4, evidence given": (FEW, lambda: tally(Msprt().run(four), four.truth, levels)),
         "SPRT in numpy, evidence given": (FEW, lambda: plain_numpy(small)),
     }

@@ -11,7 +11,6 @@ from numba.core.dispatcher import Dispatcher
 import bgmodel.compiling
 from bgmodel import crossing
 from bgmodel.fitting import weights
-from bgmodel.integrators import fused
 from bgmodel.tactile import sampling
 from circuits.compiled_code import sources_hash
 from circuits.engines import compiling
@@ -29,7 +28,7 @@ print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())
 """
 
 
-@pytest.mark.parametrize("module", [crossing, fused, kernel, lanes, population, sampling, weights])
+@pytest.mark.parametrize("module", [crossing, kernel, lanes, population, sampling, weights])
 def test_compiled_code_is_kept_under_a_hash_of_all_sources(module):
     package = module.__name__.partition(".")[0]
     expected = {"bgmodel": bgmodel.compiling.SOURCES, "circuits": compiling.SOURCES}[package]
