@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from bgmodel import Msprt, criterion_from_gap, stream, tally
+from bgmodel import Msprt, stream, tally
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.learning.reinforce import exhaustive_search
 
@@ -78,7 +78,7 @@ def main() -> None:
     evidence = gaussian_evidence(200_000, T_MAX, SEPARATION, rng=stream(1, "benchmark"))
     small = evidence[:FEW]
     four = gaussian_evidence(FEW, T_MAX, SEPARATION, rng=stream(1, "four"), hypotheses=4)
-    criteria, levels = criterion_from_gap(DELTAS), -np.log(POSTERIORS)
+    levels = -np.log(POSTERIORS)
 
     exhaustive_search(small, DELTAS)  # compile
     tally(Msprt().run(four[:10]), four.truth[:10], levels)
