@@ -6,7 +6,7 @@ Nothing about a pathway is written anywhere else. An edit returns a new circuit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeVar
 
@@ -48,8 +48,11 @@ Level = TypeVar("Level", float, Array)
 
 
 @dataclass(frozen=True)
-class Circuit:
+class Circuit(Mapping[str, "Population | Projection"]):
     """A whole circuit; every engine reads this and nothing else.
+
+    It is a mapping of its rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]``
+    a projection.
 
     The evidence enters ``input`` as a drive in nats, one number a channel, that is zero at rest:
     the input is ``drive_gain * (drive + rest_drive)``. The decoded rate of ``readout`` is OUT. In
@@ -298,6 +301,22 @@ class Circuit:
             return self.population(name)
         source, _, target = name.partition("->")
         return self.projection(source, target)
+
+    def __getitem__(self, name: str) -> Population | Projection:
+        """Return a row by its name; KeyError with the names that there are."""
+        try:
+            return self.row(name)
+        except ValueError as error:
+            raise KeyError(str(error)) from None
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the names of populations, then of projections."""
+        yield from (row.name for row in self.populations)
+        yield from (row.name for row in self.projections)
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.populations) + len(self.projections)
 
     def channels_of(self, name: str) -> int:
         """Return how many channels a population has."""

@@ -418,3 +418,22 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
     for wrong in (0.0, -1.0, float("nan")):
         with pytest.raises(ValueError, match="most_lead_nats must be > 0"):
             replace(table, most_lead_nats=wrong)
+
+
+def test_a_circuit_is_a_mapping_of_its_rows():
+    table = anatomy.circuit("macaque")
+    assert table["STN"] == table.population("STN")
+    assert table["STN->GPe"] == table.projection("STN", "GPe")
+    assert [row.name for row in table.values()] == list(table)
+    assert len(table) == len(table.populations) + len(table.projections)
+    assert "STN" in table
+    assert "STN->D1" not in table
+    with pytest.raises(KeyError, match="GPe"):
+        table["GPE"]
+
+
+def test_a_circuit_is_equal_to_no_plain_mapping():
+    table = anatomy.circuit("macaque")
+    assert table == replace(table)
+    assert table != dict(table)
+    assert hash(table) == hash(replace(table))
