@@ -113,6 +113,7 @@ LEVELS = [
         "bgmodel.comparison.with_msprt",
         "bgmodel.demo",
         "bgmodel.dopamine",
+        "bgmodel.fitting.misfit",
         "bgmodel.fitting.posterior",
         "bgmodel.fitting.predicted",
         "bgmodel.experiments.experiment",

@@ -271,7 +271,7 @@ def _covered(found: pd.DataFrame) -> pd.DataFrame:
     """
     half = norm.ppf(0.95)
     apart = (found["value"] - found["truth"]).abs()
-    alone = np.sqrt(found["standard_error"] ** 2 - found["simulation_error"] ** 2)
+    alone = np.sqrt(found["standard_error"] ** 2 - found["simulation_error"].fillna(0) ** 2)
     found = found.assign(
         inside=apart <= half * found["standard_error"], inside_without=apart <= half * alone
     )

@@ -13,10 +13,11 @@ import pandas as pd
 from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
+from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
 from bgmodel.fitting.posterior import ENOUGH, Posterior, posterior
 from bgmodel.fitting.responses import BIN_S, moments
-from bgmodel.fitting.simulation import Simulation, simulation_error
+from bgmodel.fitting.simulation import Simulation, simulation_error, without_parts
 from bgmodel.fitting.slow import warn_of_slow
 
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -39,6 +40,8 @@ class Fit:
         What can be told apart there.
     simulation : Simulation
         Errors that the simulated trials of a circuit leave.
+    misfit : Misfit
+        Difference between the data and the fitted model.
     posterior : Posterior, optional
         Draws, if they were asked for.
     """
@@ -46,6 +49,7 @@ class Fit:
     optimum: Optimum
     directions: Directions
     simulation: Simulation
+    misfit: Misfit
     posterior: Posterior | None = None
 
     def parameters(self) -> pd.DataFrame:
@@ -53,14 +57,14 @@ class Fit:
 
         Columns parameter, value, standard_error (all other parameters free; from the expected
         information and, for a circuit, its simulated trials), simulation_error (the part of it
-        that is due to the simulated trials), low and high (of the posterior, a middle interval of
-        0.9, widened by the simulation error; NaN without a posterior), at_bound.
+        that is due to the simulated trials; NaN at a bound), low and high (of the posterior, a
+        middle interval of 0.9, widened by the simulation error; NaN without a posterior), at_bound.
         """
         own = self.simulation.parameters
         found = {
             "parameter": self.optimum.likelihood.freedom.names,
             "value": self.optimum.vector,
-            "standard_error": np.hypot(self.directions.standard_errors, own),
+            "standard_error": np.hypot(self.directions.standard_errors, np.nan_to_num(own)),
             "simulation_error": own,
             "low": np.nan,
             "high": np.nan,
@@ -72,8 +76,14 @@ class Fit:
         return table
 
     def cells(self) -> pd.DataFrame:
-        """Return one row per cell of the design: data, and the model; see ``cells_of``."""
-        return cells_of(self.optimum.likelihood.design, self.optimum.density)
+        """Return one row per cell of the design: data, and the model; see ``cells_of``.
+
+        Two more columns, z_accuracy and z_mean_rt, have the difference between data and model in
+        standard deviations; see ``misfit.Misfit``.
+        """
+        table = cells_of(self.optimum.likelihood.design, self.optimum.density)
+        z = {"z_accuracy": self.misfit.z_accuracy, "z_mean_rt": self.misfit.z_mean_rt}
+        return table.assign(**z)
 
 
 def widened(drawn: Posterior, simulation: Array) -> Array:
@@ -87,7 +97,7 @@ def widened(drawn: Posterior, simulation: Array) -> Array:
     drawn : Posterior
         Draws.
     simulation : array (parameters,)
-        Standard errors, as of ``Simulation``.
+        Standard errors, as of ``Simulation``; NaN, which is at a bound, widens nothing.
 
     Returns
     -------
@@ -95,7 +105,7 @@ def widened(drawn: Posterior, simulation: Array) -> Array:
     """
     middle = np.median(drawn.draws, axis=0)
     low, high = drawn.interval(SHARE)
-    half = NormalDist().inv_cdf((1 + SHARE) / 2) * simulation
+    half = NormalDist().inv_cdf((1 + SHARE) / 2) * np.nan_to_num(simulation)
     return np.stack([middle - np.hypot(middle - low, half), middle + np.hypot(high - middle, half)])
 
 
@@ -155,7 +165,8 @@ def _said(density: Array, middles_s: Array) -> dict[str, float]:
 def fit(likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: None) -> Fit:
     """Return a fit: its optimum, and what can be told apart there.
 
-    It warns of parameters that these data hardly tell apart at the optimum or that end at a bound
+    It warns of data that differ from the fitted model by more than chance (``Misfit.cautions``), of
+    parameters that these data hardly tell apart at the optimum or that end at a bound
     of their range, of a simulation error that is more than a third of the standard error, and of
     draws that are too few.
 
@@ -173,14 +184,17 @@ def fit(likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: N
     warn_of_slow(found)
     there = directions(likelihood, found.vector)
     tell("simulation error")
-    simulated = simulation_error(likelihood, there)
+    left = without_parts(likelihood, there)
+    simulated = simulation_error(likelihood, there, left)
+    apart = misfit(found, left)
     drawn = None
     if draws:
         drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
-    cautions = [*there.cautions(), *_rough(there, simulated), *_ended(found), *_short(drawn)]
+    cautions = [*apart.cautions(found), *there.cautions(), *_rough(there, simulated)]
+    cautions += [*_ended(found), *_short(drawn)]
     for caution in cautions:
         warnings.warn(caution, stacklevel=2)
-    return Fit(found, there, simulated, drawn)
+    return Fit(found, there, simulated, apart, drawn)
 
 
 def _ended(found: Optimum) -> list[str]:

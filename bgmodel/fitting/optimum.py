@@ -57,6 +57,12 @@ class Likelihood:
         """Return the log likelihood of each trial, nats."""
         return self.design.observed.each(self.density(vector))
 
+    def at_bound(self, vector: Array) -> Truths:
+        """Return which numbers of a fit lie at a bound of theirs."""
+        low, high = self.freedom.low, self.freedom.high
+        near = AT_BOUND * (high - low)
+        return np.asarray((vector - low < near) | (high - vector < near))
+
     def __call__(self, vector: Array) -> float:
         """Return the log likelihood of the data, nats; -inf beyond the bounds."""
         inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
@@ -144,9 +150,7 @@ class Optimum:
     @property
     def at_bound(self) -> Truths:
         """Which numbers lie at a bound of theirs."""
-        low, high = self.likelihood.freedom.low, self.likelihood.freedom.high
-        near = AT_BOUND * (high - low)
-        return np.asarray((self.vector - low < near) | (high - self.vector < near))
+        return self.likelihood.at_bound(self.vector)
 
 
 def optimum(

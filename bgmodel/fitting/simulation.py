@@ -8,6 +8,7 @@ repeated. Models that are computed exactly have no such error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from bgmodel.arrays import Array, Truths
 from bgmodel.fitting.identify import STEP, Directions
-from bgmodel.fitting.optimum import AT_BOUND, Likelihood
+from bgmodel.fitting.optimum import Likelihood
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class Simulation:
     log_likelihood : float, nats
         Of the largest log likelihood.
     parameters : array (parameters,)
-        Of each number of the fit.
+        Of each number of the fit; NaN where it lies at a bound of its range, from which a Newton
+        step says nothing; 0 in a model without simulated trials.
     """
 
     log_likelihood: float
@@ -45,7 +47,11 @@ def jackknifed(values: npt.ArrayLike) -> Array:
     )
 
 
-def simulation_error(likelihood: Likelihood, there: Directions) -> Simulation:
+def simulation_error(
+    likelihood: Likelihood,
+    there: Directions,
+    left: Sequence[tuple[Likelihood, Array]] | None = None,
+) -> Simulation:
     """Return the errors that the simulated trials leave in a fit.
 
     Parameters
@@ -54,11 +60,16 @@ def simulation_error(likelihood: Likelihood, there: Directions) -> Simulation:
         Of the data.
     there : Directions
         At the optimum.
+    left : sequence of (Likelihood, array), optional
+        As of ``without_parts``; computed if left out.
     """
-    left = without_parts(likelihood, there)
+    left = without_parts(likelihood, there) if left is None else left
     vectors = np.array([vector for _, vector in left]).reshape(len(left), len(there.vector))
     values = np.array([each(there.vector) for each, _ in left])
-    return Simulation(float(jackknifed(values)), jackknifed(vectors))
+    own = jackknifed(vectors)
+    if left:
+        own[likelihood.at_bound(there.vector)] = np.nan
+    return Simulation(float(jackknifed(values)), own)
 
 
 def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likelihood, Array]]:
@@ -80,10 +91,7 @@ def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likel
     left = [replace(likelihood, model=model) for model in likelihood.model.left_out()]
     if not left:
         return []
-    low, high = likelihood.freedom.low, likelihood.freedom.high
-    inside = (there.vector - low >= AT_BOUND * (high - low)) & (
-        high - there.vector >= AT_BOUND * (high - low)
-    )
+    inside = ~likelihood.at_bound(there.vector)
     slopes = np.array([_slopes(each, there.vector, inside) for each in left])
     apart = (slopes - slopes.mean(axis=0))[:, inside]
     moved = np.zeros(slopes.shape)

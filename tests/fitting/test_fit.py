@@ -174,6 +174,16 @@ def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(fo
     assert (table["low"] < drawn_.interval(0.9)[0]).all()
 
 
+def test_where_the_error_of_the_simulation_is_unknown_that_of_the_data_remains(found):
+    own = np.array([np.nan, 0.1, 0.1])
+    table = replace(found, simulation=Simulation(0.5, own)).parameters()
+    assert np.isnan(table["simulation_error"]).tolist() == [True, False, False]
+    assert table["standard_error"][0] == found.directions.standard_errors[0]
+    draws = np.random.default_rng(0).normal(1.0, 0.3, (1000, 1))
+    drawn_ = Posterior(["a"], draws, np.zeros(len(draws)), 1.0, 100.0)
+    assert np.array_equal(widened(drawn_, np.array([np.nan])), drawn_.interval(0.9))
+
+
 def test_an_interval_widens_by_the_error_of_the_simulation():
     """Two Gaussian errors add as squares."""
     draws = np.random.default_rng(0).normal(1.0, 0.3, (200_000, 1))

@@ -108,6 +108,15 @@ def test_a_number_at_its_bound_stays_there(fits):
     assert all(vector[0] == high[0] for _, vector in without_parts(likelihood, stuck))
 
 
+def test_the_error_of_a_number_at_its_bound_is_unknown(fits):
+    """It used to be 0, as if other simulated trials were sure to leave the number there."""
+    likelihood, best, there, _ = fits[0]
+    vector = np.where([True, False, False], likelihood.freedom.high, best.vector)
+    own = simulation_error(likelihood, replace(there, vector=vector)).parameters
+    assert np.isnan(own).tolist() == [True, False, False]
+    assert (own[1:] > 0).all()
+
+
 def test_an_exact_model_has_no_error():
     some = drawn(GapModel(), [0.05, 0.3], 50, 4, seconds=2.0, sensitivity=10.0, bound=0.7)
     likelihood = likelihood_of(GapModel(), design_of(some), free=["bound"])

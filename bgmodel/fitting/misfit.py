@@ -1,0 +1,205 @@
+"""Whether data differ from a fitted model by more than chance.
+
+Three chi-square tests: accuracy in each cell, mean response time in each cell, and the trials of
+all cells counted by response and by the quantiles of the model's response times (Ratcliff &
+Tuerlinckx 2002). No degree of freedom is subtracted for fitted parameters, so the tests are
+conservative (Chernoff & Lehmann 1954).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bgmodel.arrays import Array, Truths
+from bgmodel.fitting.design import Design
+from bgmodel.fitting.optimum import Likelihood, Optimum
+from bgmodel.fitting.responses import BIN_S
+from bgmodel.fitting.simulation import jackknifed
+
+QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Quantiles of the model's response times between which trials are counted."""
+BEYOND_CHANCE = 0.003
+"""Probability under the model below which the worst of the three tests is reported, after a
+Bonferroni correction."""
+COUNTED, LEAST, RESPONSES = 5, 1, 20
+"""Expected number of trials from which a count is tested on its own, and all smaller ones together;
+number of responses from which a mean is tested on its own."""
+NAMED = 3
+"""Number of cells that a warning names."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Difference between data and a fitted model.
+
+    Parameters
+    ----------
+    z_accuracy, z_mean_rt : array (cells,)
+        Observed minus predicted share of response 1 and mean response time, in standard deviations
+        of the prediction: those of as many trials of the model, and of its simulated trials. NaN
+        in a cell without a response.
+    p : dict of str to float
+        Probability of a larger chi-square under the model, for each of the three tests.
+    """
+
+    z_accuracy: Array
+    z_mean_rt: Array
+    p: dict[str, float]
+
+    def cautions(self, found: Optimum) -> list[str]:
+        """Return a sentence with the worst cells if data and model differ by more than chance.
+
+        That is, if the smallest of the three probabilities, times three, is below 0.003.
+
+        Parameters
+        ----------
+        found : Optimum
+            The fit.
+        """
+        beyond = {name: p for name, p in self.p.items() if len(self.p) * p < BEYOND_CHANCE}
+        if not beyond:
+            return []
+        design, model = found.likelihood.design, found.likelihood.model.identity()["model"]
+        size = np.nan_to_num(np.fmax(np.abs(self.z_accuracy), np.abs(self.z_mean_rt)))
+        worst = "; ".join(
+            f"{design.label(cell)} (z {self.z_accuracy[cell]:+.1f} and {self.z_mean_rt[cell]:+.1f})"
+            for cell in np.argsort(-size)[:NAMED]
+        )
+        tests = ", ".join(f"{name} (p = {p:.1g})" for name, p in beyond.items())
+        return [
+            f"{design.who}, {model}: the model does not fit: the data differ from it by more than "
+            f"chance in {tests}. The largest differences of accuracy and mean response time are at "
+            f"{worst}. Its parameters may be far off: check for guesses and for strengths in "
+            "another unit, see cells() (cells.csv), or fit another model"
+        ]
+
+
+def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Misfit:
+    """Return how far data are from a fitted model.
+
+    Parameters
+    ----------
+    found : Optimum
+        The fit.
+    left : sequence of (Likelihood, array), optional
+        The likelihood without each part of the simulated trials, and its optimum; see
+        ``simulation.without_parts``.
+    """
+    design, density = found.likelihood.design, found.density
+    edges_s = _edges_s(design, density)
+    said = _predicted(design, density, edges_s)
+    low, high = found.likelihood.freedom.low, found.likelihood.freedom.high
+    parts = [
+        _predicted(design, each.density(np.clip(vector, low, high)), edges_s)
+        for each, vector in left
+    ]
+    off = _observed(design, edges_s) - said
+    own = jackknifed(parts) ** 2 if parts else np.zeros(len(said))
+    share, _, counts = _split(said, design.cells)
+    answered = np.bincount(design.observed.cell[design.observed.response >= 0], None, design.cells)
+    n = np.where(answered > 0, answered, np.nan)
+    drawn = np.concatenate([share * (1 - share) / n, _variance(design, density) / n, counts])
+    variance = drawn + own
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z_accuracy, z_mean_rt, _ = _split(off / np.sqrt(variance), design.cells)
+    (right, late, more), (v_right, v_late, v_more) = (
+        _split(each, design.cells) for each in (off, variance)
+    )
+    rare = answered * np.minimum(share, 1 - share)
+    p = {
+        "accuracy": _p(n * right, n**2 * v_right, rare, COUNTED),
+        "mean response time": _p(n * late, n**2 * v_late, answered.astype(float), RESPONSES),
+        "the distribution of responses and their times": _p(more, v_more, counts, COUNTED, 1),
+    }
+    return Misfit(z_accuracy, z_mean_rt, p)
+
+
+def _p(off: Array, variance: Array, size: Array, enough: float, fixed: int = 0) -> float:
+    """Return the probability of a larger chi-square; values of small size are summed to one.
+
+    ``fixed`` is the number of sums that are alike in data and model.
+    """
+    some = np.isfinite(off) & (variance > 0)
+    alone, rest = some & (size >= enough), some & (size < enough)
+    chi_square, freedom = float((off[alone] ** 2 / variance[alone]).sum()), int(alone.sum()) - fixed
+    if size[rest].sum() >= LEAST:
+        chi_square += float(off[rest].sum() ** 2 / variance[rest].sum())
+        freedom += 1
+    if freedom < 1:
+        return 1.0
+    from scipy.special import chdtrc
+
+    return float(chdtrc(freedom, chi_square))
+
+
+def _split(values: Array, cells: int) -> tuple[Array, Array, Array]:
+    """Return values of accuracy and of mean time, both (cells,), and of counts."""
+    return values[:cells], values[cells : 2 * cells], values[2 * cells :]
+
+
+def _outcomes(design: Design, density: Array) -> tuple[Array, Array]:
+    """Return the probability of a response in each bin (cells, 2, bins), and of none (cells,).
+
+    Within the window of response times; they sum to 1 in each cell.
+    """
+    mass = density * BIN_S
+    missing = np.zeros(len(mass))
+    if design.observed.deadline_s is not None:
+        missing = np.maximum(1 - mass.sum(axis=(1, 2)), 0.0)
+    start_s = np.arange(mass.shape[2]) * BIN_S
+    early, late = (np.clip((t - start_s) / BIN_S, 0, 1) for t in design.observed.window_s)
+    mass = mass * (late - early)
+    whole = mass.sum(axis=(1, 2)) + missing
+    return mass / whole[:, None, None], missing / whole
+
+
+def _edges_s(design: Design, density: Array) -> Array:
+    """Return the quantiles of response times of each cell, s, between 0 and infinity."""
+    mass = _outcomes(design, density)[0].sum(axis=1)
+    ends_s = np.arange(mass.shape[1] + 1) * BIN_S
+    below = np.pad(mass.cumsum(axis=1) / mass.sum(axis=1, keepdims=True), ((0, 0), (1, 0)))
+    inner = np.array([np.interp(QUANTILES, one, ends_s) for one in below])
+    return np.pad(inner, ((0, 0), (1, 1)), constant_values=((0, 0), (0, np.inf)))
+
+
+def _predicted(design: Design, density: Array, edges_s: Array) -> Array:
+    """Return accuracy and mean time of each cell, and the expected counts of all cells."""
+    mass, missing = _outcomes(design, density)
+    answered = mass.sum(axis=(1, 2))
+    share = mass[:, 1].sum(axis=1) / answered
+    mean_s = mass.sum(axis=1) @ design.grid.middles_s / answered
+    ends_s = np.arange(mass.shape[2] + 1) * BIN_S
+    below = np.pad(mass.cumsum(axis=2), ((0, 0), (0, 0), (1, 0)))
+    parts = np.array(
+        [
+            [np.diff(np.interp(edges, ends_s, each)) for each in both]
+            for edges, both in zip(edges_s, below, strict=True)
+        ]
+    )
+    counts = np.tensordot(design.trials, parts, 1).ravel()
+    return np.concatenate([share, mean_s, counts, [design.trials @ missing]])
+
+
+def _variance(design: Design, density: Array) -> Array:
+    """Return the variance of response times in each cell under the model, s^2."""
+    mass = _outcomes(design, density)[0].sum(axis=1)
+    mass, times_s = mass / mass.sum(axis=1, keepdims=True), design.grid.middles_s
+    return np.asarray(mass @ times_s**2 - (mass @ times_s) ** 2)
+
+
+def _observed(design: Design, edges_s: Array) -> Array:
+    """Return what ``_predicted`` predicts, as it is in the data."""
+    seen = design.observed
+    share, mean_s = np.full((2, design.cells), np.nan)
+    counts = np.zeros((2, edges_s.shape[1] - 1))
+    for cell in range(design.cells):
+        some: Truths = (seen.cell == cell) & (seen.response >= 0)
+        if some.any():
+            share[cell], mean_s[cell] = seen.response[some].mean(), seen.rt_s[some].mean()
+        for response in (0, 1):
+            rt_s = seen.rt_s[some & (seen.response == response)]
+            counts[response] += np.histogram(rt_s, edges_s[cell])[0]
+    return np.concatenate([share, mean_s, counts.ravel(), [(seen.response < 0).sum()]])
