@@ -99,7 +99,10 @@ class FitRun(Shows):
         people: list[tuple[str, Choices]] = [(self.participant or "all", choices)]
         if not self.pooled:
             people = [(who, choices.where(choices.participant == who)) for who in choices.people()]
-        designs = {who: design_of(some, columns, rt_window=self.rt_window) for who, some in people}
+        designs = {
+            who: design_of(some, columns, rt_window=self.rt_window, pooled=self.pooled)
+            for who, some in people
+        }
         seconds = _seconds(designs.values())
         models = {name: self._model(name, seconds, folder) for name in self.models}
         self._check_parameters(models)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bgmodel.arrays import Array, Truths
+from bgmodel.checks import is_whole
 from bgmodel.decision import Trace
 from bgmodel.fitting.algorithms import SENSITIVITY
 from bgmodel.fitting.control import BOUNDS, decided, ideal, matched
@@ -70,7 +71,7 @@ class CircuitModel:
     seconds : float, s
         Length of the stored trials.
     trials, seed : int
-        How many at each drift, and the key of their evidence and noise.
+        How many at each drift, at least 16 (``PARTS``), and the key of their evidence and noise.
     folder : path, optional
         Where stored crossings are kept, so that none is computed twice.
     """
@@ -99,6 +100,11 @@ class CircuitModel:
                 f"{self.circuit.unit}"
             )
         check_engine(self.engine)
+        if not is_whole(self.trials) or self.trials < PARTS:
+            raise ValueError(
+                f"trials must be a whole number, {PARTS} or more, since the error of the "
+                f"simulation is found from {PARTS} parts of them, got {self.trials!r}"
+            )
 
     @property
     def criterion_name(self) -> str:

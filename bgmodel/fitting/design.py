@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -74,7 +75,11 @@ class Design:
 
 
 def design_of(
-    choices: Choices, by: Sequence[str] = (), *, rt_window: tuple[float, float] | None = None
+    choices: Choices,
+    by: Sequence[str] = (),
+    *,
+    rt_window: tuple[float, float] | None = None,
+    pooled: bool = False,
 ) -> Design:
     """Return the cells of a table of choices, by strength and some of its conditions.
 
@@ -90,6 +95,9 @@ def design_of(
         interquartile ranges, in the cell where that is latest (``window.fence_s``). A warning says
         how many trials are left out; the likelihood is conditional on the window, and lapses are
         uniform in it.
+    pooled : bool
+        Whether choices of several participants are meant to be taken for those of one. Without it
+        a warning says that they are.
 
     Raises
     ------
@@ -101,8 +109,23 @@ def design_of(
         if column not in choices.conditions:
             there = ", ".join(choices.conditions.columns) or "none"
             raise ValueError(f"no condition is called {column!r}; there are {there}")
+    if not pooled:
+        _warn_of_several(choices)
     check_sides(choices, by)
     return _laid(choices, by, rt_window)
+
+
+def _warn_of_several(choices: Choices) -> None:
+    """Warn where choices are of several participants."""
+    people = choices.people()
+    if len(people) > 1:
+        named = ", ".join(people[:3]) + (", ..." if len(people) > 3 else "")
+        warnings.warn(
+            f"choices are of {len(people)} participants ({named}), and are taken for those of one: "
+            "parameters are then a mixture. Fit each on its own, "
+            f"choices.where(choices.participant == {people[0]!r}), or say pooled=True",
+            stacklevel=3,
+        )
 
 
 def _laid(choices: Choices, by: Sequence[str], rt_window: tuple[float, float] | None) -> Design:

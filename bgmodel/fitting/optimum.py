@@ -23,8 +23,6 @@ TOLERANCE_NATS = 0.01
 POPULATION = 16
 """Points that a generation of the search looks at."""
 RESPONSES = tuple(each.name for each in RESPONSE)
-AT_BOUND = 1e-3
-"""Share of the range within which a parameter counts as at its bound."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +54,6 @@ class Likelihood:
     def each(self, vector: Array) -> Array:
         """Return the log likelihood of each trial, nats."""
         return self.design.observed.each(self.density(vector))
-
-    def at_bound(self, vector: Array) -> Truths:
-        """Return which numbers of a fit lie at a bound of theirs."""
-        low, high = self.freedom.low, self.freedom.high
-        near = AT_BOUND * (high - low)
-        return np.asarray((vector - low < near) | (high - vector < near))
 
     def __call__(self, vector: Array) -> float:
         """Return the log likelihood of the data, nats; -inf beyond the bounds."""
@@ -150,7 +142,7 @@ class Optimum:
     @property
     def at_bound(self) -> Truths:
         """Which numbers lie at a bound of theirs."""
-        return self.likelihood.at_bound(self.vector)
+        return self.likelihood.freedom.at_bound(self.vector)
 
 
 def optimum(

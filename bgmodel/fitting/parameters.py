@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.arrays import Array, Integers
+from bgmodel.arrays import Array, Integers, Truths
+
+AT_BOUND = 1e-3
+"""Share of its range within which a number of a fit counts as at a bound."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,11 @@ class Freedom:
     def start(self) -> Array:
         """Where a fit begins."""
         return np.array([each.parameter.start for each in self.moved])
+
+    def at_bound(self, vector: Array) -> Truths:
+        """Return which numbers of a fit lie at a bound of their range, (numbers,)."""
+        near = AT_BOUND * (self.high - self.low)
+        return np.asarray((vector - self.low < near) | (self.high - vector < near))
 
     @property
     def held(self) -> dict[str, float]:

@@ -68,7 +68,7 @@ def simulation_error(
     values = np.array([each(there.vector) for each, _ in left])
     own = jackknifed(vectors)
     if left:
-        own[likelihood.at_bound(there.vector)] = np.nan
+        own[likelihood.freedom.at_bound(there.vector)] = np.nan
     return Simulation(float(jackknifed(values)), own)
 
 
@@ -91,7 +91,7 @@ def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likel
     left = [replace(likelihood, model=model) for model in likelihood.model.left_out()]
     if not left:
         return []
-    inside = ~likelihood.at_bound(there.vector)
+    inside = ~likelihood.freedom.at_bound(there.vector)
     slopes = np.array([_slopes(each, there.vector, inside) for each in left])
     apart = (slopes - slopes.mean(axis=0))[:, inside]
     moved = np.zeros(slopes.shape)

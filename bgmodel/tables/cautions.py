@@ -33,6 +33,9 @@ PILE, PILE_SHARE = 5, 0.01
 the number also compared with how many trials share a time on average."""
 FAR = 10.0
 """Ratio of strengths from which on the larger one is doubted where few trials have it."""
+COPIED, NEAR_S = 0.01, 0.1
+"""Share of rows that are copies from which it matters, and distance of times that are compared with
+equal ones."""
 SAME = 1e-6
 """Relative difference below which two strengths are the same but for rounding."""
 
@@ -114,22 +117,81 @@ def warn_of_far(strength: Array) -> None:
             break
 
 
+def warn_of_units(strength: Array) -> None:
+    """Warn where strengths seem to be in per cent in some trials, and in shares in others.
+
+    That is, if there are two strengths or more whose hundredfold occurs too, and these pairs are
+    all but a few of the strengths.
+
+    Parameters
+    ----------
+    strength : (trials,) float64
+        Signed; sizes are compared.
+    """
+    sizes, counts = np.unique(np.abs(strength[strength != 0]), return_counts=True)
+    larger = np.array([np.isclose(sizes, 100 * size, rtol=SAME, atol=0) for size in sizes])
+    pairs = int(larger.sum())
+    if pairs >= 2 and 2 * pairs >= len(sizes):
+        many = int(counts[larger.any(axis=0)].sum())
+        first = sizes[larger.any(axis=1)][0]
+        warnings.warn(
+            f"{pairs} of {len(sizes)} strengths occur a second time a hundred times as large, as "
+            f"{first:g} and {100 * first:g}: if the larger ones, in {many} of {len(strength)} "
+            "trials, are in per cent, divide them by 100",
+            stacklevel=3,
+        )
+
+
 def warn_of_copies(table: pd.DataFrame) -> None:
-    """Warn where every row of a table is there twice or more: standard errors would be too small.
+    """Warn where more rows are copies of others than by chance: standard errors are too small.
+
+    Copies are rows with the same values in all columns. By chance two trials that differ in time
+    alone may have the same time, since times are rounded. How often times within 0.1 s of each
+    other are the same is known from rows that differ in other columns. A warning needs 10 copies,
+    1 % of all rows, and a quarter and 5 standard errors more than by chance.
 
     Parameters
     ----------
     table : DataFrame
         A user's table, all columns.
     """
-    if len(table) >= 2 * FEWEST and table.duplicated(keep=False).all():
-        different = len(table.drop_duplicates())
+    copies = int(table.duplicated().sum())
+    if copies < max(FEWEST, COPIED * len(table)):
+        return
+    alike, chance = _alike(table)
+    if alike > 1.25 * chance + 5 * np.sqrt(chance) + 5:
         warnings.warn(
-            f"every one of {len(table)} rows is there more than once, and {different} are "
-            "different: if trials were put together twice, leave out the copies, since standard "
-            "errors count each row as a new trial",
+            f"{copies} of {len(table)} rows are copies of earlier ones: {alike:.0f} pairs of rows "
+            f"are the same in all columns, and about {chance:.0f} would be by chance. If trials "
+            "were put together twice, leave out the copies (drop_duplicates in pandas), since "
+            "standard errors count each row as a new trial",
             stacklevel=3,
         )
+
+
+def _alike(table: pd.DataFrame) -> tuple[float, float]:
+    """Return the number of pairs of rows that are the same, and how many would be by chance."""
+    times = pd.to_numeric(table["rt"], errors="coerce")
+    table = table.assign(rt=times)[times > 0]  # without a response nothing tells trials apart
+    rest = [name for name in table if name != "rt"]
+    who = ["participant_id"] if "participant_id" in rest else []
+    alike = chance = 0.0
+    for _, mine in table.groupby(who, sort=False) if who else [((), table)]:
+        same = mine[mine.duplicated(rest, keep=False)]
+        groups = same.groupby(rest, sort=False, dropna=False)["rt"]
+        within = sum((_pairs(group.to_numpy()) for _, group in groups), np.zeros(2))
+        equal, near = _pairs(mine["rt"].to_numpy()) - within
+        alike += float(within[0])
+        chance += float(within[1] * equal / near) if near else 0.0
+    return alike, chance
+
+
+def _pairs(rt_s: Array) -> Array:
+    """Return the number of pairs of equal times, and of times within 0.1 s of each other."""
+    rt_s = np.sort(rt_s)
+    places = np.arange(len(rt_s)) + 1
+    ends = [np.searchsorted(rt_s, rt_s + width, side="right") for width in (0.0, NEAR_S)]
+    return np.array([(end - places).sum() for end in ends], dtype=float)
 
 
 def check_deadline(rt_s: Array, deadline_s: float) -> None:

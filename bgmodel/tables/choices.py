@@ -21,6 +21,7 @@ from bgmodel.tables.cautions import (
     check_times,
     warn_of_copies,
     warn_of_far,
+    warn_of_units,
     warn_without_strength,
     without_rounding,
 )
@@ -219,6 +220,7 @@ def read_choices(
         signed = None if strength is None else without_rounding(strengths(table[strength]))
         if signed is not None:
             warn_of_far(signed)
+            warn_of_units(signed)
         found = Choices(
             participants(table),
             rt_s,

@@ -15,7 +15,7 @@ from circuits.anatomy import circuit
 from tests.drawn import GAIN, ideal
 
 MACAQUE = circuit("macaque", 2)
-SMALL = {"seconds": 1.0, "trials": 12, "engine": "rate"}
+SMALL = {"seconds": 1.0, "trials": 16, "engine": "rate"}
 GRID = Grid(100)
 ARRAYS = ("bins", "choice", "evidence", "thresholds_nats", "drifts")
 
@@ -64,7 +64,7 @@ def test_the_same_seed_writes_the_same_bytes(kept, tmp_path):
         {"circuit": written("dopamine=1.1").apply(MACAQUE)},
         {"circuit": circuit("spiking_msprt", 2)},
         {"seed": 5},
-        {"trials": 13},
+        {"trials": 17},
         {"seconds": 1.5},
         {"noise_nats": 2.5},
         {"engine": "population"},
@@ -113,7 +113,7 @@ def test_two_circuits_and_their_controls_hear_the_same_evidence(monkeypatch):
 
     monkeypatch.setattr(module, "simulated", watched)
     for other in (MACAQUE, circuit("spiking_msprt", 2)):
-        model(circuit=other, trials=3).stored(())
+        model(circuit=other).stored(())
     # Each of them at seven drifts, and so does the ideal integrator beside it.
     assert len(seen) == 4 * 7
     for place in range(4):
@@ -195,7 +195,7 @@ def test_a_fixed_point_that_is_the_softmax_crosses_as_the_ideal_integrator():
     """Decisions and evidence, bin by bin: readings are heard when they are read."""
     made = model(circuit=circuit("bogacz_gurney", 2), engine="algebra", noise_nats=GAIN)
     found = made.stored(())
-    exact = simulated(ideal, made.thresholds_nats, seconds=1.0, trials=12, seed=made.seed)
+    exact = simulated(ideal, made.thresholds_nats, seconds=1.0, trials=16, seed=made.seed)
     assert (exact.choice >= 0).mean() > 0.5
     assert same(found, exact)
 
@@ -228,3 +228,10 @@ def test_other_than_two_channels_and_unknown_engines_are_refused():
         model(circuit=circuit("macaque", 3))
     with pytest.raises(ValueError, match=r"engine must be one of .* got 'abacus'"):
         model(engine="abacus")
+
+
+@pytest.mark.parametrize("trials", [0, 1, 2, 15, 16.5, "many"])
+def test_trials_too_few_for_their_parts_are_refused(trials):
+    with pytest.raises(ValueError, match="trials must be a whole number, 16 or more"):
+        model(trials=trials)
+    assert len(model(trials=16).left_out()) == 16

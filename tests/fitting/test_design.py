@@ -1,5 +1,8 @@
 """The cells of a table of choices."""
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -69,3 +72,14 @@ def test_a_part_has_the_same_cells_and_its_own_trials():
     assert part.trials.tolist() == [1, 0, 1]
     assert part.observed.rt_s[0] == 0.5
     assert (part.observed.deadline_s, part.grid) == (1.0, whole.grid)
+
+
+def test_participants_are_pooled_only_where_that_is_said():
+    some = choices([0.1, -0.1, 0.2, 0.1], [1, 1, 0, 1])
+    both = replace(some, participant=np.array(["a", "a", "b", "b"]))
+    with pytest.warns(UserWarning, match=r"2 participants \(a, b\)"):
+        design_of(both)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert design_of(both, pooled=True).who == "all"
+        design_of(some)

@@ -144,10 +144,62 @@ def test_a_strength_far_beyond_all_others_is_doubted_in_few_trials():
 
 def test_trials_that_are_all_there_twice_are_doubted():
     (text,) = said(pd.concat([GOOD, GOOD]), **NAMED)
-    assert text.startswith("every one of 800 rows is there more than once, and 400 are different")
-    assert said(pd.concat([GOOD, GOOD.iloc[1:]]), **NAMED) == []
+    assert text.startswith("400 of 800 rows are copies of earlier ones")
     numbered = pd.concat([GOOD, GOOD]).assign(trial=np.arange(800))
     assert said(numbered, **NAMED) == []
+
+
+@pytest.mark.parametrize("step_s", [None, 0.001, 0.005])
+@pytest.mark.parametrize("rows", [TRIALS, 4000])
+def test_trials_some_of_which_are_there_twice_are_doubted_where_chance_is_no_reason(step_s, rows):
+    """In milliseconds, or at a camera's frames, times coincide by chance too."""
+    if step_s == 0.005 and rows == 4000:
+        pytest.skip("so many times are the same by chance that copies do not show")
+    for seed in range(5):
+        many = shuffled(rows, seed)
+        if step_s is not None:
+            many["rt"] = (many["rt"] / step_s).round() * step_s
+        assert not any("copies" in text for text in said(many, **NAMED))
+        numbered = many.assign(trial=np.arange(rows))
+        for some in (many, numbered):
+            copied = pd.concat([some, some.sample(frac=0.3, random_state=seed)])
+            (text,) = (text for text in said(copied, **NAMED) if "copies" in text)
+            assert f"of {len(copied)} rows" in text
+
+
+@pytest.mark.parametrize("step_s", [0.01, 1 / 60, 0.1, 0.5])
+def test_times_in_coarse_steps_are_no_copies(step_s):
+    for seed in range(5):
+        many = shuffled(2000, seed)
+        rounded = ((many["rt"] / step_s).round() * step_s).clip(lower=step_s).round(3)
+        assert not any("copies" in text for text in said(many.assign(rt=rounded), **NAMED))
+
+
+def test_trials_without_a_response_are_no_copies():
+    late = shuffled(TRIALS, 1)
+    late.loc[late.index % 4 == 0, ["rt", "response"]] = np.nan
+    assert said(late, **NAMED, deadline_s=3.0) == []
+
+
+def shuffled(rows, seed):
+    """Return trials as of ``table``, with times that depend on the strength."""
+    rng = stream(seed, "copies")
+    coherence = rng.choice([-0.4, -0.1, 0.1, 0.4], rows)
+    right = rng.random(rows) < 0.8
+    rt = rng.gamma(4, 0.1 / (0.5 + abs(coherence))) + 0.3
+    response = (right == (coherence > 0)).astype(int)
+    return pd.DataFrame({"rt": rt, "response": response, "coherence": coherence})
+
+
+def test_strengths_in_per_cent_in_some_trials_are_doubted():
+    part = GOOD.index % 2 == 0
+    mixed = GOOD["coherence"].where(part, 100 * GOOD["coherence"])
+    (text,) = said(table(coherence=mixed), **NAMED)
+    assert text.startswith("2 of 4 strengths occur a second time a hundred times as large, as 0.1 ")
+    assert f"in {int((~part).sum())} of 400 trials" in text
+    # Contrasts, per cent: one pair alone is no other unit.
+    signs = np.sign(GOOD["coherence"])
+    assert said(table(coherence=signs * np.array([1.0, 10, 30, 100] * 100)), **NAMED) == []
 
 
 def test_few_times_say_nothing_of_their_steps():
