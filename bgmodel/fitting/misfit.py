@@ -62,7 +62,7 @@ class Misfit:
         beyond = {name: p for name, p in self.p.items() if len(self.p) * p < BEYOND_CHANCE}
         if not beyond:
             return []
-        design, model = found.likelihood.design, found.likelihood.model.identity()["model"]
+        design = found.likelihood.design
         size = np.nan_to_num(np.fmax(np.abs(self.z_accuracy), np.abs(self.z_mean_rt)))
         worst = "; ".join(
             f"{design.label(cell)} (z {self.z_accuracy[cell]:+.1f} and {self.z_mean_rt[cell]:+.1f})"
@@ -70,10 +70,10 @@ class Misfit:
         )
         tests = ", ".join(f"{name} (p = {p:.1g})" for name, p in beyond.items())
         return [
-            f"{design.who}, {model}: the model does not fit: the data differ from it by more than "
-            f"chance in {tests}. The largest differences of accuracy and mean response time are at "
-            f"{worst}. Its parameters may be far off: check for guesses and for strengths in "
-            "another unit, see cells() (cells.csv), or fit another model"
+            f"the model does not fit: data differ from it by more than chance in {tests}. The "
+            f"largest differences of accuracy and mean response time are at {worst}. Parameters "
+            "may be far off: check for guesses and for strengths in another unit, see cells() "
+            "(cells.csv), or fit another model"
         ]
 
 

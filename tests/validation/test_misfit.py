@@ -1,0 +1,44 @@
+"""Clean sets are not said to be misfitted, and sets with fast guesses are: make validate."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.misfit import misfit
+from bgmodel.fitting.optimum import likelihood_of, optimum
+from bgmodel.seeds import stream
+from tests.drawn import drawn
+from tests.validation.test_slow_trials import PRIOR, SECONDS, STRENGTHS, TRIALS, lapsing
+
+pytestmark = pytest.mark.validate
+SEED, SETS = 91_001, 200
+
+
+def said(number, guesses):
+    """Return whether the fit of a set is said to be none, with some fast guesses in the set."""
+    rng = stream(SEED, "slow trials", number)
+    values = {name: rng.uniform(*ends) for name, ends in PRIOR.items()}
+    key = int(rng.integers(2**31))
+    each = int(rng.choice(TRIALS))
+    some = drawn(GapModel(), STRENGTHS, each, key, seconds=SECONDS, **{**values, "lapse": 0.0})
+    some = lapsing(some, values["lapse"], rng)
+    guess = rng.random(some.trials) < guesses
+    rt_s = np.where(guess, rng.uniform(0.15, 0.3, some.trials), some.rt_s)
+    response = np.where(guess, rng.integers(0, 2, some.trials), some.response)
+    some = replace(some, rt_s=rt_s, response=response.astype(np.int8))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        found = optimum(likelihood_of(GapModel(), design_of(some)))
+    return bool(misfit(found).cautions(found))
+
+
+@pytest.mark.timeout(3600)
+def test_clean_sets_are_hardly_ever_warned_of_and_fast_guesses_mostly():
+    clean, fast = (sum(said(k, share) for k in range(SETS)) for share in (0.0, 0.2))
+    print(f"of {SETS} sets {clean} clean ones are warned of, and {fast} with 20 % of fast guesses")
+    assert clean <= 0.02 * SETS
+    assert fast >= 0.85 * SETS
