@@ -22,11 +22,13 @@ from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     from bgmodel.comparison.with_msprt import compare
+    from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
 
 LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
     "compare": "bgmodel.comparison.with_msprt",
+    "fit": "bgmodel.fitting.settings",
 }
 """Names that load a circuit and pandas: their modules are imported where they are used."""
 
@@ -42,6 +44,7 @@ __all__ = [
     "criterion_from_gap",
     "criterion_from_posterior",
     "first_crossing",
+    "fit",
     "stream",
     "tally",
     "threshold_from_gap",

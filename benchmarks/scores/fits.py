@@ -24,7 +24,7 @@ from bgmodel.fitting.circuit import (
     Criterion,
 )
 from bgmodel.fitting.design import Design, design_of
-from bgmodel.fitting.fit import cells_of, fit
+from bgmodel.fitting.fit import cells_of, fit_likelihood
 from bgmodel.fitting.means import fit_means
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.predicted import Better, Predicted, better_by, predicted
@@ -84,7 +84,7 @@ def person(data: str, who: str, trials: int) -> pd.DataFrame:
     left_out = {}
     for name, model in models(trials, 3.0).items():
         likelihood = likelihood_of(model, design, free=[each.name for each in model.parameters])
-        made = fit(likelihood)
+        made = fit_likelihood(likelihood)
         left_out[name] = predicted(likelihood, start=made.optimum.vector)
         found.append(made.parameters().assign(model=name, kind="parameters"))
         found.append(made.cells().assign(model=name, kind="cells"))

@@ -26,7 +26,7 @@ from bgmodel.fitting.circuit import NONE
 from bgmodel.fitting.control import decided
 from bgmodel.fitting.crossings import Crossings, simulated
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.fit import fit, widened
+from bgmodel.fitting.fit import fit_likelihood, widened
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.posterior import posterior
@@ -170,7 +170,7 @@ def fitted_elsewhere(store: int, stores: int, sets: int, trials: int) -> pd.Data
         design = drawn_from(theirs, dict(zip(names, truth.tolist(), strict=True)), number)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            table = fit(likelihood_of(ours, design, free=names)).parameters()
+            table = fit_likelihood(likelihood_of(ours, design, free=names)).parameters()
         rows.append(table.assign(set=number, truth=truth).drop(columns=["low", "high"]))
     return pd.concat(rows, ignore_index=True).assign(store=store)
 

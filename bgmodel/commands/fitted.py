@@ -102,7 +102,7 @@ class Kept:
         import pandas as pd
         from tqdm import tqdm
 
-        from bgmodel.fitting.fit import fit
+        from bgmodel.fitting.fit import fit_likelihood
         from bgmodel.fitting.pieces import Piece, read_piece, write_piece
 
         key: dict[str, Any] = {
@@ -127,7 +127,7 @@ class Kept:
             said = bar.set_postfix_str
             with warnings.catch_warnings(record=True) as cautions:
                 warnings.simplefilter("always", UserWarning)
-                found = fit(likelihood, draws=self.posterior, tell=said)
+                found = fit_likelihood(likelihood, draws=self.posterior, tell=said)
         self._say(who, name, found)
         held = pd.Series(likelihood.freedom.held, dtype=float)
         more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.arrays import Array
-from bgmodel.fitting.fit import QUANTILES
+from bgmodel.fitting.responses import QUANTILES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

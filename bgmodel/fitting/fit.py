@@ -6,21 +6,25 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from bgmodel.arrays import Array, Integers
+from bgmodel.facts import Facts
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Likelihood, Optimum, optimum
 from bgmodel.fitting.posterior import ENOUGH, Posterior, posterior
-from bgmodel.fitting.responses import BIN_S, moments
+from bgmodel.fitting.responses import BIN_S, QUANTILES, moments
 from bgmodel.fitting.simulation import Simulation, simulation_error, without_parts
 from bgmodel.fitting.slow import warn_of_slow
 
-QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 SHARE = 0.9
 """Share of the posterior that an interval holds."""
 SMALL_SHARE = 1 / 3
@@ -28,8 +32,8 @@ SMALL_SHARE = 1 / 3
 Tell = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(Facts):
     """A model held to data.
 
     Parameters
@@ -51,6 +55,37 @@ class Fit:
     simulation: Simulation
     misfit: Misfit
     posterior: Posterior | None = None
+
+    def facts(self) -> dict[str, str]:
+        """Return whose trials, the log likelihood, and each number with its standard error."""
+        likelihood, table = self.optimum.likelihood, self.parameters()
+        own = self.simulation.log_likelihood
+        said = f" +- {own:.1f}" if own else ""
+        found = {
+            "data": likelihood.design.who,
+            "trials": f"{likelihood.design.trials.sum()}",
+            "log likelihood": f"{self.optimum.log_likelihood:.1f}{said} nats",
+        }
+        for row in table.itertuples():
+            found[str(row.parameter)] = f"{row.value:.4g} +- {row.standard_error:.2g}"
+        return found
+
+    def summary(self) -> pd.DataFrame:
+        """Return the numbers of the fit and what is known of them, for a reader."""
+        table = self.parameters().set_index("parameter").drop(columns="simulation_error")
+        return table.dropna(axis="columns", how="all").map(
+            lambda value: value if isinstance(value, (bool, np.bool_)) else float(f"{value:.4g}")
+        )
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``parameters()``."""
+        return self.parameters()
+
+    def plot(self) -> Figure:
+        """Draw data beside the model: accuracy, times and their quantiles over strength."""
+        from bgmodel.fitting.drawing import draw_fits
+
+        return draw_fits({"model": self.cells()}, self.optimum.likelihood.design.who)
 
     def parameters(self) -> pd.DataFrame:
         """Return one row per number of the fit.
@@ -162,7 +197,9 @@ def _said(density: Array, middles_s: Array) -> dict[str, float]:
     return found
 
 
-def fit(likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: None) -> Fit:
+def fit_likelihood(
+    likelihood: Likelihood, *, draws: bool = False, tell: Tell = lambda _: None
+) -> Fit:
     """Return a fit: its optimum, and what can be told apart there.
 
     It warns of data that differ from the fitted model by more than chance (``Misfit.cautions``), of

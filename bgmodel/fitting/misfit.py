@@ -16,11 +16,9 @@ import numpy as np
 from bgmodel.arrays import Array, Truths
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.optimum import Likelihood, Optimum
-from bgmodel.fitting.responses import BIN_S
+from bgmodel.fitting.responses import BIN_S, QUANTILES
 from bgmodel.fitting.simulation import jackknifed
 
-QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Quantiles of the model's response times between which trials are counted."""
 BEYOND_CHANCE = 0.003
 """Probability under the model below which the worst of the three tests is reported, after a
 Bonferroni correction."""

@@ -10,6 +10,8 @@ import numpy as np
 
 from bgmodel.arrays import Array, Integers
 
+QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Quantiles of response times at which data and models are compared."""
 BIN_S = 0.01
 """Width of a bin of time, s."""
 TINY = 1e-300

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting.drawing import draw_fits
-from bgmodel.fitting.fit import QUANTILES
+from bgmodel.fitting.responses import QUANTILES
 
 
 def cells(shift):

@@ -8,12 +8,12 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import QUANTILES, cells_of, fit, widened
+from bgmodel.fitting.fit import cells_of, fit_likelihood, widened
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import Posterior
-from bgmodel.fitting.responses import moments
+from bgmodel.fitting.responses import QUANTILES, moments
 from bgmodel.fitting.simulation import Simulation
 from tests.drawn import TRUTH, drawn
 
@@ -30,7 +30,7 @@ def likelihood():
 
 @pytest.fixture(scope="module")
 def found(likelihood):
-    return fit(likelihood)
+    return fit_likelihood(likelihood)
 
 
 def test_there_is_one_row_per_number_with_its_error(found):
@@ -52,7 +52,7 @@ def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood
     from bgmodel.fitting.posterior import posterior as real
 
     told = []
-    table = fit(likelihood, draws=True, tell=told.append).parameters()
+    table = fit_likelihood(likelihood, draws=True, tell=told.append).parameters()
     assert (table["low"] < table["value"]).all()
     assert (table["value"] < table["high"]).all()
     width = (table["high"] - table["low"]) / table["standard_error"]
@@ -124,7 +124,7 @@ class Twice:
 def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
     asked = likelihood_of(Twice(), likelihood.design, free=["bound", "times"])
     with pytest.warns(UserWarning, match="hardly tell bound from times"):
-        found = fit(asked)
+        found = fit_likelihood(asked)
     assert abs(found.directions.cosines[0, 1]) > 0.999
     product = found.optimum.values["bound"] * found.optimum.values["times"]
     assert product == pytest.approx(0.6, abs=0.05)
@@ -152,7 +152,7 @@ def test_what_differs_at_the_optimum_is_fitted_without_a_warning(likelihood):
     assert directions(asked, asked.freedom.start).cautions()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = fit(asked)
+        found = fit_likelihood(asked)
     assert found.optimum.values["base"] == pytest.approx(0.6, abs=0.05)
 
 
@@ -199,4 +199,6 @@ def test_a_number_that_ends_at_a_bound_is_said_in_python_too():
 
     some = drawn(MODEL, [0.05, 0.4], 100, 61, seconds=2.0, sensitivity=12.0, bound=0.6)
     with pytest.warns(UserWarning, match=r"t0_s ends at a bound of its range, 1\.5"):
-        fit(likelihood_of(MODEL, design_of(replace(some, rt_s=some.rt_s + 2)), free=FREE))
+        fit_likelihood(
+            likelihood_of(MODEL, design_of(replace(some, rt_s=some.rt_s + 2)), free=FREE)
+        )

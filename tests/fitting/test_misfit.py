@@ -9,7 +9,7 @@ import pytest
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit
+from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import Optimum, likelihood_of
 from bgmodel.fitting.responses import moments
@@ -28,7 +28,7 @@ def fitted(some, **given):
     """Return a fit, and its warnings of a misfit."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = fit(likelihood_of(MODEL, design_of(some, **given), free=FREE))
+        found = fit_likelihood(likelihood_of(MODEL, design_of(some, **given), free=FREE))
     return found, [str(each.message) for each in caught if "does not fit" in str(each.message)]
 
 

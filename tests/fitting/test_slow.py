@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit
+from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.fitting.slow import slow_trials
 from tests.drawn import drawn, slowed
@@ -21,7 +21,7 @@ def fitted(some, **given):
     """Return a fit, and the warnings of slow trials."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = fit(likelihood_of(MODEL, design_of(some), **given))
+        found = fit_likelihood(likelihood_of(MODEL, design_of(some), **given))
     return found, [str(each.message) for each in caught if "slower" in str(each.message)]
 
 

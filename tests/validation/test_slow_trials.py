@@ -9,7 +9,7 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit
+from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.seeds import stream
 from bgmodel.tables.choices import read_choices
@@ -59,7 +59,7 @@ def judged(number, *, slow, seed=SCORING_SEED):
     some = slowed(some, key) if slow else some
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = fit(likelihood_of(GapModel(), design_of(some)))
+        found = fit_likelihood(likelihood_of(GapModel(), design_of(some)))
     table = found.parameters().set_index("parameter").loc[["sensitivity", "bound"]]
     truth = [values[name] for name in table.index]
     said = [str(each.message) for each in caught]

@@ -1,0 +1,332 @@
+"""A fit from a table of trials: what is read, which models are fitted, and what is free in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bgmodel.fitting.algorithms import Model
+    from bgmodel.fitting.design import Design
+    from bgmodel.fitting.fit import Fit
+    from bgmodel.fitting.optimum import Likelihood
+    from bgmodel.tables.choices import Choices
+    from circuits.spec import Circuit
+
+GAPS = {"constant_gap": False, "falling_gap": True}
+"""Models that are no circuit: the sequential test, and whether its bounds fall."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSettings:
+    """What is read from a table of trials, and what a fit moves."""
+
+    strength: str | None = None
+    """Column of the signed strength of the evidence: positive speaks for response 1."""
+    participant: str | None = None
+    """The participant to fit; if left out, each is fitted separately."""
+    pooled: bool = False
+    """Fit all participants as if they were one."""
+    upper: str | None = None
+    """Name of the response that is 1, where responses are not 1 and 0."""
+    deadline: float | None = None
+    """Time at which a trial without a response ended, s."""
+    rt_window: tuple[float, float] | None = None
+    """Earliest and latest response time to fit, s; "0 inf" keeps all. If left out and there is no
+    deadline, times end at the upper quartile plus 25 interquartile ranges. The command says how
+    many trials are left out."""
+    criterion: str = "threshold"
+    """What sets a circuit's criterion: threshold, dopamine, stn_loss or gpe_loss; or, with a
+    threshold, what changes within a trial: rising_dopamine or onset_stn."""
+    free: tuple[str, ...] = ()
+    """All parameters to fit; if left out, every one but a threshold that --criterion replaces."""
+    hold: tuple[str, ...] = ()
+    """Parameters to hold at a value, as "lapse=0.02"."""
+    vary: tuple[str, ...] = ()
+    """Parameters that differ between levels of a column: "sensitivity=conflict",
+    "criterion=instruction"; "stn_loss=stimulation/off" holds stn_loss at its start in level off."""
+    engine: str = "population"
+    """How the circuit is computed: algebra, population, ensemble, ..."""
+    noise_nats: float = 2.0
+    """Noise of the evidence in the circuit: its standard deviation after one second, nats."""
+    trials: int = 16_000
+    """Number of simulated trials of the circuit, at each of seven drifts."""
+    seed: int = 24_001
+    """Seed of the simulated trials."""
+
+    def check(self) -> None:
+        """Raise ValueError for an engine, a noise or a criterion that there is not."""
+        from bgmodel.fitting.criteria import CRITERIA
+        from bgmodel.integrators.basal_ganglia import check_engine
+
+        check_engine(self.engine)
+        if not 0 < self.noise_nats < float("inf"):
+            raise ValueError(f"noise_nats must be finite and above 0, got {self.noise_nats:g}")
+        if self.criterion not in CRITERIA:
+            allowed = ", ".join(CRITERIA)
+            raise ValueError(f"criterion must be one of {allowed}, got {self.criterion!r}")
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of the table that tell conditions apart."""
+        return sorted({each.partition("/")[0] for each in self.varied.values()})
+
+    @property
+    def varied(self) -> dict[str, str]:
+        """Parameters that differ between conditions, and by which column."""
+        return dict(_pair(each, "vary") for each in self.vary)
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Parameters that are held, and at which value."""
+        return {name: _number(*pair) for name, *pair in (_pair(h, "hold") for h in self.hold)}
+
+    def read(self, data: str | Path | pd.DataFrame) -> Choices:
+        """Return the trials of a table; arguments as of ``tables.choices.read_choices``."""
+        from bgmodel.tables.choices import read_choices
+
+        return read_choices(
+            data,
+            strength=self.strength,
+            conditions=self.columns,
+            participant=self.participant,
+            deadline_s=self.deadline,
+            upper=self.upper,
+        )
+
+    def people(self, choices: Choices) -> list[tuple[str, Choices]]:
+        """Return the trials of each person that is fitted, or of all as one."""
+        if self.pooled:
+            return [(self.participant or "all", choices)]
+        return [(who, choices.where(choices.participant == who)) for who in choices.people()]
+
+    def design(self, choices: Choices) -> Design:
+        """Return the cells of one person's trials."""
+        from bgmodel.fitting.design import design_of
+
+        return design_of(choices, self.columns, rt_window=self.rt_window, pooled=self.pooled)
+
+    def model(
+        self, model: str | Path | Circuit, *, seconds: float, folder: Path | None = None
+    ) -> Model:
+        """Return a model to fit.
+
+        Parameters
+        ----------
+        model : str, path or Circuit
+            A name in ``GAPS``, or a circuit of two channels: its name, its .toml file or itself.
+        seconds : float
+            Length of simulated trials, s; see ``seconds_of``.
+        folder : path, optional
+            Where simulated trials are kept, for another fit.
+        """
+        from bgmodel.fitting.algorithms import GapModel
+        from bgmodel.fitting.circuit import CircuitModel
+        from bgmodel.fitting.criteria import CRITERIA
+        from bgmodel.integrators.basal_ganglia import checked_circuit
+        from circuits.anatomy import CIRCUITS
+        from circuits.table_files import is_path
+
+        if isinstance(model, str) and model in GAPS:
+            return GapModel(GAPS[model])
+        if isinstance(model, str) and model not in CIRCUITS and not is_path(model):
+            allowed = ", ".join((*GAPS, *CIRCUITS))
+            raise ValueError(f"models must be of {allowed}, or .toml files, got {model!r}")
+        return CircuitModel(
+            checked_circuit(model, 2),
+            self.engine,
+            CRITERIA[self.criterion],
+            noise_nats=self.noise_nats,
+            seconds=seconds,
+            trials=self.trials,
+            seed=self.seed,
+            folder=folder,
+        )
+
+    def check_parameters(self, models: Mapping[str, Model]) -> list[str]:
+        """Return a sentence for each model that lacks a parameter which others have.
+
+        Raises
+        ------
+        ValueError
+            For a parameter that none of the models has.
+        """
+        known = {each.name: 0 for model in models.values() for each in model.parameters}
+        for option, names in (("free", self.free), ("hold", self.held), ("vary", self.varied)):
+            for name in names:
+                if name not in known and name != "criterion":
+                    there = ", ".join(("criterion", *known))
+                    raise ValueError(
+                        f"{option} must name a parameter, one of {there}, got {name!r}"
+                    )
+        found = []
+        for name, model in models.items():
+            own = {each.name for each in model.parameters} | {"criterion"}
+            lacking = ", ".join(each for each in self.free if each not in own)
+            if lacking:
+                found.append(
+                    f"{name} has no {lacking}, so that what --free leaves out is held in it; "
+                    "'criterion' is each model's own"
+                )
+        return found
+
+    def likelihood(self, design: Design, model: Model) -> Likelihood:
+        """Return the likelihood of one person's trials under a model.
+
+        A parameter that another model has says nothing to this one.
+        """
+        from bgmodel.fitting.optimum import likelihood_of
+
+        known = {each.name for each in model.parameters}
+
+        def own(name: str) -> str:
+            return model.criterion_name if name == "criterion" else name
+
+        hold = {own(k): v for k, v in self.held.items()}
+        vary = {own(k): v for k, v in self.varied.items()}
+        return likelihood_of(
+            model,
+            design,
+            free=[own(each) for each in self.free if own(each) in known] or None,
+            fixed={k: v for k, v in hold.items() if k in known},
+            vary={k: v for k, v in vary.items() if k in known},
+        )
+
+
+def fit(
+    data: str | Path | pd.DataFrame,
+    model: str | Path | Circuit = "macaque",
+    *,
+    strength: str | None = None,
+    participant: str | None = None,
+    pooled: bool = False,
+    upper: str | None = None,
+    deadline: float | None = None,
+    rt_window: tuple[float, float] | None = None,
+    criterion: str = FitSettings.criterion,
+    free: Sequence[str] = (),
+    hold: Mapping[str, float] | None = None,
+    vary: Mapping[str, str] | None = None,
+    draws: bool = False,
+    engine: str = FitSettings.engine,
+    noise_nats: float = FitSettings.noise_nats,
+    trials: int = FitSettings.trials,
+    seed: int = FitSettings.seed,
+    folder: str | Path | None = None,
+) -> Fit:
+    """Fit a model to one person's choices and response times, as ``bgmodel fit`` does.
+
+    Parameters
+    ----------
+    data : str, path or DataFrame
+        Name of a shipped set, a .csv, .tsv or .parquet file, or a table: participant_id, rt (s),
+        response, conditions.
+    model : str, path or Circuit
+        constant_gap, falling_gap, or a circuit of two channels: its name, its .toml file or itself.
+    strength : str, optional
+        Column of the signed strength of the evidence: positive speaks for response 1.
+    participant : str, optional
+        The participant to fit, where there are several.
+    pooled : bool
+        Whether to fit several participants as if they were one.
+    upper : str, optional
+        Name of the response that is 1, where responses are not 1 and 0.
+    deadline : float, optional
+        Time at which a trial without a response ended, s.
+    rt_window : (float, float), optional
+        Earliest and latest response time to fit, s.
+    criterion : str
+        What sets a circuit's criterion; a name in ``fitting.criteria.CRITERIA``.
+    free : sequence of str
+        All parameters to fit; every one if left out.
+    hold : mapping from names to values, optional
+        Parameters that are held: ``{"lapse": 0.02}``.
+    vary : mapping from names to columns, optional
+        Parameters that differ between conditions: ``{"sensitivity": "conflict"}``.
+    draws : bool
+        Whether to draw from the posterior too.
+    engine, noise_nats, trials, seed :
+        Of the simulated trials of a circuit; as in ``FitSettings``.
+    folder : path, optional
+        Where simulated trials are kept, for another fit.
+
+    Returns
+    -------
+    Fit
+        With ``summary()``, ``parameters()``, ``cells()`` and ``plot()``.
+
+    Raises
+    ------
+    ValueError
+        One sentence for what cannot be read or fitted, and for several participants.
+
+    Warns
+    -----
+    UserWarning
+        As ``fit_likelihood``, and of tables that may mislead.
+    """
+    from bgmodel.fitting.fit import fit_likelihood
+
+    need_fit()
+    asked = FitSettings(
+        strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
+        rt_window=rt_window, criterion=criterion, free=tuple(free), engine=engine,
+        hold=tuple(f"{name}={value!r}" for name, value in (hold or {}).items()),
+        vary=tuple(f"{name}={column}" for name, column in (vary or {}).items()),
+        noise_nats=noise_nats, trials=trials, seed=seed,
+    )  # fmt: skip
+    asked.check()
+    choices = asked.read(data)
+    people = asked.people(choices)
+    if len(people) > 1:
+        names = ", ".join(who for who, _ in people)
+        raise ValueError(
+            f"a fit is of one person, and these trials are of {names}: give participant=NAME, or "
+            "pooled=True to fit them as if they were one"
+        )
+    design = asked.design(people[0][1])
+    kept = None if folder is None else Path(folder)
+    chosen = asked.model(model, seconds=seconds_of([design]), folder=kept)
+    asked.check_parameters({"model": chosen})
+    return fit_likelihood(asked.likelihood(design, chosen), draws=draws)
+
+
+def seconds_of(designs: Iterable[Design]) -> float:
+    """Return the length of simulated trials, s: that of the longest trial that is fitted.
+
+    In whole half seconds, so that participants share what is simulated.
+    """
+    import numpy as np
+
+    seen = [design.observed for design in designs]
+    longest = max(each.deadline_s or float(np.nanmax(each.rt_s)) for each in seen)
+    return float(np.ceil(2 * longest) / 2)
+
+
+def need_fit() -> None:
+    """Raise ImportError, with how to install them, where the libraries of fits are missing."""
+    try:
+        import cma  # noqa: F401
+        import emcee  # noqa: F401
+    except ImportError as error:
+        raise ImportError('fits need cma and emcee: pip install ".[fit]"') from error
+
+
+def _pair(text: str, option: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals or not value:
+        example = "lapse=0.02" if option == "hold" else "criterion=instruction"
+        example = f"{option} is a name, =, and a value, as {example}"
+        raise ValueError(f"{example}, got {text!r}")
+    return name.strip(), value.strip()
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"hold must give a number, as lapse=0.02, got {text!r}") from None

@@ -1,0 +1,79 @@
+"""A fit from a table, in Python as at the terminal."""
+
+import inspect
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from bgmodel.commands.fits import FitRun
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.optimum import likelihood_of
+from bgmodel.fitting.settings import FitSettings, fit
+from bgmodel.tables.choices import read_choices
+from circuits import anatomy
+
+DATA, WHOSE = "roitman_shadlen_2002", {"strength": "coherence", "participant": "b"}
+
+
+@pytest.fixture(scope="module")
+def made():
+    return fit(DATA, "constant_gap", hold={"lapse": 0.01}, **WHOSE)
+
+
+def test_a_fit_of_a_table_is_that_of_its_likelihood(made):
+    choices = read_choices(DATA, **WHOSE)
+    whole = likelihood_of(GapModel(), design_of(choices), fixed={"lapse": 0.01})
+    expected = fit_likelihood(whole)
+    assert np.array_equal(made.optimum.vector, expected.optimum.vector)
+    assert made.optimum.log_likelihood == expected.optimum.log_likelihood
+
+
+def test_what_a_reader_is_shown_is_what_was_fitted(made):
+    summary = made.summary()
+    assert list(summary.index) == list(made.optimum.values)
+    assert np.allclose(summary["value"], made.optimum.vector, rtol=1e-3)
+    assert "low" not in summary
+    assert "2615" in repr(made)
+    assert "sensitivity" in made._repr_html_()
+    assert made.to_dataframe().equals(made.parameters())
+    assert len(made.plot().axes) == 4
+
+
+def test_python_and_the_command_have_the_same_defaults():
+    """All but what Python says as mappings."""
+    said = inspect.signature(fit).parameters
+    for field in fields(FitSettings):
+        default = said[field.name].default
+        if field.name not in ("hold", "vary"):
+            assert default == field.default, field.name
+    assert {f.name for f in fields(FitSettings)} <= {f.name for f in fields(FitRun)}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"model": "gap"}, "models"),
+        ({"model": 3}, "circuit"),
+        ({"participant": None}, "participant"),
+        ({"criterion": "posterior"}, "criterion"),
+        ({"engine": "nengo"}, "engine"),
+        ({"noise_nats": 0}, "noise_nats"),
+        ({"hold": {"lapses": 0.1}}, "hold"),
+        ({"vary": {"bound": "instruction"}}, "instruction"),
+        ({"strength": "contrast"}, "contrast"),
+    ],
+)
+def test_what_cannot_be_fitted_is_named(wrong, named):
+    with pytest.raises(ValueError, match=named):
+        fit(DATA, **{"model": "constant_gap", **WHOSE, **wrong})
+
+
+def test_a_circuit_is_taken_as_it_is(tmp_path):
+    table = anatomy.circuit("bogacz_gurney").without("STN", 0.05)
+    settings = FitSettings(engine="algebra", trials=16)
+    model = settings.model(table, seconds=1.0, folder=tmp_path)
+    assert model.circuit == table
+    assert model.folder == tmp_path
