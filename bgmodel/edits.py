@@ -13,10 +13,6 @@ from bgmodel.places import RowEdit, channel_of, overlapping, tidied
 if TYPE_CHECKING:
     from circuits.spec import Circuit
 
-OF_SPIKES = ("neurons", "probability", "spread")
-"""Fields of rows that act in spikes alone."""
-OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
-"""Fields that a fixed point does not depend on."""
 CUT = "cut "
 """How an edit by itself begins that cuts axons."""
 SCALED = (
@@ -110,19 +106,15 @@ class Edits:
     def check_engine(self, engine: str) -> None:
         """Raise ValueError for edits of cells where an engine knows none: they would do nothing."""
         # Importing it with the package would cost time that only circuits need.
-        from circuits.cells import CELLS
-        from circuits.engines import NOISY
+        from circuits.ignored import ignores
 
-        of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
-        if engine in NOISY:
-            return
-        for name in ("neurons", "connections", "spread"):
-            if getattr(self, name):
+        of_cells = {"neurons": "neurons", "connections": "probability", "spread": "spread"}
+        for name, field in of_cells.items():
+            if getattr(self, name) and ignores(engine, field):
                 raise ValueError(f"{name} is of cells, it says nothing to the {engine} engine")
         for edit in self.change:
             field = edit.partition("=")[0].partition(".")[2].strip()
-            spikes = field.startswith("cell.") and field not in of_rates
-            if spikes or field in OF_SPIKES or (engine == "algebra" and field in OF_TIME):
+            if ignores(engine, field):
                 raise ValueError(f"{edit!r} says nothing to the {engine} engine")
 
     def _check_once(self) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from circuits.activity import Activity
 from circuits.show import text
+from circuits.spec import NOT_WRITTEN
 
 COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}
 # A simulation has no date; a fixed one keeps the same run the same file.
@@ -46,7 +47,10 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
     if not 0 <= trial < trials:
         raise ValueError(f"trial must be 0..{trials - 1}, got {trial}")
     about = {"engine": activity.engine, "trial": trial, **activity.about}
-    identity = json.dumps([asdict(activity.circuit), about], sort_keys=True, default=str)
+    held = asdict(activity.circuit)
+    for name in NOT_WRITTEN:
+        del held[name]
+    identity = json.dumps([held, about], sort_keys=True, default=str)
     file = NWBFile(
         session_description=f"simulation of {activity.circuit.name}, not a recording",
         identifier=hashlib.sha256(identity.encode()).hexdigest()[:32],

@@ -28,6 +28,9 @@ from circuits.rows import (
     Projection,
 )
 
+NOT_WRITTEN = ("unedited",)
+"""Fields of a circuit that say where it came from, not what it is: no file and no hash has them."""
+
 NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite")
 """Fields of rows that leave the fixed point as it is."""
 
@@ -105,6 +108,9 @@ class Circuit(Mapping[str, "Population | Projection"]):
     about : str
         One sentence with its source, of the table before any edit: an edited one begins with
         ``EDITED``. It is no part of what makes two circuits equal.
+    unedited : Circuit, optional
+        The table before its edits, which set it. It is no part of what makes two circuits equal,
+        and no file keeps it.
     """
 
     name: str
@@ -129,6 +135,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
     unit: str = NATS
     default_gain: float | None = None
     chronic: bool = False
+    unedited: Circuit | None = field(default=None, repr=False, compare=False)
     _known: dict[str, Population] = field(init=False, repr=False, compare=False, hash=False)
 
     def __post_init__(self) -> None:
@@ -317,6 +324,11 @@ class Circuit(Mapping[str, "Population | Projection"]):
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(self.populations) + len(self.projections)
+
+    @property
+    def rows(self) -> tuple[Population | Projection, ...]:
+        """The rows of the first two tables."""
+        return self.populations + self.projections
 
     def channels_of(self, name: str) -> int:
         """Return how many channels a population has."""
@@ -763,7 +775,8 @@ class Circuit(Mapping[str, "Population | Projection"]):
         if all(getattr(self, name) == value for name, value in changes.items()):
             return self
         about = EDITED + self.about.removeprefix(EDITED) if self.about else ""
-        return replace(self, about=about, **changes)
+        unedited = self if self.unedited is None else self.unedited
+        return replace(self, about=about, unedited=unedited, **changes)
 
     def _everywhere(self, **values: Any) -> Circuit:
         if not any(row.spiking for row in self.populations):

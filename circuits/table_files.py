@@ -17,7 +17,7 @@ from typing import Any
 
 from circuits.cells import CELLS
 from circuits.checks import is_bool
-from circuits.spec import EDITED, Circuit, Course, Population, Projection
+from circuits.spec import EDITED, NOT_WRITTEN, Circuit, Course, Population, Projection
 
 FORMAT = 1
 """Version of the form of these files."""
@@ -100,7 +100,8 @@ def write(circuit: Circuit, path: str | Path) -> Path:
 
 def _changed(row: Any) -> dict[str, Any]:
     """Return the fields of a dataclass that differ from their defaults, or have none."""
-    values = ((f, getattr(row, f.name)) for f in fields(row) if f.init)
+    written = (f for f in fields(row) if f.init and f.name not in NOT_WRITTEN)
+    values = ((f, getattr(row, f.name)) for f in written)
     return {f.name: value for f, value in values if value != f.default}
 
 

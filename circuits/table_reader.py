@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from circuits.cells import CELLS
-from circuits.spec import Circuit, Course, Population
+from circuits.spec import NOT_WRITTEN, Circuit, Course, Population
 from circuits.table_files import FORMAT, SPARE, TABLES, TYPE
 
-KEYS = ("format", *(f.name for f in fields(Circuit) if f.init), "cells")
+OWN_KEYS = (f.name for f in fields(Circuit) if f.init and f.name not in NOT_WRITTEN)
+KEYS = ("format", *OWN_KEYS, "cells")
 NEEDED = ("format", "channels", "reference_nats", *(name for name in TABLES if name not in SPARE))
 """Keys that every file says for itself: another table's input at rest would mean nothing."""
 

@@ -119,4 +119,5 @@ def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
 
 
 def _renamed(row: Circuit, name: str, about: str, high: float) -> Circuit:
-    return replace(row, name=name, about=about, range_nats=(0.0, high), exact=False)
+    renamed = replace(row, name=name, about=about, range_nats=(0.0, high), exact=False)
+    return replace(renamed, unedited=None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +44,17 @@ THREADED = ("population", "ensemble")
 """Engines that can use several threads."""
 
 
+def check_options(engine: str, options: Iterable[str]) -> None:
+    """Raise ValueError, with the options that there are, for a name that an engine doesn't take."""
+    module = importlib.import_module(f"circuits.engines.{MODULES[engine]}")
+    noise = () if engine in NOISY else ("seed", "first_trial")
+    hidden = {"circuit", "drive", *SETTINGS.get(engine, {}), *noise}
+    known = [name for name in inspect.signature(module.run).parameters if name not in hidden]
+    for name in options:
+        if name not in known:
+            raise ValueError(f"the {engine} engine takes no {name!r}: {', '.join(known)}")
+
+
 def run(
     circuit: Circuit,
     drive: npt.ArrayLike,
@@ -80,18 +92,12 @@ def run(
         )
     if not isinstance(engine, str) or engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
+    check_options(engine, options)
     module = importlib.import_module(f"circuits.engines.{MODULES[engine]}")
-    fixed = SETTINGS.get(engine, {})
-    hidden = {*fixed, *(() if engine in NOISY else ("seed", "first_trial"))}
-    known = [name for name in inspect.signature(module.run).parameters if name not in hidden]
     given: dict[str, Any] = {"step_ms": step_ms, **options}
     if engine in NOISY and options.get("noise", True):
         if seed is None:
             raise ValueError(f"the {engine} engine needs a seed")
         given["seed"] = seed
-    for name in given:
-        if name not in known:
-            takes = ", ".join(p for p in known if p not in ("circuit", "drive"))
-            raise ValueError(f"the {engine} engine takes no {name!r}: {takes}")
-    activity: Activity = module.run(circuit, drive, **given, **fixed)
+    activity: Activity = module.run(circuit, drive, **given, **SETTINGS.get(engine, {}))
     return replace(activity, engine=engine)

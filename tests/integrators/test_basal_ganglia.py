@@ -54,7 +54,7 @@ def test_a_threshold_that_noise_crosses_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         MODEL.warn_of_noise(0.3)
-        replace(MODEL, engine="algebra").warn_of_noise(0.62)
+        replace(MODEL, engine="algebra", options={}).warn_of_noise(0.62)
 
 
 @pytest.mark.parametrize("sample_ms", [0.5, 1.0, 5.0])
@@ -320,3 +320,56 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
 def test_an_option_that_the_run_gives_itself_is_refused(name):
     with pytest.raises(ValueError, match=f"must not hold {name}"):
         BasalGanglia("macaque", "population", 0.5, 1, {name: 1})
+
+
+@pytest.mark.parametrize("engine", ["algebra", "rate"])
+@pytest.mark.parametrize(
+    ("edit", "field"),
+    [
+        (lambda c: c.with_spread(0.2), "spread"),
+        (lambda c: c.with_neurons(5), "neurons"),
+        (lambda c: c.with_connections(0.5), "probability"),
+        (lambda c: c.edited("STN.cell.cv=0.9", "STN.bias_nats=0.1"), "cell.cv of STN"),
+    ],
+)
+def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field):
+    edited = edit(macaque())
+    with pytest.warns(UserWarning, match=field):
+        BasalGanglia(edited, engine)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        BasalGanglia(edited, "population", seed=SEED)
+        # Nothing was edited, or what was edited acts.
+        for table in (macaque(), macaque().without("STN", 0.5)):
+            BasalGanglia(table, engine)
+
+
+def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
+    edited = macaque().edited("STN->GPe.delay_ms=4", "STN->GPe.tau_ms=7")
+    with pytest.warns(UserWarning, match=r"delay_ms of STN->GPe; tau_ms of STN->GPe"):
+        BasalGanglia(edited, "algebra")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        BasalGanglia(edited, "rate")
+        BasalGanglia(macaque().edited("STN.neurons=9"), "algebra", options={"laws": "finite"})
+
+
+@pytest.mark.parametrize("engine", ["algebra", "rate", "population", "ensemble", "plain"])
+@pytest.mark.parametrize(
+    "options",
+    [{"sampel_ms": 1.0}, {"step_ms": 50}, {"seed": 1}, {"sample_ms": "a"}, {"sample_ms": 0}],
+)
+def test_options_that_are_none_are_refused_where_they_are_given(engine, options):
+    with pytest.raises(ValueError, match=next(iter(options))):
+        BasalGanglia(macaque(), engine, seed=SEED, options=options)
+
+
+def test_rare_samples_of_out_are_warned_of():
+    few = EVIDENCE[:4]
+    for sample_ms in (10.0, 50.0):
+        model = BasalGanglia(TABLE, "rate", GAIN, options={"sample_ms": sample_ms})
+        with pytest.warns(UserWarning, match="sample_ms"):
+            model.run(few)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        BasalGanglia(TABLE, "rate", GAIN, options={"sample_ms": 5.0}).run(few)

@@ -1,0 +1,49 @@
+"""Numbers of a circuit that an engine makes no use of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any
+
+from circuits.cells import CELLS
+from circuits.engines import NOISY
+from circuits.spec import Circuit, Population
+
+OF_SPIKES = ("neurons", "probability", "spread")
+"""Fields of rows that act in spikes and their noise alone."""
+OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
+"""Fields that a fixed point does not depend on."""
+
+
+def ignores(engine: str, field: str) -> bool:
+    """Return whether an engine makes no use of a field of a row, such as ``"cell.cv"``."""
+    if engine in NOISY:
+        return False
+    of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
+    of_cells = field.startswith("cell.") and field not in of_rates
+    return of_cells or field in OF_SPIKES or (engine == "algebra" and field in OF_TIME)
+
+
+def ignored_edits(circuit: Circuit, engine: str) -> list[str]:
+    """Return the edited fields that an engine makes no use of, each with its rows as text."""
+    rows: dict[str, list[str]] = {}
+    for row, field in _edited_fields(circuit):
+        if ignores(engine, field):
+            rows.setdefault(field, []).append(row)
+    return [f"{field} of {', '.join(names)}" for field, names in rows.items()]
+
+
+def _edited_fields(circuit: Circuit) -> Iterator[tuple[str, str]]:
+    """Yield row and field of every number that differs from the table before its edits."""
+    table = circuit if circuit.unedited is None else circuit.unedited
+    before = {row.name: row for row in table.rows}
+    for row in circuit.rows:
+        old = before.get(row.name, row)
+        pairs: list[tuple[str, Any, Any]] = [("", old, row)]
+        if isinstance(row, Population) and isinstance(old, Population):
+            pairs += [("cell.", old.cell, row.cell)] if type(old.cell) is type(row.cell) else []
+        for prefix, was, now in pairs:
+            for f in fields(was):
+                if getattr(was, f.name) != getattr(now, f.name):
+                    yield row.name, prefix + f.name
