@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +23,12 @@ MOST_DELAY_MS = 10_000.0
 """Longest delay: engines remember every rate for so long."""
 MOST_NEURONS = 10**9
 """Most neurons per channel: no nucleus of the basal ganglia has more in any species."""
+LEAST_MS, LONGEST_MS = 0.2, 10_000.0
+"""Range of time constants and delays, other than 0, beyond which a row is warned of. The fastest
+synaptic currents take a few tenths of a ms, and no trial lasts 10 s."""
+MOST_HZ, USUAL_HZ = 1000.0, 200.0
+"""Highest ``baseline_hz``: no cell fires at more than a spike per ms, its refractory period. Above
+the second a row is warned of: pallidal and nigral cells, the fastest, rest at 50 to 100 Hz."""
 RECEPTORS = {"": 0, "D1": 1, "D2": -1}
 WHOLE: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "replaced": False}
 """The fields of a population by which it is lesioned, without any lesion."""
@@ -52,7 +59,8 @@ class Population:
     cell : Cell
         Cell type with its constants.
     baseline_hz, gain_hz_per_nat : float
-        The rate that stands for an activity of a nats: ``baseline_hz + gain_hz_per_nat * a``.
+        The rate that stands for an activity of a nats: ``baseline_hz + gain_hz_per_nat * a``. The
+        first lies in 0 to ``MOST_HZ``; it is negative only where the cell's rate may be.
     transmitter : str
         "glutamate" or "GABA"; the sign of every projection from here.
     neurons : int
@@ -130,6 +138,19 @@ class Population:
         for name in ("baseline_hz", "bias_nats", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+        lowest_hz = min(0.0, self.cell.lowest_hz)
+        if not lowest_hz <= self.baseline_hz <= MOST_HZ:
+            raise ValueError(
+                f"{self.name}: baseline_hz must lie in {lowest_hz:g}..{MOST_HZ:g} Hz, a spike per "
+                f"ms, got {self.baseline_hz:g}"
+            )
+        if self.baseline_hz > USUAL_HZ:
+            warnings.warn(
+                f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
+                "than any nucleus of the basal ganglia fires at rest: look at its unit",
+                stacklevel=4,
+            )
+        _warn_of_times(self.name, tau_ms=self.tau_ms, cell_tau_ms=getattr(self.cell, "tau_ms", 0.0))
         _check_intact(self)
 
     @property
@@ -202,6 +223,7 @@ class Projection:
             raise ValueError(
                 f"{self.name}: delay_ms must lie in 0..{MOST_DELAY_MS:g}, got {self.delay_ms}"
             )
+        _warn_of_times(self.name, tau_ms=self.tau_ms, delay_ms=self.delay_ms)
         if not 0 < self.probability <= 1:
             raise ValueError(f"{self.name}: probability must lie in 0..1, got {self.probability}")
         if self.probability < 1 and self.transfer != "linear":
@@ -219,6 +241,17 @@ class Projection:
     def name(self) -> str:
         """``source->target``."""
         return f"{self.source}->{self.target}"
+
+
+def _warn_of_times(owner: str, **times_ms: float) -> None:
+    """Warn of time constants and delays that no cell or synapse has, such as those in s."""
+    for name, time_ms in times_ms.items():
+        if time_ms and not LEAST_MS <= time_ms <= LONGEST_MS:
+            warnings.warn(
+                f"{owner}: {name} = {time_ms:g} lies outside {LEAST_MS:g}..{LONGEST_MS:g} ms, what "
+                "cells and synapses take: times are in ms, not in s",
+                stacklevel=5,
+            )
 
 
 def _check_intact(row: Population | Projection) -> None:

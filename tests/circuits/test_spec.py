@@ -1,12 +1,15 @@
 """The table: edits return new circuits, and what makes no sense is refused in one sentence."""
 
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from circuits import anatomy
+from circuits.anatomy import CIRCUITS
+from circuits.anatomy import circuit as named
 from circuits.cells import Lif, Rate
 from circuits.engines import algebra
 from circuits.fixed_point import rest_rates, wired
@@ -437,3 +440,46 @@ def test_a_circuit_is_equal_to_no_plain_mapping():
     assert table == replace(table)
     assert table != dict(table)
     assert hash(table) == hash(replace(table))
+
+
+@pytest.mark.parametrize("baseline_hz", [-20, -1e-3, 1000.1, 1e6])
+def test_a_rate_that_no_cell_has_is_refused(baseline_hz):
+    table = named("macaque")
+    for edit in (
+        lambda: table.with_population("STN", baseline_hz=baseline_hz),
+        lambda: table.edited(f"STN.baseline_hz={baseline_hz}"),
+        lambda: table.with_rows(f"TRN like=STN baseline_hz={baseline_hz}"),
+    ):
+        with pytest.raises(ValueError, match="baseline_hz"):
+            edit()
+
+
+def test_only_a_rate_that_is_a_difference_may_be_negative():
+    table = named("appendix_b")
+    assert table.with_population("GPe", baseline_hz=-20).population("GPe").baseline_hz == -20
+    with pytest.raises(ValueError, match="baseline_hz"):
+        table.with_population("SNr", baseline_hz=-20)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        "STN.tau_ms=0.02",
+        "STN->GPe.tau_ms=0.003",
+        "STN->GPe.delay_ms=0.004",
+        "GPe.cell.tau_ms=0.01",
+        "STN->GPe.tau_ms=20000",
+        "STN.baseline_hz=500",
+    ],
+)
+def test_numbers_far_outside_physiology_are_warned_of(edit):
+    name = edit.partition("=")[0].split(".", 1)[1].replace(".", "_")
+    with pytest.warns(UserWarning, match=name):
+        named("spiking_msprt").edited(edit)
+
+
+def test_no_shipped_table_is_outside_physiology():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name in CIRCUITS:
+            named(name, 3)
