@@ -11,6 +11,9 @@ from bgmodel.arrays import Array, Integers
 from bgmodel.decision import UNDECIDED, Decision
 from bgmodel.evidence import Evidence
 
+FEWEST_CHOICES = 20
+"""Choices that can tell whether they go against the evidence."""
+ROUNDING = 1e-9
 STANDARD_ERRORS = 3.29
 """Half the width of a 99.9 % interval: one false alarm in a thousand comparisons."""
 
@@ -102,19 +105,47 @@ def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
         warnings.warn(said, stacklevel=3)
 
 
+def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
+    """Return a sentence if choices are those that the evidence speaks against, or no text.
+
+    Choices at random have a mean posterior of chance, ``1 / hypotheses``, and choices by evidence
+    a higher one. A circuit whose OUT rises with evidence, as one without dopamine, has a lower one.
+
+    Parameters
+    ----------
+    stated : array (trials,)
+        Posterior of the choice, at the decision. Of fewer than ``FEWEST_CHOICES`` nothing is said.
+    hypotheses : int
+        Their number.
+    """
+    posterior, chance = np.asarray(stated, dtype=np.float64), 1 / hypotheses
+    if len(posterior) < FEWEST_CHOICES:
+        return ""
+    mean = posterior.mean()
+    if mean + STANDARD_ERRORS * posterior.std() / np.sqrt(len(posterior)) > chance - ROUNDING:
+        return ""
+    return (
+        f"choices go against the evidence: their mean posterior at the decision is {mean:.3f}, and "
+        f"choices at random have {chance:.3g}; an edit has turned the circuit round, as a level of "
+        "dopamine near 0 does, so its accuracy and times are not those of decisions by evidence"
+    )
+
+
 def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
-    """Warn if decisions at one threshold are right more or less often than their posteriors say.
+    """Warn if decisions at one threshold go against the evidence, or posteriors are not accuracies.
 
     Parameters
     ----------
     evidence : Evidence
-        What was decided on; without a truth there is no warning.
+        What was decided on; without a truth there is no accuracy to compare with.
     decision : Decision
         Undecided trials do not count.
     """
-    if evidence.truth is None:
-        return
     decided = decision.choice != UNDECIDED
     times = np.where(decided, decision.time_ms, 0.0)  # NaN is no time of a reading
     stated = posterior_at(evidence, times, decision.choice)
+    if said := against_evidence(stated[decided & ~decision.forced], evidence.hypotheses):
+        warnings.warn(said, stacklevel=3)
+    if evidence.truth is None:
+        return
     warn_of_calibration(stated[decided], (decision.choice == evidence.truth)[decided])

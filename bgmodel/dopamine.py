@@ -8,6 +8,7 @@ of the level, no gap, no evidence and no test.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from functools import lru_cache
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from bgmodel.arrays import Array
+from bgmodel.calibration import against_evidence
 from bgmodel.checks import is_number
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Tradeoff
@@ -227,6 +229,11 @@ def decide_at_levels(
     ValueError
         If levels are not allowed or not distinct, or the unchanged circuit would decide without
         evidence at that threshold, or never reads it.
+
+    Warns
+    -----
+    UserWarning
+        If the circuit decides against the evidence at a level.
     """
     check_threshold(model.circuit, threshold_nats)
     falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]
@@ -244,5 +251,8 @@ def decide_at_levels(
         )[CIRCUIT]
         for level in falling
     ]
+    for level, row in zip(falling, rows, strict=True):
+        if said := against_evidence(row.posterior[~row.forced], evidence.hypotheses):
+            warnings.warn(f"at a level of {level:g} {said}", stacklevel=2)
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     return Tradeoff(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))

@@ -16,6 +16,7 @@ from bgmodel.dopamine import (
     usable_range,
     working_range,
 )
+from bgmodel.evidence import gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import circuit
 from tests.levels import GAIN, LEVELS, MODEL, SEED
@@ -136,3 +137,11 @@ def test_a_sweep_of_levels_is_the_circuit_at_each_level(swept, level_evidence):
     alone = first_crossing(changed.run(level_evidence), THRESHOLD_NATS)
     assert np.array_equal(alone.choice, swept.choice[2])
     assert np.array_equal(alone.time_ms, swept.time_ms[2])
+
+
+def test_a_level_at_which_a_circuit_decides_against_the_evidence_is_warned_of():
+    evidence = gaussian_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
+    model = BasalGanglia("macaque", "rate", options={"rates": False})
+    with pytest.warns(UserWarning, match="at a level of 0 choices go against the evidence"):
+        found = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)
+    assert (found.choice[1] == evidence.truth).mean() < 0.2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -46,7 +47,8 @@ def leader_out(
         "table", "cells" or "finite", as for ``circuits.engines.algebra``.
     """
     odds = np.asarray(log_odds, dtype=np.float64)
-    model = BasalGanglia(circuit, options={"laws": laws})
+    # Edits that the fixed point makes no use of are not what is asked for here.
+    model = BasalGanglia(replace(circuit, unedited=None), options={"laws": laws})
     found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
     return np.asarray(found[:, 0, 0].reshape(odds.shape))
 

@@ -299,15 +299,15 @@ def run_experiment(
     Raises
     ------
     ValueError
-        If an edit does not fit the circuit, the control decides without evidence, a posterior lies
-        beyond what OUT reads, or there are too few trials.
+        If an edit does not fit the circuit, the control decides without evidence or against it, a
+        posterior lies beyond what OUT reads, or there are too few trials.
 
     Warns
     -----
     UserWarning
         If evidence leaves the circuit's range, noise alone crosses the threshold, many trials are
-        missed, no decision differs between the conditions, or posteriors at the decision are not
-        the share of right choices.
+        missed, the manipulation decides against the evidence, no decision differs between the
+        conditions, or posteriors at the decision are not the share of right choices.
     """
     if not isinstance(experiment, Experiment):
         raise ValueError(
@@ -396,7 +396,7 @@ def uncalibrated(experiment: Experiment, table: pd.DataFrame) -> str:
 
 
 def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -> None:
-    """Refuse a control that reads nothing or never decides; warn where many trials are missed.
+    """Refuse a control that does not decide by its evidence; warn where many trials are missed.
 
     What a manipulated circuit does is an outcome, and none of these refuses it.
     """
@@ -407,6 +407,10 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
             f"the control decides without evidence: {premature:.0%} of its trials before the first "
             f"reading, {waited:.0%} of foreperiods of {foreperiod_ms:g} ms end in a response"
         )
+    if against := behaviour.against_evidence():
+        if condition == "control":
+            raise ValueError(f"the control's {against}")
+        warnings.warn(f"the {condition}'s {against}", stacklevel=3)
     decided = int((~missed).sum())
     if condition == "control" and decided < FEWEST_DECIDED:
         raise ValueError(

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.arrays import Array, Integers, Truths
+from bgmodel.calibration import against_evidence
 from bgmodel.comparison.compare import Tradeoff
 from bgmodel.decision import UNDECIDED, Decision
 
@@ -126,6 +127,10 @@ class Behaviour:
         if not of_two or self._diffusion(np.ones((1, len(missed))))["non_decision_ms"][0] < 0:
             return found | {name: np.full(len(weights), np.nan) for name in OF_DIFFUSION}
         return found | self._diffusion(weights)
+
+    def against_evidence(self) -> str:
+        """Return a sentence if decisions in time go against the evidence, or no text."""
+        return against_evidence(self.decided.posterior[0][~self.decided.forced[0]], self.hypotheses)
 
     def _diffusion(self, weights: Array) -> dict[str, Array]:
         """Return those ``OF_DIFFUSION``, whatever comes out."""

@@ -84,9 +84,9 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     of ``accuracy_all`` and of ``accuracy_best``, the two ends; that of the mean time also that of
     ``mean_all_ms``; those of choice_0 and the criterion hold with missed trials at 0 and at 1; for
     the median the shares of missed trials must not differ by more than ``CUT_OFF``. It is left open
-    too where no decision differs between the conditions, where fewer than ``FEWEST_DECIDED`` trials
-    are decided, or where the control is so near the end of a measure's range that no change could
-    be as large as predicted.
+    too where the manipulated circuit is right less often than by chance, where no decision differs
+    between the conditions, where fewer than ``FEWEST_DECIDED`` trials are decided, or where the
+    control is so near the end of a measure's range that no change could be as large as predicted.
     """
     by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
     change = by["change"][["value", "low", "high"]].reindex(list(MEASURES))
@@ -123,6 +123,8 @@ def _verdict(
         return WITHOUT, ""
     if unchanged(table):
         return OPEN, UNCHANGED
+    if against := _below_chance(experiment, table):
+        return OPEN, against
     said = judged(measure)
     if measure not in OF_DECIDED or said == OPEN:
         return said, ""
@@ -171,6 +173,28 @@ def _blind(experiment: Experiment, table: pd.DataFrame) -> bool:
     return bool(
         reads_nothing(shares["premature"], shares["anticipatory"], experiment.foreperiod_ms)
     )
+
+
+def _below_chance(experiment: Experiment, table: pd.DataFrame) -> str:
+    """Return why a circuit that is right less often than by chance gets no verdict, or no text.
+
+    Where one truth alone counts, a bias can take accuracy anywhere: there the posterior tells.
+    """
+    rows = table[table["condition"] == "manipulation"].set_index("measure")
+    for name in ("accuracy", "criterion")[experiment.truth is not None :]:
+        value, high = rows.loc[name, ["value", "high"]].to_numpy(dtype=float)
+        # Chance is at most 1/2; a table of evidence is read again for the number of alternatives.
+        if high < 1 / 2 and high < (chance := 1 / _channels(experiment)):
+            numbers = f"{name} {value:.3f}, by chance {chance:.3g}"
+            return f"the manipulation chooses against the evidence: {numbers}"
+    return ""
+
+
+def _channels(experiment: Experiment) -> int:
+    """Return the number of alternatives."""
+    if experiment.task.evidence is None:
+        return experiment.task.channels
+    return experiment.trials().evidence.hypotheses
 
 
 def _few(table: pd.DataFrame) -> bool:
@@ -276,10 +300,7 @@ def _setting(experiment: Experiment, table: pd.DataFrame) -> str:
     """Return circuit, engine, gain, posterior, seed and trials, as text."""
     gain = experiment.gain
     if gain is None:
-        channels = experiment.task.channels
-        if experiment.task.evidence is not None:
-            channels = experiment.trials().evidence.hypotheses
-        gain = gain_of(circuit(experiment.circuit, channels))
+        gain = gain_of(circuit(experiment.circuit, _channels(experiment)))
     trials = table.loc[table["measure"] == "missed", "trials"].iloc[0]
     return (
         f"circuit {experiment.circuit}, engine {experiment.engine}, gain {gain:g}, posterior "

@@ -66,7 +66,8 @@ def measured(setting: Setting, folder: Path) -> pd.DataFrame:
     values = {name: float(joined[name][0]) for name in MEASURES}
     two = behaviour.hypotheses == 2
     caution = _caution(values, setting.foreperiod_ms) or (_withheld(values) if two else "")
-    remark = "; ".join(text for text in (remark, caution, _uncalibrated(values)) if text)
+    against = "the circuit decides against the evidence" if behaviour.against_evidence() else ""
+    remark = "; ".join(text for text in (remark, against, caution, _uncalibrated(values)) if text)
     return table.assign(trials=trials, **{REMARK: remark})
 
 

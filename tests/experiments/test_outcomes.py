@@ -324,7 +324,8 @@ def test_the_edit_alone_makes_the_outcome(name):
 def held_to(effect, low, high, value=0.0, **shares):
     """Return the verdict on a model's change of 0 with its interval, beside an effect."""
     experiment = replace(shipped()["stn_no_conflict"], effects=(effect,))
-    values = dict.fromkeys(MEASURES, 0.1) | {"decided": 100.0} | shares
+    values = dict.fromkeys(MEASURES, 0.1) | {"decided": 100.0}
+    values |= {"accuracy": 0.8, "criterion": 0.8} | shares
     both = ("control", "manipulation")
     rows = [(c, name, one, one, one) for c in both for name, one in values.items()]
     rows += [(c, name, value, low, high) for c in ("change", "percent") for name in MEASURES]
@@ -415,3 +416,27 @@ def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction)
     found = outcomes(asked, table)
     assert found["outcome"].tolist() == [OPEN, OPEN]
     assert found["reason"].str.len().gt(0).all()
+
+
+WITHOUT_DOPAMINE = Condition(dopamine=0.0)
+
+
+def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():
+    """Without dopamine the OUT of the supported channel rises, and another one is chosen."""
+    experiment = replace(
+        shipped()["stn_no_conflict"], engine="rate", manipulation=WITHOUT_DOPAMINE, effects=()
+    )
+    experiment = replace(
+        experiment,
+        task=replace(experiment.task, trials=120, t_max=60),
+        predictions=(Prediction("accuracy", "down", 0.01), Prediction("missed", "none", 0.4)),
+    )
+    with pytest.warns(UserWarning, match="the manipulation's choices go against the evidence"):
+        table = run_experiment(experiment).measures
+    assert table.set_index(["condition", "measure"]).loc[("manipulation", "accuracy"), "high"] < 0.5
+    said = outcomes(experiment, table)
+    assert (said["outcome"] == OPEN).all()
+    assert said["reason"].str.contains("against the evidence").all()
+    control = replace(experiment, control=WITHOUT_DOPAMINE, manipulation=Condition())
+    with pytest.raises(ValueError, match="the control's choices go against the evidence"):
+        run_experiment(control)

@@ -373,3 +373,19 @@ def test_rare_samples_of_out_are_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         BasalGanglia(TABLE, "rate", GAIN, options={"sample_ms": 5.0}).run(few)
+
+
+def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth():
+    evidence = gaussian_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
+    options = {"rates": False}
+    for given_truth in (evidence, replace(evidence, truth=None)):
+        with pytest.warns(UserWarning, match="choices go against the evidence"):
+            decided = BasalGanglia(macaque().dopamine(0.0), "rate", options=options).decide(
+                given_truth, posterior=0.82
+            )
+        assert (decided.choice == evidence.truth).mean() < 0.2
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            for level in (0.6, 1.0):
+                model = BasalGanglia(macaque().dopamine(level), "rate", options=options)
+                model.decide(given_truth, posterior=0.7)

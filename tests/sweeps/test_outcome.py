@@ -228,3 +228,10 @@ def test_a_key_on_which_no_measure_depends_is_warned_of(tmp_path, grid, idle):
         swept(tmp_path, grid=grid)
     told = [str(one.message) for one in caught if "no measure depends" in str(one.message)]
     assert [text.split(":")[0].split()[-1] for text in told] == idle
+
+
+def test_a_circuit_that_decides_against_the_evidence_is_said_to(tmp_path):
+    long = Stimuli(trials=100, t_max=60)
+    _, table = swept(tmp_path, grid={"dopamine": (0.0, 1.0)}, engine="rate", gain=None, task=long)
+    remarks = list(table.drop_duplicates("dopamine")["remark"])
+    assert ["against the evidence" in remark for remark in remarks] == [True, False]
