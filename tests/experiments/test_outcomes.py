@@ -109,7 +109,7 @@ def judged(shares, foreperiod_ms=500.0, decided=100, measure="mean_ms"):
     experiment = replace(
         experiment, predictions=(prediction,), effects=(), foreperiod_ms=foreperiod_ms
     )
-    values = dict.fromkeys(MEASURES, 0.5) | {"decided": decided} | shares
+    values = dict.fromkeys(MEASURES, 0.5) | {"decided": decided, "missed": 0.0} | shares
     both = [(c, values) for c in ("control", "manipulation")]
     rows = [(c, name, v, v, v) for c, values in both for name, v in values.items()]
     rows += [("change", name, -100.0, -110.0, -90.0) for name in MEASURES]
@@ -132,7 +132,7 @@ def test_a_handful_of_decided_trials_decides_nothing():
     rest = {"premature": 0.0, "anticipatory": 0.0, "missed": 0.97}
     assert judged(rest, decided=4) == OPEN
     assert judged(rest, decided=4, measure="missed") == AGREES
-    assert judged(rest, decided=40) == AGREES
+    assert judged(rest | {"missed": 0.0}, decided=40) == AGREES
 
 
 def arms(monkeypatch, control, manipulation, predictions, effects=()):
@@ -210,14 +210,19 @@ def test_a_verdict_holds_whatever_the_missed_trials_would_have_been(
         ((0.0, 0.3), (600.0, 700.0), AGREES),  # the missed ones would be later still
         ((0.3, 0.0), (600.0, 700.0), OPEN),
         ((0.0, 0.3), (600.0, 500.0), OPEN),
-        ((0.1, 0.1), (600.0, 500.0), DISAGREES),
+        # Both miss many: those of either might take longer than the deadline by any time.
+        ((0.1, 0.1), (600.0, 500.0), OPEN),
+        ((0.4, 0.45), (600.0, 700.0), OPEN),
+        ((0.04, 0.04), (600.0, 500.0), DISAGREES),
         ((0.3, 0.0), (600.0, 500.0), DISAGREES),
     ],
 )
 def test_times_count_missed_trials_at_the_deadline(monkeypatch, missed, times, said):
     both = [(0.8, lost, time_ms) for lost, time_ms in zip(missed, times, strict=True)]
     experiment, table = arms(monkeypatch, *both, (SLOWER,))
-    assert outcomes(experiment, table)["outcome"].item() == said
+    row = outcomes(experiment, table).iloc[0]
+    assert row["outcome"] == said
+    assert bool(row["reason"]) == (said == OPEN)
 
 
 def test_an_effect_is_left_open_where_missed_trials_could_undo_it(monkeypatch):
@@ -325,7 +330,7 @@ def held_to(effect, low, high, value=0.0, **shares):
     """Return the verdict on a model's change of 0 with its interval, beside an effect."""
     experiment = replace(shipped()["stn_no_conflict"], effects=(effect,))
     values = dict.fromkeys(MEASURES, 0.1) | {"decided": 100.0}
-    values |= {"accuracy": 0.8, "criterion": 0.8} | shares
+    values |= {"accuracy": 0.8, "criterion": 0.8, "missed": 0.0} | shares
     both = ("control", "manipulation")
     rows = [(c, name, one, one, one) for c in both for name, one in values.items()]
     rows += [(c, name, value, low, high) for c in ("change", "percent") for name in MEASURES]
