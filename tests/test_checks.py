@@ -183,6 +183,7 @@ def test_parts_that_belong_to_other_trials_are_refused():
         lambda: trial_table(decision, evidence, model="m"),
         lambda: decide_at_thresholds(BasalGanglia(TABLE), evidence, [low]),
         lambda: compare(TABLE, evidence, seed=1, engine="algebra", intact="macaque"),
+        lambda: BasalGanglia(TABLE).decide(evidence, 0.3, rates="a"),
         lambda: criterion(TABLE, 1.0, 0.3, -1.0),
         lambda: engines.run("macaque", np.zeros((1, 1, 2)), engine="algebra", step_ms=1.0),
     ):

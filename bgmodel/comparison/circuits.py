@@ -252,7 +252,8 @@ def compare_with_msprt(
     Raises
     ------
     ValueError
-        If there are too few trials, or a circuit would decide without evidence.
+        If there are too few trials, a circuit would decide without evidence, or it is no edit of
+        the intact one.
 
     Warns
     -----
@@ -264,6 +265,8 @@ def compare_with_msprt(
     check_trials(check_evidence(evidence).trials)
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
     check_resamples(resamples, groups)
+    if intact is not None:
+        check_edit_of(intact, model.circuit, "circuit")
     if intact == model.circuit:
         raise ValueError(f"{intact.name} equals the intact circuit: no edit changed anything")
     model.warn_beyond_range(evidence)
@@ -352,6 +355,12 @@ def compare_edits(
         mean_ms, premature, forced and without_evidence, 1 where most trials decide before their
         first reading; without intervals).
 
+    Raises
+    ------
+    ValueError
+        As ``compare_with_msprt``, or if what is edited is no mapping of circuits, each an edit of
+        the model's.
+
     Warns
     -----
     UserWarning
@@ -361,6 +370,10 @@ def compare_edits(
     check_trials(check_evidence(evidence).trials)
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
     check_resamples(resamples, groups)
+    if not isinstance(edited, Mapping):
+        raise ValueError(f'edited must be a dict such as {{"STN": circuit}}, got {edited!r}')
+    for name, circuit in edited.items():
+        check_edit_of(model.circuit, circuit, f"edited[{name!r}]")
     if alike := [name for name, circuit in edited.items() if circuit == model.circuit]:
         warnings.warn(
             f"{', '.join(alike)}: the edit changes nothing in this circuit",
@@ -407,6 +420,33 @@ def compare_edits(
         fixed = _blank(_at_threshold_of(intact, found, evidence, accuracies), lost)
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
+
+
+def check_edit_of(before: Circuit, after: Circuit, what: str) -> None:
+    """Raise ValueError unless one circuit can be an edit of another.
+
+    An edit leaves the name, the channels, the unit, the input and the read-out of a circuit, and
+    takes no row away. The reference of a change would be another circuit otherwise.
+
+    Parameters
+    ----------
+    before, after : Circuit
+        The circuit before and after it was edited.
+    what : str
+        The argument that holds the second.
+    """
+    for circuit in (before, after):
+        if not isinstance(circuit, Circuit):
+            raise ValueError(f"{what} must be a Circuit, edited from a Circuit, got {circuit!r}")
+    kept = ("name", "channels", "unit", "input", "readout")
+    other = [name for name in kept if getattr(before, name) != getattr(after, name)]
+    lost = [row.name for row in before.rows if row.name not in {row.name for row in after.rows}]
+    if other or lost:
+        why = f"it lacks {', '.join(lost)}" if lost else f"another {', '.join(other)}"
+        raise ValueError(
+            f"{what} must be edited from the circuit that it is compared with: {after.name} of "
+            f"{after.channels} channels is no edit of {before.name} of {before.channels}: {why}"
+        )
 
 
 def _warn_of_calibration(test: Tradeoff, evidence: Evidence, accuracies: Sequence[float]) -> None:

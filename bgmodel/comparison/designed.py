@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.arrays import Array
+from bgmodel.checks import reals
 from bgmodel.comparison.circuits import is_noisy
 from bgmodel.comparison.compare import shown
 from bgmodel.decision import Decision, Trace, first_crossing
@@ -174,7 +175,7 @@ def size(model: BasalGanglia, thresholds: Sequence[float], trials: int) -> tuple
         trials = 1
     elif trials < 2:
         raise ValueError(f"trials must be at least 2 where there is noise, got {trials}")
-    for threshold in thresholds:
+    for threshold in checked_thresholds(thresholds):
         check_read(model.circuit, threshold)
     given: dict[str, Any] = {"channels": model.circuit.channels, "kappa": kappa_of(model)}
     return trials, readings_of(at_fixed_point(model), thresholds, **given)
@@ -190,6 +191,14 @@ def at_fixed_point(model: BasalGanglia) -> BasalGanglia:
 def kappa_of(model: BasalGanglia) -> float:
     """Return the nats of a design per nat of evidence: 1 where the circuit has no nats."""
     return model.gain if model.circuit.unit == NATS else 1.0
+
+
+def checked_thresholds(thresholds: Sequence[float] | Array) -> Array:
+    """Return thresholds, each once; ValueError unless they are one number or more in a list."""
+    values = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
+    if values.ndim != 1 or not values.size:
+        raise ValueError(f"thresholds must be a list of numbers, as [0.2], got {thresholds!r}")
+    return np.array(list(dict.fromkeys(values.tolist())))
 
 
 def check_read(circuit: Circuit, threshold: float) -> None:
@@ -244,8 +253,10 @@ def designed(
     The threshold of each theory is its OUT at the time at which ``settled`` crosses with equal
     rivals: there all differences are 0. Between two readings OUT is taken as a straight line.
     """
+    if isinstance(observed, type) or not hasattr(observed, "run"):
+        raise ValueError(f"observed must be an integrator, as Msprt(), got {observed!r}")
     settled = observed if settled is None else settled
-    levels = np.array(list(dict.fromkeys(thresholds)), dtype=np.float64)
+    levels = checked_thresholds(thresholds)
     given: dict[str, Any] = {"kappa": kappa, "leader": leader}
     readings = readings_of(settled, levels, channels=channels, **given)
     every = designs(channels)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from bgmodel.progress import advance
 from bgmodel.readout import ReadOut
 
 try:
-    from circuits.activity import checked_drive, warn_beyond_range
+    from circuits.activity import RateMeans, checked_drive, warn_beyond_range
     from circuits.anatomy import circuit as named
     from circuits.checks import check_time
     from circuits.cost import memory_bytes
@@ -36,7 +37,7 @@ except ImportError as error:
     raise explained(error) from error
 
 if TYPE_CHECKING:
-    from circuits.activity import Activity, RateMeans
+    from circuits.activity import Activity
 
 BATCH = 250
 """Trials that ``BasalGanglia.batches`` runs at a time."""
@@ -249,6 +250,8 @@ class BasalGanglia(Facts):
             trials are decided by the deadline or before their first reading, or posteriors at the
             decision are not the share of right choices.
         """
+        if not isinstance(rates, (RateMeans, NoneType)):
+            raise ValueError(f"rates must be a RateMeans() of circuits.activity, got {rates!r}")
         level = self.threshold(threshold, posterior)
         self.warn_beyond_range(evidence)
         self.warn_of_noise(level)
@@ -360,7 +363,7 @@ class BasalGanglia(Facts):
     def _warn_of_coarse_samples(self, evidence: Evidence) -> None:
         """Warn if OUT is sampled so rarely that decision times come out too long."""
         sample_ms = self.options.get("sample_ms", 1.0)
-        most = max(COARSE_MS, COARSE_SHARE * evidence.step_ms)
+        most = max(COARSE_MS, COARSE_SHARE * check_evidence(evidence).step_ms)
         if sample_ms > most:
             warnings.warn(
                 f"sample_ms = {sample_ms:g}: a decision is made only at a sample of OUT, so that "

@@ -307,3 +307,29 @@ def test_an_edit_that_changes_nothing_is_warned_of():
     edited = {"D1->SNr=1": TABLE.scaled("D1", "SNr", 1.0)}
     with pytest.warns(UserWarning, match="changes nothing"):
         compare_edits(replace(QUICK, engine="rate"), edited, LONG, **given)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        circuit("spiking_msprt", 2),  # other channels
+        circuit("macaque", 4),  # another table
+        TABLE.with_rows("TRN like=STN", "TRN->GPe weight=0.1"),  # rows that the circuit lacks
+    ],
+)
+def test_what_a_circuit_is_no_edit_of_is_no_reference_of_it(other):
+    given = {"seed": SEED, "accuracies": (0.95,), "resamples": 20}
+    for call in (
+        lambda: compare_with_msprt(QUICK, LONG, intact=other, **given),
+        lambda: compare_edits(replace(QUICK, circuit=other), {"mine": TABLE}, LONG, **given),
+    ):
+        with pytest.raises(ValueError, match="is no edit of"):
+            call()
+
+
+@pytest.mark.parametrize(
+    "edited", ["STN", ["STN"], {"STN": "STN=0.5"}, {"STN": QUICK}, {"STN": None}]
+)
+def test_edits_are_circuits_by_name(edited):
+    with pytest.raises(ValueError, match="edited"):
+        compare_edits(QUICK, edited, LONG, seed=SEED, resamples=20)

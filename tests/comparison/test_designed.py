@@ -281,3 +281,19 @@ def test_designed_trials_have_four_channels_and_three_thresholds_by_default():
     evidence = designs()[0].evidence(3)
     assert evidence.step_ms == 50
     assert evidence.own_totals[0, -1].tolist() == pytest.approx([0.3, 0, 0, 0])
+
+
+@pytest.mark.parametrize("thresholds", [0.2, "0.2", [], [[0.2]], ["a"], None])
+def test_thresholds_are_a_list_of_numbers(thresholds):
+    for call in (
+        lambda: designed(Msprt(), thresholds),
+        lambda: designed_circuit(exact("appendix_b"), thresholds),
+    ):
+        with pytest.raises(ValueError, match="thresholds must be"):
+            call()
+
+
+@pytest.mark.parametrize("observed", ["appendix_b", Msprt, None])
+def test_what_decides_is_an_integrator(observed):
+    with pytest.raises(ValueError, match="observed must be an integrator"):
+        designed(observed, [0.2])
