@@ -74,6 +74,7 @@ class SweepRun:
         settings = plan.settings(self.file.parent)
         folder = self.folder or Path("sweeps") / self.file.stem
         files.check_writable(folder)
+        _check_own(folder)
         if self.profile is not None and not (self.profile / "config.yaml").is_file():
             raise ValueError(
                 f"profile must be a folder with config.yaml, got {str(self.profile)!r}"
@@ -200,20 +201,30 @@ def _behind(plan: Plan, settings: list[Setting]) -> dict[str, Any]:
     return {"seed": plan.seed, "sweep": recorded(plan), "circuits": circuits}
 
 
+def _check_own(folder: Path) -> None:
+    """Raise ValueError if what a sweep would replace in its folder is no outcome of a sweep."""
+    output = folder / OUTCOME
+    paths = [output, *map(output.with_suffix, FIGURES)]
+    if not any(path.exists() for path in paths):
+        return
+    made_from = files.read_provenance(output)["parameters"] if files.is_result(output) else {}
+    if "sweep" not in made_from:
+        there = next(path for path in paths if path.exists())
+        raise ValueError(f"{str(there)!r} was not made by a sweep: move it, or give another folder")
+
+
 def _remove_outdated(plan: Plan, settings: list[Setting], folder: Path) -> None:
     """Remove table and figure of another sweep: a part or a stopped sweep would leave them."""
     output = folder / OUTCOME
     if not output.is_file():
         return
-    try:
-        of = files.read_provenance(output)
-    except (OSError, ValueError):
-        of = {}
+    of = files.read_provenance(output)
     now = files.provenance(**_behind(plan, settings))
     if all(of.get(name) == now[name] for name in ("parameters", "seed")):
         return
     say(f"{output} is of another sweep: it is removed, with its figure; shards stay")
-    for path in (output, files.provenance_path(output), *map(output.with_suffix, FIGURES)):
+    # The table goes last: while it is there, its figure is known to be a sweep's.
+    for path in (*map(output.with_suffix, FIGURES), output, files.provenance_path(output)):
         path.unlink(missing_ok=True)
 
 

@@ -13,7 +13,7 @@ from io import StringIO
 import pandas as pd
 import pytest
 
-from bgmodel.files import read_provenance
+from bgmodel.files import read_provenance, write_table
 from bgmodel.sweeps import shards
 from circuits.anatomy import circuit
 from circuits.table_files import write
@@ -108,6 +108,26 @@ def test_the_outcome_of_another_sweep_does_not_stay(small, swept, tmp_path, caps
     assert not list(folder.glob("outcome*"))
     assert "another sweep" in capsys.readouterr().err
     assert len(list((folder / "shards").iterdir())) == 6
+
+
+@pytest.mark.parametrize("name", ["outcome.csv", "outcome.png", "outcome.pdf"])
+def test_what_no_sweep_made_is_not_replaced(small, tmp_path, capsys, name):
+    folder = tmp_path / "found"
+    folder.mkdir()
+    (folder / name).write_text("mine\n")
+    for options in ((), ("--part", "1/2"), ("--on", "snakemake")):
+        assert run("sweep", small, folder, *options) == 2
+        assert name in capsys.readouterr().err
+    assert [path.name for path in folder.iterdir()] == [name]
+    assert (folder / name).read_text() == "mine\n"
+
+
+def test_a_table_of_another_command_is_not_replaced(small, tmp_path, capsys):
+    table = pd.DataFrame({"value": [1.0]})
+    path = write_table(table, tmp_path / "outcome.csv", seed=1, command={"name": "compare"})
+    assert run("sweep", small, tmp_path) == 2
+    assert "was not made by a sweep" in capsys.readouterr().err
+    assert len(pd.read_csv(path)) == 1
 
 
 def test_names_of_files_and_folders_reach_jobs_as_they_are(small, tmp_path, monkeypatch):
