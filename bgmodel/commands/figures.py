@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from tyro.conf import Positional
@@ -12,6 +12,8 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import check_whole
 from bgmodel.files import remove_partial_files
 
+SETTINGS = Path(".snakemake/figures.json")
+"""Where Snakemake reads the settings of a run."""
 MINUTES = {True: 6.0, False: 18.0}
 """CPU time of all figures, minutes, coarse or not; measured on two cores of an AMD EPYC."""
 
@@ -58,9 +60,12 @@ class Figures:
                 raise ValueError("figR1 needs recordings: --recordings or BGMODEL_RECORDINGS")
         self._say(folder, found is not None)
         try:
-            with only_run(Path(".snakemake"), "`bgmodel figures`") as jobs:
+            with only_run(SETTINGS.parent, "`bgmodel figures`") as jobs:
                 remove_partial_files(folder)
-                status = run_to_end(partial(self._snakemake, found), jobs)
+                # On a command line Snakemake takes a folder that is named 010 for the number 10.
+                settings = {"fast": int(self.fast), "recordings": str(found or "")}
+                SETTINGS.write_text(json.dumps(settings))
+                status = run_to_end(self._snakemake, jobs)
         except KeyboardInterrupt:
             raise KeyboardInterrupt("The same command goes on where it was.") from None
         if status:
@@ -68,15 +73,14 @@ class Figures:
                 f"bgmodel: not every figure is drawn, Snakemake ended with status {status}"
             )
 
-    def _snakemake(self, recordings: Path | None, owner: int) -> list[str]:
+    def _snakemake(self, owner: int) -> list[str]:
         """Return the command line; ``owner`` is the number of the file for ``end_with``."""
         command = [sys.executable, "-m", "snakemake", "-s", "figures/Snakefile"]
         # A run that was killed leaves Snakemake's own lock behind: those of `only_run` do its work.
         command += ["--cores", str(self.cores), "--rerun-incomplete", "--nolock"]
         # Steps are handed to processes that the file of rules keeps: threads wait for them.
         command += ["--force-use-threads"]
-        command += ["--quiet", "all", "--config", f"owner={owner}"]
-        command += [f"fast={int(self.fast)}", f"recordings={recordings or ''}"]
+        command += ["--quiet", "all", "--configfile", str(SETTINGS), "--config", f"owner={owner}"]
         return [*command, "--", *(self.targets or ["all"])]
 
     def _say(self, folder: Path, recordings: bool) -> None:

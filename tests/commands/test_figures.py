@@ -1,5 +1,6 @@
 """The command `figures`: names that are no figure, and what it asks Snakemake for."""
 
+import json
 import subprocess
 
 import pytest
@@ -49,7 +50,8 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     assert main(["figures", *arguments]) == 0
     (command,) = ran
     assert command[command.index("--") + 1 :] == asked
-    assert f"fast={int('--fast' in arguments)}" in command
+    settings = json.loads((tmp_path / command[command.index("--configfile") + 1]).read_text())
+    assert settings == {"fast": int("--fast" in arguments), "recordings": ""}
     said = capsys.readouterr().out
     assert f": {count}, there already: 0" in said
     # How long all of them take; of a part nothing is known.
@@ -61,6 +63,28 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     said = capsys.readouterr().out
     assert f": {count}, there already: 1" in said
     assert "minutes" not in said
+
+
+@pytest.mark.parametrize("folder", ["010", "1e3", "true", "a' b"])
+def test_a_folder_of_recordings_reaches_snakemake_as_it_is_named(tmp_path, monkeypatch, folder):
+    """Its own reading of a configuration makes 10 of 010: what it reads is looked at here."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / folder).mkdir()
+    (tmp_path / "figures").mkdir()
+    read = tmp_path / "read.txt"
+    (tmp_path / "figures" / "figR1.py").touch()
+    (tmp_path / "figures" / "Snakefile").write_text(
+        f"open({str(read)!r}, 'w').write(repr(config['recordings']))\nrule all:\n"
+    )
+
+    def plan(make, jobs):
+        command = make(0)
+        at = command.index("--")
+        return subprocess.run([*command[:at], "--dry-run", *command[at:]], check=True).returncode
+
+    monkeypatch.setattr(one_run, "run_to_end", plan)
+    assert main(["figures", "--recordings", folder]) == 0
+    assert read.read_text() == repr(folder)
 
 
 def test_the_readme_says_how_long_all_figures_take():
