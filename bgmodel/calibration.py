@@ -9,13 +9,23 @@ import numpy.typing as npt
 
 from bgmodel.arrays import Array, Integers
 from bgmodel.decision import UNDECIDED, Decision
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, minus_log_softmax
 
 FEWEST_CHOICES = 20
 """Choices that can tell whether they go against the evidence."""
 ROUNDING = 1e-9
 STANDARD_ERRORS = 3.29
 """Half the width of a 99.9 % interval: one false alarm in a thousand comparisons."""
+
+
+STOP = 0.9
+"""Posterior at which readings are held to the truth: later ones add little, and errors are left."""
+SCALED_TRIALS = 10_000
+"""Trials that are looked at, evenly spaced."""
+UNITS = {"log2": np.log(2), "log10": np.log(10)}
+"""Logarithms that are taken for natural ones, and nats per unit of each."""
+SCALES = (0.83, 1.52)
+"""Nats per unit beyond which log2 (0.69) or log10 (2.3) is nearer than 1, by their ratio."""
 
 
 def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
@@ -38,6 +48,63 @@ def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
     reading = np.floor(np.maximum(time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
     reading = np.minimum(reading, evidence.readings)
     return np.asarray(evidence.posterior[np.arange(evidence.trials), reading, choice])
+
+
+def warn_of_units(evidence: Evidence) -> None:
+    """Warn if log-likelihoods are not natural logarithms, as far as the truth tells.
+
+    In units of which each is ``k`` nats, posteriors are those of ``k`` times the evidence. Each
+    trial is read up to a posterior of ``STOP``. There the derivative by k of the log posterior of
+    the truth, ``L_true - sum_i P_i L_i`` at k = 1, has a mean of 0 if these are nats, under any
+    stopping rule. Its z score is held to 99.9 %: one false alarm in a thousand tables, or fewer,
+    since k must also lie beyond ``SCALES``.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Independent trials. Without a truth, or where a hypothesis is never true, nothing is said.
+    """
+    some = evidence[:: -(-evidence.trials // SCALED_TRIALS)]
+    if (
+        some.truth is None
+        or some.trials < FEWEST_CHOICES
+        or len(np.unique(some.truth)) < some.hypotheses
+    ):
+        return
+    sure = some.posterior.max(axis=2) >= STOP
+    sure[:, 0] = False
+    read = np.where(sure.any(axis=1), sure.argmax(axis=1), some.readings)
+    trial = np.arange(some.trials)
+    told = some.totals[trial, read] - np.log(some.prior)
+    posterior = some.posterior[trial, read]
+    mean = (posterior * told).sum(axis=1)
+    scores = told[trial, some.truth] - mean
+    expected = (posterior * (told - mean[:, None]) ** 2).sum()
+    variance = max(expected, float((scores**2).sum()))
+    if not abs(scores.sum()) > STANDARD_ERRORS * np.sqrt(variance):
+        return
+    scale = _nats_per_unit(told, some)
+    if SCALES[0] < scale < SCALES[1]:
+        return
+    unit = min(UNITS, key=lambda name: abs(np.log(scale / UNITS[name])))
+    warnings.warn(
+        f"these log-likelihoods are not those of their truth: posteriors would be right if each "
+        f"were multiplied by about {scale:.2g}; give natural logarithms (those of {unit} times "
+        f"{UNITS[unit]:.3f} are), or look for readings that are not independent",
+        stacklevel=4,
+    )
+
+
+def _nats_per_unit(told: Array, evidence: Evidence) -> float:
+    """Return the factor on log-likelihoods (trials, hypotheses) that makes the truth likeliest."""
+    # Importing scipy.optimize takes a third of a second: only where it is needed.
+    from scipy.optimize import minimize_scalar
+
+    def loss(log_scale: float) -> float:
+        posterior = minus_log_softmax(np.log(evidence.prior) + np.exp(log_scale) * told)
+        return float(posterior[np.arange(evidence.trials), evidence.truth].sum())
+
+    return float(np.exp(minimize_scalar(loss, bounds=np.log([0.01, 100]), method="bounded").x))
 
 
 def calibration(posterior: float, accuracy: float, decisions: float) -> str:

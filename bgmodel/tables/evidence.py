@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.calibration import warn_of_units
 from bgmodel.checks import path_of
 from bgmodel.evidence import MOST_NATS, Evidence
 from bgmodel.files import read_table
@@ -90,7 +91,8 @@ def trials_from_table(
     Warns
     -----
     UserWarning
-        As ``Evidence`` does, or if trials hold the very readings of other ones.
+        As ``Evidence`` does, if trials hold the very readings of other ones, or if the truth tells
+        that log-likelihoods are no natural logarithms, as log2 or log10.
     """
     columns = _hypotheses(table)
     if len(table) == 0:
@@ -116,6 +118,7 @@ def trials_from_table(
         baseline=float(values.sum() / (lengths.sum() * len(columns))),
     )
     warn_of_copies(values, lengths)
+    warn_of_units(evidence)
     own = [name for name in table.columns if name not in (*columns, "step", "truth")]
     varying = [name for name in own if not _constant(table[name], trial, first_row)]
     kept = table[[name for name in own if name not in varying]].iloc[first_row]
