@@ -24,6 +24,8 @@ SCALED_TRIALS = 10_000
 """Trials that are looked at, evenly spaced."""
 UNITS = {"log2": np.log(2), "log10": np.log(10)}
 """Logarithms that are taken for natural ones, and nats per unit of each."""
+NEAR = 0.3
+"""Distance, in natural logarithms, within which a factor is that of a unit."""
 SCALES = (0.83, 1.52)
 """Nats per unit beyond which log2 (0.69) or log10 (2.3) is nearer than 1, by their ratio."""
 
@@ -86,11 +88,14 @@ def warn_of_units(evidence: Evidence) -> None:
     scale = _nats_per_unit(told, some)
     if SCALES[0] < scale < SCALES[1]:
         return
-    unit = min(UNITS, key=lambda name: abs(np.log(scale / UNITS[name])))
+    found = [name for name, nats in UNITS.items() if abs(np.log(scale / nats)) < NEAR]
+    units = "".join(
+        f"give natural logarithms, those of {u} times {UNITS[u]:.3f}, or " for u in found
+    )
     warnings.warn(
-        f"these log-likelihoods are not those of their truth: posteriors would be right if each "
-        f"were multiplied by about {scale:.2g}; give natural logarithms (those of {unit} times "
-        f"{UNITS[unit]:.3f} are), or look for readings that are not independent",
+        "the log-likelihoods do not fit the truth: posteriors would be right if each were "
+        f"multiplied by about {scale:.2g}: {units}look for readings that are not independent, "
+        "another truth, or likelihoods of other readings",
         stacklevel=4,
     )
 

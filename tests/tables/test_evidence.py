@@ -307,7 +307,7 @@ def test_trials_that_are_there_twice_are_warned_of_and_those_alike_by_chance_are
     recwarn.clear()
     trials_from_table(table)
     binary = stream(4, "binary").choice([-0.4, 0.4], (200, 3, 2))
-    trials_from_table(long_table(Evidence(binary, np.arange(200) % 2)))
+    trials_from_table(long_table(Evidence(binary), truth=False))
     assert not recwarn
 
 
@@ -353,6 +353,13 @@ def test_taps_that_ship_are_natural_logarithms():
         warnings.simplefilter("error")
         for task in ("same-different", "yaw"):
             warn_of_units(Stimuli(task=task, trials=1000).draw(0, "taps").evidence)
+
+
+def test_evidence_without_any_relation_to_its_truth_is_not_taken_for_another_unit():
+    drawn = gaussian_evidence(600, 30, 0.4, rng=5)
+    other = replace(drawn, truth=stream(5, "truth").permutation(drawn.truth))
+    with pytest.warns(UserWarning, match=r"posteriors would be right .* about 0.0\d+: look"):
+        trials_from_table(long_table(other))
 
 
 def test_readings_of_one_truth_alone_tell_no_unit():
