@@ -69,7 +69,7 @@ class Edits:
     baseline_hz, not its tone: to ask what a pathway does, scale it to 0; to lose axons, cut.
     `scale = ["STN->GPe=0.5", "ctx->D1[0]=1.1"]`."""
     dopamine: float = 1.0
-    """Dopamine level, 0..2; 1 is normal: `dopamine = 1.1`. At 0.1 and below `macaque` decides
+    """Dopamine level, 0..2; 1 is normal: `dopamine = 1.1`. At 0.1 and below macaque decides
     against its evidence, which is warned of."""
     recovered: bool = False
     """Whether every nucleus comes back to its own rate at rest, by its bias, as it does long after:

@@ -37,9 +37,8 @@ def ignored_edits(circuit: Circuit, engine: str) -> list[str]:
 def _edited_fields(circuit: Circuit) -> Iterator[tuple[str, str]]:
     """Yield row and field of every number that differs from the table before its edits."""
     table = circuit if circuit.unedited is None else circuit.unedited
-    before = {row.name: row for row in table.rows}
-    for row in circuit.rows:
-        old = before.get(row.name, row)
+    for row in circuit.values():
+        old = table.get(row.name, row)
         pairs: list[tuple[str, Any, Any]] = [("", old, row)]
         if isinstance(row, Population) and isinstance(old, Population):
             pairs += [("cell.", old.cell, row.cell)] if type(old.cell) is type(row.cell) else []

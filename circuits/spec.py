@@ -325,11 +325,6 @@ class Circuit(Mapping[str, "Population | Projection"]):
         """Return the number of rows."""
         return len(self.populations) + len(self.projections)
 
-    @property
-    def rows(self) -> tuple[Population | Projection, ...]:
-        """The rows of the first two tables."""
-        return self.populations + self.projections
-
     def channels_of(self, name: str) -> int:
         """Return how many channels a population has."""
         return 1 if self.population(name).pooled else self.channels

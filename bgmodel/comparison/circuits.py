@@ -440,7 +440,7 @@ def check_edit_of(before: Circuit, after: Circuit, what: str) -> None:
             raise ValueError(f"{what} must be a Circuit, edited from a Circuit, got {circuit!r}")
     kept = ("name", "channels", "unit", "input", "readout")
     other = [name for name in kept if getattr(before, name) != getattr(after, name)]
-    lost = [row.name for row in before.rows if row.name not in {row.name for row in after.rows}]
+    lost = [name for name in before if name not in after]
     if other or lost:
         why = f"it lacks {', '.join(lost)}" if lost else f"another {', '.join(other)}"
         raise ValueError(
