@@ -23,7 +23,7 @@ from bgmodel import stream
 from bgmodel.decision import Trace, first_crossing
 from bgmodel.fitting.network import LikelihoodNetwork, read_network
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 DATA_SEED = 24_503
 SAMPLING_SEED = 24_504
@@ -57,7 +57,7 @@ def simulated(number: int, network: LikelihoodNetwork) -> pd.DataFrame:
     readings = round(SECONDS / STEP_S)
     steps = rng.normal(drift * STEP_S / 2, np.sqrt(STEP_S / 2), (TRIALS, readings, 2))
     drive = network.about["noise_nats"] * steps.cumsum(axis=1)
-    model = BasalGanglia(circuit(DEFAULT, 2), "population", seed=DATA_SEED)
+    model = BasalGanglia(load_circuit(DEFAULT, 2), "population", seed=DATA_SEED)
     model = model.until(point["threshold"] - ROUNDING_NATS)
     with warnings.catch_warnings():
         # A random walk leaves any range.

@@ -17,7 +17,7 @@ import jinja2
 from bgmodel.comparison.compare import shown
 from bgmodel.files import is_result, read_provenance, read_table, replacing
 from bgmodel.integrators.basal_ganglia import identity
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 DOCS = Path(__file__).parents[1] / "docs"
 RESULTS = DOCS / "results"
@@ -117,7 +117,7 @@ def said(behind: dict[str, Any]) -> str:
 def _others(circuits: dict[str, Any]) -> Iterator[str]:
     for key, made in circuits.items():
         channels = key.split()[-1]
-        if identity(circuit(made["name"], int(channels))) != made:
+        if identity(load_circuit(made["name"], int(channels))) != made:
             yield f"{made['name']}, N = {channels} ({made['sha256'][:8]})"
 
 

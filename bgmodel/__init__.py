@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from bgmodel.decision import Decision, Trace, first_crossing, tally
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.sprt import (
     Msprt,
     Sprt,
@@ -22,20 +22,34 @@ from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     from bgmodel.comparison.with_msprt import compare
+    from bgmodel.experiments.experiment import Experiment, read_experiment, run_experiment
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from bgmodel.tables.choices import read_choices
+    from bgmodel.tables.evidence import read_evidence
+    from circuits.anatomy import load_circuit
+    from circuits.spec import Circuit
 
 LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
+    "Circuit": "circuits.spec",
+    "Experiment": "bgmodel.experiments.experiment",
     "compare": "bgmodel.comparison.with_msprt",
     "fit": "bgmodel.fitting.settings",
+    "load_circuit": "circuits.anatomy",
+    "read_choices": "bgmodel.tables.choices",
+    "read_evidence": "bgmodel.tables.evidence",
+    "read_experiment": "bgmodel.experiments.experiment",
+    "run_experiment": "bgmodel.experiments.experiment",
 }
-"""Names that load a circuit and pandas: their modules are imported where they are used."""
+"""Names that load circuits and pandas: their modules are imported where they are used."""
 
 __all__ = [
     "BasalGanglia",
+    "Circuit",
     "Decision",
     "Evidence",
+    "Experiment",
     "Msprt",
     "Sprt",
     "Trace",
@@ -45,6 +59,12 @@ __all__ = [
     "criterion_from_posterior",
     "first_crossing",
     "fit",
+    "gaussian_evidence",
+    "load_circuit",
+    "read_choices",
+    "read_evidence",
+    "read_experiment",
+    "run_experiment",
     "stream",
     "tally",
     "threshold_from_gap",
@@ -63,4 +83,4 @@ if not TYPE_CHECKING:  # mypy would take any name for one that is there
         return found
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *__all__})
+        return sorted(__all__)

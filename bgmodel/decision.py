@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from bgmodel.facts import Facts, span
 from bgmodel.readout import NATS, POSTERIORS, ReadOut, check_early_and_late, meant
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
 
 UNDECIDED = -1
@@ -117,6 +118,8 @@ class Decision(Facts):
         Time between readings, ms.
     deadline_ms : array (trials,)
         End of each trial, from onset, ms.
+    truth : int array (trials,), optional
+        The true hypothesis of each trial, where it is known.
     """
 
     choice: Integers
@@ -125,6 +128,7 @@ class Decision(Facts):
     premature: Truths
     step_ms: float
     deadline_ms: Array
+    truth: Integers | None = None
 
     def facts(self) -> dict[str, str]:
         """Return the numbers of decided and forced trials, and the mean time."""
@@ -137,11 +141,72 @@ class Decision(Facts):
         return {
             **found,
             "trials": f"{trials}",
+            **({} if self.truth is None else {"accuracy": span(self.accuracy)}),
             "mean_time_ms": span(mean_ms),
             "forced": span(self.forced.sum(axis=-1), ".0f"),
             "undecided": span((~decided).sum(axis=-1), ".0f"),
             "premature": span(self.premature.sum(axis=-1), ".0f"),
         }
+
+    @property
+    def accuracy(self) -> Any:
+        """Share of right choices among decided trials, one per threshold; NaN where there is none.
+
+        Raises
+        ------
+        ValueError
+            If the truth is not known.
+        """
+        right = self._right().sum(axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return right / (self.choice != UNDECIDED).sum(axis=-1)
+
+    def _right(self) -> Truths:
+        if self.truth is None:
+            raise ValueError("accuracy needs the truth of each trial: give evidence that has it")
+        return np.asarray(self.choice == self.truth)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row per trial (and threshold, numbered from 0).
+
+        Columns trial, choice (-1 where undecided), time_ms, forced and premature; truth and correct
+        where the truth is known.
+        """
+        import pandas as pd
+
+        names = ("choice", "time_ms", "forced", "premature")
+        columns = {name: np.asarray(getattr(self, name)) for name in names}
+        if self.truth is not None:
+            columns["truth"] = np.broadcast_to(self.truth, self.choice.shape)
+            columns["correct"] = self._right()
+        places = dict(
+            zip(
+                ("threshold", "trial")[-self.choice.ndim :],
+                np.indices(self.choice.shape),
+                strict=True,
+            )
+        )
+        return pd.DataFrame({name: each.ravel() for name, each in {**places, **columns}.items()})
+
+    def summary(self) -> pd.DataFrame:
+        """Return accuracy, mean time and numbers of trials, one row per threshold."""
+        import pandas as pd
+
+        decided = np.atleast_2d(self.choice != UNDECIDED)
+        times = np.where(decided, np.atleast_2d(self.time_ms), np.nan)
+        accuracy = np.nan if self.truth is None else np.atleast_1d(self.accuracy)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # the mean of no trial is NaN
+            mean_ms = np.nanmean(times, axis=1)
+        found = {
+            "trials": decided.shape[1],
+            "accuracy": accuracy,
+            "mean_ms": mean_ms,
+            "undecided": (~decided).sum(axis=1),
+            "forced": np.atleast_2d(self.forced).sum(axis=1),
+            "premature": np.atleast_2d(self.premature).sum(axis=1),
+        }
+        return pd.DataFrame(found)
 
     def plot(self, ax: Axes | None = None, truth: Integers | None = None) -> Axes:
         """Draw the times of each choice; of several thresholds, accuracy against mean time.
@@ -151,7 +216,7 @@ class Decision(Facts):
         ax : Axes, optional
             Drawn on and returned; that of a new figure unless given.
         truth : int array (trials,), optional
-            The true hypotheses: several thresholds need them.
+            The true hypotheses, which several thresholds need, where the decisions lack them.
 
         Raises
         ------
@@ -162,6 +227,7 @@ class Decision(Facts):
 
         if self.choice.ndim == 1:
             return choice_times(new_axes(ax), self.choice, self.time_ms)
+        truth = self.truth if truth is None else truth
         if truth is None:
             raise ValueError("decisions at several thresholds need the truth: plot(truth=...)")
         decided = (self.choice >= 0).sum(axis=1)

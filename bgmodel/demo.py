@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.decision import Decision, Trace, first_crossing
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import Msprt, criterion_from_posterior
 from bgmodel.plots import channel_lines, raster
 from bgmodel.seeds import stream
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,8 +101,8 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
     ValueError
         If the circuit does not take so many alternatives, or the seed is no whole number >= 0.
     """
-    table = circuit(DEFAULT, alternatives)
-    evidence = gaussian_evidence(
+    table = load_circuit(DEFAULT, alternatives)
+    evidence = separated_evidence(
         1,
         READINGS,
         D_PRIME / np.sqrt(2),

@@ -275,6 +275,55 @@ def minus_log_softmax(y: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 def gaussian_evidence(
     trials: int,
+    *,
+    d_prime: float = 0.5,
+    channels: int = 2,
+    t_max: int = 40,
+    step_ms: float = 50.0,
+    conflict: float = 0.0,
+    seed: np.random.Generator | int,
+) -> Evidence:
+    """Draw Gaussian evidence, as the terminal's task "gaussian" does.
+
+    Parameters
+    ----------
+    trials : int
+        Number of trials. Truth is balanced: trial ``k`` belongs to hypothesis ``k mod N``.
+    d_prime : float
+        What one reading tells of two hypotheses: their separation over the standard deviation of
+        the difference of their channels, > 0.
+    channels : int
+        Number of hypotheses, N.
+    t_max : int
+        Readings in a trial.
+    step_ms : float
+        Time between readings, ms.
+    conflict : float
+        How far one rival rises towards the truth: 0 as the others, 1 level. The likelihoods do not
+        know of it.
+    seed : int or numpy.random.Generator
+        Of every random number.
+
+    Raises
+    ------
+    ValueError
+        For a number out of its range, by its name.
+    """
+    if not (is_number(d_prime) and 0 < d_prime < np.inf):
+        raise ValueError(f"d_prime must be > 0 and finite, got {d_prime!r}")
+    return separated_evidence(
+        trials,
+        whole("t_max", t_max, 1),
+        d_prime / np.sqrt(2),
+        rng=seed,
+        hypotheses=whole("channels", channels, 2),
+        step_ms=step_ms,
+        conflict=conflict,
+    )
+
+
+def separated_evidence(
+    trials: int,
     steps: int,
     separation: float,
     *,

@@ -120,9 +120,9 @@ class Stimuli:
     def draw(self, seed: int, name: str) -> Trials:
         """Return the evidence, the names of its hypotheses, and the other columns of a table."""
         if self.evidence is not None:
-            from bgmodel.tables.evidence import read_trials
+            from bgmodel.tables.evidence import read_evidence_table
 
-            return read_trials(self.evidence, step_ms=self.step_ms)
+            return read_evidence_table(self.evidence, step_ms=self.step_ms)
         check_evidence_memory(self.trials, self.t_max, self.channels)
         drawn = self._drawn(seed, name)
         if not self.expectancy_nats:
@@ -138,12 +138,12 @@ class Stimuli:
         if self.task == "gaussian":
             drawn = gaussian_evidence(
                 self.trials,
-                self.t_max,
-                self.d_prime / np.sqrt(2),
-                rng=rng,
-                hypotheses=self.channels,
+                d_prime=self.d_prime,
+                channels=self.channels,
+                t_max=self.t_max,
                 step_ms=self.step_ms,
                 conflict=self.conflict,
+                seed=rng,
             )
             return Trials(drawn, [str(i) for i in range(self.channels)])
         from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source

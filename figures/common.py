@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from bgmodel.files import read_provenance, replacing
 from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.tactile.grating import PERIODS_MM
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 mpl.use("Agg")
 COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
@@ -186,7 +186,7 @@ def older(table: Path) -> bool:
     """
     made_with = read_provenance(table)["parameters"]["circuits"]
     today = {key: ([DEFAULT, *key.split()][-2], int(key.split()[-1])) for key in made_with}
-    return any(identity(circuit(*today[key])) != each for key, each in made_with.items())
+    return any(identity(load_circuit(*today[key])) != each for key, each in made_with.items())
 
 
 def say_if_older(figure: Figure, *tables: Path) -> None:

@@ -16,10 +16,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import first_crossing, stream
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
 from figures.common import Settings, letter, run
 from figures.windows import PREFERRED, WINDOWS, averaged, likeness, share_height
@@ -34,7 +34,7 @@ POSTERIOR = 0.9
 
 def compute(settings: Settings, *, output: Path) -> None:
     """Run all strengths by populations and some in spikes; average rates in the windows."""
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     parts = []
     for engine, strengths, trials in (
         ("population", D_PRIMES, 2 * settings.circuit_trials),
@@ -50,7 +50,7 @@ def compute(settings: Settings, *, output: Path) -> None:
 
 def windows(model: BasalGanglia, d_prime: float, trials: int, seed: int) -> pd.DataFrame:
     """Return mean rates above rest, Hz, of a channel in each window; see ``windows.averaged``."""
-    evidence = gaussian_evidence(
+    evidence = separated_evidence(
         trials, READINGS, d_prime / np.sqrt(2), rng=stream(seed, "figA1", str(d_prime)),
         hypotheses=2, step_ms=STEP_MS,
     )  # fmt: skip

@@ -20,10 +20,10 @@ from bgmodel.comparison.circuits import (
     thresholds_about,
 )
 from bgmodel.comparison.compare import RESAMPLES, compare, interval, resampled
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
 from circuits.spec import Circuit
 from figures.common import BRIEF, Settings, letter, run
@@ -48,7 +48,7 @@ LINEAR, EXACT = "linear", "exact"
 
 def with_fast(gain: float, channels: int = CHANNELS) -> Circuit:
     """Return the default circuit with a gain of cortical inhibition, all rates at rest kept."""
-    table = circuit(DEFAULT, channels)
+    table = load_circuit(DEFAULT, channels)
     if not gain:
         return table.without("ctx_inh", replaced=True)
     tone = table.population("ctx").bias_nats
@@ -59,7 +59,7 @@ def with_fast(gain: float, channels: int = CHANNELS) -> Circuit:
 
 def circuits() -> dict[str, Circuit]:
     """Return the circuits by name: the default one by its fast inhibition, and the old one."""
-    return {f"{gain:g}": with_fast(gain) for gain in GAINS} | {OLD: circuit(OLD, CHANNELS)}
+    return {f"{gain:g}": with_fast(gain) for gain in GAINS} | {OLD: load_circuit(OLD, CHANNELS)}
 
 
 SHOWN = {f"{DEFAULT_GAIN:g}": "default", "0": "ctx_inh held", OLD: OLD}
@@ -69,7 +69,7 @@ COLOURS = dict(zip(SHOWN, ("C0", "C4", "C3"), strict=True))
 
 def conflicting(settings: Settings, conflict: float, d_prime: float, trials: int) -> Evidence:
     """Draw evidence; that with conflict differs from that without in one mean alone."""
-    return gaussian_evidence(
+    return separated_evidence(
         trials,
         READINGS,
         d_prime / np.sqrt(2),
@@ -157,7 +157,7 @@ def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
     ``G = Sigma - ln Sigma``: a nat of S raises it by 1 / (1 + L) at rest, L = w (Sigma - 1)
     (linear), and by less where Sigma is above its rest (exact). No delays, no noise.
     """
-    table, trials = circuit(DEFAULT, CHANNELS), 2 * settings.circuit_trials
+    table, trials = load_circuit(DEFAULT, CHANNELS), 2 * settings.circuit_trials
     share = -table.projection("GPe", "STN").weight
     stn = table.population("STN").gain_hz_per_nat
     rest = CHANNELS * at_rest(table)["STN"] / stn
@@ -190,7 +190,7 @@ def frontier(settings: Settings, *, output: Path) -> None:
         fall = fall_of_out(with_fast(gain))
         rows.append((gain, CHANNELS, "fall_nats", fall, fall, fall))
         for channels, (d_prime, readings) in DECIDED.items():
-            shown = gaussian_evidence(
+            shown = separated_evidence(
                 4 * settings.circuit_trials,
                 readings,
                 d_prime / np.sqrt(2),

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
 from circuits.homeostasis import recovery
 from figures.common import Settings, letter, run, say_if_older
@@ -38,7 +38,7 @@ POPULATIONS = {"ctx": "C4", "D1": "C2", "D2": "C3", "STN": "C0", "GPe": "C1", "S
 
 def course(settings: Settings, *, output: Path) -> None:
     """Run the rule after two edits: rates over those of the table at rest."""
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     weight = table.projection("STN", "SNr").weight
     edited = (table.with_projection("STN", "SNr", weight=0.8 * weight), table.without("STN", 0.5))
     parts = []

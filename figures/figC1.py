@@ -17,7 +17,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.files import read_table, write_table
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
 from circuits.engines import run as run_engine
 from circuits.engines.ensemble import run as ensemble
@@ -26,7 +26,7 @@ from circuits.show import draw as draw_circuit
 from circuits.spec import Circuit
 from figures.common import Settings, letter, run
 
-CIRCUIT = circuit(DEFAULT)
+CIRCUIT = load_circuit(DEFAULT)
 STN, GPE, SNR = (CIRCUIT.population(name) for name in ("STN", "GPe", "SNr"))
 STN_NATS = np.linspace(-3.5, 3.2, 17)
 SIGMA_AT_REST = CIRCUIT.channels * (at_rest(CIRCUIT)["STN"] / STN.gain_hz_per_nat)

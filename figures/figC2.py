@@ -19,14 +19,14 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.ndimage import gaussian_filter1d
 
 from bgmodel import Decision, Evidence, Msprt, Trace, first_crossing, stream
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.plots import channel_lines, raster
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import GAIN, Settings, letter, run
 
-CIRCUIT = circuit(DEFAULT, 4)
+CIRCUIT = load_circuit(DEFAULT, 4)
 NUCLEI = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 D_PRIME, READINGS, STEP_MS = 0.5, 40, 50.0
 THRESHOLD_NATS = -np.log(0.85)
@@ -41,7 +41,7 @@ NARROW = {"handlelength": 1.6, "columnspacing": 1, "handletextpad": 0.4}
 
 def compute(settings: Settings, *, output: Path) -> None:
     """Follow the first trial in full, and average all of them."""
-    evidence = gaussian_evidence(
+    evidence = separated_evidence(
         settings.circuit_trials // 3,
         READINGS,
         D_PRIME / np.sqrt(2),
@@ -175,7 +175,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 def _evidence(ax: Any, panels: dict[str, pd.DataFrame]) -> None:
     channel_lines(ax, panels["evidence"], steps=True, lw=1.1)
-    # The first trial of gaussian_evidence belongs to the first hypothesis.
+    # The first trial of separated_evidence belongs to the first hypothesis.
     names = ["channel 1 (true)", *map(str, range(2, CIRCUIT.channels + 1))]
     boxed = {"frameon": True, "edgecolor": "none", "framealpha": 1, "borderpad": 0.1}
     ax.legend(ax.lines, names, ncols=CIRCUIT.channels, loc="upper left", **NARROW, **boxed)

@@ -22,12 +22,12 @@ from bgmodel.comparison.circuits import (
     thresholds_about,
 )
 from bgmodel.comparison.compare import FEWEST_TRIALS, Tradeoff, compare, curve, tradeoff
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import MaxVsAverage, Race
 from bgmodel.tactile.task import Folds, SameDifferent, folds
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import Settings, letter, run
 
 AT = 0.95
@@ -43,7 +43,10 @@ def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Ev
         rng = stream(settings.seed, "figC3", count)
         trials = max(int(share * most), FEWEST_TRIALS)
         given = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
-        yield f"N = {count}", gaussian_evidence(trials, 120, settings.d_prime / np.sqrt(2), **given)
+        yield (
+            f"N = {count}",
+            separated_evidence(trials, 120, settings.d_prime / np.sqrt(2), **given),
+        )
     readings = tactile(taps)
     rng = stream(settings.seed, "figC3", "tactile")
     yield TACTILE, readings.draw(most, 40, rng=rng, step_ms=50.0)
@@ -60,7 +63,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     read = read_table(taps)
     for name, evidence in conditions(settings, read):
         groups = tactile(read).groups(evidence.trials) if name == TACTILE else None
-        table = circuit(DEFAULT, evidence.hypotheses)
+        table = load_circuit(DEFAULT, evidence.hypotheses)
         gain = gain_of(table)
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
         swept = msprt_tradeoffs(evidence, gain)

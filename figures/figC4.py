@@ -21,10 +21,10 @@ from bgmodel.comparison.circuits import (
 )
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.steady import out_shift, steady_out
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.controls import correlated, linear_stn, perturbed, shuffled_stn
 from circuits.laws.spectra import out_variance
 from figures.common import BRIEF, Settings, letter, run
@@ -45,17 +45,17 @@ def gaussian(settings: Settings, name: str, trials: int, count: int, d_prime: fl
     rng = stream(settings.seed, "figC4", name)
     most = round(25 / d_prime**2)
     separation = d_prime / np.sqrt(2)
-    return gaussian_evidence(trials, most, separation, rng=rng, hypotheses=count, step_ms=50.0)
+    return separated_evidence(trials, most, separation, rng=rng, hypotheses=count, step_ms=50.0)
 
 
 def neurons(settings: Settings, *, output: Path) -> None:
     """Compare circuits of few and many cells; measure the noise of their OUT."""
     evidence = gaussian(settings, "neurons", 2 * settings.varied_trials, 2, settings.d_prime)
-    gain = gain_of(circuit(DEFAULT))
+    gain = gain_of(load_circuit(DEFAULT))
     test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
     parts = []
     for size in (one for one in SIZES if one <= settings.most_cells):
-        table = circuit(DEFAULT).with_neurons_times(size)
+        table = load_circuit(DEFAULT).with_neurons_times(size)
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
         for name, found in decide_at_thresholds(
             model, evidence, thresholds_about(test, HIGHEST)
@@ -74,7 +74,7 @@ def neurons(settings: Settings, *, output: Path) -> None:
 def wiring(settings: Settings, *, output: Path) -> None:
     """Compare circuits of other noise, or without a part, by populations, N = 4."""
     evidence = gaussian(settings, "wiring", settings.varied_trials, 4, 1.0)
-    table = circuit(DEFAULT, 4)
+    table = load_circuit(DEFAULT, 4)
     edited = {
         "Poisson cortex": table.with_cell("ctx", cv=1.0),
         "cells alike": table.with_spread(0.0),
@@ -96,7 +96,7 @@ def numbers(settings: Settings, *, output: Path) -> None:
     By populations with noise; those that move it most of all in spikes too.
     """
     evidence = gaussian(settings, "numbers", settings.varied_trials, 2, 1.0)
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     every = perturbed(table)
     moved = [np.abs(out_shift(table, edit, OUTS, laws="cells")).max() for edit in every.values()]
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.steady import lesions, steady_shifts
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import BRIEF, Settings, letter, run
 
 CHANNELS = 4
@@ -25,7 +25,7 @@ LOG_ODDS = (1.75, 2.25, 2.75)
 
 def steady(settings: Settings, *, output: Path) -> None:
     """Measure what lesions add to OUT under constant evidence."""
-    table = circuit(DEFAULT, CHANNELS)
+    table = load_circuit(DEFAULT, CHANNELS)
     given = {"seed": settings.seed, "trials": settings.lesioned_trials}
     found = steady_shifts(table, lesions(table), LOG_ODDS, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
@@ -33,8 +33,8 @@ def steady(settings: Settings, *, output: Path) -> None:
 
 def behaviour(settings: Settings, *, output: Path) -> None:
     """Let lesioned circuits decide by populations, some in spikes, thresholds kept and tuned."""
-    table = circuit(DEFAULT, CHANNELS)
-    evidence = gaussian_evidence(
+    table = load_circuit(DEFAULT, CHANNELS)
+    evidence = separated_evidence(
         settings.varied_trials,
         40,
         1 / np.sqrt(2),

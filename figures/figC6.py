@@ -20,7 +20,7 @@ from bgmodel.comparison.designed import (
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from figures.common import GAIN, Settings, letter, run
 
 CHANNELS = 4
@@ -43,7 +43,9 @@ def traces(settings: Settings, *, output: Path) -> None:
         evidence = design.evidence(READINGS, kappa=GAIN)
         options = {"noise": False, "rates": False, "sample_ms": EVERY_MS}
         models = {
-            name: BasalGanglia(circuit(name, CHANNELS), "population", GAIN, settings.seed, options)
+            name: BasalGanglia(
+                load_circuit(name, CHANNELS), "population", GAIN, settings.seed, options
+            )
             for name in CIRCUITS
         }
         for name, model in {MINUS_LN_P: Msprt(GAIN), **models}.items():
@@ -63,7 +65,7 @@ def times(settings: Settings, *, output: Path) -> None:
     """Let both circuits decide in spikes; take off the times of each theory."""
     parts = []
     for name in CIRCUITS:
-        table = circuit(name, CHANNELS)
+        table = load_circuit(name, CHANNELS)
         model = BasalGanglia(table, "ensemble", GAIN, settings.seed, {"rates": False})
         found = designed_circuit(model, trials=settings.circuit_trials // SHARE)
         parts.append(found.assign(model=name))

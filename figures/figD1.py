@@ -23,7 +23,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.level import LevelOutcomes, learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.tactile.task import SameDifferent, source
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import BRIEF, COLOUR, Settings, letter, run
 
 STEP_MS = 50.0
@@ -74,7 +74,7 @@ def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> No
 
 def _model(settings: Settings, engine: str) -> BasalGanglia:
     options = COARSE if engine == "rate" else BRIEF
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     return BasalGanglia(table, engine, gain_of(table), settings.seed, options)
 
 

@@ -13,7 +13,7 @@ from bgmodel.comparison.levels import levels_against_msprt
 from bgmodel.dopamine import THRESHOLD_NATS, criterion, levels_between, working_range
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import Settings, letter, run
 
 COLOURS = {2: "C0", 4: "C1"}
@@ -69,7 +69,7 @@ def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
 
 
 def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
-    table = circuit(DEFAULT, channels)
+    table = load_circuit(DEFAULT, channels)
     low, high = working_range(table, THRESHOLD_NATS)
     levels = levels_between(low * 1.001, high * 0.999, 24)
     exact = [criterion(table, level, THRESHOLD_NATS, gain_of(table)) for level in levels]

@@ -27,7 +27,7 @@ from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smo
 from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
 from bgmodel.tactile.task import SameDifferent, Source, source
 from bgmodel.theory.sprt import optimal_delta
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import Settings, letter, run
 
 STEP_MS = 50.0
@@ -46,7 +46,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     read = read_table(taps)
     periods = {period for world in WORLDS.values() for period, _ in world}
     sources = {p: source(read, SameDifferent(), period_mm=p, fold=0) for p in periods}
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     model = BasalGanglia(table, "rate", gain_of(table), options=COARSE)
     levels = playable_levels(model, 22)
     outcomes = {

@@ -23,7 +23,7 @@ from bgmodel.dopamine import THRESHOLD_NATS, criterion, working_range
 from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.activity import Activity
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.laws.spectra import rate_spectrum
 from circuits.laws.stability import roots
 from circuits.spec import Circuit
@@ -50,7 +50,7 @@ SLOWED = {"both": (1, 1), "delays": (1, 0), "time constants": (0, 1)}
 
 def compute(settings: Settings, *, output: Path) -> None:
     """Count spikes at each level, at rest and under evidence; add the closed forms."""
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     parts = [closed(table), frequencies(table.dopamine(LOW))]
     for level in LEVELS:
         for name, drive in DRIVES.items():

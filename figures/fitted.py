@@ -22,7 +22,7 @@ from bgmodel.fitting.circuit import NOISE_NATS
 from bgmodel.fitting.criteria import CRITERIA
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.spec import Circuit
 
 MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"
@@ -63,7 +63,7 @@ def fitted(parameters: pd.DataFrame, who: str, model: str) -> dict[str, float]:
 
 def fitted_table(model: str, values: dict[str, float]) -> Circuit:
     """Return the default circuit, or the one with fitted cells of STN that are driven at onset."""
-    table = circuit(DEFAULT, 2)
+    table = load_circuit(DEFAULT, 2)
     if model != ONSET:
         return table
     return CRITERIA["onset_stn"].apply(table, (values["onset_nats"], values["decay_ms"]))

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, settings
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.dopamine import THRESHOLD_NATS, decide_at_levels
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from tests.helpers import GOOD
@@ -35,7 +35,7 @@ def experiment_file(tmp_path):
 @pytest.fixture
 def decided_trials():
     """Return a table of decided trials, some of them undecided."""
-    evidence = gaussian_evidence(20, 5, 1.0, rng=stream(1, "tables"), hypotheses=3)
+    evidence = separated_evidence(20, 5, 1.0, rng=stream(1, "tables"), hypotheses=3)
     decision = first_crossing(Msprt().run(evidence), 0.05, forced=False)
     return trial_table(decision, Trials(evidence, list("abc")), model="msprt", seed=1)
 
@@ -43,7 +43,7 @@ def decided_trials():
 @pytest.fixture(scope="session")
 def level_evidence():
     """Return the evidence that a circuit decides at several levels of dopamine."""
-    return gaussian_evidence(150, 60, 1 / np.sqrt(2), rng=stream(SEED, "knob"), step_ms=50.0)
+    return separated_evidence(150, 60, 1 / np.sqrt(2), rng=stream(SEED, "knob"), step_ms=50.0)
 
 
 @pytest.fixture(scope="session")

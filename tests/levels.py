@@ -6,11 +6,11 @@ from bgmodel.dopamine import playable_levels
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.seeds import stream
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 
 XI, SEED, GAIN = 50.0, 61, 0.5
 PLAYED = (0.75, 2.0)
-MODEL = BasalGanglia(circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5})
+MODEL = BasalGanglia(load_circuit("spiking_msprt"), "rate", GAIN, options={"dt_ms": 0.5})
 LEVELS = playable_levels(MODEL, 9)
 
 

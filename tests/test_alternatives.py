@@ -12,12 +12,12 @@ from bgmodel import Msprt, stream
 from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.decision import first_crossing
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 
 
 def gaussian(trials=3000, hypotheses=4):
     rng = stream(1, "alternatives")
-    return gaussian_evidence(trials, 100, 0.5, rng=rng, hypotheses=hypotheses, step_ms=50)
+    return separated_evidence(trials, 100, 0.5, rng=rng, hypotheses=hypotheses, step_ms=50)
 
 
 def test_times_on_a_line_over_ln_n_give_it_back():

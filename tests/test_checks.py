@@ -10,7 +10,7 @@ from bgmodel.checks import is_number, is_whole, one_per_trial, reals, whole
 from bgmodel.comparison.circuits import decide_at_thresholds
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.dopamine import criterion, working_range
-from bgmodel.evidence import expecting, gaussian_evidence
+from bgmodel.evidence import expecting, separated_evidence
 from bgmodel.experiments.experiment import read_experiment, run_experiment
 from bgmodel.files import read_table
 from bgmodel.integrators.recursive import RecursiveMsprt
@@ -23,15 +23,15 @@ from bgmodel.integrators.sprt import (
 )
 from bgmodel.learning.reward import reward
 from bgmodel.tables.choices import read_choices
-from bgmodel.tables.evidence import read_trials
+from bgmodel.tables.evidence import read_evidence_table
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import engines
-from circuits.anatomy import CIRCUITS, circuit
+from circuits.anatomy import CIRCUITS, load_circuit
 from tests.helpers import some_evidence
 
 READINGS = some_evidence(trials=4, steps=3, hypotheses=2).log_likelihood
 EVIDENCE = Evidence(READINGS, np.array([0, 1, 0, 1]), step_ms=50.0, baseline=0.0)
-TABLE = circuit("macaque")
+TABLE = load_circuit("macaque")
 ODD = ["0.5", "abc", None, 1j, [], {}, object()]
 
 
@@ -82,13 +82,13 @@ CALLS = {
     "gain of a circuit": lambda odd: BasalGanglia(TABLE, gain=odd),
     "circuit": BasalGanglia,
     "engine": lambda odd: BasalGanglia(TABLE, odd),
-    "circuit by name": circuit,
+    "circuit by name": load_circuit,
     "leak": Lca,
     "slope": lambda odd: LinearGpe(slope=odd),
-    "separation": lambda odd: gaussian_evidence(2, 3, odd, rng=1),
-    "conflict": lambda odd: gaussian_evidence(2, 3, 0.5, rng=1, conflict=odd),
-    "trials": lambda odd: gaussian_evidence(odd, 3, 0.5, rng=1),
-    "rng": lambda odd: gaussian_evidence(2, 3, 0.5, rng=odd),
+    "separation": lambda odd: separated_evidence(2, 3, odd, rng=1),
+    "conflict": lambda odd: separated_evidence(2, 3, 0.5, rng=1, conflict=odd),
+    "trials": lambda odd: separated_evidence(odd, 3, 0.5, rng=1),
+    "rng": lambda odd: separated_evidence(2, 3, 0.5, rng=odd),
     "foreperiod": lambda odd: expecting(EVIDENCE, 1.0, odd, rng=1),
     "posterior": criterion_from_posterior,
     "hypotheses": lambda odd: criterion_from_posterior(0.9, odd),
@@ -135,9 +135,9 @@ def test_an_integrator_is_given_evidence_and_no_bare_array(integrator):
 
 @pytest.mark.parametrize("name", CIRCUITS)
 def test_a_whole_number_of_channels_may_be_written_as_a_float(name):
-    assert circuit(name, 3.0) == circuit(name, 3)
-    assert type(circuit(name, 3.0).channels) is int
-    assert circuit(name, 3).with_channels(2.0).channels == 2
+    assert load_circuit(name, 3.0) == load_circuit(name, 3)
+    assert type(load_circuit(name, 3.0).channels) is int
+    assert load_circuit(name, 3).with_channels(2.0).channels == 2
 
 
 def test_a_circuit_may_be_named():
@@ -147,14 +147,14 @@ def test_a_circuit_may_be_named():
 
 
 def test_a_seed_in_place_of_a_generator_is_that_of_its_stream():
-    one, other = (gaussian_evidence(3, 4, 0.5, rng=rng) for rng in (7, stream(7)))
+    one, other = (separated_evidence(3, 4, 0.5, rng=rng) for rng in (7, stream(7)))
     assert np.array_equal(one.log_likelihood, other.log_likelihood)
     with pytest.raises(ValueError, match="seed"):
-        gaussian_evidence(3, 4, 0.5, rng=-1)
+        separated_evidence(3, 4, 0.5, rng=-1)
 
 
 def test_one_accuracy_is_a_list_of_one():
-    evidence = gaussian_evidence(120, 30, 0.5, rng=3, step_ms=50.0)
+    evidence = separated_evidence(120, 30, 0.5, rng=3, step_ms=50.0)
     given = {"seed": 1, "engine": "algebra", "resamples": 20}
     one, listed = (compare("macaque", evidence, accuracies=a, **given) for a in (0.8, [0.8]))
     assert one.equals(listed)
@@ -191,7 +191,7 @@ def test_parts_that_belong_to_other_trials_are_refused():
             call()
 
 
-@pytest.mark.parametrize("read", [read_table, read_trials, read_choices, read_experiment])
+@pytest.mark.parametrize("read", [read_table, read_evidence_table, read_choices, read_experiment])
 def test_a_file_is_given_by_its_path(read):
     for odd in (None, 3, [], EVIDENCE):
         with pytest.raises(ValueError, match=r"given by its path"):

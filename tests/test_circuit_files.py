@@ -37,7 +37,7 @@ def test_show_saves_a_table_as_edited_and_shows_it_again(here, capsys):
     first = capsys.readouterr().out
     assert first.splitlines()[-1] == "spiking_msprt, 3 channels -> mine.toml"
     lesioned = anatomy.spiking_msprt(3).without("STN", 0.5).without("GPe", 0.25, channel=1)
-    assert anatomy.circuit(here / "mine.toml") == lesioned
+    assert anatomy.load_circuit(here / "mine.toml") == lesioned
     assert run("circuit", "show", "mine.toml") == 0
     assert capsys.readouterr().out.strip() == first[: first.index("\n\nedited")].strip()
 
@@ -52,7 +52,7 @@ def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_re
     assert "circuit and save are one file" in one_sentence(capsys)
     assert (here / "mine.toml").read_bytes() == before
     assert run("circuit", "show", "gpr", "--save", "mine.toml", "--channels", 4, "--force") == 0
-    assert anatomy.circuit("mine.toml").channels == 4
+    assert anatomy.load_circuit("mine.toml").channels == 4
     capsys.readouterr()
     assert run("circuit", "show", "gpr", "--save", "mine.csv") == 2
     assert "save must end in .toml, got 'mine.csv'" in one_sentence(capsys)

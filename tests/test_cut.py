@@ -34,7 +34,7 @@ def test_a_nucleus_whose_axons_are_all_cut_by_a_fraction_is_lesioned_by_it(
     name, nucleus, fraction, channel
 ):
     """In one channel of the source where its pathways stay within channels."""
-    table = anatomy.circuit(name, 3)
+    table = anatomy.load_circuit(name, 3)
     drive = np.array([[0.0, 0.0, 0.0], [0.6, 0.2, -0.3]])
     own = all(p.pattern == "channel" for p in paths_of(table, nucleus))
     channel = channel if own and not table.population(nucleus).pooled else None

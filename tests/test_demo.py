@@ -7,7 +7,7 @@ import pytest
 from bgmodel import demo as demos
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.seeds import stream
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from tests.helpers import ROOT, run
 
 
@@ -17,7 +17,7 @@ def found():
 
 
 def test_its_decision_is_that_of_the_compiled_engine(found):
-    table = circuit("macaque", 3)
+    table = load_circuit("macaque", 3)
     model = BasalGanglia(table, "ensemble", gain_of(table), 1)
     out = model.run(found.evidence).out_nats
     assert np.allclose(out, found.traces["circuit"].out_nats)

@@ -16,9 +16,9 @@ from bgmodel.dopamine import (
     usable_range,
     working_range,
 )
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from tests.levels import GAIN, LEVELS, MODEL, SEED
 
 
@@ -26,7 +26,7 @@ from tests.levels import GAIN, LEVELS, MODEL, SEED
 @pytest.mark.parametrize("level", [0.7, 1.0, 1.3])
 def test_a_level_shifts_out_by_the_gain_times_the_drive(channels, level):
     """In the exact circuit OUT = S - k y, as long as that is a rate: not below 0."""
-    table = circuit("bogacz_gurney", channels)
+    table = load_circuit("bogacz_gurney", channels)
     odds = 1.5
     y = table.reference_nats - np.log(channels) + odds * (1 - 1 / channels)
     s = y + np.log1p((channels - 1) * np.exp(-odds))
@@ -36,7 +36,7 @@ def test_a_level_shifts_out_by_the_gain_times_the_drive(channels, level):
 @pytest.mark.parametrize("channels", [2, 4])
 def test_normal_dopamine_decides_at_the_posterior_of_the_threshold(channels):
     """At level 1 OUT = -ln softmax(kappa L): its inverse, all other alternatives equal."""
-    table = circuit("bogacz_gurney", channels)
+    table = load_circuit("bogacz_gurney", channels)
     p = np.exp(-0.3)
     odds = np.log(p * (channels - 1) / (1 - p)) / GAIN
     expected = 1 / (1 + (channels - 1) * np.exp(-odds))
@@ -48,7 +48,7 @@ def test_normal_dopamine_decides_at_the_posterior_of_the_threshold(channels):
     ("channels", "threshold"), [(2, THRESHOLD_NATS), (4, THRESHOLD_NATS), (4, 0.34)]
 )
 def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshold):
-    table = circuit(name, channels)
+    table = load_circuit(name, channels)
     gain = GAIN if name == "spiking_msprt" else gain_of(table)
     low, high = working_range(table, threshold)
     found = [
@@ -68,7 +68,7 @@ def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshol
 
 def test_more_evidence_tells_the_default_circuit_next_to_nothing_once_its_rivals_are_silent():
     """Below its lowest level the fixed point never decides, however far the leader is ahead."""
-    table = circuit("macaque")
+    table = load_circuit("macaque")
     low, _ = working_range(table, THRESHOLD_NATS)
     far = table.reference_nats * np.array([1.0, 1.5, 2.0, 3.0])
     out = decided_out(table, 0.95 * low, far)
@@ -102,7 +102,7 @@ def test_a_learner_plays_what_evidence_decides_and_less_of_it_in_spikes():
 
 def test_out_may_fall_and_rise_again_with_the_evidence():
     """In the exact circuit (1 - k) y grows with the odds: the lowest OUT lies between."""
-    table = circuit("bogacz_gurney")
+    table = load_circuit("bogacz_gurney")
     low, _ = working_range(table, 0.3)
     out = decided_out(table, 0.96, np.linspace(0, 5, 50))
     assert out.min() < 0.3 < out[-1] + 0.2
@@ -140,7 +140,7 @@ def test_a_sweep_of_levels_is_the_circuit_at_each_level(swept, level_evidence):
 
 
 def test_a_level_at_which_a_circuit_decides_against_the_evidence_is_warned_of():
-    evidence = gaussian_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
+    evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
     model = BasalGanglia("macaque", "rate", options={"rates": False})
     with pytest.warns(UserWarning, match="at a level of 0 choices go against the evidence"):
         found = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)

@@ -10,21 +10,21 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.comparison.compare import tradeoff
-from bgmodel.evidence import expecting, gaussian_evidence
+from bgmodel.evidence import expecting, separated_evidence
 from tests.helpers import some_evidence
 
 
 @pytest.mark.parametrize("trials", [10, 11])
 def test_gaussian_trials_do_not_depend_on_those_after_them(trials):
     few, many = (
-        gaussian_evidence(n, 5, 0.5, hypotheses=3, rng=stream(12, "prefix"))
+        separated_evidence(n, 5, 0.5, hypotheses=3, rng=stream(12, "prefix"))
         for n in (trials, 2 * trials)
     )
     assert np.array_equal(few.log_likelihood, many.log_likelihood[:trials])
 
 
 def test_time_is_counted_in_readings_unless_a_clock_is_given():
-    drawn = gaussian_evidence(2, 3, 0.5, rng=stream(1, "clock"))
+    drawn = separated_evidence(2, 3, 0.5, rng=stream(1, "clock"))
     assert drawn.step_ms == Evidence(np.zeros((1, 1, 2))).step_ms == Trace(np.ones(1), 0).step_ms
     assert first_crossing(Msprt().run(drawn), 1e-9).time_ms.tolist() == [3.0, 3.0]
 
@@ -104,7 +104,7 @@ def test_times_beyond_which_milliseconds_would_be_rounded_are_refused(name):
 
 
 def test_expectancy_rises_over_the_foreperiod_and_tells_a_test_nothing():
-    drawn = gaussian_evidence(400, 6, 0.5, rng=stream(3, "x"), step_ms=50.0)
+    drawn = separated_evidence(400, 6, 0.5, rng=stream(3, "x"), step_ms=50.0)
     ahead = expecting(drawn, 3.0, 200.0, rng=stream(3, "r"))
     assert ahead.onset_ms == 200
     assert ahead.foreperiod_steps == 4
@@ -122,7 +122,7 @@ def test_expectancy_rises_over_the_foreperiod_and_tells_a_test_nothing():
 
 @pytest.mark.parametrize("foreperiod_ms", [0.0, 120.0, -50.0, np.nan, np.inf])
 def test_expectancy_needs_a_foreperiod(foreperiod_ms):
-    drawn = gaussian_evidence(4, 6, 0.5, rng=stream(3, "x"), step_ms=50.0)
+    drawn = separated_evidence(4, 6, 0.5, rng=stream(3, "x"), step_ms=50.0)
     with pytest.raises(ValueError, match=r"^expectancy needs a foreperiod of one or more whole"):
         expecting(drawn, 3.0, foreperiod_ms, rng=stream(3, "r"))
     with pytest.raises(ValueError, match=r"^expectancy needs a foreperiod"):
@@ -149,7 +149,7 @@ def told(call):
 
 @given(st.integers(0, 2**31), st.integers(12, 40), st.integers(2, 4))
 def test_running_sums_and_posteriors_are_doubted_and_single_readings_are_not(seed, steps, channels):
-    drawn = gaussian_evidence(20, steps, 0.5, rng=seed, hypotheses=channels)
+    drawn = separated_evidence(20, steps, 0.5, rng=seed, hypotheses=channels)
     single, sums = drawn.log_likelihood, drawn.log_likelihood.cumsum(axis=1)
     log_posterior = sums - np.logaddexp.reduce(sums, axis=2, keepdims=True)
     assert not told(lambda: Evidence(single))
@@ -160,7 +160,7 @@ def test_running_sums_and_posteriors_are_doubted_and_single_readings_are_not(see
 
 @given(st.integers(0, 2**31))
 def test_probabilities_in_place_of_logarithms_are_doubted(seed):
-    drawn = gaussian_evidence(50, 5, 0.5, rng=seed).log_likelihood
+    drawn = separated_evidence(50, 5, 0.5, rng=seed).log_likelihood
     odds = np.exp(drawn)
     assert len(told(lambda: Evidence(odds / odds.sum(axis=2, keepdims=True)))) == 1
     assert not told(lambda: Evidence(np.log(odds)))
@@ -170,7 +170,7 @@ def test_probabilities_in_place_of_logarithms_are_doubted(seed):
 
 def test_zeros_after_the_last_reading_do_not_count():
     values, lengths = np.zeros((40, 60, 2)), np.full(40, 12)
-    values[:, :12] = gaussian_evidence(40, 12, 0.5, rng=3).log_likelihood + 20
+    values[:, :12] = separated_evidence(40, 12, 0.5, rng=3).log_likelihood + 20
     assert not told(lambda: Evidence(values, lengths=lengths))
     values[:, :12] = values[:, :12].cumsum(axis=1)
     assert len(told(lambda: Evidence(values, lengths=lengths))) == 1
@@ -190,6 +190,6 @@ def test_masked_readings_are_refused():
 
 @pytest.mark.parametrize("shared", [1e7, -1e7, 1e300])
 def test_nats_that_drown_what_tells_hypotheses_apart_are_refused(shared):
-    drawn = gaussian_evidence(3, 4, 0.5, rng=1).log_likelihood
+    drawn = separated_evidence(3, 4, 0.5, rng=1).log_likelihood
     with pytest.raises(ValueError, match="log_likelihood must lie within"):
         Evidence(drawn + shared)

@@ -13,7 +13,7 @@ from bgmodel import stream
 from bgmodel.files import read_table, write_table
 from bgmodel.tactile.edges import sources
 from bgmodel.tactile.task import Source
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
 from figures import fig2b, figA2, figC1, figC2, figD5, figR1
 from figures.common import FAST
@@ -200,7 +200,7 @@ def test_figure_d5_counts_what_its_closed_form_says(tmp_path, monkeypatch):
 
 
 def test_figure_d5_lowers_the_frequency_by_a_slower_loop():
-    table = figD5.frequencies(circuit(DEFAULT).dopamine(figD5.LOW))
+    table = figD5.frequencies(load_circuit(DEFAULT).dopamine(figD5.LOW))
     by = table.pivot(index="at", columns="nucleus", values="value")
     assert (by.diff().iloc[1:] < 0).all(axis=None)
     assert np.ptp(by.loc[1.0]) == 0
@@ -208,7 +208,7 @@ def test_figure_d5_lowers_the_frequency_by_a_slower_loop():
 
 
 def test_figure_a2_changes_fast_inhibition_and_no_rate_at_rest():
-    table = circuit(DEFAULT, figA2.CHANNELS)
+    table = load_circuit(DEFAULT, figA2.CHANNELS)
     assert figA2.with_fast(figA2.DEFAULT_GAIN) == table
     for gain in figA2.GAINS:
         assert at_rest(figA2.with_fast(gain)) == pytest.approx(at_rest(table))

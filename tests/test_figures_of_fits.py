@@ -12,7 +12,7 @@ from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.tables.choices import read_choices
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
 from figures import figF1, figF2, figF3, figF4, figF5, fitted, windows
 from figures.common import FULL
@@ -31,7 +31,7 @@ WHO = {fitted.MONKEYS: ["b", "n"], fitted.PEOPLE: ["ah", "eh"]}
 
 def stored(table, path):
     """Write a table as a score does, and return where."""
-    circuits = {"2": identity(circuit(DEFAULT, 2))}
+    circuits = {"2": identity(load_circuit(DEFAULT, 2))}
     return write_table(table, path, seed=1, trials=10, circuits=circuits)
 
 
@@ -277,10 +277,10 @@ def test_a_pattern_is_most_like_itself(name):
 
 def test_a_fitted_circuit_decides_for_the_evidence():
     values = SMALL | OF[fitted.CIRCUIT]
-    did = fitted.follow(circuit(DEFAULT, 2), values, 0.512, 20, 1.0, 3)
+    did = fitted.follow(load_circuit(DEFAULT, 2), values, 0.512, 20, 1.0, 3)
     assert (did.choice == 0).all()
     assert (did.evidence > 0).all()
-    again = fitted.follow(circuit(DEFAULT, 2), values, 0.512, 20, 1.0, 3)
+    again = fitted.follow(load_circuit(DEFAULT, 2), values, 0.512, 20, 1.0, 3)
     assert np.array_equal(did.at_ms, again.at_ms)
 
 

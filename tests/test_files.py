@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.files import check_new, provenance, read_provenance, read_table, write_table
 from bgmodel.seeds import stream
 from tests.helpers import long_table
@@ -91,7 +91,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, decided_trials, monkeypatc
 
 
 def test_files_that_are_no_tables_get_one_clear_sentence(tmp_path):
-    good = long_table(gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    good = long_table(separated_evidence(7, 4, 1.0, rng=stream(1, "tables")))
     with pytest.raises(ValueError, match="there is no table"):
         read_table(tmp_path / "absent.csv")
     (tmp_path / "cut.parquet").write_bytes(b"PAR1 and no more")

@@ -3,11 +3,11 @@
 import pytest
 
 from bgmodel.integrators.basal_ganglia import rest_out
-from circuits.anatomy import CIRCUITS, circuit
+from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.laws.stability import is_stable
 from tests.helpers import run
 
-LIMITED = [name for name in CIRCUITS if circuit(name).most_channels < 100]
+LIMITED = [name for name in CIRCUITS if load_circuit(name).most_channels < 100]
 
 
 def test_every_circuit_of_cells_states_its_limit():
@@ -16,7 +16,7 @@ def test_every_circuit_of_cells_states_its_limit():
 
 @pytest.mark.parametrize("name", LIMITED)
 def test_at_its_most_alternatives_a_circuit_rests_where_it_reads(name):
-    table = circuit(name, circuit(name).most_channels)
+    table = load_circuit(name, load_circuit(name).most_channels)
     low, high = table.readable_nats
     # A row's line may end a hundredth of a nat before the rest of many channels.
     assert low < rest_out(table) < high + 0.01
@@ -25,10 +25,10 @@ def test_at_its_most_alternatives_a_circuit_rests_where_it_reads(name):
 
 @pytest.mark.parametrize("name", LIMITED)
 def test_one_more_is_refused_with_the_number(name, tmp_path, monkeypatch, capsys):
-    most = circuit(name).most_channels
+    most = load_circuit(name).most_channels
     said = f"{name} takes at most {most} alternatives, got {most + 1}"
     with pytest.raises(ValueError, match=said):
-        circuit(name, most + 1)
+        load_circuit(name, most + 1)
     monkeypatch.chdir(tmp_path)
     for command in (
         ["circuit", "run", "a.csv"],

@@ -10,7 +10,7 @@ import pytest
 
 from bgmodel.files import provenance_path, write_table
 from bgmodel.integrators.basal_ganglia import identity
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from figures import figA4
 from figures.common import FAST, OLDER, older, say_if_older
 from tests.helpers import ROOT
@@ -22,7 +22,7 @@ LOSSES = ("loss_behaviour.csv", "loss_anticipation.csv")
 @pytest.fixture
 def table(tmp_path):
     """Return a table as a score writes it, with today's circuits."""
-    made_with = {str(n): identity(circuit(DEFAULT, n)) for n in (2, 4)}
+    made_with = {str(n): identity(load_circuit(DEFAULT, n)) for n in (2, 4)}
     path = tmp_path / "found.csv"
     write_table(pd.DataFrame({"value": [1.0]}), path, seed=1, trials=10, circuits=made_with)
     return path

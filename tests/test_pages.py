@@ -107,7 +107,7 @@ def test_a_python_block_runs(example, folder, fewer, capsys):
     text, first = str(example.parsed), example.path.endswith("README.md")
     interval = "compare(" in text
     if not first:
-        text = re.sub(r"(?<=gaussian_evidence\()\d+", lambda n: fewer(n[0], interval), text)
+        text = re.sub(r"(?<=separated_evidence\()\d+", lambda n: fewer(n[0], interval), text)
     names = {"__name__": "__main__"}
     exec(compile(text, example.path, "exec"), names)
     assert capsys.readouterr().out

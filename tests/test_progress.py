@@ -5,7 +5,7 @@ import numpy as np
 from bgmodel.comparison.circuits import decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia
 from bgmodel.progress import advance, shown_by
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from tests.helpers import some_evidence
 
 
@@ -13,7 +13,7 @@ def test_every_part_of_the_trials_is_heard_of_once():
     evidence = some_evidence(trials=BATCH + 30, steps=4, hypotheses=2)
     heard = []
     with shown_by(heard.append):
-        decide_at_thresholds(BasalGanglia(circuit("bogacz_gurney")), evidence, np.array([0.3]))
+        decide_at_thresholds(BasalGanglia(load_circuit("bogacz_gurney")), evidence, np.array([0.3]))
     assert heard == [BATCH, 30]
     advance(5)
     assert heard == [BATCH, 30]

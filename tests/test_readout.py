@@ -19,7 +19,7 @@ from bgmodel import (
     tally,
 )
 from bgmodel.decision import crossing_of_each
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import check_threshold, readout_of, rest_out
 from bgmodel.integrators.rivals import MaxVsNext
 from bgmodel.integrators.sprt import Stream, tally_sprt
@@ -29,8 +29,8 @@ from circuits.anatomy import CIRCUITS
 from tests.helpers import run, some_evidence
 
 STEP_MS = 50.0
-EVIDENCE = gaussian_evidence(60, 40, 0.5, rng=4, step_ms=STEP_MS)
-FOUR = gaussian_evidence(60, 40, 0.5, rng=4, step_ms=STEP_MS, hypotheses=4)
+EVIDENCE = separated_evidence(60, 40, 0.5, rng=4, step_ms=STEP_MS)
+FOUR = separated_evidence(60, 40, 0.5, rng=4, step_ms=STEP_MS, hypotheses=4)
 MODEL = BasalGanglia("macaque", "algebra", 0.5)
 TRACES = {"MSPRT": Msprt(0.5).run(EVIDENCE), "circuit": MODEL.run(EVIDENCE)}
 LOW, REST = readout_of(MODEL.circuit).lowest, readout_of(MODEL.circuit).rest

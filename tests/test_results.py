@@ -15,7 +15,7 @@ from benchmarks.scores import pieces
 from benchmarks.scores.pieces import Piece, Score
 from bgmodel.files import provenance_path, read_table, write_table
 from bgmodel.integrators.basal_ganglia import identity
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from tests.helpers import ROOT
 
 TEMPLATES = [pytest.param(path, id=path.name) for path in pages.templates()]
@@ -83,7 +83,7 @@ def test_a_table_of_another_circuit_says_so():
 
 
 def test_each_of_several_circuits_of_a_table_is_held_to_its_own_of_today():
-    today = {f"{name} 2": identity(circuit(name, 2)) for name in ("gpr", "macaque")}
+    today = {f"{name} 2": identity(load_circuit(name, 2)) for name in ("gpr", "macaque")}
     behind = {"parameters": {"circuits": today}, "seed": 1, "versions": {"bgmodel": "0"}}
     assert "another circuit" not in pages.said(behind)
     today["gpr 2"]["sha256"] = "0" * 64

@@ -15,7 +15,7 @@ from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.table_files import digest
 
 FRACTIONS = st.sampled_from([0, 0.1, 0.25, 0.5])
@@ -122,7 +122,7 @@ def single(values):
     task = {key.removeprefix("task."): v for key, v in values.items() if key.startswith("task.")}
     task = Stimuli(**{"trials": 20, **task})
     own = {key: value for key, value in values.items() if key not in RUN}
-    table = edited(own).apply(circuit(values.get("circuit", "macaque"), task.channels))
+    table = edited(own).apply(load_circuit(values.get("circuit", "macaque"), task.channels))
     gain, posterior = gain_of(table, values.get("gain")), values.get("posterior", 0.82)
     return table, gain, posterior, values.get("seed", 0), task
 
@@ -219,7 +219,7 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
 )
 def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):
     (found,) = Plan(edits=Edits(**edits), grid=grid).settings()
-    assert digest(found.table) == digest(Edits(**rows).apply(circuit("macaque")))
+    assert digest(found.table) == digest(Edits(**rows).apply(load_circuit("macaque")))
 
 
 @pytest.mark.parametrize(
@@ -262,7 +262,7 @@ def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong):
 def test_two_courses_of_one_nucleus_may_both_be_named():
     early, late = "dopamine to_ms=300 amount", "dopamine from_ms=400 amount"
     (found,) = Plan(grid={early: (0.1,), late: (0.2,)}).settings()
-    assert found.table == circuit("macaque").with_rows(f"{early}=0.1", f"{late}=0.2")
+    assert found.table == load_circuit("macaque").with_rows(f"{early}=0.1", f"{late}=0.2")
 
 
 @pytest.mark.parametrize("kind", [LESIONS, SCALES])
@@ -271,6 +271,6 @@ def test_one_edit_given_twice_is_refused_wherever_edits_are(kind):
     place = {LESIONS: "STN", SCALES: "STN->SNr"}[kind]
     twice = Edits(**{kind: (f"{place}=0.9", f"{place} = 0.9")})
     with pytest.raises(ValueError, match="edit the same number"):
-        twice.apply(circuit("macaque"))
+        twice.apply(load_circuit("macaque"))
     apart = replace(twice, **{kind: (f"{place}[0]=0.9", f"{place}[1]=0.9")})
-    assert apart.apply(circuit("macaque")) != circuit("macaque")
+    assert apart.apply(load_circuit("macaque")) != load_circuit("macaque")

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 
 
 def test_a_rival_rises_and_nothing_else():
     """Means of the readings: the true channel's, its fraction in the next one, 0 in the others."""
     given = {"rng": stream(1, "r"), "hypotheses": 4}
-    drawn = gaussian_evidence(4000, 5, 0.8, conflict=0.5, **given)
+    drawn = separated_evidence(4000, 5, 0.8, conflict=0.5, **given)
     turned = [
         np.roll(x.mean(axis=0), -k) for x, k in zip(drawn.log_likelihood, drawn.truth, strict=True)
     ]
     np.testing.assert_allclose(np.mean(turned, axis=0) / 0.8, [0.8, 0.4, 0, 0], atol=0.03)
-    plain = gaussian_evidence(10, 5, 0.8, rng=stream(1, "r"))
-    same = gaussian_evidence(10, 5, 0.8, rng=stream(1, "r"), conflict=0.0)
+    plain = separated_evidence(10, 5, 0.8, rng=stream(1, "r"))
+    same = separated_evidence(10, 5, 0.8, rng=stream(1, "r"), conflict=0.0)
     np.testing.assert_array_equal(plain.log_likelihood, same.log_likelihood)
     with pytest.raises(ValueError, match="conflict is for Gaussian evidence"):
         Stimuli(task="orientation", conflict=0.5).check()

@@ -9,7 +9,7 @@ from benchmarks.tuning.cortex import coded
 from benchmarks.tuning.filters import Run
 from benchmarks.tuning.neighbours import tuning_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 
 SEED, GAIN = 7, 0.7
 
@@ -17,7 +17,7 @@ SEED, GAIN = 7, 0.7
 def test_out_for_other_filters_is_that_of_a_run_with_them():
     """D1 and STN fire alike in both runs; what differs is how SNr's own spikes fall."""
     evidence = tuning_evidence(20, 2, 4.0, SEED)
-    table = circuit("spiking_msprt")
+    table = load_circuit("spiking_msprt")
     slow = table.with_projection("D1", "SNr", tau_ms=20, delay_ms=15).with_projection(
         "STN", "SNr", tau_ms=60
     )
@@ -37,7 +37,7 @@ def test_out_for_other_filters_is_that_of_a_run_with_them():
 
 @pytest.mark.parametrize("channels", [2, 4, 8])
 def test_another_cortical_code_does_the_same_until_losers_fall_silent(channels):
-    table = circuit("spiking_msprt", channels)
+    table = load_circuit("spiking_msprt", channels)
     top, hz = table.reference_nats, table.population("ctx").gain_hz_per_nat
     near, far = (np.array([[[odds] + [0.0] * (channels - 1)]]) for odds in (1.5, 4.5))
 

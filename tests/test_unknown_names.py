@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circuits.anatomy import CIRCUITS
-from circuits.anatomy import circuit as circuit_named
+from circuits.anatomy import load_circuit as circuit_named
 from circuits.cells import Lif, Phase, Rate
 from circuits.engines import ENGINES, run
 from circuits.spec import PATTERNS, Circuit, Population, Projection

@@ -8,7 +8,7 @@ from bgmodel import dopamine, stream
 from bgmodel.cli import main
 from bgmodel.comparison.decoder import decoded_input
 from bgmodel.comparison.steady import out_shift
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits import anatomy
 from circuits.activity import total_nats
@@ -117,7 +117,7 @@ def test_each_way_in_that_needs_a_posterior_refuses_in_one_sentence(
 
 def test_spikes_of_saliences_are_not_decoded_into_posteriors():
     model = BasalGanglia(anatomy.gpr(), "rate", 0.1)
-    evidence = gaussian_evidence(2, 3, 0.5, rng=stream(1, "saliences"), step_ms=50.0)
+    evidence = separated_evidence(2, 3, 0.5, rng=stream(1, "saliences"), step_ms=50.0)
     activity = model.activity(evidence)
     with pytest.raises(ValueError, match="-ln softmax of its input has no meaning there"):
         decoded_input(activity, model.trace(activity, evidence))

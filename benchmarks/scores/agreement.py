@@ -27,7 +27,7 @@ from bgmodel.comparison.circuits import (
     compare_with_msprt,
     sample_ms,
 )
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import (
@@ -40,7 +40,7 @@ from bgmodel.tactile.task import (
     folds,
     held_out_taps,
 )
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.spec import Circuit
 
 SCORING_SEED = 40_001
@@ -88,7 +88,7 @@ class Condition(NamedTuple):
 
 def gaussian(hypotheses: int, d_prime: float) -> Draw:
     """Return a function that draws Gaussian evidence of a pairwise d' per reading."""
-    return partial(gaussian_evidence, separation=d_prime / np.sqrt(2), hypotheses=hypotheses)
+    return partial(separated_evidence, separation=d_prime / np.sqrt(2), hypotheses=hypotheses)
 
 
 def kinds() -> Iterator[Kind]:
@@ -131,7 +131,7 @@ def conditions(fast: bool = False, trials: int | None = None) -> Iterator[Condit
     """Yield the conditions, each with its usual trials unless their number is given."""
     usual = trials or (COARSE_TRIALS if fast else TRIALS)
     for kind in kinds():
-        table = circuit(TABLE, kind.count)
+        table = load_circuit(TABLE, kind.count)
         many = usual if fast or trials else MORE_TRIALS.get(kind.name, usual)
         one = partial(_condition, kind)
         yield one("", table, many)

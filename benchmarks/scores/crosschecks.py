@@ -31,7 +31,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Sprt, stream
 from bgmodel.arrays import Array
 from bgmodel.decision import first_crossing
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.means import fit_means
 from bgmodel.tables.choices import Choices
@@ -73,7 +73,7 @@ def decided(
     correct, readings = [], []
     for first in range(0, trials, batch):
         rng = stream(SCORING_SEED, "walk", d, theta, start, first, *names)
-        drawn = gaussian_evidence(min(batch, trials - first), steps, d / np.sqrt(2), rng=rng)
+        drawn = separated_evidence(min(batch, trials - first), steps, d / np.sqrt(2), rng=rng)
         evidence = Evidence(drawn.log_likelihood, drawn.truth, prior)
         found = first_crossing(Sprt().run(evidence), -theta)
         correct.append(found.choice == drawn.truth)

@@ -29,7 +29,7 @@ from bgmodel.fitting.means import fit_means
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.predicted import Better, Predicted, better_by, predicted
 from bgmodel.tables.choices import read_choices
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 TRIALS, COARSE_TRIALS = 128_000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
@@ -59,7 +59,7 @@ def fitted_circuit(
 ) -> CircuitModel:
     """Return the default circuit as a model; what it decides is kept with the pieces."""
     return CircuitModel(
-        circuit(DEFAULT, 2), criterion=criterion, seconds=seconds, trials=trials,
+        load_circuit(DEFAULT, 2), criterion=criterion, seconds=seconds, trials=trials,
         noise_nats=noise_nats, folder=OUT / "stored",
     )  # fmt: skip
 

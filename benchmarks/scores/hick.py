@@ -43,9 +43,9 @@ from bgmodel.comparison.compare import (
     tradeoff,
 )
 from bgmodel.decision import first_crossing
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 SCORING_SEED, TUNING_SEED = 74_001, 74_002
 """Of the scored trials, and of those on which thresholds for the quantiles are found."""
@@ -71,7 +71,7 @@ def drawn(trials: int, alternatives: int, d_prime: float, seed: int = SCORING_SE
     """Draw the Gaussian problem; the likelihoods are those of d' .5 at any d'."""
     given = stream(seed, "hick", str(alternatives), f"{d_prime:g}")
     separation = d_prime / np.sqrt(2)
-    found = gaussian_evidence(
+    found = separated_evidence(
         trials, READINGS, separation, rng=given, hypotheses=alternatives, step_ms=STEP_MS
     )
     taken = found.log_likelihood * (D_PRIME / d_prime)
@@ -83,7 +83,7 @@ def deciders(evidence: Evidence, spiking: int) -> dict[str, Tradeoff]:
     found = {MSPRT: tradeoff(Msprt().run(evidence), evidence)}
     if evidence.hypotheses > most_alternatives():
         return found
-    gain = gain_of(circuit(DEFAULT, evidence.hypotheses))
+    gain = gain_of(load_circuit(DEFAULT, evidence.hypotheses))
     found[MSPRT_AT_GAIN] = tradeoff(Msprt(gain).run(evidence), evidence)
     for engine, trials in (("population", evidence.trials), ("ensemble", spiking)):
         if trials:
@@ -100,12 +100,12 @@ def circuit_at(model: BasalGanglia, evidence: Evidence, test: Tradeoff) -> Trade
 
 def most_alternatives() -> int:
     """Return the largest number of alternatives that the circuit takes."""
-    return circuit(DEFAULT, 2).most_channels
+    return load_circuit(DEFAULT, 2).most_channels
 
 
 def model_of(evidence: Evidence, engine: str) -> BasalGanglia:
     """Return the default circuit at its default gain, with noise of the scoring seed."""
-    table = circuit(DEFAULT, evidence.hypotheses)
+    table = load_circuit(DEFAULT, evidence.hypotheses)
     options = {"workers": 2, "sample_ms": sample_ms(evidence.step_ms)}
     return BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options)
 
@@ -182,7 +182,7 @@ def responses(
         decided = decide_at_thresholds(model, evidence, [level], decoder_tau_ms=None)[CIRCUIT]
         choice, time_ms, forced = decided.choice[0], decided.time_ms[0], decided.forced[0]
     else:
-        gain = gain_of(circuit(DEFAULT, evidence.hypotheses))
+        gain = gain_of(load_circuit(DEFAULT, evidence.hypotheses))
         test = first_crossing(Msprt(gain).run(evidence), level)
         choice, time_ms, forced = test.choice, test.time_ms, test.forced
     weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "quantiles"))

@@ -21,14 +21,14 @@ from bgmodel import stream
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.comparison.levels import LATENCY_MS as LATENCIES_MS
 from bgmodel.dopamine import COARSE, playable_levels
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.level import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.reward import reward_of
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 SCORING_SEED = 40_006
 XI, T_MAX, STEP_MS = 50.0, 30, 50.0
@@ -67,7 +67,7 @@ def kinds() -> dict[str, Draw]:
         f"{period:g} mm": source(taps, SameDifferent(), period_mm=period, fold=0).draw
         for period in (1.5, 2.0, 2.5)
     }
-    made["gaussian"] = partial(gaussian_evidence, separation=0.5 / np.sqrt(2))
+    made["gaussian"] = partial(separated_evidence, separation=0.5 / np.sqrt(2))
     return made
 
 
@@ -79,7 +79,7 @@ def drawn(draw: Draw, trials: int, name: str) -> Evidence:
 
 def best_of_test(evidence: Evidence) -> float:
     """Return the highest mean reward of the MSPRT, the circuit's non-decision time added."""
-    test = tradeoff(Msprt(gain_of(circuit(DEFAULT))).run(evidence), evidence)
+    test = tradeoff(Msprt(gain_of(load_circuit(DEFAULT))).run(evidence), evidence)
     steps = (np.maximum(test.time_ms, 0) + LATENCY_MS) / STEP_MS
     steps = np.minimum(steps, T_MAX + 1)
     return float(reward_of(test.choice != evidence.truth, steps, XI).mean(axis=1).max())
@@ -88,7 +88,7 @@ def best_of_test(evidence: Evidence) -> float:
 def runs(engine: str, kind: str, draw: Draw, trials: tuple[int, int]) -> pd.DataFrame:
     """Learn on some trials, score on others; one row per start and run."""
     options: dict[str, Any] = COARSE if engine == "rate" else {"workers": 1, **BRIEF}
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options)
     levels = playable_levels(model, LEVELS[engine])
     learned_on = level_outcomes(model, drawn(draw, trials[0], f"{kind} learned"), levels)

@@ -18,11 +18,11 @@ from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.compare import compare, tradeoff
 from bgmodel.comparison.steady import leader_drive, lesions, steady_shifts
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.controls import linear_stn, shuffled_stn
 from circuits.laws.spectra import out_variance
 
@@ -39,20 +39,20 @@ POSTERIOR = 0.85
 
 def shifts(trials: int) -> pd.DataFrame:
     """Return the shift of OUT by each edit, measured and by theory."""
-    table = circuit(TABLE, CHANNELS)
+    table = load_circuit(TABLE, CHANNELS)
     return steady_shifts(table, lesions(table), LOG_ODDS, seed=SCORING_SEED, trials=trials)
 
 
 def controls(trials: int, workers: int) -> pd.DataFrame:
     """Return the cost of each part that is left out, and max-vs-average beside the MSPRT."""
-    table = circuit(TABLE, CHANNELS)
+    table = load_circuit(TABLE, CHANNELS)
     edited = {
         "GPe held at its rest": table.without("GPe", replaced=True),
         "a linear STN": linear_stn(table),
         "STN's sum to the wrong channel": shuffled_stn(table),
     }
     rng = stream(SCORING_SEED, "control")
-    evidence = gaussian_evidence(
+    evidence = separated_evidence(
         trials, 40, 1 / np.sqrt(2), rng=rng, hypotheses=CHANNELS, step_ms=50.0
     )
     model = BasalGanglia(table, "ensemble", GAIN, SCORING_SEED, {"workers": workers})
@@ -69,7 +69,7 @@ def noise() -> pd.DataFrame:
     """Return the scatter of OUT for two alternatives by theory, one row per population."""
     odds = np.log(POSTERIOR / (1 - POSTERIOR))
     drive = leader_drive(odds, 2)[0, 0]
-    variance = {name: own[0] for name, own in out_variance(circuit(TABLE), drive).items()}
+    variance = {name: own[0] for name, own in out_variance(load_circuit(TABLE), drive).items()}
     total = sum(variance.values())
     rows = [(name, POSTERIOR, np.sqrt(total), own / total) for name, own in variance.items()]
     return pd.DataFrame(rows, columns=["population", "posterior", "sd_nats", "share"])

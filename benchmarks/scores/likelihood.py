@@ -24,7 +24,7 @@ from bgmodel.fitting.control import decided
 from bgmodel.fitting.crossings import Crossings
 from bgmodel.fitting.network import LikelihoodNetwork, read_network
 from bgmodel.fitting.responses import BIN_S, Grid, responded
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 SCORING_SEED = 24_502
 TRIALS, COARSE_TRIALS = 143_000, 4_000
@@ -40,7 +40,7 @@ def model_of(trials: int, seed: int) -> CircuitModel:
     """Return the model of the default circuit with so many trials at each drift."""
     folder = OUT / "crossings"
     return CircuitModel(
-        circuit(DEFAULT, 2), seconds=SECONDS, trials=trials, seed=seed, folder=folder
+        load_circuit(DEFAULT, 2), seconds=SECONDS, trials=trials, seed=seed, folder=folder
     )
 
 

@@ -19,7 +19,7 @@ from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, ki
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, OTHER_NOISE, compare_with_msprt
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import NOISY
 from circuits.spec import Circuit
 
@@ -60,7 +60,7 @@ def with_times(table: Circuit, factor: float) -> Circuit:
 
 def times(kind: Kind, trials: int, workers: int) -> pd.DataFrame:
     """Return the comparison of each case with the MSPRT at the circuit's gain."""
-    table, parts = circuit(DEFAULT, kind.count), []
+    table, parts = load_circuit(DEFAULT, kind.count), []
     for case, engine, edited in cases(table):
         noisy = engine in NOISY
         options = {"workers": workers} if noisy else {}

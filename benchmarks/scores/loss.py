@@ -22,9 +22,9 @@ from bgmodel import stream
 from bgmodel.arrays import Array
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import RESAMPLES, Tradeoff, interval, resampled
-from bgmodel.evidence import Evidence, expecting, gaussian_evidence
+from bgmodel.evidence import Evidence, expecting, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.spec import Circuit
 
 TUNING_SEEDS = (1011, 1012)
@@ -63,7 +63,7 @@ TASKS = (Task(2, 0.5, 120, 0.30), Task(4, 0.5, 120, 0.45), Task(4, 1.0, 40, 0.48
 
 def evidence(task: Task, conflict: float, trials: int) -> Evidence:
     """Draw the evidence of a task; that with conflict differs from that without in one mean."""
-    return gaussian_evidence(
+    return separated_evidence(
         trials,
         task.readings,
         task.d_prime / np.sqrt(2),
@@ -76,7 +76,7 @@ def evidence(task: Task, conflict: float, trials: int) -> Evidence:
 
 def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:
     """Return the circuits by what is lost, how long ago, and the rebound in nats."""
-    table = circuit(DEFAULT, task.count)
+    table = load_circuit(DEFAULT, task.count)
     found = {(0.0, INTACT, 0.0): table}
     for lost in LOST:
         acute = table.without("STN", lost)
@@ -134,7 +134,7 @@ def anticipation(task: Task, trials: int, workers: int) -> pd.DataFrame:
     weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
     share = weights / weights.sum(axis=1, keepdims=True)
     plain = evidence(task, 0.0, trials)
-    gain = gain_of(circuit(DEFAULT, task.count))
+    gain = gain_of(load_circuit(DEFAULT, task.count))
     rows = []
     for most in EXPECTED_NATS:
         rng = stream(SCORING_SEED, "expectancy")

@@ -41,8 +41,8 @@ from bgmodel.comparison.compare import (
     time_at,
     tradeoff,
 )
-from bgmodel.evidence import Evidence, gaussian_evidence
-from circuits.anatomy import DEFAULT, circuit
+from bgmodel.evidence import Evidence, separated_evidence
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.spec import NATS, Circuit
 
 SCORING_SEED, TUNING_SEED = 76_001, 76_002
@@ -141,7 +141,7 @@ NOTHING, WITHOUT, NEVER = "nothing to change", "decides without evidence", "does
 
 def drawn(alternatives: int, conflict: float, trials: int, seed: int = SCORING_SEED) -> Evidence:
     """Draw the problem; conflict raises the mean of one rival and changes no noise."""
-    return gaussian_evidence(
+    return separated_evidence(
         trials,
         READINGS,
         D_PRIME / np.sqrt(2),
@@ -155,7 +155,7 @@ def drawn(alternatives: int, conflict: float, trials: int, seed: int = SCORING_S
 def model_of(entrant: Entrant, alternatives: int, gain: float, seed: int) -> BasalGanglia:
     """Return a circuit on its engine."""
     options = {"workers": 2} if entrant.engine in ("population", "ensemble") else {}
-    table = circuit(entrant.name, alternatives)
+    table = load_circuit(entrant.name, alternatives)
     return BasalGanglia(table, entrant.engine, gain, seed, options)
 
 
@@ -167,7 +167,7 @@ def swept(model: BasalGanglia, evidence: Evidence) -> Tradeoff:
 @cache
 def tuned(entrant: Entrant, alternatives: int) -> tuple[BasalGanglia, Tradeoff]:
     """Return a circuit at its gain, and its decisions on trials of the tuning seed."""
-    known = circuit(entrant.name, alternatives)
+    known = load_circuit(entrant.name, alternatives)
     gains = (known.default_gain or 1.0,) if known.unit == NATS else GAINS
     trials = max(FEWEST_TRIALS, TUNING_TRIALS * entrant.percent // 100)
     evidence = drawn(alternatives, 0.0, trials, TUNING_SEED)

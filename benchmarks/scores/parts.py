@@ -17,9 +17,9 @@ import pandas as pd
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.controls import linear_stn, shuffled_stn
 from circuits.spec import Circuit
 
@@ -50,9 +50,9 @@ def changes(
     channels: int, d_prime: float, readings: int, shared_nats: float, trials: int, workers: int
 ) -> pd.DataFrame:
     """Return the change by each edit, and the circuit itself."""
-    table = circuit(DEFAULT, channels)
+    table = load_circuit(DEFAULT, channels)
     rng = stream(SCORING_SEED, "parts", str(channels), str(d_prime))
-    evidence = gaussian_evidence(
+    evidence = separated_evidence(
         trials, readings, d_prime / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
     )
     shared = shared_nats * rng.standard_normal((trials, readings, 1))

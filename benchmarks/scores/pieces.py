@@ -21,7 +21,7 @@ from benchmarks import OUT
 from benchmarks.pages import RESULTS
 from bgmodel.files import is_result, read_provenance, read_table, write_table
 from bgmodel.integrators.basal_ganglia import identity
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 
 TABLE = "spiking_msprt"
 """The circuit that most scores are of."""
@@ -90,7 +90,7 @@ class Score:
         span = sorted({min(trials), max(trials)})
         named = [(self.circuit, "")] * bool(self.circuit) + [(n, f"{n} ") for n in self.others]
         circuits = {
-            f"{begun}{n}": identity(circuit(name, n))
+            f"{begun}{n}": identity(load_circuit(name, n))
             for name, begun in named
             for n in self.channels
         }

@@ -23,10 +23,10 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.comparison.compare import Tradeoff
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.activity import Activity
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import run
 from circuits.spec import Circuit
 
@@ -71,7 +71,7 @@ ENGINES = {
 
 def evidence(channels: int, d_prime: float, trials: int) -> Evidence:
     """Draw the evidence of one condition."""
-    return gaussian_evidence(
+    return separated_evidence(
         trials,
         READINGS[d_prime],
         d_prime / np.sqrt(2),
@@ -114,7 +114,9 @@ def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.Da
     """Return accuracy and times of each engine, and how far each lies from spikes."""
     rows, shown = [], evidence(channels, d_prime, trials)
     assert shown.truth is not None
-    found = {name: decided(circuit(DEFAULT, channels), shown, name, workers) for name in ENGINES}
+    found = {
+        name: decided(load_circuit(DEFAULT, channels), shown, name, workers) for name in ENGINES
+    }
     for k, threshold in enumerate(found[SPIKES].settings):
         for name, own in found.items():
             of = {"channels": channels, "d_prime": d_prime}
@@ -126,7 +128,7 @@ def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.Da
 
 def edits(channels: int, trials: int, workers: int) -> pd.DataFrame:
     """Return the change of accuracy and time by each edit, in spikes and by populations."""
-    rows, table = [], circuit(DEFAULT, channels)
+    rows, table = [], load_circuit(DEFAULT, channels)
     shown = evidence(channels, EDITED_D_PRIME, trials)
     k = sorted(POSTERIORS).index(EDITED_AT)
     for name in (SPIKES, POPULATION):
@@ -165,7 +167,7 @@ def rates(trials: int, workers: int) -> pd.DataFrame:
     for channels in (2, 4):
         for nats in HELD_NATS:
             for name in ENGINES:
-                table = circuit(DEFAULT, channels)
+                table = load_circuit(DEFAULT, channels)
                 activity = _held(table, nats, trials, name, workers)
                 of = {"channels": channels, "nats": nats, "engine": name, "size": 1.0}
                 rows += [of | one for one in _spectra(activity, table)]
@@ -174,7 +176,9 @@ def rates(trials: int, workers: int) -> pd.DataFrame:
     for size in SIZES:
         for name in ENGINES:
             few = max(6, round(trials * min(1, 1 / size)))
-            activity = _held(circuit(DEFAULT, 2).with_neurons_times(size), 0.0, few, name, workers)
+            activity = _held(
+                load_circuit(DEFAULT, 2).with_neurons_times(size), 0.0, few, name, workers
+            )
             scatter = float(activity.output_nats[:, 500:].std(axis=(0, 1))[0])
             of = {"channels": 2, "nats": 0.0, "engine": name, "size": size}
             rows.append(of | {"what": "OUT by size", "measure": "sd_nats", "value": scatter})

@@ -15,10 +15,10 @@ import pandas as pd
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import criterion_from_posterior
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.spec import Circuit
 
 SCORING_SEED = 78_001
@@ -39,7 +39,7 @@ SECONDS = 0.0015
 
 def cases() -> Iterator[tuple[str, Circuit, tuple[float, ...]]]:
     """Yield what is lost, the circuit after that, and the posteriors that are asked."""
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     yield "nothing", table, ASKED
     for name in ("STN", "GPe"):
         for share in LOST:
@@ -51,7 +51,7 @@ def cases() -> Iterator[tuple[str, Circuit, tuple[float, ...]]]:
 
 def behaviour(trials: int, workers: int) -> pd.DataFrame:
     """Return accuracy, times and late trials of each circuit at its posteriors, same trials."""
-    evidence = gaussian_evidence(
+    evidence = separated_evidence(
         trials,
         READINGS,
         D_PRIME / np.sqrt(2),
@@ -61,7 +61,7 @@ def behaviour(trials: int, workers: int) -> pd.DataFrame:
     rows = []
     for lost, table, asked in cases():
         model = BasalGanglia(
-            table, "population", gain_of(circuit(DEFAULT)), SCORING_SEED, {"workers": workers}
+            table, "population", gain_of(load_circuit(DEFAULT)), SCORING_SEED, {"workers": workers}
         )
         found = decide_at_thresholds(
             model, evidence, criterion_from_posterior(asked), decoder_tau_ms=None

@@ -26,7 +26,7 @@ from bgmodel.comparison.compare import (
     time_at,
     tradeoff,
 )
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
 from bgmodel.integrators.sprt import Integrator
@@ -78,7 +78,7 @@ def drawn(trials: int, alternatives: int, seed: int, first: int) -> Evidence:
     """Draw trials of their problem, in log likelihoods."""
     separation = MEAN / NOISE * np.sqrt(STEP_MS / 1000)
     rng = stream(seed, "published", str(alternatives), str(first))
-    return gaussian_evidence(
+    return separated_evidence(
         trials, STEPS, separation, rng=rng, hypotheses=alternatives, step_ms=STEP_MS
     )
 

@@ -18,7 +18,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, compare_with_msprt
 from bgmodel.comparison.compare import ACCURACIES, OTHER_NOISE
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200
 SLOW, SLOW_MS, SLOW_TRIALS = "8 orientations, 2 mm", 500.0, 1000
@@ -43,7 +43,7 @@ def decisions(
     accuracies: Sequence[float] = ACCURACIES,
 ) -> pd.DataFrame:
     """Return the comparison of the circuit on a kind of evidence, raw or centred."""
-    table = circuit(DEFAULT, kind.count)
+    table = load_circuit(DEFAULT, kind.count)
     options = {"workers": workers, "sample_ms": sample_ms(step_ms)}
     model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options, centred or None)
     found = compare_with_msprt(

@@ -19,9 +19,9 @@ import pandas as pd
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.controls import perturbed
 from circuits.spec import Circuit
 
@@ -63,12 +63,12 @@ class Case(NamedTuple):
 
     def edited(self) -> dict[str, Circuit]:
         """Return the changed circuits by name, without the share, recovered as the rules say."""
-        table = circuit(DEFAULT, self.channels)
+        table = load_circuit(DEFAULT, self.channels)
         return {name: self._after(each, table) for name, each in self.acute().items()}
 
     def acute(self) -> dict[str, Circuit]:
         """Return the changed circuits by name, as they are before any recovery."""
-        found = perturbed(circuit(DEFAULT, self.channels), self.fraction).items()
+        found = perturbed(load_circuit(DEFAULT, self.channels), self.fraction).items()
         static = {name: any(f" {field} " in name for field in STATIC) for name, _ in found}
         return {name: each for name, each in found if static[name] == self.static}
 
@@ -87,7 +87,7 @@ CASES = (
 
 def evidence(channels: int, trials: int) -> Evidence:
     """Draw the evidence of the cases of so many alternatives."""
-    return gaussian_evidence(
+    return separated_evidence(
         trials,
         READINGS[channels],
         D_PRIME[channels] / np.sqrt(2),
@@ -102,7 +102,7 @@ def changes(case: Case, trials: int, workers: int) -> pd.DataFrame:
 
     ``expected_accuracy`` and ``mean_ms`` are changes at the threshold that was kept.
     """
-    table = circuit(DEFAULT, case.channels)
+    table = load_circuit(DEFAULT, case.channels)
     options = {"workers": workers}
     model = BasalGanglia(table, "population", gain_of(table), SCORING_SEED, options)
     found = compare_edits(

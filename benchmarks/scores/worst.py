@@ -20,7 +20,7 @@ from benchmarks.scores.sensitivity import BIASES, MEASURES, SHOWN, Case
 from bgmodel.comparison.circuits import compare_edits
 from bgmodel.files import read_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 TRIALS, COARSE_TRIALS = 600, 200
 SECONDS = 0.15
@@ -42,7 +42,7 @@ def in_spikes(
     trials, workers : int
         Trials of each circuit; threads.
     """
-    table, seed = circuit(DEFAULT, channels), sensitivity.SCORING_SEED
+    table, seed = load_circuit(DEFAULT, channels), sensitivity.SCORING_SEED
     found = compare_edits(
         BasalGanglia(table, "ensemble", gain_of(table), seed, {"workers": workers}),
         {variant: Case(channels, fraction, True, BIASES).edited()[variant]},

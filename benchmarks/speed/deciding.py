@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import Msprt, stream, tally
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.learning.reinforce import exhaustive_search
 
 D, T_MAX, FEW = 0.5, 50, 20_000
@@ -75,9 +75,9 @@ def cpu_seconds(work: Callable[[], object]) -> float:
 
 def main() -> None:
     """Print the table."""
-    evidence = gaussian_evidence(200_000, T_MAX, SEPARATION, rng=stream(1, "benchmark"))
+    evidence = separated_evidence(200_000, T_MAX, SEPARATION, rng=stream(1, "benchmark"))
     small = evidence[:FEW]
-    four = gaussian_evidence(FEW, T_MAX, SEPARATION, rng=stream(1, "four"), hypotheses=4)
+    four = separated_evidence(FEW, T_MAX, SEPARATION, rng=stream(1, "four"), hypotheses=4)
     levels = -np.log(POSTERIORS)
 
     exhaustive_search(small, DELTAS)  # compile

@@ -29,7 +29,7 @@ from bgmodel.comparison.circuits import (
 from bgmodel.comparison.compare import compare
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.spec import Circuit
 
 TIMES = 6
@@ -98,7 +98,7 @@ def main() -> None:
     parser.add_argument("--d-prime", type=float, default=1.0)
     parser.add_argument("--trials", type=int, default=1000)
     given = parser.parse_args()
-    table = circuit("spiking_msprt", given.channels)
+    table = load_circuit("spiking_msprt", given.channels)
     gain = gain_of(table)
     drawn = [
         (seed, tuning_evidence(given.trials, given.channels, given.d_prime, seed))

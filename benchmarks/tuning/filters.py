@@ -25,7 +25,7 @@ from bgmodel.comparison.compare import compare, tradeoff
 from bgmodel.decision import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.arrays import Array
 from circuits.spec import Circuit
 
@@ -103,7 +103,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=2000)
     parser.add_argument("--gain", type=float)
     given = parser.parse_args()
-    table = circuit("spiking_msprt", given.channels)
+    table = load_circuit("spiking_msprt", given.channels)
     gain = gain_of(table, given.gain)
     runs = []
     for seed in TUNING_SEEDS:

@@ -24,7 +24,7 @@ from bgmodel.comparison.circuits import (
     thresholds_about,
 )
 from bgmodel.comparison.compare import compare
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import macaque
 from circuits.cells import Phase
@@ -74,7 +74,7 @@ def rise_with_conflict(channels: int, edit: Circuit, seed: int) -> float:
     for conflict in (0.0, 0.9):
         rng = stream(seed, "conflict", channels)
         given = {"hypotheses": channels, "step_ms": 50.0, "conflict": conflict}
-        evidence = gaussian_evidence(300, 14, 1 / np.sqrt(2), rng=rng, **given)
+        evidence = separated_evidence(300, 14, 1 / np.sqrt(2), rng=rng, **given)
         model = BasalGanglia(edit, "population", gain_of(edit), seed, {"noise": False})
         found = model.activity(evidence)
         seen = (found.time_ms >= 150) & (found.time_ms <= 600)

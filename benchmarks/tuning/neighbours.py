@@ -19,9 +19,9 @@ import numpy as np
 from bgmodel import stream
 from bgmodel.comparison.circuits import at_rest, compare_edits
 from bgmodel.comparison.page import page
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.laws.firing import fit_current
 from circuits.spec import Circuit
 
@@ -34,7 +34,7 @@ def tuning_evidence(trials: int, channels: int, d_prime: float, seed: int) -> Ev
     """Return Gaussian evidence for tuning, long enough for an accuracy of .98."""
     steps, rng = int(60 / d_prime), stream(seed, "tuning", channels)
     separation = d_prime / np.sqrt(2)
-    return gaussian_evidence(
+    return separated_evidence(
         trials, steps, separation, rng=rng, hypotheses=channels, step_ms=STEP_MS
     )
 
@@ -96,7 +96,7 @@ def main() -> None:
     parser.add_argument("--d-prime", type=float, default=0.5)
     parser.add_argument("--trials", type=int, default=500)
     given = parser.parse_args()
-    table = circuit("spiking_msprt", given.channels)
+    table = load_circuit("spiking_msprt", given.channels)
     gain = gain_of(table)
     tried = neighbours(table)
     for name, row in {"as it is": table, **tried}.items():

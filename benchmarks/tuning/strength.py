@@ -15,7 +15,7 @@ import numpy as np
 
 from bgmodel import stream
 from bgmodel.decision import Decision, first_crossing
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import macaque
 from circuits.fixed_point import solve, wired
@@ -83,7 +83,7 @@ def drawn(d_prime: float, channels: int, trials: int, readings: int = READINGS) 
     """Return Gaussian evidence, a reading every 50 ms."""
     rng = stream(SEED, "strength")
     separation = d_prime / np.sqrt(2)
-    return gaussian_evidence(
+    return separated_evidence(
         trials, readings, separation, rng=rng, hypotheses=channels, step_ms=50.0
     )
 

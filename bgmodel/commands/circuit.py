@@ -66,12 +66,12 @@ class CircuitShow(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from circuits.anatomy import circuit
+        from circuits.anatomy import load_circuit
         from circuits.show import text
 
         if self.save is not None:
             check_ending("save", self.save, ".toml")
-        table = self.edits.apply(circuit(self.circuit, self.channels))
+        table = self.edits.apply(load_circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
             from circuits.show import draw
@@ -218,10 +218,10 @@ class CircuitRun(Writes):
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-        from circuits.anatomy import circuit
+        from circuits.anatomy import load_circuit
         from circuits.engines import THREADED
 
-        table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
+        table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
         say_of_edits(self.edits)
         options: dict[str, Any] = {}
         if self.engine in THREADED:

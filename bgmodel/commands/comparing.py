@@ -83,7 +83,7 @@ class Compare(Comparison):
         """Run the command."""
         from bgmodel.comparison.circuits import compare_with_msprt, is_noisy
         from bgmodel.comparison.page import page
-        from circuits.anatomy import circuit
+        from circuits.anatomy import load_circuit
 
         model, evidence = _model(self)
         gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
@@ -91,7 +91,7 @@ class Compare(Comparison):
         rivals = rivals_on(zero_is_nothing=gaussian)
         if left := [name for name in RIVALS if name not in rivals]:
             say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
-        whole = circuit(self.circuit, evidence.hypotheses)
+        whole = load_circuit(self.circuit, evidence.hypotheses)
         intact = None if model.circuit == whole else whole
         again = self.ceiling and is_noisy(model)
         runs = 1 + (intact is not None) + again
@@ -129,10 +129,10 @@ class CircuitLesion(Comparison):
         """Run the command."""
         from bgmodel.comparison.circuits import AS_EDITED, INTACT, compare_edits
         from bgmodel.comparison.page import behaviour, page
-        from circuits.anatomy import circuit
+        from circuits.anatomy import load_circuit
 
         model, evidence = _model(self)
-        whole = circuit(self.circuit, evidence.hypotheses)
+        whole = load_circuit(self.circuit, evidence.hypotheses)
         before = INTACT if model.circuit == whole else AS_EDITED
         edited, asked = {}, []
         for edit in self.lesions:
@@ -171,7 +171,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel.comparison.compare import check_trials, checked_accuracies
     from bgmodel.comparison.with_msprt import model_of
-    from circuits.anatomy import circuit
+    from circuits.anatomy import load_circuit
     from circuits.spec import NATS
 
     stimuli = asked_for.stimuli
@@ -185,7 +185,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     evidence = trials.evidence
     check_trials(evidence.trials)
     checked_accuracies(asked_for.accuracies, evidence.hypotheses)
-    table = asked_for.edits.apply(circuit(asked_for.circuit, evidence.hypotheses))
+    table = asked_for.edits.apply(load_circuit(asked_for.circuit, evidence.hypotheses))
     say_of_edits(asked_for.edits)
     model = model_of(
         table,

@@ -167,9 +167,9 @@ class Decide(Shows):
 
     def _trials(self) -> tables.Trials:
         if self.evidence is not None:
-            from bgmodel.tables.evidence import read_trials
+            from bgmodel.tables.evidence import read_evidence_table
 
-            return read_trials(
+            return read_evidence_table(
                 self.evidence,
                 prior=self.prior,
                 onset_ms=self.onset_ms,

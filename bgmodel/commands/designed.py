@@ -68,13 +68,13 @@ class CircuitDesigned(Shows):
         from bgmodel.comparison import designed
         from bgmodel.comparison.with_msprt import model_of
         from bgmodel.integrators.basal_ganglia import identity
-        from circuits.anatomy import circuit
+        from circuits.anatomy import load_circuit
 
         self._check()
         channels = self.channels
         if channels is None and not self.circuit.endswith(".toml"):
             channels = CHANNELS
-        table = self.edits.apply(circuit(self.circuit, channels))
+        table = self.edits.apply(load_circuit(self.circuit, channels))
         say_of_edits(self.edits)
         every = designed.designs(table.channels)
         model = model_of(

@@ -124,9 +124,9 @@ class CircuitLearn(Writes):
         """Return the circuit as edited, on its engine."""
         from bgmodel.dopamine import COARSE
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-        from circuits.anatomy import circuit
+        from circuits.anatomy import load_circuit
 
-        table = self.edits.apply(circuit(self.circuit, evidence.hypotheses))
+        table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
         say_of_edits(self.edits)
         table.check_nats("a criterion that dopamine sets")
         options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}

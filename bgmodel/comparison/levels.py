@@ -18,10 +18,10 @@ from bgmodel.dopamine import (
     levels_between,
     working_range,
 )
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.seeds import stream
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.spec import Circuit
 
 STEPS = {2: 120, 4: 160}
@@ -123,12 +123,12 @@ def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.D
     """
     parts = []
     for channels, steps in STEPS.items():
-        table = circuit(DEFAULT, channels)
+        table = load_circuit(DEFAULT, channels)
         gain = gain_of(table)
         low, high = working_range(table, THRESHOLD_NATS)
         levels = levels_between(LOWEST_SHARE * low, 0.98 * high, LEVELS)
         rng = stream(seed, "figD2", channels)
-        evidence = gaussian_evidence(
+        evidence = separated_evidence(
             trials, steps, 0.5 / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
         )
         tests = msprt_tradeoffs(evidence, gain)

@@ -56,7 +56,7 @@ def compare(
         Threads of the engines that can use several; they change no byte.
     rivals : sequence of str
         Which of ``RIVALS`` are compared too. "race" and "LCA" need evidence whose zero means that
-        nothing was seen, as that of ``gaussian_evidence``.
+        nothing was seen, as that of ``separated_evidence``.
     accuracies : sequence of float, or float
         Expected accuracies at which thresholds are matched.
     resamples : int

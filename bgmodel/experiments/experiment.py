@@ -44,7 +44,7 @@ from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli, seen_from, warn_of_default
 from bgmodel.tables.trials import Trials, trial_table
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import THREADED
 from circuits.spec import Circuit
 
@@ -168,7 +168,7 @@ class Experiment:
 
     def table(self, condition: Condition, channels: int) -> Circuit:
         """Return a condition's circuit, for so many alternatives."""
-        table = condition.apply(circuit(self.circuit, channels))
+        table = condition.apply(load_circuit(self.circuit, channels))
         table.check_nats("an experiment's criterion at a posterior")
         return table
 

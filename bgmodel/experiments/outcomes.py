@@ -37,7 +37,7 @@ from bgmodel.experiments.predictions import (
     Prediction,
 )
 from bgmodel.integrators.basal_ganglia import gain_of
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 
 VERDICTS = {
     AGREES: "agrees",
@@ -304,7 +304,7 @@ def _setting(experiment: Experiment, table: pd.DataFrame) -> str:
     """Return circuit, engine, gain, posterior, seed and trials, as text."""
     gain = experiment.gain
     if gain is None:
-        gain = gain_of(circuit(experiment.circuit, _channels(experiment)))
+        gain = gain_of(load_circuit(experiment.circuit, _channels(experiment)))
     trials = table.loc[table["measure"] == "missed", "trials"].iloc[0]
     return (
         f"circuit {experiment.circuit}, engine {experiment.engine}, gain {gain:g}, posterior "

@@ -26,7 +26,7 @@ from bgmodel.readout import ReadOut
 
 try:
     from circuits.activity import RateMeans, checked_drive, warn_beyond_range
-    from circuits.anatomy import circuit as named
+    from circuits.anatomy import load_circuit as named
     from circuits.checks import check_time
     from circuits.cost import memory_bytes
     from circuits.engines import DROPPING, ENGINES, NOISY, THREADED, check_options
@@ -262,7 +262,7 @@ class BasalGanglia(Facts):
             if rates is not None:
                 rates.add(activity)
             advance(part.trials)
-        decision = joined(decided)
+        decision = replace(joined(decided), truth=evidence.truth)
         check_decision(decision, level, forced=forced, of_test=False)
         warn_of_decisions(evidence, decision)
         return decision

@@ -37,7 +37,7 @@ class Race:
 
     ``OUT_i = -Y_i``. A constant shared by the hypotheses of a reading changes nothing for the rules
     that compare; here it does, so the zero of the evidence must mean that nothing was seen, as in
-    ``gaussian_evidence``.
+    ``separated_evidence``.
     """
 
     needs_zero: ClassVar[bool] = True
@@ -166,7 +166,7 @@ def rivals_on(zero_is_nothing: bool) -> list[str]:
     Parameters
     ----------
     zero_is_nothing : bool
-        Whether the zero of the evidence means that nothing was seen, as in ``gaussian_evidence``.
+        Whether the zero of the evidence means that nothing was seen, as in ``separated_evidence``.
     """
     return [name for name, rival in RIVALS.items() if zero_is_nothing or not rival.needs_zero]
 

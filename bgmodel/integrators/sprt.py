@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -27,8 +27,45 @@ class Integrator(Protocol):
         ...
 
 
+class Decides:
+    """A test that decides where its OUT first crosses a threshold."""
+
+    def run(self, evidence: Evidence) -> Trace:
+        """Return OUT."""
+        raise NotImplementedError
+
+    def decide(
+        self,
+        evidence: Evidence,
+        threshold: float | None = None,
+        *,
+        posterior: float | None = None,
+        forced: bool = True,
+    ) -> Decision:
+        """Return the decision of each trial.
+
+        Parameters
+        ----------
+        evidence : Evidence
+            What is decided.
+        threshold : float, optional
+            OUT at which it decides, nats.
+        posterior : float, optional
+            Posterior at which it decides, in place of a threshold.
+        forced : bool
+            Whether the deadline forces a response.
+
+        Raises
+        ------
+        ValueError
+            As ``first_crossing``.
+        """
+        found = first_crossing(self.run(evidence), threshold, posterior=posterior, forced=forced)
+        return replace(found, truth=evidence.truth)
+
+
 @dataclass(frozen=True)
-class Sprt:
+class Sprt(Decides):
     """Sequential probability ratio test (Wald 1945) on log posterior odds.
 
     ``OUT_1 = Z`` and ``OUT_2 = -Z`` with ``Z_t = Z_(t-1) + log p(x_t|S2)/p(x_t|S1)`` and ``Z_0``
@@ -63,7 +100,7 @@ class Sprt:
 
 
 @dataclass(frozen=True)
-class Msprt:
+class Msprt(Decides):
     """Multi-hypothesis SPRT (Baum & Veeravalli 1994): stop when a posterior is high enough.
 
     ``OUT_i = -ln P_i = -y_i + ln sum_j exp y_j`` with ``y_i`` the summed log-likelihoods and log

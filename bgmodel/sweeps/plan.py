@@ -30,7 +30,7 @@ from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from, warn_of_default
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import NOISY, THREADED
 from circuits.motifs import expanded
 from circuits.spec import Circuit
@@ -101,7 +101,7 @@ class Setting:
     @cached_property
     def table(self) -> Circuit:
         """The circuit as edited."""
-        table = self.edits.apply(circuit(self.circuit, self.hypotheses))
+        table = self.edits.apply(load_circuit(self.circuit, self.hypotheses))
         table.check_nats("a sweep's criterion at a posterior")
         return table
 
@@ -111,7 +111,7 @@ class Setting:
         The table without the edits of the point is its control, as that of an experiment.
         """
         gain_of(self.table, self.gain)
-        level, intact = self.threshold_nats, circuit(self.circuit, self.hypotheses)
+        level, intact = self.threshold_nats, load_circuit(self.circuit, self.hypotheses)
         check_conditions(intact, level, self.table, level)
 
     def model(self, seed: int) -> BasalGanglia:
@@ -147,7 +147,7 @@ OF_EDITS = tuple(f.name for f in fields(Edits) if f.name not in ROWS)
 
 @cache
 def _nuclei(name: str) -> set[str]:
-    return {row.name for row in circuit(name).populations}
+    return {row.name for row in load_circuit(name).populations}
 
 
 @cache
@@ -303,7 +303,7 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
 
 def _edited(edits: Edits, texts: list[str], name: str) -> dict[str, Any]:
     """Return the edits of rows of a point: the plan's, those that it names replaced."""
-    rows = expanded(circuit(name), edits.add)
+    rows = expanded(load_circuit(name), edits.add)
     added = {row.split()[0] if isinstance(row, str) else row.name for row in rows}
     for text in texts:
         place = text.partition("=")[0]

@@ -28,7 +28,7 @@ DECIMAL_SIGN = "is the decimal sign a comma? It must be a point"
 COMMA = re.compile(r"\s*[+-]?\d+,\d+\s*")
 
 
-def read_trials(
+def read_evidence_table(
     path: str | Path,
     *,
     prior: Sequence[float] | None = None,
@@ -58,6 +58,21 @@ def read_trials(
         return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
     except ValueError as error:
         raise ValueError(f"{path.name}: {error}") from None
+
+
+def read_evidence(
+    path: str | Path,
+    *,
+    prior: Sequence[float] | None = None,
+    onset_ms: float = 0.0,
+    step_ms: float = 1.0,
+) -> Evidence:
+    """Read a user's evidence from a file; arguments and errors as of ``read_evidence_table``.
+
+    That function also returns the names of the hypotheses and the table's other columns.
+    """
+    table = read_evidence_table(path, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
+    return table.evidence
 
 
 def trials_from_table(

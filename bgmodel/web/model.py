@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bgmodel.integrators.basal_ganglia import gain_of, identity
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.fixed_point import parts, wired
 from circuits.rows import GABA, RECEPTORS
 from circuits.spec import Circuit
@@ -33,9 +33,9 @@ def tables(name: str | Path) -> dict[str, Any]:
         As ``circuits.anatomy.circuit`` and ``check_shown``.
     """
     if is_path(name):
-        table = circuit(name)
+        table = load_circuit(name)
         return {str(table.channels): plain(table)}
-    return {str(n): plain(circuit(name, n)) for n in ALTERNATIVES}
+    return {str(n): plain(load_circuit(name, n)) for n in ALTERNATIVES}
 
 
 def check_shown(table: Circuit) -> None:

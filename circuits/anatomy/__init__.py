@@ -23,10 +23,10 @@ __all__ = [
     "DEFAULT",
     "appendix_b",
     "bogacz_gurney",
-    "circuit",
     "gpr",
     "humphries",
     "linear_gpe",
+    "load_circuit",
     "macaque",
     "spiking_msprt",
     "stewart",
@@ -47,7 +47,7 @@ DEFAULT = "macaque"
 """The table that is taken where none is named; before version 0.2 it was "spiking_msprt"."""
 
 
-def circuit(name: str | Path, channels: int | None = None) -> Circuit:
+def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
     """Return a circuit by name, or from a table's file.
 
     Parameters

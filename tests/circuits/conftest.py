@@ -19,4 +19,4 @@ def registry():
 
 @pytest.fixture(params=sorted(anatomy.CIRCUITS))
 def circuit(request):
-    return anatomy.circuit(request.param)
+    return anatomy.load_circuit(request.param)

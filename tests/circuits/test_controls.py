@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.controls import correlated, linear_stn, perturbed
 from circuits.engines import run
 from circuits.laws.response import phase_spectrum
 
 SEED = 51
-TABLE = circuit("spiking_msprt", 4)
+TABLE = load_circuit("spiking_msprt", 4)
 
 
 def test_every_number_is_varied_once_each_way():
@@ -58,7 +58,7 @@ def test_with_a_linear_stn_out_is_the_mean_over_channels_less_each(channels):
     STN's pathway to GPe bends, so a slope put into its weight would move GPe. Away from rest what
     is left is the leak of the inhibition that cancels what channels share.
     """
-    table = circuit("macaque", channels)
+    table = load_circuit("macaque", channels)
     drive = np.zeros((2, 1, channels))
     drive[1, 0, :2] = 0.3, -0.2
     found, intact = (

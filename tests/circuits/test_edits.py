@@ -14,7 +14,7 @@ from circuits.engines import algebra
 from circuits.spec import Population, Projection
 
 TABLE = anatomy.spiking_msprt()
-TABLES = [anatomy.circuit(name) for name in anatomy.CIRCUITS]
+TABLES = [anatomy.load_circuit(name) for name in anatomy.CIRCUITS]
 ROWS = [row.name for row in (*TABLE.populations, *TABLE.projections)]
 NAMES = st.text("abcDGNST_19", min_size=1, max_size=5)
 NUMBERS = st.floats(0, 1000).map(lambda x: round(x, 3))

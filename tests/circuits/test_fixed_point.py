@@ -15,7 +15,7 @@ from tests.circuits.helpers import evidence
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
 def test_the_fixed_point_stays_where_it_is(name):
-    circuit = anatomy.circuit(name, 4)
+    circuit = anatomy.load_circuit(name, 4)
     wiring = fixed_point.wired(circuit)
     drive = 0.6 * evidence(4)
     x = fixed_point.solve(wiring, drive)

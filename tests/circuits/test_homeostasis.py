@@ -31,7 +31,7 @@ def own_biases(circuit):
 @pytest.mark.parametrize("channels", CHANNELS)
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
 def test_a_circuit_that_was_not_edited_is_left_as_it_is(name, channels):
-    circuit = anatomy.circuit(name, channels)
+    circuit = anatomy.load_circuit(name, channels)
     assert biases(circuit, circuit) == pytest.approx(own_biases(circuit), abs=1e-12)
     assert circuit.recovered(circuit) == circuit
 
@@ -49,7 +49,7 @@ def test_a_circuit_that_was_not_edited_is_left_as_it_is(name, channels):
 def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
     name, channels, lesion, row, factor, gain, level
 ):
-    circuit = anatomy.circuit(name, channels)
+    circuit = anatomy.load_circuit(name, channels)
     path = circuit.projections[row % len(circuit.projections)]
     cells = circuit.populations[row % len(circuit.populations)]
     edited = circuit.without("STN", lesion).scaled(path.source, path.target, factor)
@@ -62,7 +62,7 @@ def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
 @given(change=st.floats(-0.3, 0.3), row=st.integers(0, 100))
 @settings(max_examples=20)
 def test_a_bias_that_was_edited_is_undone(name, change, row):
-    circuit = anatomy.circuit(name, 4)
+    circuit = anatomy.load_circuit(name, 4)
     cells = circuit.populations[row % len(circuit.populations)]
     edited = circuit.with_population(cells.name, bias_nats=cells.bias_nats + change)
     assert own_biases(edited.recovered(circuit)) == pytest.approx(own_biases(circuit), abs=1e-12)
@@ -143,7 +143,7 @@ def test_a_chronic_lesion_starts_at_its_own_rest_and_stays_there(lost, engine):
     ],
 )
 def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
-    circuit = anatomy.circuit(name, channels)
+    circuit = anatomy.load_circuit(name, channels)
     edited = edit(circuit)
     course = recovery(edited, circuit).set_index("population")
     end = course[course["time"] == course["time"].max()]
@@ -314,7 +314,7 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
     name, channels, bias, weights, lesion
 ):
     """The new nucleus itself rests where these take it, whatever it sends and hears."""
-    table = anatomy.circuit(name, channels).without("STN", lesion)
+    table = anatomy.load_circuit(name, channels).without("STN", lesion)
     heard, sent, own = weights
     rows = (
         f"TRN like=D2 bias_nats={bias} receptor='' baseline_hz=5",

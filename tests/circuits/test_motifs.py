@@ -5,7 +5,7 @@ import pytest
 
 from bgmodel.decision import first_crossing
 from bgmodel.edits import Edits
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.seeds import stream
 from circuits import anatomy
@@ -20,7 +20,7 @@ INTERNEURONS = "striatal_FSI"
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt", "appendix_b"])
 @pytest.mark.parametrize("channels", [2, 4])
 def test_adding_striatal_interneurons_leaves_all_rates_at_rest(name, channels):
-    table = anatomy.circuit(name, channels)
+    table = anatomy.load_circuit(name, channels)
     added = table.with_rows(INTERNEURONS)
     before, after = at_rest(table), at_rest(added)
     assert {key: after[key] for key in before} == pytest.approx(before, abs=1e-6)
@@ -59,7 +59,7 @@ def test_with_them_the_circuit_still_decides_and_without_half_of_them_it_decides
     table = anatomy.macaque(2)
     added = table.with_rows(INTERNEURONS)
     rng = stream(31, "motif")
-    evidence = gaussian_evidence(300, 40, 0.7, rng=rng, step_ms=50.0)
+    evidence = separated_evidence(300, 40, 0.7, rng=rng, step_ms=50.0)
     level = -np.log(0.82)
     found = []
     for circuit in (table, added, added.without("FSI", 0.5)):

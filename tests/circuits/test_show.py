@@ -15,7 +15,7 @@ from circuits.spec import GABA, Population, Projection
 
 @pytest.mark.parametrize("name", anatomy.CIRCUITS)
 def test_the_page_holds_every_row_with_its_source(name):
-    circuit = anatomy.circuit(name, 3)
+    circuit = anatomy.load_circuit(name, 3)
     page = show.text(circuit)
     for row in circuit.populations:
         assert row.name in page
@@ -41,7 +41,7 @@ def test_edits_show_on_the_page_and_nothing_else_does():
 
 def test_constants_of_cells_are_in_the_circuits_unit():
     for name, unit in (("humphries", "salience"), ("spiking_msprt", "nat")):
-        table = anatomy.circuit(name)
+        table = anatomy.load_circuit(name)
         shown = show.constants(table)
         assert [f"mv_per_{unit} " in shown, shown.count("mv_per_")] == [
             any(hasattr(row.cell, "mv_per_nat") for row in table.populations),

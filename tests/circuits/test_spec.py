@@ -9,7 +9,7 @@ import pytest
 
 from circuits import anatomy
 from circuits.anatomy import CIRCUITS
-from circuits.anatomy import circuit as named
+from circuits.anatomy import load_circuit as named
 from circuits.cells import Lif, Rate
 from circuits.engines import algebra
 from circuits.fixed_point import rest_rates, wired
@@ -190,7 +190,7 @@ def test_unknown_names_list_the_valid_ones(circuit):
     with pytest.raises(ValueError, match="has no 'delay': weight, pattern"):
         circuit.with_projection("STN", "GPe", delay=3)
     with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gprx'"):
-        anatomy.circuit("gprx")
+        anatomy.load_circuit("gprx")
     with pytest.raises(ValueError, match=r"transfer must be one of linear, .*got 'cubic'"):
         circuit.with_population("STN", transfer="cubic")
     with pytest.raises(ValueError, match=r"pattern must be one of 'channel', .*got 'random'"):
@@ -330,7 +330,7 @@ def test_tables_without_sense_are_refused():
 
 @pytest.mark.parametrize("name", ["appendix_b", "spiking_msprt"])
 def test_dopamine_raises_d1_and_lowers_d2(name):
-    circuit = anatomy.circuit(name)
+    circuit = anatomy.load_circuit(name)
     for level in (0.9, 1.2):
         changed = circuit.dopamine(level)
         for p, old in zip(changed.projections, circuit.projections, strict=True):
@@ -424,7 +424,7 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
 
 
 def test_a_circuit_is_a_mapping_of_its_rows():
-    table = anatomy.circuit("macaque")
+    table = anatomy.load_circuit("macaque")
     assert table["STN"] == table.population("STN")
     assert table["STN->GPe"] == table.projection("STN", "GPe")
     assert [row.name for row in table.values()] == list(table)
@@ -436,7 +436,7 @@ def test_a_circuit_is_a_mapping_of_its_rows():
 
 
 def test_a_circuit_is_equal_to_no_plain_mapping():
-    table = anatomy.circuit("macaque")
+    table = anatomy.load_circuit("macaque")
     assert table == replace(table)
     assert table != dict(table)
     assert hash(table) == hash(replace(table))

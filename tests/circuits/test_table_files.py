@@ -49,17 +49,17 @@ EDITS = [
 @pytest.mark.parametrize("channels", [2, 3, 12])
 @pytest.mark.parametrize("name", ALL)
 def test_every_table_comes_back_from_its_file(name, channels, tmp_path):
-    circuit = anatomy.circuit(name, channels)
+    circuit = anatomy.load_circuit(name, channels)
     path = table_files.write(circuit, tmp_path / "mine.toml")
     assert table_reader.read(path) == table_reader.read(path, channels) == circuit
-    assert anatomy.circuit(path) == anatomy.circuit(str(path), channels) == circuit
+    assert anatomy.load_circuit(path) == anatomy.load_circuit(str(path), channels) == circuit
     assert [found.name for found in tmp_path.iterdir()] == ["mine.toml"]
 
 
 @settings(max_examples=150)
 @given(st.sampled_from(ALL), st.integers(2, 5), st.lists(st.one_of(EDITS), max_size=4, unique=True))
 def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
-    circuit = anatomy.circuit(name, channels)
+    circuit = anatomy.load_circuit(name, channels)
     for edit in edits:
         try:
             circuit = edit(circuit)
@@ -299,13 +299,13 @@ def circuit_or_sentence(text):
 
 def test_a_file_that_cannot_be_read_is_said(tmp_path):
     with pytest.raises(ValueError, match=r"mine.toml' can't be read: No such file"):
-        anatomy.circuit(tmp_path / "mine.toml")
+        anatomy.load_circuit(tmp_path / "mine.toml")
     (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ValueError, match=r"mine.toml' can't be read as text"):
-        anatomy.circuit(tmp_path / "mine.toml")
+        anatomy.load_circuit(tmp_path / "mine.toml")
     (tmp_path / "mine.toml").write_text("a = " + "[" * 100_000)
     with pytest.raises(ValueError, match=r"^mine\.toml is n"):
-        anatomy.circuit(tmp_path / "mine.toml")
+        anatomy.load_circuit(tmp_path / "mine.toml")
     with pytest.raises(ValueError, match=r"a circuit is written as \.toml, got 'mine\.csv'"):
         table_files.write(anatomy.gpr(), "mine.csv")
 
@@ -316,7 +316,7 @@ def test_a_file_is_for_one_number_of_alternatives(tmp_path):
         ValueError,
         match=r"^mine\.toml holds a circuit for 4 alternatives, not for 2: ask for 4 channels$",
     ):
-        anatomy.circuit(path, 2)
+        anatomy.load_circuit(path, 2)
 
 
 def test_all_cell_types_have_their_name_in_files():

@@ -15,7 +15,7 @@ from circuits.ticks import Clock
 from circuits.timed import timed
 from circuits.wiring import wire
 
-TABLES = {name: anatomy.circuit(name, 3) for name in ("spiking_msprt", "macaque")}
+TABLES = {name: anatomy.load_circuit(name, 3) for name in ("spiking_msprt", "macaque")}
 SPREAD = np.array([0.5, 0.1, -0.6])
 HELD = np.tile(SPREAD, (1, 8, 1))
 SINGLE = 2e-4

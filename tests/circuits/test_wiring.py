@@ -29,7 +29,7 @@ def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
 
 @pytest.mark.parametrize("name", ["spiking_msprt", "appendix_b"])
 def test_slope_and_curvature_of_rates_are_their_derivatives_and_nothing_below_the_floor(name):
-    wiring = wire(anatomy.circuit(name))
+    wiring = wire(anatomy.load_circuit(name))
     h = 1e-4
     for x in (-3.0, -1.05, 0.55, 2.05):  # either side of every floor, and on none
         inputs = np.full(wiring.blocks, x)

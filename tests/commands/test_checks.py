@@ -8,7 +8,7 @@ import pytest
 from bgmodel.cli import _plain_warnings, main
 from bgmodel.commands.checks import say_before
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from tests.helpers import run, some_evidence
 
 
@@ -125,7 +125,7 @@ def test_what_runs_and_its_memory_are_said_but_no_time_that_it_takes(
     capsys, monkeypatch, name, channels
 ):
     """No estimate holds for circuits of any size on any machine: a bar shows how far a run is."""
-    model = BasalGanglia(circuit(name, channels), "rate", 0.5)
+    model = BasalGanglia(load_circuit(name, channels), "rate", 0.5)
     evidence = some_evidence(trials=1000, steps=39, hypotheses=channels, step_ms=50.0, baseline=0.0)
     said = f"bgmodel: trying {name} on rate, {{}}1000 trials of up to 2 s{{}}\n"
     say_before("trying", model, evidence)
@@ -143,7 +143,7 @@ def test_a_baseline_above_0_is_said_where_channels_get_their_own_evidence(capsys
         ("spiking_msprt", 0.5, False),
     ):
         evidence = some_evidence(trials=2, hypotheses=2, baseline=baseline)
-        say_before("trying", BasalGanglia(circuit(name), "algebra", 0.5), evidence)
+        say_before("trying", BasalGanglia(load_circuit(name), "algebra", 0.5), evidence)
         told = capsys.readouterr().err
         assert ("less what a reading says on the mean: 0.5 nats" in told) == said
 
@@ -154,7 +154,7 @@ def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys,
     evidence = some_evidence(trials=2, hypotheses=2, baseline=0.0)
     for engine, compiles in (("ensemble", True), ("algebra", False)):
         later.clear()
-        say_before("trying", BasalGanglia(circuit("macaque"), engine, 0.5), evidence)
+        say_before("trying", BasalGanglia(load_circuit("macaque"), engine, 0.5), evidence)
         assert "compiling" not in capsys.readouterr().err
         assert bool(later) == compiles
         for call in later:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.experiments.experiment import read_experiment, shipped
 from bgmodel.experiments.predictions import AGREES, WITHOUT
 from bgmodel.files import provenance_path, read_provenance
@@ -222,7 +222,7 @@ def test_many_missed_trials_are_told_and_few_are_not(experiment_file):
 
 def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsys):
     rng = np.random.default_rng(8)
-    evidence = gaussian_evidence(120, 20, 0.4, rng=rng)
+    evidence = separated_evidence(120, 20, 0.4, rng=rng)
     frame = pd.DataFrame(evidence.log_likelihood.reshape(-1, 2), columns=["ll_a", "ll_b"])
     frame["trial"] = np.repeat([f"id{n}" for n in range(120)], 20)
     frame["step"] = np.tile(np.arange(20), 120)

@@ -15,7 +15,7 @@ import pytest
 
 from bgmodel.files import read_provenance, write_table
 from bgmodel.sweeps import shards
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.table_files import write
 from tests.helpers import ROOT, run
 
@@ -35,7 +35,7 @@ posterior = [0.7, 0.8, 0.9]
 
 def written(folder, engine="algebra", trials=60):
     """Write a sweep and its circuit into a folder; return the sweep's path."""
-    write(circuit("macaque", 2), folder / "mine.toml")
+    write(load_circuit("macaque", 2), folder / "mine.toml")
     path = folder / "small.toml"
     path.write_text(SMALL.format(engine=engine, trials=trials))
     return path
@@ -151,7 +151,7 @@ def test_jobs_give_the_same_bytes_and_run_again_where_the_circuit_was_edited(
     assert run(*jobs, "--dry-run") == 0
     assert "rule part:" not in "".join(capfd.readouterr())
     (tmp_path / "mine.toml").unlink()
-    write(circuit("macaque", 2).without("STN", 0.1), tmp_path / "mine.toml")
+    write(load_circuit("macaque", 2).without("STN", 0.1), tmp_path / "mine.toml")
     assert run(*jobs, "--dry-run") == 0
     assert "rule part:" in "".join(capfd.readouterr())
 

@@ -16,13 +16,13 @@ from bgmodel.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.comparison.cautions import ceiling, warn_of_ceiling, warn_of_own_ceiling
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.comparison.with_msprt import compare
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.rivals import Lca
 from tests.helpers import run
 
 
 def drawn(trials, steps, seed=1, hypotheses=2):
-    return gaussian_evidence(
+    return separated_evidence(
         trials, steps, 0.4, rng=stream(seed, "cautions"), hypotheses=hypotheses, step_ms=50.0
     )
 

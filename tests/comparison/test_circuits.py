@@ -24,16 +24,16 @@ from bgmodel.comparison.circuits import (
 )
 from bgmodel.comparison.compare import OTHER_NOISE, compare, tradeoff
 from bgmodel.comparison.page import behaviour, page
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import RIVALS
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.controls import shuffled_stn
 
 SEED, GAIN = 51, 0.5
-TABLE = circuit("spiking_msprt", 4)
-EVIDENCE = gaussian_evidence(
+TABLE = load_circuit("spiking_msprt", 4)
+EVIDENCE = separated_evidence(
     120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
 )
 MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
@@ -139,7 +139,7 @@ def test_trials_do_not_depend_on_their_batch(monkeypatch):
 def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
     """MSN at most 5 Hz, STN 8-25, GPe 25-75, SNr 20-80 (the ranges of rat and macaque)."""
     for channels in (2, 4):
-        found = at_rest(circuit("spiking_msprt", channels), seed=SEED).set_index("nucleus")
+        found = at_rest(load_circuit("spiking_msprt", channels), seed=SEED).set_index("nucleus")
         for name, low, high in (
             ("D1", 0, 5),
             ("D2", 0, 5),
@@ -150,7 +150,9 @@ def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
             assert low <= found.loc[name, "rate_hz"] <= high, name
         # And those of the fixed point, where cells are not silent on average and swing into firing.
         silence = np.zeros((1, 1, channels))
-        fixed = BasalGanglia(circuit("spiking_msprt", channels)).run_drive(silence, 1.0).rates_hz
+        fixed = (
+            BasalGanglia(load_circuit("spiking_msprt", channels)).run_drive(silence, 1.0).rates_hz
+        )
         for name in ("ctx", "STN", "GPe"):
             rate_hz = fixed[name].mean()
             assert found.loc[name, "rate_hz"] == pytest.approx(rate_hz, rel=0.05), name
@@ -171,7 +173,7 @@ def test_a_page_names_measures_as_the_table_does_and_explains_what_is_unknown(ta
 
 
 QUICK = BasalGanglia(TABLE, "population", GAIN, SEED)
-LONG = gaussian_evidence(
+LONG = separated_evidence(
     200, 60, 1 / np.sqrt(2), rng=stream(SEED, "refused"), hypotheses=4, step_ms=50.0
 )
 
@@ -312,8 +314,8 @@ def test_an_edit_that_changes_nothing_is_warned_of():
 @pytest.mark.parametrize(
     "other",
     [
-        circuit("spiking_msprt", 2),  # other channels
-        circuit("macaque", 4),  # another table
+        load_circuit("spiking_msprt", 2),  # other channels
+        load_circuit("macaque", 4),  # another table
         TABLE.with_rows("TRN like=STN", "TRN->GPe weight=0.1"),  # rows that the circuit lacks
     ],
 )

@@ -27,10 +27,10 @@ from bgmodel.comparison.compare import (
     tradeoff,
 )
 from bgmodel.decision import Trace
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.rivals import MaxVsAverage, Race
 
-EVIDENCE = gaussian_evidence(800, 60, 0.5, rng=stream(1, "comparison"), hypotheses=4, step_ms=50.0)
+EVIDENCE = separated_evidence(800, 60, 0.5, rng=stream(1, "comparison"), hypotheses=4, step_ms=50.0)
 TRACE = Msprt().run(EVIDENCE)
 TEST = tradeoff(TRACE, EVIDENCE)
 

@@ -9,7 +9,7 @@ from bgmodel.comparison import levels
 from bgmodel.comparison.compare import Tradeoff, tradeoff
 from bgmodel.comparison.levels import level_table
 from bgmodel.dopamine import THRESHOLD_NATS, working_range
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from tests.helpers import ROOT
 from tests.levels import GAIN, MODEL, SEED
 
@@ -96,7 +96,7 @@ def test_readings_have_a_d_prime_of_a_half_per_50_ms_and_spiking_runs_half_of_th
         assert (evidence.trials, len(played)) == ((150, 7) if spikes else (300, 14))
         assert evidence.step_ms == 50
         # From below the lowest level at which the fixed point decides to just below the highest.
-        low, high = working_range(circuit(DEFAULT, evidence.hypotheses), THRESHOLD_NATS)
+        low, high = working_range(load_circuit(DEFAULT, evidence.hypotheses), THRESHOLD_NATS)
         ends = (0.85 * low, 0.98 * high) if not spikes else (0.85 * low, played.max())
         assert (played.min(), played.max()) == pytest.approx(ends)
         # The log odds of the truth over another one grow by d'^2 / 2 per reading.

@@ -11,18 +11,18 @@ from bgmodel.comparison.steady import (
     steady_out,
     steady_shifts,
 )
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.table_files import digest
 
 SEED, GAIN = 51, 0.5
-TABLE = circuit("spiking_msprt", 4)
+TABLE = load_circuit("spiking_msprt", 4)
 
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b", "spiking_msprt"])
 @pytest.mark.parametrize("lost", [0.1, 0.2])
 def test_losing_stn_shifts_out_by_ln_of_what_is_left(name, lost):
     """The posterior criterion becomes (1 - f) P: exact, and nearly so where S - ln S is a line."""
-    table = circuit(name, 3)
+    table = load_circuit(name, 3)
     shift = out_shift(table, table.without("STN", lost), 0.3)
     close = 0.01 if name == "spiking_msprt" else 1e-9
     assert shift == pytest.approx(np.log(1 - lost), abs=close)
@@ -68,12 +68,12 @@ def test_a_leader_is_ahead_of_each_other_channel_by_its_log_odds(channels):
         drive[:, :1] - drive[:, 1:], np.repeat(odds.reshape(-1, 1), channels - 1, 1)
     )
     assert np.abs(drive.sum(axis=1)).max() < 1e-12
-    found = leader_out(circuit("bogacz_gurney", channels), odds)
+    found = leader_out(load_circuit("bogacz_gurney", channels), odds)
     np.testing.assert_allclose(found, np.log1p((channels - 1) * np.exp(-odds)), atol=1e-9)
 
 
 def test_a_lesion_is_what_its_name_says():
-    table = circuit("macaque", 2)
+    table = load_circuit("macaque", 2)
     edited = lesions(table)
     assert len(edited) == 10
     for name, lesioned in edited.items():

@@ -10,15 +10,15 @@ import bgmodel
 from bgmodel import compare, stream
 from bgmodel.comparison.circuits import compare_with_msprt
 from bgmodel.comparison.with_msprt import model_of
-from bgmodel.evidence import gaussian_evidence
-from circuits.anatomy import circuit
+from bgmodel.evidence import separated_evidence
+from circuits.anatomy import load_circuit
 
-EVIDENCE = gaussian_evidence(120, 40, 1.0, rng=stream(4, "one call"), step_ms=50.0)
+EVIDENCE = separated_evidence(120, 40, 1.0, rng=stream(4, "one call"), step_ms=50.0)
 GIVEN = {"seed": 3, "engine": "population", "accuracies": (0.9,), "resamples": 50}
 
 
 def test_one_call_gives_what_its_parts_give_for_an_edited_circuit():
-    edited = circuit("spiking_msprt").scaled("D1", "SNr", 0.95)
+    edited = load_circuit("spiking_msprt").scaled("D1", "SNr", 0.95)
     found = compare(edited, EVIDENCE, **GIVEN)
     model = model_of(edited, EVIDENCE, engine="population", gain=None, seed=3, workers=1)
     parts = compare_with_msprt(model, EVIDENCE, seed=3, rivals=(), accuracies=(0.9,), resamples=50)
@@ -43,7 +43,7 @@ def test_what_is_unknown_is_refused_in_one_sentence(given, says):
 
 def test_a_circuit_of_other_channels_is_refused():
     with pytest.raises(ValueError, match="2 hypotheses, spiking_msprt has 3 channels"):
-        compare(circuit("spiking_msprt", 3), EVIDENCE, **GIVEN)
+        compare(load_circuit("spiking_msprt", 3), EVIDENCE, **GIVEN)
 
 
 def test_the_package_offers_its_lazy_names_and_loads_them_where_they_are_used():

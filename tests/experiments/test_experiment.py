@@ -11,7 +11,7 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.edits import Edits
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.experiments.experiment import (
     RENAMED,
     Condition,
@@ -264,7 +264,7 @@ def test_foreperiods_have_noise_of_their_own(monkeypatch):
 
     monkeypatch.setattr(BasalGanglia, "run_drive", run_drive)
     model = BasalGanglia(anatomy.spiking_msprt(2).with_neurons(20), "ensemble", 0.5, 3)
-    evidence = gaussian_evidence(30, 2, 1.0, rng=stream(1, "foreperiod"), step_ms=50.0)
+    evidence = separated_evidence(30, 2, 1.0, rng=stream(1, "foreperiod"), step_ms=50.0)
     behaviour_of(model, evidence, 0.3, 20.0)
     first, count = asked[-1][1], asked[-1][0]
     assert (count, first) == (30, 30)

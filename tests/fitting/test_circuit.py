@@ -11,10 +11,10 @@ from bgmodel.fitting.circuit import CRITERIA, Axis, CircuitModel, Criterion
 from bgmodel.fitting.crossings import Crossings, simulated
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid, moments
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from tests.drawn import GAIN, ideal
 
-MACAQUE = circuit("macaque", 2)
+MACAQUE = load_circuit("macaque", 2)
 SMALL = {"seconds": 1.0, "trials": 16, "engine": "rate"}
 GRID = Grid(100)
 ARRAYS = ("bins", "choice", "evidence", "thresholds_nats", "drifts")
@@ -62,7 +62,7 @@ def test_the_same_seed_writes_the_same_bytes(kept, tmp_path):
     "changed",
     [
         {"circuit": written("dopamine=1.1").apply(MACAQUE)},
-        {"circuit": circuit("spiking_msprt", 2)},
+        {"circuit": load_circuit("spiking_msprt", 2)},
         {"seed": 5},
         {"trials": 17},
         {"seconds": 1.5},
@@ -112,7 +112,7 @@ def test_two_circuits_and_their_controls_hear_the_same_evidence(monkeypatch):
         return real(heard, *given, **named)
 
     monkeypatch.setattr(module, "simulated", watched)
-    for other in (MACAQUE, circuit("spiking_msprt", 2)):
+    for other in (MACAQUE, load_circuit("spiking_msprt", 2)):
         model(circuit=other).stored(())
     # Each of them at seven drifts, and so does the ideal integrator beside it.
     assert len(seen) == 4 * 7
@@ -193,7 +193,7 @@ def test_a_higher_threshold_and_more_dopamine_decide_sooner():
 
 def test_a_fixed_point_that_is_the_softmax_crosses_as_the_ideal_integrator():
     """Decisions and evidence, bin by bin: readings are heard when they are read."""
-    made = model(circuit=circuit("bogacz_gurney", 2), engine="algebra", noise_nats=GAIN)
+    made = model(circuit=load_circuit("bogacz_gurney", 2), engine="algebra", noise_nats=GAIN)
     found = made.stored(())
     exact = simulated(ideal, made.thresholds_nats, seconds=1.0, trials=16, seed=made.seed)
     assert (exact.choice >= 0).mean() > 0.5
@@ -204,7 +204,7 @@ def test_what_channels_have_in_common_reaches_no_circuit_that_needs_evidence_cen
     """A table like that has no fixed point far from there."""
     read = np.random.default_rng(2).normal(0, 0.07, (5, 50, 2)).cumsum(axis=1)
     for name in ("bogacz_gurney", "spiking_msprt"):
-        run = model(circuit=circuit(name, 2), engine="algebra").run((), 0.1)
+        run = model(circuit=load_circuit(name, 2), engine="algebra").run((), 0.1)
         assert run(read + 3.0, 0).out_nats == pytest.approx(run(read, 0).out_nats, abs=1e-9)
     raw = model(engine="algebra").run((), 0.1)
     assert not np.allclose(raw(read + 3.0, 0).out_nats, raw(read, 0).out_nats, atol=1e-6)
@@ -225,7 +225,7 @@ def test_points_are_all_values_of_the_axes():
 
 def test_other_than_two_channels_and_unknown_engines_are_refused():
     with pytest.raises(ValueError, match="with two channels, got 3"):
-        model(circuit=circuit("macaque", 3))
+        model(circuit=load_circuit("macaque", 3))
     with pytest.raises(ValueError, match=r"engine must be one of .* got 'abacus'"):
         model(engine="abacus")
 

@@ -5,10 +5,10 @@ import pytest
 
 from bgmodel.edits import written
 from bgmodel.fitting.criteria import CRITERIA, NONE
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.table_files import digest
 
-MACAQUE = circuit("macaque", 2)
+MACAQUE = load_circuit("macaque", 2)
 OPEN = [name for name, each in CRITERIA.items() if each.axes]
 
 

@@ -14,7 +14,7 @@ from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import Optimum, likelihood_of
 from bgmodel.fitting.responses import moments
 from bgmodel.fitting.simulation import without_parts
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from tests.drawn import TRUTH, choices, drawn
 
 MODEL, SEED = GapModel(), 92
@@ -140,7 +140,7 @@ def test_cells_of_few_trials_are_tested_together():
 
 def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
     seen = choices([0.1] * 40 + [0.4] * 40, [1, 0, 1, 1] * 20, 0.4 + np.arange(80) / 200)
-    model = CircuitModel(circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
+    model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
     likelihood = likelihood_of(model, design_of(seen), free=["threshold_nats"])
     best = Optimum(likelihood, np.array([0.25]), 0.0, 0)
     from bgmodel.fitting.identify import directions

@@ -15,7 +15,7 @@ from bgmodel.fitting.crossings import DRIFTS, Crossings
 from bgmodel.fitting.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.integrators.basal_ganglia import identity
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 
 pytest.importorskip("onnx")
 
@@ -83,7 +83,7 @@ def test_responses_of_both_kinds_at_all_times_sum_to_one(network, v, threshold):
 
 def test_the_network_is_near_the_circuit_that_is_simulated_anew(network):
     """On few trials; the score has a million."""
-    model = CircuitModel(circuit(DEFAULT, 2), trials=1500, seconds=4.0, seed=SEED)
+    model = CircuitModel(load_circuit(DEFAULT, 2), trials=1500, seconds=4.0, seed=SEED)
     grid, shape = Grid(400), (0.3, network.about["t0_sd_s"], 0.0)
     t0_s, t0_sd_s, lapse = (np.full(2, value) for value in shape)
     for threshold in (0.12, 0.3):
@@ -98,12 +98,12 @@ def test_the_network_is_near_the_circuit_that_is_simulated_anew(network):
 
 def test_the_network_is_that_of_todays_circuit(network):
     """Where this fails: python -m benchmarks.likelihood_network makes it anew."""
-    assert network.about["circuit"] == identity(circuit(DEFAULT, 2))
+    assert network.about["circuit"] == identity(load_circuit(DEFAULT, 2))
 
 
 def test_the_network_and_a_fit_of_its_circuit_have_the_same_bounds(network):
     """A user who goes from a fit to HSSM finds the same noise and spread of t0 too."""
-    model = CircuitModel(circuit(DEFAULT, 2))
+    model = CircuitModel(load_circuit(DEFAULT, 2))
     moved = {each.name: each for each in model.parameters}
     for name, own in (("threshold", "threshold_nats"), ("t0", "t0_s")):
         assert network.bounds[name] == pytest.approx((moved[own].low, moved[own].high))

@@ -199,11 +199,11 @@ def test_a_search_draws_no_number_of_others(small):
 def test_responses_after_the_end_of_simulated_trials_are_said():
     """A circuit never decides then: at .5 s of 2, sensitivity and lapses would be wrong."""
     from bgmodel.fitting.circuit import CircuitModel
-    from circuits.anatomy import circuit
+    from circuits.anatomy import load_circuit
 
     some = drawn(GapModel(), [0.05, 0.4], 80, 71, seconds=2.0, sensitivity=12.0, bound=0.6)
     later = int((some.rt_s > 0.5).sum())
-    model = CircuitModel(circuit("bogacz_gurney", 2), "algebra", seconds=0.5, trials=16)
+    model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=0.5, trials=16)
     with pytest.warns(UserWarning, match=f"all: {later} of 160 responses come after the 0.5 s"):
         likelihood_of(model, design_of(some))
     with warnings.catch_warnings():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import CRITERIA, CircuitModel
 from bgmodel.fitting.parameters import Parameter, freedom
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from tests.helpers import ROOT
 
 A, B = Parameter("a", 0.0, 10.0, 4.0), Parameter("b", -1.0, 1.0, 0.5)
@@ -84,7 +84,7 @@ def test_held_is_what_stands_in_all_cells_or_in_those_of_one_level():
     assert freedom(parameters, levels, 3, vary={"b": "drug/off"}).held == {"b": 2.0, "c": 3.0}
 
 
-MACAQUE = circuit("macaque", 2)
+MACAQUE = load_circuit("macaque", 2)
 MODELS = [GapModel(falls=True), *(CircuitModel(MACAQUE, criterion=c) for c in CRITERIA.values())]
 EVERY = {each.name: each for model in MODELS for each in model.parameters}
 

@@ -94,7 +94,7 @@ def circuit_edit(rng: Rng, folder: Path) -> Case:
 
     def edited() -> Any:
         own = np.random.default_rng(seed)
-        circuit = anatomy.circuit(name, channels)
+        circuit = anatomy.load_circuit(name, channels)
         for edit in good:
             once = edit in ("row", "row in text", "lesion", "replaced") and good.count(edit) > 1
             absent = edit in ("neurons", "spread", "wires") and name != "spiking_msprt"

@@ -11,24 +11,24 @@ from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.comparison.circuits import decide_at_thresholds
-from bgmodel.evidence import Evidence, expecting, gaussian_evidence
+from bgmodel.evidence import Evidence, expecting, separated_evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of, gain_of
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import anatomy
-from circuits.anatomy import circuit, macaque
+from circuits.anatomy import load_circuit, macaque
 from circuits.cost import memory_bytes
 
 SEED, GAIN = 51, 0.5
-TABLE = circuit("spiking_msprt", 4)
-EVIDENCE = gaussian_evidence(
+TABLE = load_circuit("spiking_msprt", 4)
+EVIDENCE = separated_evidence(
     120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
 )
 MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
 
 
 def test_without_integrate_and_fire_cells_own_laws_are_the_lines():
-    table = circuit("appendix_b", 3)
+    table = load_circuit("appendix_b", 3)
     drive = np.array([[[1.0, 0.0, -1.0]]])
     line, own = (
         BasalGanglia(table, options={"laws": laws}).run_drive(drive, 1.0)
@@ -62,7 +62,7 @@ def test_a_batch_without_rates_holds_as_many_trials_as_its_out_has_room_for(samp
     """More samples, fewer trials; with rates, or of very long trials, the least batch."""
     options = {"noise": False, "rates": False, "sample_ms": sample_ms}
     model = BasalGanglia(macaque(2), "population", GAIN, SEED, options)
-    long = gaussian_evidence(4000, 60, 0.5, rng=stream(SEED, "long"), step_ms=50.0)
+    long = separated_evidence(4000, 60, 0.5, rng=stream(SEED, "long"), step_ms=50.0)
     activity = model.activity(long[:1])
     numbers = activity.output_nats.size
     most = min(basal_ganglia.WIDE_BATCH, basal_ganglia.WIDE_NUMBERS / numbers)
@@ -97,14 +97,14 @@ def test_ties_of_a_circuit_are_those_of_the_test_in_any_batch(monkeypatch):
     """Evidence that says nothing: the choice hangs on the trial's number alone."""
     monkeypatch.setattr(basal_ganglia, "BATCH", 7)
     flat = Evidence(np.zeros((40, 2, 3)), np.arange(40) % 3, step_ms=50.0)
-    model = BasalGanglia(circuit("bogacz_gurney", 3), "algebra")
+    model = BasalGanglia(load_circuit("bogacz_gurney", 3), "algebra")
     found = decide_at_thresholds(model, flat, [0.5])["circuit"]
     expected = first_crossing(Msprt().run(flat), 0.5)
     assert found.forced.all()
     assert (found.choice[0] == expected.choice).all()
     # And a trial of one reading of two ends a step after it.
     short = replace(flat, lengths=np.where(np.arange(40) % 2, 1, 2))
-    trace = BasalGanglia(circuit("bogacz_gurney", 3), "rate").run(short)
+    trace = BasalGanglia(load_circuit("bogacz_gurney", 3), "rate").run(short)
     ends_ms = first_crossing(trace, 0.5).deadline_ms
     assert set(ends_ms[::2]) == {150.0}
     assert set(ends_ms[1::2]) == {100.0}
@@ -114,10 +114,10 @@ def test_ties_of_a_circuit_are_those_of_the_test_in_any_batch(monkeypatch):
 def test_a_circuit_decides_a_short_trial_as_if_it_were_alone(engine):
     """Among longer ones each ends a step after its own last reading, decided, forced or not."""
     lengths = np.array([1, 2, 3, 5, 8, 8])
-    drawn = gaussian_evidence(6, 8, 0.8, rng=stream(SEED, "ragged"), step_ms=50.0)
+    drawn = separated_evidence(6, 8, 0.8, rng=stream(SEED, "ragged"), step_ms=50.0)
     values = drawn.log_likelihood * (np.arange(8) < lengths[:, None])[..., None]
     ragged = replace(drawn, log_likelihood=values, lengths=lengths)
-    table = circuit("spiking_msprt", 2).with_neurons(40)
+    table = load_circuit("spiking_msprt", 2).with_neurons(40)
     model = BasalGanglia(table, engine, 0.7, SEED if engine == "ensemble" else None)
     for threshold in (0.55, 0.1):
         together = first_crossing(model.run(ragged), threshold)
@@ -142,8 +142,8 @@ def test_a_gain_is_the_tables_own_or_asked_for():
         with pytest.raises(
             ValueError, match=rf"{name} has no default gain: give a gain \(--gain\)"
         ):
-            gain_of(circuit(name))
-        assert gain_of(circuit(name), 0.7) == 0.7
+            gain_of(load_circuit(name))
+        assert gain_of(load_circuit(name), 0.7) == 0.7
     # Numbers made for two alternatives say nothing of five.
     assert anatomy.spiking_msprt(2).with_channels(5).default_gain is None
     assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
@@ -152,20 +152,20 @@ def test_a_gain_is_the_tables_own_or_asked_for():
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 @pytest.mark.parametrize("channels", [2, 4, 8])
 def test_a_model_has_the_gain_of_its_table_as_the_command_does(name, channels):
-    table = circuit(name, channels)
+    table = load_circuit(name, channels)
     assert BasalGanglia(table).gain == gain_of(table)
     assert BasalGanglia(table, gain=1.0).gain == 1
     assert BasalGanglia(table.dopamine(0.9)).gain == gain_of(table)
 
 
 def test_a_table_without_a_gain_takes_a_nat_for_a_nat():
-    assert BasalGanglia(circuit("bogacz_gurney")).gain == 1
+    assert BasalGanglia(load_circuit("bogacz_gurney")).gain == 1
 
 
 @pytest.mark.parametrize("forced", [True, False])
 def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warned_of(forced):
     """Python warns as the command does; evidence that is shuffled has no truth in it."""
-    evidence = gaussian_evidence(300, 40, 0.5, rng=3, step_ms=50)
+    evidence = separated_evidence(300, 40, 0.5, rng=3, step_ms=50)
     model = BasalGanglia("macaque", "population", seed=3, options={"rates": False})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -179,7 +179,7 @@ def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warne
 @pytest.mark.parametrize("engine", ["ensemble", "rate"])
 def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
     """As much as what it gives, and not many times that."""
-    model = BasalGanglia(circuit("spiking_msprt"), engine, 0.5, 1)
+    model = BasalGanglia(load_circuit("spiking_msprt"), engine, 0.5, 1)
     found = model.run_drive(np.zeros((10, 4, 2)), 50.0)
     held = found.output_nats.nbytes + sum(rates.nbytes for rates in found.rates_hz.values())
     assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
@@ -192,7 +192,7 @@ def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
 
 
 def test_what_is_expected_reaches_all_channels_before_the_onset():
-    drawn = gaussian_evidence(3, 4, 0.5, rng=stream(1, "x"), step_ms=50.0)
+    drawn = separated_evidence(3, 4, 0.5, rng=stream(1, "x"), step_ms=50.0)
     ahead = expecting(drawn, 3.0, 100.0, rng=stream(1, "r"))
     model = BasalGanglia(macaque(2), "population", 0.5, seed=1)
     before, after = np.split(model.drive(ahead), [2], axis=1)
@@ -211,7 +211,7 @@ def test_what_is_expected_reaches_all_channels_before_the_onset():
 
 def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
     ahead = expecting(
-        gaussian_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
+        separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
     )
     with pytest.raises(ValueError, match=r"^what is expected is common to all channels"):
         BasalGanglia(macaque(2), gain=0.5, centred=True).run(ahead)
@@ -219,7 +219,7 @@ def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
 
 def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_no_other():
     """STN holds all channels back; without it each races to a bound of its own."""
-    drawn = gaussian_evidence(300, 4, 0.5, rng=stream(2, "x"), step_ms=50.0)
+    drawn = separated_evidence(300, 4, 0.5, rng=stream(2, "x"), step_ms=50.0)
     intact = macaque(2)
     gain = gain_of(intact)
     ahead = expecting(drawn, 3 / gain, 800.0, rng=stream(2, "r"))
@@ -245,7 +245,7 @@ def test_evidence_drives_a_circuit_by_its_own_nats_unless_a_gain_is_given():
 
 def strong(d_prime, channels=2, trials=200, steps=40, step_ms=50.0):
     """Gaussian evidence of so many standard deviations per reading."""
-    return gaussian_evidence(
+    return separated_evidence(
         trials,
         steps,
         d_prime / np.sqrt(2),
@@ -376,7 +376,7 @@ def test_rare_samples_of_out_are_warned_of():
 
 
 def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth():
-    evidence = gaussian_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
+    evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
     options = {"rates": False}
     for given_truth in (evidence, replace(evidence, truth=None)):
         with pytest.warns(UserWarning, match="choices go against the evidence"):

@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Msprt, first_crossing, stream
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.recursive import LOOP_READINGS, RecursiveMsprt
 
 
 def drawn(steps=30, hypotheses=4, seed=1):
     rng = stream(seed, "recursive")
-    return gaussian_evidence(60, steps, 0.5, rng=rng, hypotheses=hypotheses, step_ms=10.0)
+    return separated_evidence(60, steps, 0.5, rng=rng, hypotheses=hypotheses, step_ms=10.0)
 
 
 def msprt_one_later(evidence):

@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.cli import main
 from bgmodel.comparison.compare import curve, tradeoff
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.rivals import (
     RIVALS,
     Lca,
@@ -27,7 +27,7 @@ from bgmodel.integrators.sprt import at_readings
 
 def drawn(trials=300, steps=20, hypotheses=4, separation=0.5, seed=1):
     rng = stream(seed, "rivals")
-    return gaussian_evidence(
+    return separated_evidence(
         trials, steps, separation, rng=rng, hypotheses=hypotheses, step_ms=10.0
     )
 
@@ -158,7 +158,7 @@ def test_decision_times_are_those_that_bogacz_and_gurney_print():
     """
     separation = 1.41 / 0.33 * np.sqrt(0.001)
     rng = stream(10, "bogacz gurney")
-    evidence = gaussian_evidence(1500, 1600, separation, rng=rng, hypotheses=10)
+    evidence = separated_evidence(1500, 1600, separation, rng=rng, hypotheses=10)
     one = np.ones((1, 1500))
     found = {}
     for name, kind in {"MSPRT": Msprt, "LCA": Lca, "race": Race}.items():

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream, tally
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.sprt import (
     Stream,
     criterion_from_gap,
@@ -67,7 +67,7 @@ def test_streaming_gives_the_batch_decision(hypotheses, precision):
 @pytest.mark.parametrize("hypotheses", [2, 3, 8])
 def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
     """The martingale identity, exact for true likelihoods, in one z-test a threshold."""
-    evidence = gaussian_evidence(
+    evidence = separated_evidence(
         20_000, 60, 0.5, hypotheses=hypotheses, rng=stream(11, "martingale", hypotheses)
     )
     trace = Msprt().run(evidence)

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 
 D, XI, T_MAX = 1.0, 25.0, 40
-# In gaussian_evidence, two unit-variance channels: d of the ratio is sqrt 2 times theirs.
+# In separated_evidence, two unit-variance channels: d of the ratio is sqrt 2 times theirs.
 SEPARATION = D / np.sqrt(2)
 
 
 def draw(rng):
-    return lambda trials: gaussian_evidence(trials, T_MAX, SEPARATION, rng=rng)
+    return lambda trials: separated_evidence(trials, T_MAX, SEPARATION, rng=rng)

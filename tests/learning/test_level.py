@@ -8,7 +8,7 @@ from scipy.stats import chisquare, norm
 
 from bgmodel import stream
 from bgmodel.dopamine import playable_levels
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import gain_of
 from bgmodel.learning import level
 from bgmodel.learning.level import (
@@ -23,7 +23,7 @@ from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
-from circuits.anatomy import DEFAULT, circuit
+from circuits.anatomy import DEFAULT, load_circuit
 from tests.levels import LEVELS, MODEL, PLAYED, SEED, XI, synthetic
 
 
@@ -60,7 +60,7 @@ def test_the_deadline_is_warned_of_where_it_decides_more_than_half_of_the_trials
 
 
 def test_outcomes_that_nothing_can_be_learned_from_are_refused():
-    short, long = (gaussian_evidence(20, steps, 0.5, rng=1, step_ms=50) for steps in (1, 40))
+    short, long = (separated_evidence(20, steps, 0.5, rng=1, step_ms=50) for steps in (1, 40))
     with pytest.raises(ValueError, match="deadline"):
         level_outcomes(MODEL, short, [0.95, 1.0])
     with pytest.raises(ValueError, match="without evidence"):  # OUT at rest is ln 2
@@ -182,7 +182,7 @@ def tactile():
 @pytest.fixture(scope="module")
 def tactile_default():
     """Return the outcomes of the default circuit, each channel with its own evidence."""
-    table = circuit(DEFAULT)
+    table = load_circuit(DEFAULT)
     model = replace(MODEL, circuit=table, gain=gain_of(table))
     return touched(model, playable_levels(model, 9))
 

@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.comparison.compare import Tradeoff
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import (
     Learned,
@@ -34,7 +34,7 @@ def test_records_of_what_is_played_name_neither_gap_nor_threshold():
 
 def test_exhaustive_search_finds_the_exact_curve():
     deltas = np.linspace(0, 8, 9)
-    evidence = gaussian_evidence(200_000, T_MAX, SEPARATION, rng=stream(2, "search"))
+    evidence = separated_evidence(200_000, T_MAX, SEPARATION, rng=stream(2, "search"))
     counts = exhaustive_search(evidence, deltas)
     exact = reward_curve(*gaussian_pair(D), deltas, XI, t_max=T_MAX)
     # The sd of a reward is at most xi / 2 plus that of a time bounded by t_max.

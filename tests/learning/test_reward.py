@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from bgmodel import Sprt, first_crossing, stream, threshold_from_gap
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.learning.reward import reward, reward_of
 from tests.learning.helpers import SEPARATION, T_MAX
 
 
 def test_the_reward_is_that_of_the_paper():
-    evidence = gaussian_evidence(200, T_MAX, SEPARATION, rng=stream(1, "reward"))
+    evidence = separated_evidence(200, T_MAX, SEPARATION, rng=stream(1, "reward"))
     trace = Sprt().run(evidence)
     decision = first_crossing(trace, float(threshold_from_gap(3.0)))
     wrong = decision.choice != evidence.truth

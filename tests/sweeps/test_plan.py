@@ -11,7 +11,7 @@ from bgmodel.edits import Edits
 from bgmodel.experiments.experiment import Condition, Experiment, run_experiment
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps.plan import BLOCK, Plan, Setting, read_plan
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.table_files import write
 from tests.helpers import long_table, some_evidence
 
@@ -72,14 +72,14 @@ def test_a_sweep_and_an_experiment_have_the_same_defaults():
 )
 def test_a_key_is_the_left_side_of_an_edit(key, value, edited):
     (found,) = Plan(grid={key: (value,)}).settings()
-    assert found.table == edited(circuit("macaque"))
+    assert found.table == edited(load_circuit("macaque"))
 
 
 def test_edits_of_every_point_come_with_those_of_its_own():
     base = Edits(change=("STN.bias_nats=-0.2",), without=("GPe=0.1",))
     (found,) = Plan(edits=base, grid={"STN": (0.1,)}).settings()
     want = replace(base, without=("GPe=0.1", "STN=0.1"))
-    assert found.table == want.apply(circuit("macaque"))
+    assert found.table == want.apply(load_circuit("macaque"))
 
 
 def test_numbers_of_the_task_and_the_run_change_by_their_names():
@@ -240,7 +240,7 @@ def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_pa
 
 
 def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_path, monkeypatch):
-    write(circuit("spiking_msprt", 2), tmp_path / "mine.toml")
+    write(load_circuit("spiking_msprt", 2), tmp_path / "mine.toml")
     monkeypatch.chdir("/")
     for text in ("circuit = 'mine.toml'\n[grid]\nSTN = [0.1]", "grid = {circuit = ['mine.toml']}"):
         (found,) = points(tmp_path, text)
@@ -287,7 +287,7 @@ def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engi
 
 def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
     """ctx_inh is a nucleus of macaque alone, and common one of spiking_msprt."""
-    other = circuit("spiking_msprt")
+    other = load_circuit("spiking_msprt")
     for values in ({"common": 0.2, "circuit": other.name}, {"circuit": other.name, "common": 0.2}):
         (found,) = Plan(points=(values,)).settings()
         assert found.table == other.without("common", 0.2)
@@ -312,5 +312,5 @@ def test_a_tactile_task_depends_on_its_taps():
 def test_a_grid_lesions_a_nucleus_that_a_motif_adds():
     plan = Plan(edits=Edits(add=("striatal_FSI",)), grid={"FSI": (0.0, 0.5)})
     whole, half = (setting.table for setting in plan.settings())
-    assert whole == circuit("macaque").with_rows("striatal_FSI")
+    assert whole == load_circuit("macaque").with_rows("striatal_FSI")
     assert half == whole.without("FSI", 0.5)

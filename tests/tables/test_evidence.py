@@ -9,17 +9,17 @@ import pytest
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.calibration import warn_of_units
-from bgmodel.evidence import Evidence, gaussian_evidence
+from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.files import write_table
 from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
-from bgmodel.tables.evidence import read_trials, trials_from_table
+from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tables.trials import trial_table
 from tests.helpers import long_table
 
 
 def test_a_users_table_gives_back_the_evidence():
-    evidence = gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
+    evidence = separated_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
     within = long_table(evidence)
     # Trials in their order, the rows of each in any.
     shuffled = within.sample(frac=1, random_state=3).sort_values("trial", kind="stable")
@@ -46,7 +46,7 @@ IDS = {
 
 @pytest.mark.parametrize("kind", IDS)
 def test_trial_ids_of_any_kind_come_back_in_the_order_of_the_table(kind):
-    evidence = gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
+    evidence = separated_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
     table = long_table(evidence)
     ids = pd.Series(IDS[kind], dtype=object if kind in ("mixed", "truths") else None)
     table["trial"] = np.array(ids, dtype=object)[table["trial"]]
@@ -147,7 +147,7 @@ def test_cells_of_a_csv_come_back_as_they_were_written(tmp_path, cells, kind):
     path = tmp_path / "mine.csv"
     rows = [f"{k},0,-1,-2,{cell}" for k, cell in enumerate(cells)]
     path.write_text("\n".join(["trial,step,ll_a,ll_b,tag", *rows]))
-    trials = read_trials(path)
+    trials = read_evidence_table(path)
     assert (trials.columns["tag"].dtype == object) == (kind == "text")
     found = trial_table(first_crossing(Msprt().run(trials.evidence), 0.1), trials, model="m")
     write_table(found, tmp_path / "out.csv")
@@ -158,25 +158,25 @@ def test_cells_of_a_csv_come_back_as_they_were_written(tmp_path, cells, kind):
 
 def test_the_ending_of_a_file_says_how_it_is_read_and_numbers_are_the_same(tmp_path):
     """Readings are 1 ms apart by default."""
-    table = long_table(gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    table = long_table(separated_evidence(7, 4, 1.0, rng=stream(1, "tables")))
     table.to_csv(tmp_path / "mine.csv", index=False)
     table.to_parquet(tmp_path / "mine.parquet")
     known = trials_from_table(table)
     for path in (tmp_path / "mine.csv", tmp_path / "mine.parquet"):
-        evidence = read_trials(path).evidence
+        evidence = read_evidence_table(path).evidence
         np.testing.assert_array_equal(evidence.log_likelihood, known.evidence.log_likelihood)
         assert (evidence.onset_ms, evidence.step_ms) == (0, 1)
-        later = read_trials(path, onset_ms=20.0, step_ms=50.0, prior=[0.25, 0.75]).evidence
+        later = read_evidence_table(path, onset_ms=20.0, step_ms=50.0, prior=[0.25, 0.75]).evidence
         assert (later.onset_ms, later.step_ms) == (20, 50)
         assert later.prior.tolist() == [0.25, 0.75]
     assert (known.evidence.onset_ms, known.evidence.step_ms) == (0, 1)
     for name in ("absent.csv", "absent.parquet"):
         with pytest.raises(ValueError, match=f"there is no table .*{name}"):
-            read_trials(tmp_path / name)
+            read_evidence_table(tmp_path / name)
 
 
 def test_a_million_nats_are_the_most_that_a_reading_says():
-    table = long_table(gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    table = long_table(separated_evidence(7, 4, 1.0, rng=stream(1, "tables")))
     at = np.arange(len(table))
     most = table.assign(ll_a=np.where(at == 3, 1e6, -1e6))
     assert np.ptp(trials_from_table(most).evidence.log_likelihood[..., 0]) == 2e6
@@ -235,7 +235,7 @@ BAD = {
 
 @pytest.mark.parametrize("says", BAD)
 def test_bad_tables_get_one_clear_sentence(says):
-    good = long_table(gaussian_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    good = long_table(separated_evidence(7, 4, 1.0, rng=stream(1, "tables")))
     trials_from_table(good)
     with pytest.raises(ValueError, match=says) as raised:
         trials_from_table(BAD[says](good))
@@ -267,7 +267,7 @@ def test_bad_csv_gets_one_sentence_with_its_name(tmp_path, text, says):
     path = tmp_path / "mine.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=says) as raised:
-        read_trials(path)
+        read_evidence_table(path)
     assert "mine.csv" in str(raised.value)
 
 
@@ -275,7 +275,7 @@ def test_a_csv_that_is_no_utf8_gets_one_sentence(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_bytes("trial,step,ll_a,ll_b\nübung,0,1,2\n".encode("latin-1"))
     with pytest.raises(ValueError, match="it is no text in UTF-8"):
-        read_trials(path)
+        read_evidence_table(path)
 
 
 def test_the_same_trial_number_of_two_participants_is_two_trials():
@@ -300,7 +300,7 @@ def test_the_baseline_is_the_mean_of_all_numbers():
 
 
 def test_trials_that_are_there_twice_are_warned_of_and_those_alike_by_chance_are_not(recwarn):
-    table = long_table(gaussian_evidence(30, 12, 0.5, rng=4))
+    table = long_table(separated_evidence(30, 12, 0.5, rng=4))
     again = table[table["trial"] < 7].assign(trial=lambda rows: rows["trial"] + 1000)
     with pytest.warns(UserWarning, match="7 of 37 trials"):
         trials_from_table(pd.concat([table, again]))
@@ -312,7 +312,7 @@ def test_trials_that_are_there_twice_are_warned_of_and_those_alike_by_chance_are
 
 
 def test_a_table_of_running_sums_is_doubted_once():
-    table = long_table(gaussian_evidence(30, 12, 0.5, rng=4))
+    table = long_table(separated_evidence(30, 12, 0.5, rng=4))
     told = ["ll_a", "ll_b"]
     table[told] = table.groupby("trial")[told].cumsum()
     with pytest.warns(UserWarning, match="correlate") as caught:
@@ -328,7 +328,7 @@ def in_units(evidence, nats):
 @pytest.mark.parametrize("channels", [2, 3])
 @pytest.mark.parametrize(("unit", "nats"), [("log2", np.log(2)), ("log10", np.log(10))])
 def test_logarithms_to_another_base_are_told_by_the_truth(channels, unit, nats):
-    evidence = gaussian_evidence(2000, 30, 0.4, rng=5, hypotheses=channels)
+    evidence = separated_evidence(2000, 30, 0.4, rng=5, hypotheses=channels)
     other = in_units(evidence, nats)
     with pytest.warns(UserWarning, match=f"those of {unit} times"):
         trials_from_table(long_table(other))
@@ -344,7 +344,9 @@ def test_natural_logarithms_are_never_taken_for_others():
         warnings.simplefilter("error")
         for seed in range(200):
             for trials, separation in ((40, 0.35), (200, 1.5)):
-                drawn = gaussian_evidence(trials, 30, separation, rng=seed, hypotheses=2 + seed % 3)
+                drawn = separated_evidence(
+                    trials, 30, separation, rng=seed, hypotheses=2 + seed % 3
+                )
                 warn_of_units(drawn)
 
 
@@ -356,14 +358,14 @@ def test_taps_that_ship_are_natural_logarithms():
 
 
 def test_evidence_without_any_relation_to_its_truth_is_not_taken_for_another_unit():
-    drawn = gaussian_evidence(600, 30, 0.4, rng=5)
+    drawn = separated_evidence(600, 30, 0.4, rng=5)
     other = replace(drawn, truth=stream(5, "truth").permutation(drawn.truth))
     with pytest.warns(UserWarning, match=r"posteriors would be right .* about 0.0\d+: look"):
         trials_from_table(long_table(other))
 
 
 def test_readings_of_one_truth_alone_tell_no_unit():
-    evidence = gaussian_evidence(600, 30, 0.4, rng=5)
+    evidence = separated_evidence(600, 30, 0.4, rng=5)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warn_of_units(in_units(evidence[evidence.truth == 0], np.log(10)))

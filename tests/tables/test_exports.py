@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bgmodel import Msprt, first_crossing, stream
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.tables.choices import read_choices
 from bgmodel.tables.exports import to_hssm, to_pyddm
 from bgmodel.tables.trials import Trials, trial_table
@@ -18,7 +18,7 @@ def table():
     """Two conditions, some trials undecided."""
     parts = []
     for name, threshold in (("speed", 0.2), ("accuracy", 0.05)):
-        evidence = gaussian_evidence(200, 12, 0.5, rng=stream(4, "exports"), step_ms=100.0)
+        evidence = separated_evidence(200, 12, 0.5, rng=stream(4, "exports"), step_ms=100.0)
         decision = first_crossing(Msprt().run(evidence), threshold, forced=False)
         trials = Trials(evidence, ["left", "right"])
         parts.append(trial_table(decision, trials, model="msprt", condition=name))

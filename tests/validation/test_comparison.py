@@ -8,12 +8,12 @@ import pytest
 from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
 from bgmodel.comparison.circuits import compare_edits
 from bgmodel.comparison.compare import compare, tradeoff
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.controls import linear_stn, shuffled_stn
 
 pytestmark = pytest.mark.validate
@@ -23,7 +23,7 @@ SCORING_SEED = 40_002
 def test_the_algebraic_circuit_is_the_sprt_on_gratings():
     """N = 2: no decision of 1e5 tactile trials differs, in choice or in time."""
     readings = source(held_out_taps(), SameDifferent(), period_mm=1.5, fold=0)
-    model = BasalGanglia(circuit("bogacz_gurney"), "algebra")
+    model = BasalGanglia(load_circuit("bogacz_gurney"), "algebra")
     gap, different, trials = 4.0, 0, 0
     for part in range(20):
         evidence = readings.draw(5000, 30, rng=stream(SCORING_SEED, "mapping", part))
@@ -43,11 +43,11 @@ def test_the_rate_circuit_agrees_where_it_settles():
     get faster, and when OUT is read all the time, is printed. The circuit rests at S = 1: without a
     common mode S grows with the evidence, and the loop with delays oscillates from 5.5.
     """
-    table = replace(circuit("bogacz_gurney", 4), reference_nats=1.0)
+    table = replace(load_circuit("bogacz_gurney", 4), reference_nats=1.0)
     threshold = float(-np.log(0.9))
     agree = {}
     for step_ms in (10.0, 20.0, 50.0, 100.0, 500.0):
-        evidence = gaussian_evidence(
+        evidence = separated_evidence(
             2000, 25, 0.5, rng=stream(SCORING_SEED, "slow"), hypotheses=4, step_ms=step_ms
         )
         exact = first_crossing(Msprt().run(evidence), threshold).choice
@@ -73,13 +73,13 @@ def test_a_circuit_without_what_computes_agrees_less():
     the MSPRT, by 30 ms or more, and .1 fewer decisions lie within 50 ms. A shuffled STN-SNr
     pathway: accuracy .95 is never reached.
     """
-    table = circuit("spiking_msprt", 4)
+    table = load_circuit("spiking_msprt", 4)
     edited = {
         "GPe": table.without("GPe", replaced=True),
         "linear": linear_stn(table),
         "shuffled": shuffled_stn(table),
     }
-    evidence = gaussian_evidence(
+    evidence = separated_evidence(
         1000, 40, 1 / np.sqrt(2), rng=stream(SCORING_SEED, "control"), hypotheses=4, step_ms=50.0
     )
     model = BasalGanglia(table, "ensemble", 0.5, SCORING_SEED, {"workers": 2})

@@ -5,7 +5,7 @@ import pytest
 
 from bgmodel.comparison.steady import steady_shifts
 from bgmodel.decision import Trace, first_crossing
-from bgmodel.evidence import gaussian_evidence
+from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.seeds import stream
 from circuits import anatomy
@@ -19,7 +19,7 @@ NUCLEI = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 
 
 def evidence(trials, channels=2, name="validation"):
-    return gaussian_evidence(
+    return separated_evidence(
         trials, STEPS, 0.8 / np.sqrt(2), rng=stream(31, name), hypotheses=channels, step_ms=STEP_MS
     )
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.web.model import ALTERNATIVES, LESIONED, plain, tables
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.table_files import write
 from circuits.transfer import TRANSFERS
 
@@ -26,11 +26,11 @@ EDITED = "edited"
 @pytest.fixture(scope="module")
 def circuits(tmp_path_factory):
     """Return each circuit by name and number of alternatives, the edited one read from its file."""
-    mine = circuit("macaque", 3).without("GPe", 0.1, channel=1).scaled("STN", "SNr", 0.9)
+    mine = load_circuit("macaque", 3).without("GPe", 0.1, channel=1).scaled("STN", "SNr", 0.9)
     mine = mine.with_rows("X like=STN", "ctx->X like=ctx->STN", "X->SNr weight=0.02")
     path = write(mine.with_rows("GPe->GPe weight=-0.05"), tmp_path_factory.mktemp("t") / "my.toml")
-    found = {(name, n): circuit(name, n) for name in NAMES for n in ALTERNATIVES}
-    return found | {(EDITED, 3): circuit(path)}
+    found = {(name, n): load_circuit(name, n) for name in NAMES for n in ALTERNATIVES}
+    return found | {(EDITED, 3): load_circuit(path)}
 
 
 @pytest.fixture(scope="module")
@@ -169,12 +169,12 @@ def refused(table):
 
 
 def test_what_the_page_cannot_show_is_refused():
-    macaque = circuit("macaque", 2)
-    assert "not nats" in refused(circuit("gpr", 3))
+    macaque = load_circuit("macaque", 2)
+    assert "not nats" in refused(load_circuit("gpr", 3))
     assert "courses" in refused(macaque.with_rows("STN amount=0.1"))
-    assert "D2" in refused(circuit("bogacz_gurney", 2))
-    assert "default_gain" in refused(circuit("appendix_b", 2))
-    assert "5" in refused(circuit("macaque", 5))
+    assert "D2" in refused(load_circuit("bogacz_gurney", 2))
+    assert "default_gain" in refused(load_circuit("appendix_b", 2))
+    assert "5" in refused(load_circuit("macaque", 5))
     # Sliders can neither lesion the input nor what is replaced, nor change dopamine per channel.
     assert "GPe" in refused(macaque.without("GPe", 0.1, replaced=True))
     assert "D1" in refused(replace(macaque, input="D1"))
@@ -182,11 +182,11 @@ def test_what_the_page_cannot_show_is_refused():
 
 
 def test_a_file_is_shown_for_its_own_number_of_alternatives(tmp_path):
-    path = write(circuit("macaque", 4).without("STN", 0.1), tmp_path / "mine.toml")
+    path = write(load_circuit("macaque", 4).without("STN", 0.1), tmp_path / "mine.toml")
     for name in (path, str(path)):
         found = tables(name)
         assert list(found) == ["4"]
-        assert found["4"] == plain(circuit(path))
+        assert found["4"] == plain(load_circuit(path))
     assert list(tables("macaque")) == ["2", "3", "4"]
     with pytest.raises(ValueError, match=r"missing\.toml"):
         tables(tmp_path / "missing.toml")

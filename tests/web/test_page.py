@@ -9,7 +9,7 @@ import subprocess
 import pytest
 
 from bgmodel.web.page import page
-from circuits.anatomy import circuit
+from circuits.anatomy import load_circuit
 from circuits.table_files import write
 from tests.helpers import run
 
@@ -74,12 +74,12 @@ def drawn(elements):
 
 
 def test_every_pathway_and_nucleus_of_the_circuit_is_drawn(tmp_path):
-    mine = circuit("macaque", 3).with_rows(
+    mine = load_circuit("macaque", 3).with_rows(
         "X<1 like=STN", "X<1->SNr weight=0.1", "GPe->GPe weight=-0.1", "D1->GPe weight=-0.1"
     )
     write(mine, tmp_path / "mine.toml")
     for name, n in (("macaque", 2), ("spiking_msprt", 2), (tmp_path / "mine.toml", 3)):
-        table = circuit(name, n)
+        table = load_circuit(name, n)
         elements = opened(name, n)
         ends = {p.name: "dot" if p.weight < 0 else "arrow" for p in table.projections}
         assert drawn(elements) == (ends, len(table.populations))
@@ -107,7 +107,7 @@ def test_the_command_writes_it_and_refuses_what_it_cannot_show(tmp_path, capsys)
     assert run("page", tmp_path / "gpr.html", "--circuit", "gpr") == 2
     assert "not nats" in capsys.readouterr().err
     assert not (tmp_path / "gpr.html").exists()
-    mine = write(circuit("macaque", 3), tmp_path / "mine.toml")
+    mine = write(load_circuit("macaque", 3), tmp_path / "mine.toml")
     assert run("page", tmp_path / "mine.html", "--circuit", mine) == 0
     assert (tmp_path / "mine.html").read_text() == page(mine)
 

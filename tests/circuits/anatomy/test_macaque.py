@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from benchmarks.tuning.strength import decided, drawn, late, variants
 from benchmarks.tuning.strength import stability as stability_of_loop
-from bgmodel.evidence import Evidence, gaussian_evidence, minus_log_softmax
+from bgmodel.evidence import Evidence, minus_log_softmax, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits import anatomy
 from circuits.engines import run
@@ -160,7 +160,7 @@ def test_endless_evidence_saturates_cortex_and_nothing_runs_away():
 
 
 def test_each_channel_gets_its_own_evidence_and_the_control_takes_the_mean_off():
-    evidence = gaussian_evidence(3, 5, 0.5, rng=np.random.default_rng(1), hypotheses=4)
+    evidence = separated_evidence(3, 5, 0.5, rng=np.random.default_rng(1), hypotheses=4)
     model = BasalGanglia(anatomy.macaque(4), "algebra", 0.5)
     raw = model.drive(evidence)
     other = evidence.log_likelihood.copy()

@@ -52,7 +52,7 @@ def cases(draw):
 @pytest.mark.parametrize("channels", range(2, 21))
 @pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b"])
 def test_exact_tables_give_minus_log_posterior(name, channels):
-    circuit = anatomy.circuit(name, channels)
+    circuit = anatomy.load_circuit(name, channels)
     assert circuit.exact
     drive = evidence(channels)
     assert np.abs(output(circuit, drive) - surprise(drive)).max() < CLOSE

@@ -59,7 +59,7 @@ def test_noise_of_spikes_lifts_an_exponential_by_half_its_variance(tau_ms):
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b", "linear_gpe"])
 def test_a_circuit_of_rates_has_no_noise(name):
-    table = anatomy.circuit(name, 3)
+    table = anatomy.load_circuit(name, 3)
     drive = np.array([[[1.0, 0.0, -1.0]]])
     line, finite = (algebra.run(table, drive, laws=laws) for laws in ("table", "finite"))
     np.testing.assert_allclose(finite.output_nats, line.output_nats, atol=1e-9)

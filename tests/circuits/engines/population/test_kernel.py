@@ -73,7 +73,7 @@ def by_the_scheme(circuit, drive, clock):
 @pytest.mark.parametrize("fastest_ms", [0.0, 0.5, 2.0])
 def test_every_tick_follows_the_scheme(name, fastest_ms):
     """However many ticks are computed together: that depends on the shortest delay."""
-    circuit = anatomy.circuit(name, 3).with_projection("STN", "SNr", delay_ms=fastest_ms)
+    circuit = anatomy.load_circuit(name, 3).with_projection("STN", "SNr", delay_ms=fastest_ms)
     circuit = replace(circuit.without("GPe", 0.3, replaced=True), readout_tau_ms=10)
     drive = evidence(2, 3, 3)
     clock = Clock(3, 6.0, dt_ms=0.25, sample_ms=1.5, settle_ms=4.0)
@@ -107,7 +107,7 @@ def test_steady_state_is_the_fixed_point(name, channels):
 
 def test_a_circuit_at_rest_stays_there():
     for name in anatomy.CIRCUITS:
-        circuit = anatomy.circuit(name, 4)
+        circuit = anatomy.load_circuit(name, 4)
         activity = run_rate(circuit, np.zeros((1, 1, 4)), step_ms=50, settle_ms=0)
         rest = algebra.run(circuit, np.zeros((1, 1, 4))).output_nats
         assert np.abs(activity.output_nats - rest).max() < SINGLE
@@ -115,7 +115,7 @@ def test_a_circuit_at_rest_stays_there():
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
 def test_rates_are_never_negative_but_where_they_stand_for_a_difference(name):
-    circuit = anatomy.circuit(name, 3)
+    circuit = anatomy.load_circuit(name, 3)
     drive = evidence(20, 5, 3) * 3
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -131,7 +131,7 @@ def test_rates_are_never_negative_but_where_they_stand_for_a_difference(name):
 @pytest.mark.parametrize(("name", "order"), [("appendix_b", 1), ("spiking_msprt", 2)])
 def test_half_the_tick_takes_the_error_down_by_its_order(name, order):
     """Where a reading jumps through blocks without a filter the error falls as the tick does."""
-    circuit = anatomy.circuit(name, 2)
+    circuit = anatomy.load_circuit(name, 2)
     drive = evidence(4, 5, 2)
     dts = (0.5, 0.25, 0.125, 0.0625)
     out = [run_rate(circuit, drive, step_ms=40, dt_ms=dt).output_nats for dt in dts]
@@ -160,7 +160,7 @@ def test_delays_are_kept_to_the_tick():
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
 @pytest.mark.parametrize("channels", [2, 9])
 def test_a_trial_alone_has_the_bytes_that_it_has_in_a_batch(name, channels):
-    circuit = anatomy.circuit(name, channels)
+    circuit = anatomy.load_circuit(name, channels)
     drive = evidence(7, 3, channels) / 2
     times = {"step_ms": 20, "settle_ms": 20}
     every = run_rate(circuit, drive, **times)

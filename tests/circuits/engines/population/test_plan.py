@@ -24,7 +24,7 @@ def test_the_tick_is_the_longest_that_all_delays_and_times_are_multiples_of(
     delay_ms, times_ms, tick
 ):
     """One of 1/2, 1/4, 1/5 and 1/10 ms; the other delays of the table are whole milliseconds."""
-    circuit = anatomy.circuit("macaque", 2).with_projection("STN", "GPe", delay_ms=delay_ms)
+    circuit = anatomy.load_circuit("macaque", 2).with_projection("STN", "GPe", delay_ms=delay_ms)
     assert tick_ms(wire(circuit), *times_ms) == tick
 
 
@@ -53,7 +53,7 @@ def test_noise_falls_with_the_number_of_cells_and_the_length_of_a_tick():
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 def test_what_units_pass_on_at_rest_keeps_blocks_at_rest(name):
     """Tone and pathways that bend included."""
-    wiring = wire(anatomy.circuit(name, 3))
+    wiring = wire(anatomy.load_circuit(name, 3))
     scheme = Scheme(wiring, 0.5)
     laid = plan(scheme, Clock(1, 50, 0.5), Laws(LINES, noise=False))
     arrives = wiring.weight @ laid.units["passed"] + wiring.bias

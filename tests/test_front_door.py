@@ -1,0 +1,117 @@
+"""What most users do, each in three lines from ``import bgmodel as bg``."""
+
+import numpy as np
+import pytest
+
+import bgmodel as bg
+from bgmodel.stimuli import Stimuli
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+@pytest.fixture(scope="module")
+def evidence():
+    return bg.gaussian_evidence(200, d_prime=0.7, t_max=60, seed=1)
+
+
+def test_what_is_visible_is_what_is_meant():
+    assert dir(bg) == sorted(bg.__all__)
+    assert all(getattr(bg, name) is not None for name in bg.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'Brain'"):
+        bg.Brain  # noqa: B018
+
+
+def test_evidence_is_that_of_the_terminal():
+    asked = Stimuli(trials=30, channels=3, d_prime=0.4, t_max=20, conflict=0.3)
+    mine = bg.gaussian_evidence(
+        30, d_prime=0.4, channels=3, t_max=20, conflict=0.3, seed=bg.stream(7, "a")
+    )
+    assert np.array_equal(mine.log_likelihood, asked.draw(7, "a").evidence.log_likelihood)
+    plain = Stimuli()
+    default = bg.gaussian_evidence(plain.trials, seed=bg.stream(7, "a"))
+    assert np.array_equal(default.log_likelihood, plain.draw(7, "a").evidence.log_likelihood)
+    assert default.step_ms == plain.step_ms
+
+
+def test_one_reading_separates_two_hypotheses_by_d_prime():
+    """The difference of log likelihoods has mean d'^2 / 2 and variance d'^2."""
+    drawn = bg.gaussian_evidence(4000, d_prime=0.6, t_max=25, seed=3)
+    apart = drawn.log_likelihood[..., 1] - drawn.log_likelihood[..., 0]
+    signed = np.where(drawn.truth[:, None] == 1, apart, -apart)
+    assert signed.mean() == pytest.approx(0.36 / 2, abs=4 * 0.6 / np.sqrt(signed.size))
+    assert signed.var() == pytest.approx(0.36, rel=4 * np.sqrt(2 / signed.size))
+
+
+def test_a_circuit_is_loaded_shown_and_edited():
+    circuit = bg.load_circuit("macaque")
+    lesioned = circuit.without("STN", 0.1)
+    assert isinstance(lesioned, bg.Circuit)
+    assert lesioned["STN"].intact == 0.9
+    assert "macaque" in repr(circuit)
+
+
+@pytest.mark.parametrize("model", [bg.Sprt(), bg.Msprt(), None], ids=["SPRT", "MSPRT", "circuit"])
+def test_every_model_decides_alike(model, evidence):
+    model = model or bg.BasalGanglia(bg.load_circuit("macaque"), "population", seed=1)
+    decision = model.decide(evidence, posterior=0.8)
+    table = decision.to_dataframe()
+    assert decision.accuracy == table.correct[table.choice >= 0].mean()
+    assert decision.summary().loc[0, "accuracy"] == decision.accuracy
+    assert decision.summary().loc[0, "mean_ms"] == pytest.approx(table.time_ms.mean())
+    assert len(table) == evidence.trials
+    assert decision.plot() is not None
+
+
+def test_accuracy_needs_the_truth_and_a_decision():
+    blind = bg.Evidence(np.ones((3, 4, 2)))
+    decision = bg.Msprt().decide(blind, posterior=0.9, forced=False)
+    with pytest.raises(ValueError, match="truth"):
+        _ = decision.accuracy
+    assert "correct" not in decision.to_dataframe()
+    seen = bg.Evidence(np.ones((3, 4, 2)), truth=[0, 1, 0])
+    assert np.isnan(bg.Msprt().decide(seen, posterior=0.9, forced=False).accuracy)
+
+
+def test_several_thresholds_have_a_row_each(evidence):
+    decision = bg.Msprt().decide(evidence, posterior=[0.7, 0.9])
+    assert list(decision.to_dataframe().columns[:2]) == ["threshold", "trial"]
+    assert len(decision.to_dataframe()) == 2 * evidence.trials
+    assert list(decision.summary().accuracy) == list(decision.accuracy)
+    assert decision.accuracy[1] > decision.accuracy[0]
+
+
+def test_a_table_of_evidence_is_read(tmp_path):
+    path = tmp_path / "mine.csv"
+    path.write_text("trial,step,ll_left,ll_right,truth\n" + "1,1,-1,-2,left\n1,2,-1,-3,left\n")
+    found = bg.read_evidence(path, step_ms=50.0)
+    assert found.log_likelihood.tolist() == [[[-1, -2], [-1, -3]]]
+    assert found.step_ms == 50.0
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda: bg.gaussian_evidence(0, seed=1), "trials"),
+        (lambda: bg.gaussian_evidence(5, d_prime="0.5", seed=1), "d_prime"),
+        (lambda: bg.gaussian_evidence(5, d_prime=-1.0, seed=1), "d_prime"),
+        (lambda: bg.gaussian_evidence(5, channels=1, seed=1), "channels"),
+        (lambda: bg.gaussian_evidence(5, t_max=0, seed=1), "t_max"),
+        (lambda: bg.gaussian_evidence(5, step_ms="50", seed=1), "step_ms"),
+        (lambda: bg.gaussian_evidence(5, seed="a"), "rng"),
+        (lambda: bg.load_circuit("monkey"), "macaque"),
+        (lambda: bg.load_circuit(3), "circuit"),
+        (lambda: bg.BasalGanglia("monkey"), "macaque"),
+        (lambda: bg.Msprt().decide("a", posterior=0.9), "vidence"),
+        (lambda: bg.Msprt().decide(bg.gaussian_evidence(5, seed=1), posterior=2.0), "posterior"),
+        (lambda: bg.Msprt(gain=0), "gain"),
+        (lambda: bg.read_evidence("nothing.csv"), "nothing.csv"),
+        (lambda: bg.read_choices("nothing.csv"), "nothing.csv"),
+        (lambda: bg.compare("macaque", "a", seed=1), "vidence"),
+        (lambda: bg.read_experiment("nothing"), "nothing"),
+        (lambda: bg.run_experiment("stn_conflict"), "experiment"),
+        (lambda: bg.fit("nothing.csv", strength="coherence"), "nothing.csv"),
+    ],
+)
+def test_a_wrong_argument_is_named(call, named):
+    with pytest.raises((ValueError, FileNotFoundError), match=named):
+        call()
