@@ -366,7 +366,8 @@ def test_a_cell_near_saturation_is_no_error():
 def test_rates_above_a_million_hz_run_away(hz, runs):
     refused = contextlib.nullcontext() if runs else pytest.raises(ValueError, match="run away")
     with refused:
-        run(source(Rate(), hz), np.zeros((1, 1, 2)), engine="rate", step_ms=10, settle_ms=1)
+        circuit = source(Rate(), 0.0).with_population("ctx", gain_hz_per_nat=hz)
+        run(circuit, np.ones((1, 1, 2)), engine="rate", step_ms=10, settle_ms=1)
 
 
 @pytest.mark.parametrize(("amplified", "said"), [(7.9, False), (8.1, True)])
