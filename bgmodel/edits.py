@@ -94,7 +94,7 @@ class Edits:
         """Return the circuit with the rows that are added."""
         if self.keep_rest and not self.add:
             raise ValueError("keep_rest is for rows that are added, there are none: give add")
-        return circuit.with_rows(*self.add, keep_rest=self.keep_rest)
+        return circuit.add(*self.add, keep_rest=self.keep_rest)
 
     def notes(self) -> list[str]:
         """Return a sentence for each kind of edit that is taken for another."""
@@ -151,7 +151,7 @@ class Edits:
         circuit = circuit.dopamine(self.dopamine)
         if not (self.recovered or self.rebound):
             return circuit
-        return circuit.recovered(table, rebound_nats=self._rebound_nats())
+        return circuit.compensate(table, rebound_nats=self._rebound_nats())
 
     def _rebound_nats(self) -> dict[str, float]:
         """Return how far above its old rate each nucleus comes to rest, nats."""
@@ -255,14 +255,14 @@ def _lesioned(circuit: Circuit, edit: str, replaced: bool) -> Circuit:
     name, fraction = _value(edit, 1.0)
     name, channel = channel_of(name, "GPe[0]")
     with _naming(edit):
-        return circuit.without(name.strip(), fraction, replaced=replaced, channel=channel)
+        return circuit.lesion(name.strip(), fraction, replaced=replaced, channel=channel)
 
 
 def _scaled(circuit: Circuit, edit: str) -> Circuit:
     name, factor = _value(edit, None)
     source, target, channel = _pathway(name, edit, "scale")
     with _naming(edit):
-        return circuit.scaled(source, target, factor, channel)
+        return circuit.scale(source, target, factor, channel)
 
 
 def _cut(circuit: Circuit, edit: str) -> Circuit:

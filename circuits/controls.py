@@ -71,7 +71,7 @@ def correlated(
     gain = np.sqrt(variance / cells) / noise_nats
     shared = Population("shared", Phase(1.0), rate_hz, gain, neurons=cells, cite="assumed")
     path = Projection("shared", circuit.input, 1, delay_ms=1, tau_ms=tau_ms, cite="assumed")
-    return circuit.with_rows(shared, path)
+    return circuit.add(shared, path)
 
 
 def linear_stn(circuit: Circuit) -> Circuit:
@@ -94,7 +94,7 @@ def linear_stn(circuit: Circuit) -> Circuit:
     )
     for p in circuit.projections:
         if p.target == "STN":
-            edited = edited.scaled(p.source, "STN", rest)
+            edited = edited.scale(p.source, "STN", rest)
     return edited.with_population("SNr", bias_nats=spare)
 
 

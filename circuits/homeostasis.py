@@ -89,7 +89,7 @@ def biases(
 ) -> dict[str, float]:
     """Return the bias of each population at which all rest at the rates of a reference, nats.
 
-    Use ``Circuit.recovered`` for the circuit that has them: arguments and errors are its own.
+    Use ``Circuit.compensate`` for the circuit that has them: arguments and errors are its own.
 
     Notes
     -----
@@ -128,7 +128,7 @@ def recovery(
     Parameters
     ----------
     circuit, reference, rebound_nats :
-        As for ``Circuit.recovered``; channels that differ have their mean rate held.
+        As for ``Circuit.compensate``; channels that differ have their mean rate held.
     speed : mapping from names to numbers, optional
         Another factor W for some populations; 0 leaves the bias as it is.
     step, until : float

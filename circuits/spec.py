@@ -382,7 +382,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
         with naming(*changes):
             return self._with(*rows)
 
-    def without(
+    def lesion(
         self,
         name: str,
         fraction: float = 1.0,
@@ -393,7 +393,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
         """Return the circuit with a fraction of a nucleus lesioned.
 
         Its rate is scaled in all that it reaches, tone included; its own cells are still shown, for
-        they go on unheard. So a lesion is more than its pathways scaled: see ``scaled``.
+        they go on unheard. So a lesion is more than its pathways scaled: see ``scale``.
 
         Parameters
         ----------
@@ -444,7 +444,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
                 f"{row.name}: channel must lie in 0..{self.channels - 1}, got {channel!r}"
             )
 
-    def recovered(
+    def compensate(
         self, reference: Circuit | None = None, *, rebound_nats: Mapping[str, float] | None = None
     ) -> Circuit:
         """Return the circuit with every population's own rate at rest as it was before an edit.
@@ -498,9 +498,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
         weight = balanced_weight(self, source)
         return self.with_projection(source, self.readout, weight=weight)
 
-    def scaled(
-        self, source: str, target: str, factor: float, channel: int | None = None
-    ) -> Circuit:
+    def scale(self, source: str, target: str, factor: float, channel: int | None = None) -> Circuit:
         """Return the circuit with the weight of one pathway multiplied by a factor.
 
         A pathway carries the change from its source's ``baseline_hz``, whose tone the table takes
@@ -535,7 +533,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
     ) -> Circuit:
         """Return the circuit without a fraction of the axons of one pathway.
 
-        The target lacks what these carried: what the source signals, and its tone. ``scaled``
+        The target lacks what these carried: what the source signals, and its tone. ``scale``
         leaves the tone. A nucleus all of whose pathways are cut by a fraction is lesioned by it.
 
         Parameters
@@ -600,7 +598,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
         circuit = self
         for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
             bias = circuit.population(p.target).bias_nats + nats
-            circuit = circuit.scaled(p.source, p.target, 1 + change)
+            circuit = circuit.scale(p.source, p.target, 1 + change)
             circuit = circuit.with_population(p.target, bias_nats=bias)
         return circuit
 
@@ -684,7 +682,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
         )
         return self._edited(projections=rows)
 
-    def with_rows(
+    def add(
         self, *rows: Population | Projection | Course | str, keep_rest: bool = False
     ) -> Circuit:
         """Return the circuit with rows added: a nucleus, a pathway or a course of your own.
@@ -698,7 +696,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
             What is added.
         keep_rest : bool
             Whether the nuclei that were there keep their rates at rest: their biases make good what
-            the new rows add to their input, as in ``recovered``.
+            the new rows add to their input, as in ``compensate``.
         """
         for row in rows:
             if not isinstance(row, (Population, Projection, Course, str)):
@@ -714,7 +712,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
             )
             if not keep_rest or found == self:
                 return found
-            return replace(found.recovered(self), chronic=self.chronic)
+            return replace(found.compensate(self), chronic=self.chronic)
 
     @property
     def steady(self) -> Circuit:

@@ -40,7 +40,7 @@ def course(settings: Settings, *, output: Path) -> None:
     """Run the rule after two edits: rates over those of the table at rest."""
     table = load_circuit(DEFAULT)
     weight = table.projection("STN", "SNr").weight
-    edited = (table.with_projection("STN", "SNr", weight=0.8 * weight), table.without("STN", 0.5))
+    edited = (table.with_projection("STN", "SNr", weight=0.8 * weight), table.lesion("STN", 0.5))
     parts = []
     for name, edit in zip(EDITS, edited, strict=True):
         found = recovery(edit, table, step=TIME_STEP)

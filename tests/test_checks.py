@@ -96,7 +96,7 @@ CALLS = {
     "thresholds": lambda odd: tally_sprt(EVIDENCE, odd),
     "test of a stream": lambda odd: Stream(odd, 0.2),
     "threshold of a stream": lambda odd: Stream(Msprt(), odd),
-    "nucleus": TABLE.without,
+    "nucleus": TABLE.lesion,
     "row": TABLE.row,
     "evidence": lambda odd: compare("macaque", odd, seed=1),
     "compared circuit": lambda odd: compare(odd, some_evidence(hypotheses=2), seed=1),

@@ -36,7 +36,7 @@ def test_show_saves_a_table_as_edited_and_shows_it_again(here, capsys):
     assert run("circuit", "show", "spiking_msprt", *edits, "--save", "mine.toml") == 0
     first = capsys.readouterr().out
     assert first.splitlines()[-1] == "spiking_msprt, 3 channels -> mine.toml"
-    lesioned = anatomy.spiking_msprt(3).without("STN", 0.5).without("GPe", 0.25, channel=1)
+    lesioned = anatomy.spiking_msprt(3).lesion("STN", 0.5).lesion("GPe", 0.25, channel=1)
     assert anatomy.load_circuit(here / "mine.toml") == lesioned
     assert run("circuit", "show", "mine.toml") == 0
     assert capsys.readouterr().out.strip() == first[: first.index("\n\nedited")].strip()
@@ -74,7 +74,7 @@ def test_a_file_runs_as_the_table_that_it_was_written_from(here, command):
 
 def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):
     assert run("circuit", "run", "a.csv", *SMALL, "--edits.without", "D2=0.5") == 0
-    assert said(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().without("D2", 0.5))
+    assert said(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().lesion("D2", 0.5))
 
 
 def test_dopamine_learns_in_a_file_as_in_its_table(here):
@@ -118,7 +118,7 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, capsys):
     assert behind["experiment"]["circuit"]["file"] == "mine.toml"
     assert behind["experiment"]["gain"] == 0.7
     assert behind["control"]["sha256"] == digest(anatomy.spiking_msprt())
-    assert behind["manipulation"]["sha256"] == digest(anatomy.spiking_msprt().without("D2", 0.2))
+    assert behind["manipulation"]["sha256"] == digest(anatomy.spiking_msprt().lesion("D2", 0.2))
     file = here / "in" / "experiment.toml"
     file.write_text(EXPERIMENT.replace("tables/mine.toml", "spiking_msprt"))
     assert run("experiment", file, "b.csv") == 0

@@ -41,22 +41,22 @@ def test_a_nucleus_whose_axons_are_all_cut_by_a_fraction_is_lesioned_by_it(
     cut = table
     for p in paths_of(table, nucleus):
         cut = cut.cut(p.source, p.target, fraction, channel)
-    lesioned = table.without(nucleus, fraction, channel=channel)
+    lesioned = table.lesion(nucleus, fraction, channel=channel)
     np.testing.assert_allclose(state(cut, drive), state(lesioned, drive), atol=1e-6)
 
 
 def test_half_of_the_axons_take_the_tone_and_half_the_weight_leaves_it():
     table = anatomy.macaque(2)
-    scaled, cut = table.scaled("GPe", "STN", 0.5), table.cut("GPe", "STN", 0.5)
+    scaled, cut = table.scale("GPe", "STN", 0.5), table.cut("GPe", "STN", 0.5)
     before = at_rest(table)
     assert at_rest(scaled) == pytest.approx(before, abs=1e-9)
     weight, tone = table.projection("GPe", "STN").weight, 58 / 50
-    by_hand = table.scaled("GPe", "STN", 0.5).with_population(
+    by_hand = table.scale("GPe", "STN", 0.5).with_population(
         "STN", bias_nats=table.population("STN").bias_nats - 0.5 * weight * tone
     )
     assert at_rest(cut) == pytest.approx(at_rest(by_hand), abs=1e-9)
     assert at_rest(cut)["SNr"] != pytest.approx(before["SNr"], abs=1)
-    assert at_rest(cut.recovered()) == pytest.approx(before, abs=1e-6)
+    assert at_rest(cut.compensate()) == pytest.approx(before, abs=1e-6)
 
 
 def test_cuts_add_up_are_undone_as_lesions_are_and_leave_a_circuit_that_was_exact():

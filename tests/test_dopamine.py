@@ -120,7 +120,7 @@ def test_out_may_fall_and_rise_again_with_the_evidence():
         (lambda: decide_at_levels(MODEL, None, [1.0, 1.0], 0.3), "each once"),
         (lambda: decide_at_levels(MODEL, None, [1.0, -0.5], 0.3), r"levels must lie in 0\.\.2"),
         (
-            lambda: MODEL.circuit.scaled("ctx", "D1", 1.2, channel=0).dopamine(1.1),
+            lambda: MODEL.circuit.scale("ctx", "D1", 1.2, channel=0).dopamine(1.1),
             "ctx->D1 differs from channel to channel",
         ),
     ],

@@ -51,7 +51,7 @@ def test_a_file_the_terminal_and_python_say_the_same():
     typed = at_the_terminal("--edits.change", DELAY, BIAS, "--edits.add", PATHWAY, NUCLEUS)
     python = Edits(change=(DELAY, BIAS), add=(PATHWAY, NUCLEUS))
     assert file == typed == python
-    assert python.apply(TABLE) == TABLE.with_rows(PATHWAY, NUCLEUS).edited(DELAY, BIAS)
+    assert python.apply(TABLE) == TABLE.add(PATHWAY, NUCLEUS).edited(DELAY, BIAS)
     assert python.apply(TABLE).projection("STN", "GPe").delay_ms == 4
 
 
@@ -61,8 +61,8 @@ def test_a_course_is_a_row_wherever_rows_are_added_and_is_relative_to_the_level_
     assert written(text) == Edits(add=(text,))
     assert at_the_terminal("--edits.add", text) == Edits(add=(text,))
     course = Course("dopamine", 0.2, 0, 300, decay_ms=50)
-    assert edits.apply(TABLE) == TABLE.without("STN", 0.1).dopamine(1.1).with_rows(course)
-    assert rest_out(edits.apply(TABLE)) == rest_out(TABLE.without("STN", 0.1).dopamine(1.1))
+    assert edits.apply(TABLE) == TABLE.lesion("STN", 0.1).dopamine(1.1).add(course)
+    assert rest_out(edits.apply(TABLE)) == rest_out(TABLE.lesion("STN", 0.1).dopamine(1.1))
 
 
 def test_edits_are_made_in_the_order_of_their_fields():
@@ -75,9 +75,9 @@ def test_edits_are_made_in_the_order_of_their_fields():
         add=(PATHWAY, NUCLEUS),
         neurons=20,
     )
-    by_hand = TABLE.with_neurons(20).with_rows(PATHWAY, NUCLEUS).with_population("STN", neurons=50)
+    by_hand = TABLE.with_neurons(20).add(PATHWAY, NUCLEUS).with_population("STN", neurons=50)
     by_hand = by_hand.with_population("TRN", neurons=30).with_projection("D1", "GPe", weight=-0.3)
-    by_hand = by_hand.without("TRN", 0.5).scaled("D1", "GPe", 0.5).dopamine(1.1)
+    by_hand = by_hand.lesion("TRN", 0.5).scale("D1", "GPe", 0.5).dopamine(1.1)
     assert edits.apply(TABLE) == by_hand
     assert edits.text() == (
         f"neurons 20; add {PATHWAY}, {NUCLEUS}; change STN.neurons=50, TRN.neurons=30, "
@@ -157,9 +157,9 @@ def test_a_channel_is_a_number_in_brackets(written):
 def test_one_channel_is_edited_as_written():
     circuit = anatomy.spiking_msprt(4)
     edited = Edits(scale=("ctx->D1[2]=1.1", "STN->GPe=0.5")).apply(circuit)
-    assert edited == circuit.scaled("ctx", "D1", 1.1, channel=2).scaled("STN", "GPe", 0.5)
+    assert edited == circuit.scale("ctx", "D1", 1.1, channel=2).scale("STN", "GPe", 0.5)
     edited = Edits(without=("GPe[3]=0.25", "STN=0.1")).apply(circuit)
-    assert edited == circuit.without("GPe", 0.25, channel=3).without("STN", 0.1)
+    assert edited == circuit.lesion("GPe", 0.25, channel=3).lesion("STN", 0.1)
 
 
 @pytest.mark.parametrize(
@@ -189,8 +189,8 @@ def test_what_recovers_does_so_from_every_edit_that_is_told():
         *("--edits.change", BIAS, "--edits.recovered", "--edits.rebound", "SNr=0.2"),
     )
     assert file == typed
-    by_hand = TABLE.edited(BIAS).without("STN", 0.3).scaled("STN", "SNr", 0.8).dopamine(0.9)
-    assert file.apply(TABLE) == by_hand.recovered(TABLE, rebound_nats={"SNr": 0.2})
+    by_hand = TABLE.edited(BIAS).lesion("STN", 0.3).scale("STN", "SNr", 0.8).dopamine(0.9)
+    assert file.apply(TABLE) == by_hand.compensate(TABLE, rebound_nats={"SNr": 0.2})
     assert file.text().endswith("dopamine 0.9; recovered; rebound SNr=0.2")
 
 
@@ -219,7 +219,7 @@ def test_an_edit_that_is_written_by_itself_may_recover():
 
 def test_replaced_gives_back_what_a_lesion_took():
     lost = Edits(without=("GPe",), replaced=True).apply(TABLE)
-    assert lost == TABLE.without("GPe", replaced=True) != TABLE.without("GPe")
+    assert lost == TABLE.lesion("GPe", replaced=True) != TABLE.lesion("GPe")
 
 
 AXONS = "cut GPe->STN=0.3"
@@ -231,7 +231,7 @@ def test_axons_are_cut_in_text_as_in_python():
     assert at_the_terminal("--edits.cut", "GPe->STN=0.3") == Edits(cut=("GPe->STN=0.3",))
     assert Edits(cut=("D1 -> SNr[1]",)).apply(TABLE) == TABLE.cut("D1", "SNr", channel=1)
     both = Edits(cut=("GPe->STN=0.3",), scale=("GPe->STN=0.5",))
-    assert both.apply(TABLE) == TABLE.cut("GPe", "STN", 0.3).scaled("GPe", "STN", 0.5)
+    assert both.apply(TABLE) == TABLE.cut("GPe", "STN", 0.3).scale("GPe", "STN", 0.5)
     assert both.text() == "cut GPe->STN=0.3; scale GPe->STN=0.5"
     for wrong in ("GPe=0.3", "GPe->STN=1.2", "GPe->STN=x", "GPe->STN[7]=0.1", "STN->D1"):
         with pytest.raises(ValueError, match=re.escape(wrong)):
@@ -263,8 +263,8 @@ def test_commands_say_what_a_cut_or_a_scale_does(edits, capsys):
 def test_rows_are_added_in_text_with_rates_at_rest_kept():
     rows = ("TRN like=STN bias_nats=-1", "TRN->GPe weight=0.1")
     edited = Edits(add=rows, keep_rest=True).apply(TABLE)
-    assert edited == TABLE.with_rows(*rows, keep_rest=True)
-    assert edited != TABLE.with_rows(*rows)
+    assert edited == TABLE.add(*rows, keep_rest=True)
+    assert edited != TABLE.add(*rows)
     asked = Edits(add=rows, keep_rest=True)
     assert at_the_terminal("--edits.add", *rows, "--edits.keep-rest") == asked
     with pytest.raises(ValueError, match="keep_rest is for rows that are added"):

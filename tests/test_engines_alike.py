@@ -83,7 +83,7 @@ def test_exact_tables_settle_at_the_log_posterior(engine, circuit):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_lesion_of_stn_shifts_the_criterion_on_every_engine(engine):
-    circuit = anatomy.bogacz_gurney(3).without("STN", 0.4)
+    circuit = anatomy.bogacz_gurney(3).lesion("STN", 0.4)
     out = held(circuit, engine).output_nats[:, -1]
     exact = -log_softmax(CENTRED, axis=1) + np.log(0.6)
     npt.assert_allclose(out, np.maximum(exact, 0), atol=CLOSE[engine], rtol=0)
@@ -106,7 +106,7 @@ COURSES = (
 
 @pytest.mark.parametrize(
     ("circuit", "level"),
-    [(TABLE, 0.3), (TABLE.with_rows(*COURSES), 0.1)],
+    [(TABLE, 0.3), (TABLE.add(*COURSES), 0.1)],
     ids=["as it is", "courses"],
 )
 @pytest.mark.parametrize("engine", DROPPING)
@@ -150,7 +150,7 @@ def test_an_unknown_engine_lists_those_that_there_are():
 @pytest.mark.parametrize("engine", DROPPING)
 def test_a_trial_with_courses_does_not_depend_on_those_beside_it(engine):
     """More trials than run side by side, some of them over early: others take their place."""
-    circuit = TABLE.with_rows(*COURSES)
+    circuit = TABLE.add(*COURSES)
     drive = np.tile(growing(6, 2), (12, 1, 1))
     whole = all_of(circuit, drive, engine, drop_below=0.9, settle_ms=50)
     for trial in (0, 65, 71):
@@ -160,14 +160,14 @@ def test_a_trial_with_courses_does_not_depend_on_those_beside_it(engine):
         npt.assert_array_equal(whole.output_nats[trial][kept], alone.output_nats[0][kept])
 
 
-ONE = TABLE.scaled("ctx", "D1", 0.8, 1).scaled("STN", "SNr", 1.2, 0).scaled("D2", "GPe", 0, 2)
+ONE = TABLE.scale("ctx", "D1", 0.8, 1).scale("STN", "SNr", 1.2, 0).scale("D2", "GPe", 0, 2)
 """Weights of one channel, and below lesions of one beside them."""
-LOST = ONE.without("GPe", 0.25, channel=0).without("D2", 1, channel=1).without("STN", 0.1)
+LOST = ONE.lesion("GPe", 0.25, channel=0).lesion("D2", 1, channel=1).lesion("STN", 0.1)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_edit_of_one_channel_acts_on_every_engine(engine):
-    circuit = anatomy.bogacz_gurney(3).scaled("D1", "SNr", 0.9, channel=1)
+    circuit = anatomy.bogacz_gurney(3).scale("D1", "SNr", 0.9, channel=1)
     out = held(circuit, engine).output_nats[:, -1]
     y = CENTRED + circuit.reference_nats - np.log(3)
     exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
@@ -179,16 +179,16 @@ def test_a_lesion_in_one_channel_acts_on_every_engine_and_in_each_is_the_whole_l
     whole = anatomy.bogacz_gurney(3)
     y = CENTRED + whole.reference_nats - np.log(3)
     # D1 takes y from OUT of its own channel; Sigma is ln sum exp y over what is left of STN.
-    of_d1 = held(whole.without("D1", 0.1, channel=1), engine).output_nats[:, -1]
+    of_d1 = held(whole.lesion("D1", 0.1, channel=1), engine).output_nats[:, -1]
     exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
     npt.assert_allclose(of_d1, exact, atol=CLOSE[engine], rtol=0)
-    of_stn = held(whole.without("STN", 0.25, channel=0), engine).output_nats[:, -1]
+    of_stn = held(whole.lesion("STN", 0.25, channel=0), engine).output_nats[:, -1]
     sigma = logsumexp(y, axis=1, b=[0.75, 1, 1], keepdims=True)
     npt.assert_allclose(of_stn, np.maximum(sigma - y, 0), atol=CLOSE[engine], rtol=0)
     each = whole
     for channel in range(3):
-        each = each.without("STN", 0.2, channel=channel).without("STN", 0.5, channel=channel)
-    whole = whole.without("STN", 0.6)
+        each = each.lesion("STN", 0.2, channel=channel).lesion("STN", 0.5, channel=channel)
+    whole = whole.lesion("STN", 0.6)
     found, expected = (held(c, engine).output_nats for c in (each, whole))
     npt.assert_allclose(found, expected, atol=CLOSE[engine], rtol=0)
 
@@ -208,8 +208,8 @@ def in_plain(circuit):
     [
         TABLE,
         LOST,
-        anatomy.macaque(3).with_neurons(20).with_rows(*COURSES),
-        TABLE.with_rows(*COURSES).without("GPe", 0.3, replaced=True).with_spread(0.1),
+        anatomy.macaque(3).with_neurons(20).add(*COURSES),
+        TABLE.add(*COURSES).lesion("GPe", 0.3, replaced=True).with_spread(0.1),
     ],
     ids=["as it is", "one channel", "courses at terminals", "courses and a lesion"],
 )
@@ -235,12 +235,12 @@ def edited(number):
     rng = np.random.default_rng(number)
     circuit = anatomy.spiking_msprt(int(rng.integers(2, 5))).dopamine(rng.uniform(0.8, 1.3))
     for p in rng.choice(np.array(circuit.projections), 3, replace=False):
-        circuit = circuit.scaled(p.source, p.target, rng.uniform(0.5, 1.5))
+        circuit = circuit.scale(p.source, p.target, rng.uniform(0.5, 1.5))
     stn = circuit.population("STN").bias_nats + rng.normal(0, 0.1)
     circuit = circuit.with_population("STN", bias_nats=stn)
     return [
-        circuit.with_rows(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
-        circuit.without("STN", 0.4, replaced=True),
+        circuit.add(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
+        circuit.lesion("STN", 0.4, replaced=True),
         circuit.with_population("STN", cell=Phase(0.9)),
         circuit.with_spread(0.2),
     ][number % 4]
@@ -250,9 +250,9 @@ def edited(number):
     "circuit",
     [
         FULL,
-        FULL.with_rows(LOOP),
+        FULL.add(LOOP),
         FULL.dopamine(1.1),
-        FULL.with_rows(*COURSES),
+        FULL.add(*COURSES),
         *map(edited, range(4)),
     ],
     ids=["shipped", "GPe->D2", "dopamine", "courses", "loop", "lesion", "irregular", "spread"],
@@ -272,7 +272,7 @@ def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
 
 def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
     """Sparse inputs are summed in another order by the compiled engine: now and then a spike."""
-    sparse = TABLE.with_connections(0.5).with_rows(*COURSES)
+    sparse = TABLE.with_connections(0.5).add(*COURSES)
     drive = np.repeat(CENTRED[:1, None], 1, axis=1)
     names = ("D1", "D2", "SNr")
     given = {"step_ms": 70, "settle_ms": 10, "spikes": names}
@@ -291,7 +291,7 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
     assert len(plain.spikes["D1"]) > 1.1 * len(without.spikes["D1"])
     # Synapses each for itself add up to the blocks' sums.
     whole, each = (
-        all_of(TABLE.with_rows(*COURSES), drive, "brian2", explicit=explicit, **given)
+        all_of(TABLE.add(*COURSES), drive, "brian2", explicit=explicit, **given)
         for explicit in (False, True)
     )
     npt.assert_allclose(whole.output_nats, each.output_nats, atol=1e-9)
@@ -300,7 +300,7 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
 @pytest.mark.parametrize("circuit", [anatomy.bogacz_gurney(3), TABLE], ids=["exact", "spiking"])
 def test_rates_under_courses_are_alike(circuit):
     """What passes rates on alone, and the spiking engines' rates where the tick is short."""
-    circuit = circuit.with_rows("STN amount=-0.2 from_ms=20 to_ms=120 rise_ms=15 decay_ms=30")
+    circuit = circuit.add("STN amount=-0.2 from_ms=20 to_ms=120 rise_ms=15 decay_ms=30")
     drive = np.repeat(CENTRED[:1, None], 3, axis=1)
     rows = tuple(replace(p, cell=Rate(signed=p.cell.lowest_hz < 0)) for p in circuit.populations)
     circuit = replace(circuit, populations=rows)

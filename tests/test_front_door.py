@@ -44,7 +44,7 @@ def test_one_reading_separates_two_hypotheses_by_d_prime():
 
 def test_a_circuit_is_loaded_shown_and_edited():
     circuit = bg.load_circuit("macaque")
-    lesioned = circuit.without("STN", 0.1)
+    lesioned = circuit.lesion("STN", 0.1)
     assert isinstance(lesioned, bg.Circuit)
     assert lesioned["STN"].intact == 0.9
     assert "macaque" in repr(circuit)

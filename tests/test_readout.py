@@ -158,10 +158,10 @@ def test_a_majority_that_met_no_threshold_is_warned_of_with_its_number(forced):
 
 def test_a_lesion_that_decides_nothing_is_warned_of_and_one_that_needs_no_evidence_refused():
     table = MODEL.circuit
-    silent = replace(MODEL, circuit=table.without("GPe", 0.25))
+    silent = replace(MODEL, circuit=table.lesion("GPe", 0.25))
     (said,) = told(lambda: first_crossing(silent.run(EVIDENCE), posterior=0.9))
     assert said.startswith("60 of 60 trials never meet the threshold")
-    eager = replace(MODEL, circuit=table.scaled("ctx", "STN", 0.5))
+    eager = replace(MODEL, circuit=table.scale("ctx", "STN", 0.5))
     with pytest.raises(ValueError, match=r"it would decide without evidence"):
         first_crossing(eager.run(EVIDENCE), posterior=0.9)
 

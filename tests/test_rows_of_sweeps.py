@@ -262,7 +262,7 @@ def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong):
 def test_two_courses_of_one_nucleus_may_both_be_named():
     early, late = "dopamine to_ms=300 amount", "dopamine from_ms=400 amount"
     (found,) = Plan(grid={early: (0.1,), late: (0.2,)}).settings()
-    assert found.table == load_circuit("macaque").with_rows(f"{early}=0.1", f"{late}=0.2")
+    assert found.table == load_circuit("macaque").add(f"{early}=0.1", f"{late}=0.2")
 
 
 @pytest.mark.parametrize("kind", [LESIONS, SCALES])

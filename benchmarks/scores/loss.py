@@ -79,11 +79,11 @@ def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:
     table = load_circuit(DEFAULT, task.count)
     found = {(0.0, INTACT, 0.0): table}
     for lost in LOST:
-        acute = table.without("STN", lost)
+        acute = table.lesion("STN", lost)
         found[lost, ACUTE, 0.0] = acute
         part = round(lost * REBOUND_NATS[task.count], 2)
         for nats in REBOUNDS_NATS if lost == 1 else (0.0, part):
-            found[lost, RECOVERED, nats] = acute.recovered(rebound_nats={"SNr": nats})
+            found[lost, RECOVERED, nats] = acute.compensate(rebound_nats={"SNr": nats})
     return found
 
 

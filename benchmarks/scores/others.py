@@ -100,7 +100,7 @@ def _same(table: Circuit) -> Circuit:
 
 
 def _fewer_stn(table: Circuit) -> Circuit:
-    return table.without("STN", 0.1)
+    return table.lesion("STN", 0.1)
 
 
 FASTER, SLOWER = (Expected("mean_percent", sign, 2.0) for sign in (-1, 1))
@@ -121,7 +121,7 @@ EDITS: Mapping[str, Edit] = {
     ),
     "a fifth of GPe lost": Edit(
         "slower (derived from Bogacz & Gurney 2007)",
-        lambda table: table.without("GPe", 0.2),
+        lambda table: table.lesion("GPe", 0.2),
         SLOWER,
     ),
     "dopamine 1.15": Edit(

@@ -38,9 +38,9 @@ D_PRIMES = {2: (0.35, 0.5, 0.8), 4: (0.35, 0.5, 0.8), 8: (0.35, 0.5, 0.8)}
 READINGS = {0.35: 120, 0.5: 80, 0.8: 40}
 """Most readings of a trial, by d': nearly all decide."""
 EDITS: dict[str, Callable[[Circuit], Circuit]] = {
-    "STN -10 %": lambda table: table.without("STN", 0.1),
-    "STN -20 %": lambda table: table.without("STN", 0.2),
-    "GPe -10 %": lambda table: table.without("GPe", 0.1),
+    "STN -10 %": lambda table: table.lesion("STN", 0.1),
+    "STN -20 %": lambda table: table.lesion("STN", 0.2),
+    "GPe -10 %": lambda table: table.lesion("GPe", 0.1),
     "dopamine .5": lambda table: table.dopamine(0.5),
     "dopamine .9": lambda table: table.dopamine(0.9),
     "dopamine 1.2": lambda table: table.dopamine(1.2),

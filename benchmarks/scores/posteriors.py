@@ -43,10 +43,10 @@ def cases() -> Iterator[tuple[str, Circuit, tuple[float, ...]]]:
     yield "nothing", table, ASKED
     for name in ("STN", "GPe"):
         for share in LOST:
-            yield f"{name} {share:.0%}", table.without(name, share), (AT,)
+            yield f"{name} {share:.0%}", table.lesion(name, share), (AT,)
     for share, posterior, channel in LESS_GPE:
         where = "GPe" if channel is None else f"GPe[{channel}]"
-        yield f"{where} {share:.0%}", table.without("GPe", share, channel=channel), (posterior,)
+        yield f"{where} {share:.0%}", table.lesion("GPe", share, channel=channel), (posterior,)
 
 
 def behaviour(trials: int, workers: int) -> pd.DataFrame:

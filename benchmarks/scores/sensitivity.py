@@ -2,7 +2,7 @@
 
 What a change does at the threshold that was kept, and what is left of the agreement with the MSPRT
 once the threshold is tuned anew to the same accuracy. After homeostasis each population rests at
-its own old rate again (``Circuit.recovered``); the rule on the weight from STN onto SNr is that of
+its own old rate again (``Circuit.compensate``); the rule on the weight from STN onto SNr is that of
 ``Circuit.balanced``. By populations, on raw evidence; figure A3 is drawn
 from the table, and ``worst`` does the worst changes again in spikes.
 """
@@ -75,8 +75,8 @@ class Case(NamedTuple):
     def _after(self, changed: Circuit, table: Circuit) -> Circuit:
         if self.rules == ACUTE:
             return changed
-        recovered = changed.recovered(table)
-        return recovered if self.rules == BIASES else recovered.balanced().recovered(table)
+        recovered = changed.compensate(table)
+        return recovered if self.rules == BIASES else recovered.balanced().compensate(table)
 
 
 CASES = (

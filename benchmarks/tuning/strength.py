@@ -40,13 +40,13 @@ def variants(table: Circuit) -> dict[str, Circuit]:
         "no ceiling of cortex": table.edited("ctx.transfer=rectified"),
         "both": table.edited(*short, "ctx.transfer=rectified"),
         "GPe_ctx 10 times faster": table.edited("GPe_ctx.tau_ms=500"),
-        "cortical inhibition held": table.without("ctx_inh", replaced=True),
+        "cortical inhibition held": table.lesion("ctx_inh", replaced=True),
     }
 
 
 def loop_alone(table: Circuit) -> Circuit:
     """Return the circuit with all but the loop of STN and GPe held at rest."""
-    held = table.without("GPe_ctx", replaced=True).without("ctx_inh", replaced=True)
+    held = table.lesion("GPe_ctx", replaced=True).lesion("ctx_inh", replaced=True)
     return held.edited("ctx.transfer=rectified")
 
 

@@ -154,14 +154,14 @@ def lesions(table: Circuit) -> dict[str, Circuit]:
     They are those of figure C5 and of its score.
     """
     return {
-        "STN 10 %": table.without("STN", 0.1),
-        "STN 20 %": table.without("STN", 0.2),
-        "STN 50 %, replaced": table.without("STN", 0.5, replaced=True),
-        "GPe 10 %": table.without("GPe", 0.1),
-        "GPe 20 %": table.without("GPe", 0.2),
-        "GPe, replaced": table.without("GPe", replaced=True),
-        "D1 10 %": table.without("D1", 0.1),
-        "D1 20 %": table.without("D1", 0.2),
-        "D2": table.without("D2"),
-        "hyperdirect 3 %": table.scaled("ctx", "STN", 0.97),
+        "STN 10 %": table.lesion("STN", 0.1),
+        "STN 20 %": table.lesion("STN", 0.2),
+        "STN 50 %, replaced": table.lesion("STN", 0.5, replaced=True),
+        "GPe 10 %": table.lesion("GPe", 0.1),
+        "GPe 20 %": table.lesion("GPe", 0.2),
+        "GPe, replaced": table.lesion("GPe", replaced=True),
+        "D1 10 %": table.lesion("D1", 0.1),
+        "D1 20 %": table.lesion("D1", 0.2),
+        "D2": table.lesion("D2"),
+        "hyperdirect 3 %": table.scale("ctx", "STN", 0.97),
     }

@@ -55,7 +55,7 @@ def check_shown(table: Circuit) -> None:
             f"{table.name} has {table.channels}"
         )
     for name in LESIONED:
-        table.without(name, 0.5)
+        table.lesion(name, 0.5)
     table.dopamine(0.5)
     if table.default_gain is None:
         raise ValueError(

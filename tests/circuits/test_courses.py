@@ -17,7 +17,7 @@ from circuits.spec import Population
 TABLE = anatomy.spiking_msprt()
 PULSE = Course("dopamine", 0.5, 20, 120, rise_ms=10, decay_ms=40, cite="assumed")
 DRIVE = Course("STN", -0.2, to_ms=50)
-TIMED = TABLE.with_rows(PULSE, DRIVE)
+TIMED = TABLE.add(PULSE, DRIVE)
 TIMES = st.floats(0, 300).map(lambda t: round(t, 2))
 TAUS = st.sampled_from([0.0, 0.01, 3.0, 40.0, 5000.0])
 
@@ -112,7 +112,7 @@ def test_numbers_without_sense_are_refused(fields, says):
 )
 def test_a_course_of_nothing_and_a_level_out_of_range_are_refused(row, says):
     with pytest.raises(ValueError, match=r".") as error:
-        TABLE.with_rows(row)
+        TABLE.add(row)
     assert str(error.value).startswith(f"{row!r}: ")
     assert says in str(error.value)
     assert "\n" not in str(error.value)
@@ -120,53 +120,53 @@ def test_a_course_of_nothing_and_a_level_out_of_range_are_refused(row, says):
 
 def test_the_level_is_that_of_all_rows_together():
     first = Course("dopamine", 0.8, 0, 100)
-    assert TABLE.with_rows(first, replace(first, from_ms=100, to_ms=200))
-    assert TABLE.with_rows(first, replace(first, from_ms=50), Course("dopamine", -0.7, 50))
+    assert TABLE.add(first, replace(first, from_ms=100, to_ms=200))
+    assert TABLE.add(first, replace(first, from_ms=50), Course("dopamine", -0.7, 50))
     slow = Course("dopamine", 5.0, 0, 10, rise_ms=100)
     assert slow.reached < 1
-    assert TABLE.with_rows(slow)
+    assert TABLE.add(slow)
     with pytest.raises(ValueError, match=r"course of dopamine from 50 .* it is 2\.6 at 50 ms"):
-        TABLE.with_rows(first, replace(first, from_ms=50))
+        TABLE.add(first, replace(first, from_ms=50))
 
 
 def test_dopamine_without_a_receptor_or_with_two_meanings_is_refused():
     bare = replace(TABLE, populations=tuple(replace(p, receptor="") for p in TABLE.populations))
     with pytest.raises(ValueError, match="no row of spiking_msprt has a receptor, it would change"):
-        bare.with_rows(PULSE)
-    named = TABLE.with_rows(Population("dopamine", Rate()))
+        bare.add(PULSE)
+    named = TABLE.add(Population("dopamine", Rate()))
     with pytest.raises(ValueError, match="a nucleus of spiking_msprt has that name too"):
-        named.with_rows(PULSE)
-    lopsided = TABLE.scaled("ctx", "D1", 0.9, channel=0)
+        named.add(PULSE)
+    lopsided = TABLE.scale("ctx", "D1", 0.9, channel=0)
     with pytest.raises(ValueError, match="ctx->D1 differs from channel to channel"):
-        lopsided.with_rows(PULSE)
+        lopsided.add(PULSE)
 
 
 def test_text_and_python_give_equal_courses():
-    told = TABLE.with_rows(
+    told = TABLE.add(
         "dopamine amount=0.5 from_ms=20 to_ms=120 rise_ms=10 decay_ms=40 cite=assumed",
         "STN amount=-0.2 to_ms=50",
     )
     assert told == TIMED
     assert told.courses == (PULSE, DRIVE)
-    assert TABLE.with_rows("TRN like=STN", "TRN amount=1").courses == (Course("TRN", 1.0),)
+    assert TABLE.add("TRN like=STN", "TRN amount=1").courses == (Course("TRN", 1.0),)
 
 
 def test_courses_go_through_edits_and_are_taken_off():
-    edited = TIMED.without("STN", 0.2).scaled("D1", "SNr", 0.9).dopamine(1.1).with_neurons(20)
+    edited = TIMED.lesion("STN", 0.2).scale("D1", "SNr", 0.9).dopamine(1.1).with_neurons(20)
     assert edited.courses == TIMED.courses
     assert TIMED.steady == TABLE
     assert TABLE.steady is TABLE
     assert edited.unlesioned.courses == TIMED.courses
     exact = anatomy.bogacz_gurney()
     assert exact.exact
-    assert not exact.with_rows(DRIVE).exact
+    assert not exact.add(DRIVE).exact
     with pytest.raises(ValueError, match="a row must be a Course, got 'x'"):
         replace(TABLE, courses=("x",))
 
 
 @given(st.lists(drawn_courses(), max_size=3))
 def test_courses_come_back_from_a_file(rows):
-    circuit = TABLE.with_rows(*rows)
+    circuit = TABLE.add(*rows)
     found = table_reader.parse(table_files.text(circuit), "mine.toml")
     assert found == circuit
     assert table_files.digest(found) == table_files.digest(circuit)
@@ -176,7 +176,7 @@ def test_courses_come_back_from_a_file(rows):
 def test_a_file_without_courses_has_none_of_them():
     assert "courses" not in table_files.text(TABLE)
     assert "courses" not in table_files.plain(TABLE)
-    written = table_files.text(TIMED.with_rows(PULSE.__class__("dopamine", 0.1), DRIVE, DRIVE))
+    written = table_files.text(TIMED.add(PULSE.__class__("dopamine", 0.1), DRIVE, DRIVE))
     assert len(table_reader.parse(written, "mine.toml").courses) == 5
 
 

@@ -88,7 +88,7 @@ def test_unknown_names_raise_and_give_no_circuit(row, other, field):
     nuclei = ", ".join(p.name for p in TABLE.populations)
     for text in (f"{row}.bias_nats=1", f"{row}.{field}=1", f"TRN like={row}"):
         with pytest.raises(ValueError, match=f"has no nucleus '{row}': {nuclei}$"):
-            TABLE.with_rows(text) if " " in text else TABLE.edited(text)
+            TABLE.add(text) if " " in text else TABLE.edited(text)
     with pytest.raises(ValueError, match=f"has no pathway {row}->{other}: ctx->D1, "):
         TABLE.edited(f"{row}->{other}.delay_ms=1")
     for known in ROWS:
@@ -97,7 +97,7 @@ def test_unknown_names_raise_and_give_no_circuit(row, other, field):
     with pytest.raises(ValueError, match=f"STN has no 'cell.{field}': .*, cell.cv$"):
         TABLE.edited(f"STN.cell.{field}=1")
     with pytest.raises(ValueError, match=f"D1->GPe has no '{field}': weight, "):
-        TABLE.with_rows(f"D1->GPe weight=-1 {field}=1")
+        TABLE.add(f"D1->GPe weight=-1 {field}=1")
 
 
 @pytest.mark.parametrize(
@@ -160,28 +160,28 @@ def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
     ],
 )
 def test_a_row_in_text_is_the_row_in_python(text, row):
-    assert TABLE.with_rows(text) == TABLE.with_rows(row)
+    assert TABLE.add(text) == TABLE.add(row)
 
 
 def test_a_row_like_another_does_not_cite_its_source_for_numbers_that_are_new():
     rows = ("TRN like=STN", "X like=GPe baseline_hz=10 cell.tau_ms=9", "Y like=GPe cite='my data'")
-    edited = TABLE.with_rows(*rows)
+    edited = TABLE.add(*rows)
     cited = [edited.population(name).cite for name in ("TRN", "X", "Y")]
     assert cited == ["as STN", "as GPe; assumed: baseline_hz, cell.tau_ms", "my data"]
 
 
 def test_a_row_of_dopamine_or_with_an_amount_is_a_course():
     """No population can be called dopamine; an amount, in time, is of a course alone."""
-    drive, level = TABLE.with_rows("STN amount=-0.2 to_ms=50", "dopamine amount=0.5").courses
+    drive, level = TABLE.add("STN amount=-0.2 to_ms=50", "dopamine amount=0.5").courses
     assert drive == Course("STN", -0.2, to_ms=50)
     assert level == Course("dopamine", 0.5)
     with pytest.raises(ValueError, match="a course of dopamine has no 'weight'"):
-        TABLE.with_rows("dopamine weight=1")
+        TABLE.add("dopamine weight=1")
 
 
 def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
     rows = ("TRN->SNr weight=0.1", "TRN like=STN", "ctx->TRN like=ctx->STN")
-    edited, other = TABLE.with_rows(*rows), TABLE.with_rows(*reversed(rows))
+    edited, other = TABLE.add(*rows), TABLE.add(*reversed(rows))
     assert edited.populations == other.populations
     assert set(edited.projections) == set(other.projections)
     drive = np.zeros((1, 1, 2))
@@ -191,32 +191,30 @@ def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
 def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
     nucleus = "Arky cell=Rate transmitter=GABA"
     paths = "Arky->D1 weight=-0.1 delay_ms=6", "Arky->D2 like=Arky->D1"
-    edited = TABLE.with_rows(nucleus, "B like=Arky baseline_hz=3", *paths)
+    edited = TABLE.add(nucleus, "B like=Arky baseline_hz=3", *paths)
     first, second = (edited.projection("Arky", name) for name in ("D1", "D2"))
     assert replace(second, target="D1", cite=first.cite) == first
     assert second.cite == "as Arky->D1"
     assert edited.population("B").baseline_hz == 3
     assert edited.population("B").transmitter == "GABA"
     python = Projection("Arky", "D1", -0.1, delay_ms=6)
-    assert TABLE.with_rows(nucleus, python, paths[1]).projection("Arky", "D2") == second
+    assert TABLE.add(nucleus, python, paths[1]).projection("Arky", "D2") == second
     rows = (nucleus, "B like=Arky baseline_hz=3", "C like=B", *paths)
-    forth, back = TABLE.with_rows(*rows), TABLE.with_rows(*reversed(rows))
+    forth, back = TABLE.add(*rows), TABLE.add(*reversed(rows))
     assert set(back.populations) == set(forth.populations)
     assert set(back.projections) == set(forth.projections)
     assert back.populations[-3:] == forth.populations[:-4:-1]  # as they were written
     with pytest.raises(ValueError, match="rows that are like each other"):
-        TABLE.with_rows("B like=C", "C like=B", nucleus)
+        TABLE.add("B like=C", "C like=B", nucleus)
     with pytest.raises(ValueError, match="'Arky like=STN': Arky is there already"):
-        TABLE.with_rows(nucleus, "Arky like=STN")
+        TABLE.add(nucleus, "Arky like=STN")
 
 
 @given(st.floats(0.01, 1), st.sampled_from([None, 0, 1]), st.booleans())
 def test_a_row_like_a_lesioned_one_is_like_the_intact_one(fraction, channel, replaced):
-    lesioned = TABLE.without("STN", fraction, channel=channel, replaced=replaced)
-    assert lesioned.with_rows("PPN like=STN").row("PPN") == TABLE.with_rows("PPN like=STN").row(
-        "PPN"
-    )
-    assert lesioned.with_rows("PPN like=STN intact=0.3").population("PPN").intact == 0.3
+    lesioned = TABLE.lesion("STN", fraction, channel=channel, replaced=replaced)
+    assert lesioned.add("PPN like=STN").row("PPN") == TABLE.add("PPN like=STN").row("PPN")
+    assert lesioned.add("PPN like=STN intact=0.3").population("PPN").intact == 0.3
 
 
 @pytest.mark.parametrize(
@@ -272,7 +270,7 @@ def test_a_change_without_sense_is_named_as_it_was_written(changes, says):
 )
 def test_a_row_without_sense_is_named_as_it_was_written(row, says):
     with pytest.raises(ValueError, match=says):
-        TABLE.with_rows(row)
+        TABLE.add(row)
 
 
 def test_a_change_that_changes_nothing_returns_the_circuit():
@@ -280,7 +278,7 @@ def test_a_change_that_changes_nothing_returns_the_circuit():
         row = circuit.population("STN")
         assert circuit.edited(f"STN.bias_nats={row.bias_nats!r}") is circuit
         assert circuit.edited() is circuit
-        assert circuit.with_rows() is circuit
+        assert circuit.add() is circuit
 
 
 def test_fields_of_a_row_and_of_its_cell_are_told_apart_in_python_too():

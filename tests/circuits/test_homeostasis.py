@@ -33,7 +33,7 @@ def own_biases(circuit):
 def test_a_circuit_that_was_not_edited_is_left_as_it_is(name, channels):
     circuit = anatomy.load_circuit(name, channels)
     assert biases(circuit, circuit) == pytest.approx(own_biases(circuit), abs=1e-12)
-    assert circuit.recovered(circuit) == circuit
+    assert circuit.compensate(circuit) == circuit
 
 
 @given(
@@ -52,10 +52,10 @@ def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
     circuit = anatomy.load_circuit(name, channels)
     path = circuit.projections[row % len(circuit.projections)]
     cells = circuit.populations[row % len(circuit.populations)]
-    edited = circuit.without("STN", lesion).scaled(path.source, path.target, factor)
+    edited = circuit.lesion("STN", lesion).scale(path.source, path.target, factor)
     edited = edited.with_population(cells.name, gain_hz_per_nat=cells.gain_hz_per_nat * gain)
     edited = edited.dopamine(level)
-    np.testing.assert_allclose(rest_hz(edited.recovered(circuit)), rest_hz(circuit), atol=CLOSE)
+    np.testing.assert_allclose(rest_hz(edited.compensate(circuit)), rest_hz(circuit), atol=CLOSE)
 
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "macaque"])
@@ -65,7 +65,7 @@ def test_a_bias_that_was_edited_is_undone(name, change, row):
     circuit = anatomy.load_circuit(name, 4)
     cells = circuit.populations[row % len(circuit.populations)]
     edited = circuit.with_population(cells.name, bias_nats=cells.bias_nats + change)
-    assert own_biases(edited.recovered(circuit)) == pytest.approx(own_biases(circuit), abs=1e-12)
+    assert own_biases(edited.compensate(circuit)) == pytest.approx(own_biases(circuit), abs=1e-12)
 
 
 @pytest.mark.parametrize("channels", CHANNELS)
@@ -78,7 +78,7 @@ def test_what_is_lost_of_stn_does_not_show_in_out_once_rates_have_recovered(lost
     up to .0031 nats of the winner's OUT in these drives.
     """
     circuit = anatomy.macaque(channels)
-    recovered = circuit.without("STN", lost).recovered()
+    recovered = circuit.lesion("STN", lost).compensate()
     for scale, off in ((0.1, CLOSE), (0.4, 4e-3)):
         drive = scale * evidence(channels)
         wirings = wired(circuit), wired(recovered)
@@ -93,14 +93,14 @@ def test_what_is_lost_of_stn_does_not_show_in_out_once_rates_have_recovered(lost
 def test_without_recovery_a_loss_of_stn_lowers_out():
     circuit = anatomy.macaque(4)
     readout = wired(circuit).blocks_of("SNr")
-    assert (rest_hz(circuit.without("STN", 0.1))[readout] < rest_hz(circuit)[readout] - 3).all()
+    assert (rest_hz(circuit.lesion("STN", 0.1))[readout] < rest_hz(circuit)[readout] - 3).all()
 
 
 @pytest.mark.parametrize("channels", CHANNELS)
 @pytest.mark.parametrize("lost", [0.5, 1.0])
 def test_a_rebound_lifts_one_population_by_so_many_nats_of_its_activity(lost, channels):
     circuit = anatomy.macaque(channels)
-    found = circuit.without("STN", lost).recovered(rebound_nats={"SNr": 0.5})
+    found = circuit.lesion("STN", lost).compensate(rebound_nats={"SNr": 0.5})
     change = rest_hz(found) - rest_hz(circuit)
     readout = wired(circuit).blocks_of("SNr")
     expected = np.zeros_like(change)
@@ -110,7 +110,7 @@ def test_a_rebound_lifts_one_population_by_so_many_nats_of_its_activity(lost, ch
 
 def test_what_others_get_from_a_rebound_is_made_good():
     circuit = anatomy.macaque(2)
-    found = circuit.recovered(circuit, rebound_nats={"GPe": 0.2})
+    found = circuit.compensate(circuit, rebound_nats={"GPe": 0.2})
     change = rest_hz(found) - rest_hz(circuit)
     expected = np.zeros_like(change)
     expected[wired(circuit).blocks_of("GPe")] = 10
@@ -121,7 +121,7 @@ def test_what_others_get_from_a_rebound_is_made_good():
 @pytest.mark.parametrize("lost", [0.5, 1.0])
 def test_a_chronic_lesion_starts_at_its_own_rest_and_stays_there(lost, engine):
     """The slow cells of GPe take seconds: from the intact rest they would be far off."""
-    circuit = anatomy.macaque(4).without("STN", lost).recovered()
+    circuit = anatomy.macaque(4).lesion("STN", lost).compensate()
     options = {"noise": False, "seed": 1} if engine == "population" else {}
     silence = np.zeros((1, 4, 4))
     out = run(circuit, silence, engine=engine, step_ms=250.0, **options).output_nats
@@ -134,12 +134,12 @@ def test_a_chronic_lesion_starts_at_its_own_rest_and_stays_there(lost, engine):
 @pytest.mark.parametrize(
     ("name", "edit"),
     [
-        ("bogacz_gurney", lambda c: c.without("STN", 0.3)),
-        ("bogacz_gurney", lambda c: c.scaled("ctx", "STN", 0.8)),
-        ("macaque", lambda c: c.without("STN", 0.3)),
-        ("macaque", lambda c: c.scaled("ctx", "D1", 0.8)),
-        ("macaque", lambda c: c.scaled("STN", "SNr", 1.2)),
-        ("spiking_msprt", lambda c: c.scaled("STN", "SNr", 1.2)),
+        ("bogacz_gurney", lambda c: c.lesion("STN", 0.3)),
+        ("bogacz_gurney", lambda c: c.scale("ctx", "STN", 0.8)),
+        ("macaque", lambda c: c.lesion("STN", 0.3)),
+        ("macaque", lambda c: c.scale("ctx", "D1", 0.8)),
+        ("macaque", lambda c: c.scale("STN", "SNr", 1.2)),
+        ("spiking_msprt", lambda c: c.scale("STN", "SNr", 1.2)),
     ],
 )
 def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
@@ -154,9 +154,9 @@ def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
 
 def test_channels_that_differ_have_a_rule_and_no_closed_form():
     circuit = anatomy.macaque(2)
-    edited = circuit.scaled("ctx", "D1", 1.1, channel=0)
+    edited = circuit.scale("ctx", "D1", 1.1, channel=0)
     with pytest.raises(ValueError, match=r"^D1 gets another input at rest in each channel"):
-        edited.recovered(circuit)
+        edited.compensate(circuit)
     end = recovery(edited, circuit).groupby("population").last()["rate_hz"]
     wiring = wired(circuit)
     for name, hz in end.items():
@@ -168,14 +168,14 @@ def test_biases_that_all_move_at_one_speed_oscillate():
     circuit = anatomy.macaque(4)
     same = {row.name: 1.0 for row in circuit.populations}
     with pytest.raises(ValueError, match=r"^macaque does not recover: after 60 time constants"):
-        recovery(circuit.without("STN", 0.1), circuit, speed=same, until=60)
+        recovery(circuit.lesion("STN", 0.1), circuit, speed=same, until=60)
 
 
 def test_a_rate_that_a_population_cannot_have_is_one_sentence():
     circuit = anatomy.macaque(2)
     sentence = r"^ctx cannot rest at 69 Hz: no input to its transfer 'saturating' is known"
     with pytest.raises(ValueError, match=sentence):
-        circuit.recovered(circuit, rebound_nats={"ctx": 4.0})
+        circuit.compensate(circuit, rebound_nats={"ctx": 4.0})
     with pytest.raises(ValueError, match=r"does not recover: after 5 time constants .* is not"):
         recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, until=5)
 
@@ -183,21 +183,21 @@ def test_a_rate_that_a_population_cannot_have_is_one_sentence():
 def test_cells_silent_in_the_reference_keep_their_bias_or_just_fall_silent():
     """``D1`` of ``spiking_msprt`` is silent at rest."""
     circuit = anatomy.spiking_msprt(4)
-    edited = circuit.scaled("ctx", "D1", 1.5)
-    recovered = edited.recovered(circuit)
+    edited = circuit.scale("ctx", "D1", 1.5)
+    recovered = edited.compensate(circuit)
     assert rest_hz(edited)[wired(edited).blocks_of("D1")].min() > 0
     np.testing.assert_allclose(rest_hz(recovered), rest_hz(circuit), atol=CLOSE)
     state_nats = wired(recovered).inputs(
         wired(recovered).deliver @ rest_hz(circuit) + wired(recovered).constant
     )
     np.testing.assert_allclose(state_nats[wired(circuit).blocks_of("D1")], 0, atol=CLOSE)
-    less = circuit.scaled("ctx", "D1", 0.8)
-    assert less.recovered(circuit) == less
+    less = circuit.scale("ctx", "D1", 0.8)
+    assert less.compensate(circuit) == less
 
 
 def test_lif_cells_come_back_as_near_as_their_line_comes_to_their_law():
     circuit = anatomy.spiking_msprt(4)
-    recovered = circuit.without("STN", 0.3).recovered()
+    recovered = circuit.lesion("STN", 0.3).compensate()
     hz = []
     for table in (circuit, recovered):
         wiring, x = state(table)
@@ -209,12 +209,12 @@ def test_lif_cells_come_back_as_near_as_their_line_comes_to_their_law():
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [
-        (lambda c: c.recovered(), "macaque has no lesion: recovered needs a reference"),
-        (lambda c: c.scaled("STN", "GPe", 0.9).recovered(), "has no lesion"),
-        (lambda c: c.recovered(anatomy.macaque(4)), "the reference must have 2 channels, got 4"),
-        (lambda c: c.without("GPe", replaced=True).recovered(), "GPe: its lost output is replaced"),
-        (lambda c: c.recovered(c, rebound_nats={"GPi": 1}), "macaque has no nucleus 'GPi'"),
-        (lambda c: c.recovered(c, rebound_nats={"SNr": np.nan}), "the rebound of SNr must be"),
+        (lambda c: c.compensate(), "macaque has no lesion: recovered needs a reference"),
+        (lambda c: c.scale("STN", "GPe", 0.9).compensate(), "has no lesion"),
+        (lambda c: c.compensate(anatomy.macaque(4)), "the reference must have 2 channels, got 4"),
+        (lambda c: c.lesion("GPe", replaced=True).compensate(), "GPe: its lost output is replaced"),
+        (lambda c: c.compensate(c, rebound_nats={"GPi": 1}), "macaque has no nucleus 'GPi'"),
+        (lambda c: c.compensate(c, rebound_nats={"SNr": np.nan}), "the rebound of SNr must be"),
         (lambda c: recovery(c, c, speed={"GPi": 1}), "macaque has no nucleus 'GPi'"),
         (lambda c: recovery(c, c, speed={"GPe": -1}), "the speed of GPe must be >= 0"),
         (lambda c: recovery(c, c, step=0), "step must be > 0"),
@@ -229,10 +229,10 @@ def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
     bent = "s_minus_log_s"
     circuit = anatomy.bogacz_gurney(2).with_population("GPe", transfer=bent)
     circuit = circuit.with_projection("STN", "GPe", transfer="linear")
-    edited = circuit.scaled("STN", "GPe", 0.9)
-    np.testing.assert_allclose(rest_hz(edited.recovered(circuit)), rest_hz(circuit), atol=CLOSE)
+    edited = circuit.scale("STN", "GPe", 0.9)
+    np.testing.assert_allclose(rest_hz(edited.compensate(circuit)), rest_hz(circuit), atol=CLOSE)
     with pytest.raises(ValueError, match=f"no input to its transfer '{bent}' is known"):
-        edited.recovered(circuit, rebound_nats={"GPe": 0.1})
+        edited.compensate(circuit, rebound_nats={"GPe": 0.1})
 
 
 @pytest.mark.parametrize("name", [name for name, law in TRANSFERS.items() if law.inverse])
@@ -251,7 +251,7 @@ def test_a_pooled_population_must_be_so_in_both():
     assert isinstance(apart.population("ctx_inh"), Population)
     assert cell == apart.population("ctx_inh").cell
     with pytest.raises(ValueError, match=r"^ctx_inh is pooled in the circuit or in the reference"):
-        apart.recovered(circuit)
+        apart.compensate(circuit)
 
 
 @pytest.mark.parametrize("channels", [2, 4, 8])
@@ -260,7 +260,7 @@ def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_
     table = anatomy.macaque(channels)
     weight = table.projection("STN", "SNr").weight
     for factor in (0.5, 0.8, 1.0, 1.3):
-        found = table.scaled("STN", "SNr", factor).balanced()
+        found = table.scale("STN", "SNr", factor).balanced()
         assert found.projection("STN", "SNr").weight == pytest.approx(weight, abs=1e-6)
 
 
@@ -268,8 +268,8 @@ def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_
 @settings(max_examples=30)
 def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor):
     table = anatomy.macaque(4)
-    edited = table.scaled(*name.split("->"), factor).recovered(table)
-    found = edited.balanced().recovered(table)
+    edited = table.scale(*name.split("->"), factor).compensate(table)
+    found = edited.balanced().compensate(table)
 
     def moved(circuit):
         drive = np.array([-0.05, 0.05])[:, None, None] * np.ones(4)
@@ -314,7 +314,7 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
     name, channels, bias, weights, lesion
 ):
     """The new nucleus itself rests where these take it, whatever it sends and hears."""
-    table = anatomy.load_circuit(name, channels).without("STN", lesion)
+    table = anatomy.load_circuit(name, channels).lesion("STN", lesion)
     heard, sent, own = weights
     rows = (
         f"TRN like=D2 bias_nats={bias} receptor='' baseline_hz=5",
@@ -323,7 +323,7 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
         f"TRN->TRN weight=-{own} delay_ms=2",
         f"D2->SNr weight=-{sent}",
     )
-    kept = table.with_rows(*rows, keep_rest=True)
+    kept = table.add(*rows, keep_rest=True)
     before, after = rest_hz(table), rest_hz(kept)
     np.testing.assert_allclose(after[: len(before)], before, atol=CLOSE)
     assert kept.chronic == table.chronic
@@ -336,8 +336,8 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
 
 def test_rest_is_kept_where_nothing_changes_it_and_a_new_nucleus_cannot_rebound():
     table = anatomy.macaque(2)
-    assert table.with_rows(keep_rest=True) is table
-    motif = table.with_rows("striatal_FSI", keep_rest=True)
-    assert own_biases(motif) == pytest.approx(own_biases(table.with_rows("striatal_FSI")))
+    assert table.add(keep_rest=True) is table
+    motif = table.add("striatal_FSI", keep_rest=True)
+    assert own_biases(motif) == pytest.approx(own_biases(table.add("striatal_FSI")))
     with pytest.raises(ValueError, match="FSI is new"):
-        motif.recovered(table, rebound_nats={"FSI": 0.3})
+        motif.compensate(table, rebound_nats={"FSI": 0.3})

@@ -21,7 +21,7 @@ INTERNEURONS = "striatal_FSI"
 @pytest.mark.parametrize("channels", [2, 4])
 def test_adding_striatal_interneurons_leaves_all_rates_at_rest(name, channels):
     table = anatomy.load_circuit(name, channels)
-    added = table.with_rows(INTERNEURONS)
+    added = table.add(INTERNEURONS)
     before, after = at_rest(table), at_rest(added)
     assert {key: after[key] for key in before} == pytest.approx(before, abs=1e-6)
     low, high = MACAQUE["FSI"]
@@ -35,20 +35,20 @@ def test_adding_striatal_interneurons_leaves_all_rates_at_rest(name, channels):
 
 def test_a_motif_is_added_by_its_name_as_by_its_rows():
     table = anatomy.macaque(2)
-    added = table.with_rows(INTERNEURONS)
-    assert added == table.with_rows(*MOTIFS[INTERNEURONS](table))
+    added = table.add(INTERNEURONS)
+    assert added == table.add(*MOTIFS[INTERNEURONS](table))
     assert added == Edits(add=(INTERNEURONS,)).apply(table)
     assert added != table
-    like = table.with_rows(INTERNEURONS, "other like=FSI", "ctx->other like=ctx->FSI")
+    like = table.add(INTERNEURONS, "other like=FSI", "ctx->other like=ctx->FSI")
     assert like.population("other").baseline_hz == added.population("FSI").baseline_hz
     for wrong in (added, anatomy.gpr(2)):
         with pytest.raises(ValueError, match=INTERNEURONS):
-            wrong.with_rows(INTERNEURONS)
+            wrong.add(INTERNEURONS)
 
 
 def test_a_loss_of_half_of_them_frees_d1_and_d2_and_leaves_cortex():
-    added = anatomy.macaque(2).with_rows(INTERNEURONS)
-    before, after = at_rest(added), at_rest(added.without("FSI", 0.5))
+    added = anatomy.macaque(2).add(INTERNEURONS)
+    before, after = at_rest(added), at_rest(added.lesion("FSI", 0.5))
     assert after["D1"] > before["D1"] + 1
     assert after["D2"] > before["D2"] + 0.1
     for name in CORTEX:
@@ -57,12 +57,12 @@ def test_a_loss_of_half_of_them_frees_d1_and_d2_and_leaves_cortex():
 
 def test_with_them_the_circuit_still_decides_and_without_half_of_them_it_decides_too_early():
     table = anatomy.macaque(2)
-    added = table.with_rows(INTERNEURONS)
+    added = table.add(INTERNEURONS)
     rng = stream(31, "motif")
     evidence = separated_evidence(300, 40, 0.7, rng=rng, step_ms=50.0)
     level = -np.log(0.82)
     found = []
-    for circuit in (table, added, added.without("FSI", 0.5)):
+    for circuit in (table, added, added.lesion("FSI", 0.5)):
         model = BasalGanglia(circuit, "population", table.default_gain, seed=3).until(level)
         decided = first_crossing(model.run(evidence), level)
         found.append((np.mean(decided.choice == evidence.truth), decided.time_ms.mean()))

@@ -28,11 +28,11 @@ def test_the_page_holds_every_row_with_its_source(name):
 
 
 def test_edits_show_on_the_page_and_nothing_else_does():
-    page = show.text(anatomy.spiking_msprt().without("GPe", 0.5, replaced=True).with_spread(0.1))
+    page = show.text(anatomy.spiking_msprt().lesion("GPe", 0.5, replaced=True).with_spread(0.1))
     assert "0.5, replaced" in page
     assert "spread" in page
-    assert "1 0.9" in show.text(anatomy.spiking_msprt().scaled("ctx", "D1", 0.9, channel=1))
-    assert "0.75 1" in show.text(anatomy.spiking_msprt().without("GPe", 0.25, channel=0))
+    assert "1 0.9" in show.text(anatomy.spiking_msprt().scale("ctx", "D1", 0.9, channel=1))
+    assert "0.75 1" in show.text(anatomy.spiking_msprt().lesion("GPe", 0.25, channel=0))
     for idle in ("by_channel", "probability", "spread"):
         assert idle not in show.text(anatomy.spiking_msprt())
     assert "probability" in show.text(anatomy.spiking_msprt().with_connections(0.25))
@@ -50,14 +50,14 @@ def test_constants_of_cells_are_in_the_circuits_unit():
 
 
 def test_a_row_without_a_source_is_assumed():
-    edited = anatomy.spiking_msprt().with_rows("D1->GPe weight=-0.1", "D1 amount=0.1 to_ms=9")
+    edited = anatomy.spiking_msprt().add("D1->GPe weight=-0.1", "D1 amount=0.1 to_ms=9")
     assert show.pathways(edited)["source"].iloc[-1] == "assumed"
     assert show.courses(edited)["source"].tolist() == ["assumed"]
 
 
 def test_the_drawing_shows_every_nucleus_and_pathway():
     extra = Population("PPN", anatomy.bogacz_gurney().populations[0].cell, cite="test")
-    circuit = anatomy.spiking_msprt().with_rows(extra, Projection("PPN", "STN", 1, cite="test"))
+    circuit = anatomy.spiking_msprt().add(extra, Projection("PPN", "STN", 1, cite="test"))
     figure, ax = plt.subplots()
     assert show.draw(circuit, ax) is ax
     labels = {text.get_text() for text in ax.texts}
@@ -71,7 +71,7 @@ def test_the_drawing_shows_every_nucleus_and_pathway():
 def test_nuclei_stand_in_rows_and_columns_with_even_margins():
     """Cortex above striatum, what pools beside it; nuclei that have no place in a row below all."""
     rows = [replace(anatomy.spiking_msprt().population("STN"), name=name) for name in "AB"]
-    circuit = anatomy.macaque().with_rows(*rows)
+    circuit = anatomy.macaque().add(*rows)
     figure, ax = plt.subplots()
     show.draw(circuit, ax)
     names = {row.name for row in circuit.populations}
@@ -104,7 +104,7 @@ def test_an_arrow_is_as_wide_as_the_root_of_its_weight_and_dotted_where_nothing_
     circuit = anatomy.spiking_msprt()
     for name, weight in weights.items():
         circuit = circuit.with_projection("ctx", name, weight=weight)
-    circuit = circuit.with_projection("common", "ctx", weight=0.0).without("D2")
+    circuit = circuit.with_projection("common", "ctx", weight=0.0).lesion("D2")
     figure, ax = plt.subplots()
     show.draw(circuit, ax)
     arrows = [text.arrow_patch for text in ax.texts if getattr(text, "arrow_patch", None)]

@@ -18,13 +18,13 @@ from circuits.table_files import digest
 from circuits.wiring import wire
 
 EDITS = {
-    "lesion": lambda c: c.without("STN", 0.3),
-    "replaced lesion": lambda c: c.without("GPe", replaced=True),
-    "weight": lambda c: c.scaled("STN", "GPe", 0.5),
+    "lesion": lambda c: c.lesion("STN", 0.3),
+    "replaced lesion": lambda c: c.lesion("GPe", replaced=True),
+    "weight": lambda c: c.scale("STN", "GPe", 0.5),
     "axons": lambda c: c.cut("STN", "GPe", 0.5),
     "axons of one channel": lambda c: c.cut("D1", "SNr", 0.5, channel=1),
-    "one channel": lambda c: c.scaled("D1", "SNr", 0.5, channel=1),
-    "lesion in one channel": lambda c: c.without("STN", 0.3, channel=1),
+    "one channel": lambda c: c.scale("D1", "SNr", 0.5, channel=1),
+    "lesion in one channel": lambda c: c.lesion("STN", 0.3, channel=1),
     "dopamine": lambda c: c.dopamine(0.8),
     "delay": lambda c: c.with_projection("STN", "GPe", delay_ms=7),
     "time constant": lambda c: (
@@ -34,7 +34,7 @@ EDITS = {
     ),
     "neurons": lambda c: c.with_population("STN", neurons=7),
     "channels": lambda c: c.with_channels(5),
-    "row": lambda c: c.with_rows(Population("TRN", c.population("STN").cell)),
+    "row": lambda c: c.add(Population("TRN", c.population("STN").cell)),
 }
 
 
@@ -53,16 +53,16 @@ def test_a_circuit_is_one_line_that_tells_two_apart():
     assert said.startswith("Circuit(spiking_msprt: 2 channels in nats, 7 populations, 10 pathways")
     assert f"1800 cells per channel, sha256 {digest(one)[:8]})" in said
     assert len(said) < 150
-    assert repr(one.without("STN", 0.1)) != said
+    assert repr(one.lesion("STN", 0.1)) != said
     assert "0 cells per channel" in repr(anatomy.bogacz_gurney())
 
 
 def test_edits_that_change_nothing_return_the_circuit(circuit):
-    assert circuit.without("STN", 0) is circuit
-    assert circuit.scaled("STN", "GPe", 1) is circuit
+    assert circuit.lesion("STN", 0) is circuit
+    assert circuit.scale("STN", "GPe", 1) is circuit
     assert circuit.cut("STN", "GPe", 0) is circuit
     assert circuit.cut("STN", "GPe", 0, channel=0) is circuit
-    assert circuit.scaled("STN", "GPe", 1, channel=0) is circuit
+    assert circuit.scale("STN", "GPe", 1, channel=0) is circuit
     assert circuit.dopamine(1) is circuit
 
 
@@ -83,51 +83,51 @@ def test_one_channel_is_scaled_and_no_other(circuit):
     three = circuit.with_channels(3)
     each = three
     for channel in range(3):
-        each = each.scaled("D1", "SNr", 0.5, channel).scaled("D1", "SNr", 1.8, channel)
+        each = each.scale("D1", "SNr", 0.5, channel).scale("D1", "SNr", 1.8, channel)
     assert each.projection("D1", "SNr").factors == (0.9, 0.9, 0.9)
     out = {
         name: algebra.run(c, drive).output_nats[0, 0]
         for name, c in {
             "as it is": three,
-            "one": three.scaled("D1", "SNr", 0.9, channel=1),
+            "one": three.scale("D1", "SNr", 0.9, channel=1),
             "each": each,
-            "all": three.scaled("D1", "SNr", 0.9),
+            "all": three.scale("D1", "SNr", 0.9),
         }.items()
     }
     np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
     np.testing.assert_allclose(out["one"][[0, 2]], out["as it is"][[0, 2]], rtol=0, atol=1e-12)
     assert out["one"][1] == pytest.approx(out["all"][1], abs=1e-12)
-    assert not three.scaled("D1", "SNr", 0.9, channel=1).exact
+    assert not three.scale("D1", "SNr", 0.9, channel=1).exact
 
 
 def test_an_edit_that_one_channel_cannot_have_is_refused():
     circuit = anatomy.spiking_msprt(2)
     with pytest.raises(ValueError, match=r"ctx->D1: channel must lie in 0\.\.1, got 2"):
-        circuit.scaled("ctx", "D1", 0.5, channel=2)
+        circuit.scale("ctx", "D1", 0.5, channel=2)
     with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
-        circuit.scaled("ctx", "D1", -1, channel=0)
+        circuit.scale("ctx", "D1", -1, channel=0)
     with pytest.raises(ValueError, match=r"one number for each of 4 channels, got 2$"):
-        circuit.scaled("ctx", "D1", 0.5, channel=0).with_channels(4)
+        circuit.scale("ctx", "D1", 0.5, channel=0).with_channels(4)
     with pytest.raises(ValueError, match="STN->GPe: only a linear pathway can be scaled in one"):
-        anatomy.bogacz_gurney().scaled("STN", "GPe", 0.5, channel=0)
+        anatomy.bogacz_gurney().scale("STN", "GPe", 0.5, channel=0)
     with pytest.raises(ValueError, match=r"factors must be >= 0, got \(-1, 1\)"):
         circuit.with_projection("ctx", "D1", factors=(-1, 1))
-    silent = anatomy.bogacz_gurney().scaled("D1", "SNr", 0, 0).scaled("D1", "SNr", 0, 1)
+    silent = anatomy.bogacz_gurney().scale("D1", "SNr", 0, 0).scale("D1", "SNr", 0, 1)
     with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
-        silent.without("STN")
+        silent.lesion("STN")
 
 
 def test_lesions_multiply_and_can_be_undone(circuit):
-    twice = circuit.without("STN", 0.5).without("STN", 0.5)
+    twice = circuit.lesion("STN", 0.5).lesion("STN", 0.5)
     assert twice.population("STN").intact == 0.25
     assert twice.unlesioned.populations == circuit.populations
 
 
 def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
     table = anatomy.macaque(3)
-    lost = table.without("GPe", 0.25, channel=1).without("GPe", 0.5, channel=1)
+    lost = table.lesion("GPe", 0.25, channel=1).lesion("GPe", 0.5, channel=1)
     assert lost.intact_of("GPe").tolist() == [1, 0.375, 1]
-    assert lost.without("GPe", 0.5).intact_of("GPe").tolist() == [0.5, 0.1875, 0.5]
+    assert lost.lesion("GPe", 0.5).intact_of("GPe").tolist() == [0.5, 0.1875, 0.5]
     assert lost.unlesioned == table
     whole, part = wire(table), wire(lost)
     left = np.where(np.arange(whole.blocks) == whole.blocks_of("GPe")[1], 0.375, 1)
@@ -135,33 +135,33 @@ def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
     np.testing.assert_array_equal(part.constant, whole.constant)
     each = table
     for channel in range(3):
-        each = each.without("GPe", 0.25, channel=channel)
-    np.testing.assert_array_equal(wire(each).deliver, wire(table.without("GPe", 0.25)).deliver)
+        each = each.lesion("GPe", 0.25, channel=channel)
+    np.testing.assert_array_equal(wire(each).deliver, wire(table.lesion("GPe", 0.25)).deliver)
 
 
 def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes():
     table = anatomy.spiking_msprt(2)
-    lost = table.without("GPe", channel=0, replaced=True)
+    lost = table.lesion("GPe", channel=0, replaced=True)
     np.testing.assert_allclose(rest_rates(wired(lost)), rest_rates(wired(table)), atol=1e-9)
     with pytest.raises(ValueError, match="GPe is lesioned already, its output replaced: True"):
-        lost.without("GPe", 0.5)
-    assert lost.without("GPe", channel=1, replaced=True).unlesioned == table
+        lost.lesion("GPe", 0.5)
+    assert lost.lesion("GPe", channel=1, replaced=True).unlesioned == table
 
 
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda c: c.without("ctx_inh", 0.5, channel=0), "ctx_inh is pooled, one for all alter"),
-        (lambda c: c.without("GPe", 0.5, channel=2), r"GPe: channel must lie in 0\.\.1, got 2"),
-        (lambda c: c.without("SNr", 0.5, channel=0), "SNr is the read-out"),
-        (lambda c: c.without("GPe", 0.5, channel=0).with_channels(4), "4 channels, got 2$"),
+        (lambda c: c.lesion("ctx_inh", 0.5, channel=0), "ctx_inh is pooled, one for all alter"),
+        (lambda c: c.lesion("GPe", 0.5, channel=2), r"GPe: channel must lie in 0\.\.1, got 2"),
+        (lambda c: c.lesion("SNr", 0.5, channel=0), "SNr is the read-out"),
+        (lambda c: c.lesion("GPe", 0.5, channel=0).with_channels(4), "4 channels, got 2$"),
         (lambda c: c.edited("GPe.intact_by_channel=0.5"), "each of 2 channels, got 1$"),
         (
             lambda c: c.edited("GPe.intact_by_channel=0.5,2"),
             r"intact_by_channel must lie in 0\.\.1",
         ),
         (
-            lambda c: c.without("GPe", 0.5, channel=0).recovered(),
+            lambda c: c.lesion("GPe", 0.5, channel=0).compensate(),
             "STN gets another input at rest in",
         ),
     ],
@@ -182,7 +182,7 @@ def test_unknown_names_list_the_valid_ones(circuit):
             edit("GPi")
     paths = ", ".join(p.name for p in circuit.projections)
     with pytest.raises(ValueError, match=f"no pathway STN->GPi: {paths}$"):
-        circuit.scaled("STN", "GPi", 2)
+        circuit.scale("STN", "GPi", 2)
     with pytest.raises(ValueError, match="no pathway STN->GPi: "):
         circuit.with_projection("STN", "GPi", weight=2)
     with pytest.raises(ValueError, match=r"STN has no 'tau': cell, baseline_hz"):
@@ -199,24 +199,24 @@ def test_unknown_names_list_the_valid_ones(circuit):
 
 def test_input_and_readout_cannot_be_lesioned(circuit):
     with pytest.raises(ValueError, match="ctx is the input"):
-        circuit.without("ctx", 0.1)
+        circuit.lesion("ctx", 0.1)
     with pytest.raises(ValueError, match="SNr is the read-out"):
-        circuit.without("SNr")
+        circuit.lesion("SNr")
     with pytest.raises(ValueError, match=r"fraction must lie in 0\.\.1, got 1.5"):
-        circuit.without("STN", 1.5)
+        circuit.lesion("STN", 1.5)
 
 
 def test_lesions_that_cut_the_input_from_the_readout_are_refused():
     exact = anatomy.bogacz_gurney()
     for cut in (
-        lambda: exact.without("STN").without("D1"),
-        lambda: exact.without("STN").scaled("D1", "SNr", 0),
-        lambda: exact.without("D1").scaled("ctx", "STN", 0),
+        lambda: exact.lesion("STN").lesion("D1"),
+        lambda: exact.lesion("STN").scale("D1", "SNr", 0),
+        lambda: exact.lesion("D1").scale("ctx", "STN", 0),
     ):
         with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
             cut()
     # With all pathways one is left, through D2 and GPe.
-    detour = anatomy.appendix_b().without("STN").without("D1")
+    detour = anatomy.appendix_b().lesion("STN").lesion("D1")
     assert detour.population("D2").intact == 1
 
 
@@ -276,13 +276,13 @@ def test_numbers_without_sense_are_refused(row, values, message):
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
-        (lambda c: c.with_rows("STN"), "'STN': STN is there already; a change is"),
-        (lambda c: c.with_rows(None), "a row is a Population, a Projection, a Course or text, got"),
+        (lambda c: c.add("STN"), "'STN': STN is there already; a change is"),
+        (lambda c: c.add(None), "a row is a Population, a Projection, a Course or text, got"),
         (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
         (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
-        (lambda c: c.without("STN", "a"), "fraction must be a number, got 'a'"),
-        (lambda c: c.scaled("STN", "GPe", "2"), "factor must be a number, got '2'"),
-        (lambda c: c.scaled("STN", "GPe", math.inf), "factor must be >= 0, got inf"),
+        (lambda c: c.lesion("STN", "a"), "fraction must be a number, got 'a'"),
+        (lambda c: c.scale("STN", "GPe", "2"), "factor must be a number, got '2'"),
+        (lambda c: c.scale("STN", "GPe", math.inf), "factor must be >= 0, got inf"),
         (lambda c: c.with_spread(5), "spread must lie in 0..1, got 5"),
         (lambda c: c.with_neurons("3"), "neurons must be a whole number, got '3'"),
         (lambda c: Population("", Rate()), "a population's name is text without blanks"),
@@ -303,11 +303,11 @@ def test_tables_without_sense_are_refused():
     circuit = anatomy.bogacz_gurney()
     stn = circuit.population("STN")
     with pytest.raises(ValueError, match="two populations have one name"):
-        circuit.with_rows(stn)
+        circuit.add(stn)
     with pytest.raises(ValueError, match="two projections join the same populations"):
-        circuit.with_rows(circuit.projection("STN", "GPe"))
+        circuit.add(circuit.projection("STN", "GPe"))
     with pytest.raises(ValueError, match="no nucleus 'thalamus': ctx, D1"):
-        circuit.with_rows(Projection("SNr", "thalamus", -1))
+        circuit.add(Projection("SNr", "thalamus", -1))
     with pytest.raises(ValueError, match="channels must be a whole number >= 2, got 1"):
         circuit.with_channels(1)
     with pytest.raises(ValueError, match="ctx and SNr need a channel an alternative"):
@@ -321,7 +321,7 @@ def test_tables_without_sense_are_refused():
     with pytest.raises(ValueError, match="probability < 1 must be linear"):
         circuit.with_projection("STN", "GPe", probability=0.5)
     with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
-        circuit.scaled("STN", "GPe", -1)
+        circuit.scale("STN", "GPe", -1)
     with pytest.raises(ValueError, match=r"dopamine level must lie in 0\.\.2, got 3"):
         circuit.dopamine(3)
     with pytest.raises(ValueError, match="slope must be > 0, got 0"):
@@ -369,12 +369,12 @@ def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away(
     ):
         assert same.exact
     for other in (
-        exact.without("STN", 0.1),
-        exact.scaled("STN", "GPe", 0.5),
+        exact.lesion("STN", 0.1),
+        exact.scale("STN", "GPe", 0.5),
         exact.dopamine(1.1),
         exact.with_population("STN", transfer="linear"),
         exact.with_projection("STN", "SNr", pattern="channel"),
-        exact.with_rows(Population("TRN", exact.population("STN").cell)),
+        exact.add(Population("TRN", exact.population("STN").cell)),
         anatomy.linear_gpe(),
     ):
         assert not other.exact
@@ -402,11 +402,11 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
     most = table.most_lead_nats
     assert np.isfinite(most)
     kept = [
-        table.without("GPe", 0.1),
-        table.scaled("ctx", "D1", 1.1),
+        table.lesion("GPe", 0.1),
+        table.scale("ctx", "D1", 1.1),
         table.dopamine(0.9),
         table.edited("STN.bias_nats=-2"),
-        table.with_rows("D1->GPe weight=-0.1"),
+        table.add("D1->GPe weight=-0.1"),
         table.with_neurons_times(2),
         table.with_channels(2),
     ]
@@ -448,7 +448,7 @@ def test_a_rate_that_no_cell_has_is_refused(baseline_hz):
     for edit in (
         lambda: table.with_population("STN", baseline_hz=baseline_hz),
         lambda: table.edited(f"STN.baseline_hz={baseline_hz}"),
-        lambda: table.with_rows(f"TRN like=STN baseline_hz={baseline_hz}"),
+        lambda: table.add(f"TRN like=STN baseline_hz={baseline_hz}"),
     ):
         with pytest.raises(ValueError, match="baseline_hz"):
             edit()

@@ -20,12 +20,12 @@ NAMES = st.from_regex(r"[^\s\[\]=/>]{1,8}", fullmatch=True).filter(
     lambda name: not any("\ud800" <= letter <= "\udfff" for letter in name)
 )
 EDITS = [
-    st.builds(lambda x: lambda c: c.without("STN", x), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.without("GPe", x, replaced=True), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.scaled("D1", "SNr", x, 1), st.floats(0.01, 9)),
+    st.builds(lambda x: lambda c: c.lesion("STN", x), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.lesion("GPe", x, replaced=True), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.scale("D1", "SNr", x, 1), st.floats(0.01, 9)),
     st.builds(lambda x: lambda c: c.cut("GPe", "STN", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.cut("D1", "SNr", x, 1), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.scaled("ctx", "D1", x), st.floats(0.01, 9)),
+    st.builds(lambda x: lambda c: c.scale("ctx", "D1", x), st.floats(0.01, 9)),
     st.builds(lambda x: lambda c: c.with_population("STN", bias_nats=x), NUMBERS),
     st.builds(lambda x: lambda c: c.with_projection("STN", "GPe", delay_ms=x, cite="mine"), SIZES),
     st.builds(
@@ -38,7 +38,7 @@ EDITS = [
     st.builds(lambda x: lambda c: replace(c, default_gain=x), st.floats(1e-9, 1e9)),
     st.builds(
         lambda name, w: (
-            lambda c: c.with_rows(Population(name, Rate(signed=True)), Projection(name, "STN", w))
+            lambda c: c.add(Population(name, Rate(signed=True)), Projection(name, "STN", w))
         ),
         NAMES.filter(lambda name: name not in ("ctx", "common", "D1", "D2", "STN", "GPe", "SNr")),
         SIZES,
@@ -95,13 +95,13 @@ def test_equal_circuits_have_one_hash_and_others_another():
 
 
 EDITED = {
-    "lesion": lambda c: c.without("STN", 0.1),
-    "scale": lambda c: c.scaled("STN", "SNr", 0.5),
-    "channel": lambda c: c.scaled("STN", "SNr", 0.5, 0),
+    "lesion": lambda c: c.lesion("STN", 0.1),
+    "scale": lambda c: c.scale("STN", "SNr", 0.5),
+    "channel": lambda c: c.scale("STN", "SNr", 0.5, 0),
     "bias": lambda c: c.edited("STN.bias_nats=7"),
     "delay": lambda c: c.edited("STN->GPe.delay_ms=40"),
-    "row": lambda c: c.with_rows("D2->SNr weight=-0.1"),
-    "course": lambda c: c.with_rows("STN amount=0.5"),
+    "row": lambda c: c.add("D2->SNr weight=-0.1"),
+    "course": lambda c: c.add("STN amount=0.5"),
     "dopamine": lambda c: c.dopamine(0.8),
     "cells": lambda c: c.with_neurons(3),
     "more cells": lambda c: c.with_neurons_times(0.1),
@@ -116,7 +116,7 @@ def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_pat
     circuit = anatomy.macaque()
     edited = EDITED[edit](circuit)
     assert edited.about == "edited from: " + circuit.about
-    assert edited.without("D1", 0.5).about == edited.about
+    assert edited.lesion("D1", 0.5).about == edited.about
     found = table_reader.read(table_files.write(edited, tmp_path / "mine.toml"))
     assert found.about == edited.about
     unmarked = replace(edited, about=circuit.about)
@@ -127,7 +127,7 @@ def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_pat
 def test_an_edit_that_changes_nothing_leaves_the_description():
     circuit = anatomy.macaque()
     row = circuit.population("STN")
-    for same in (circuit.without("STN", 0.0), circuit.dopamine(1.0), circuit.with_channels(2)):
+    for same in (circuit.lesion("STN", 0.0), circuit.dopamine(1.0), circuit.with_channels(2)):
         assert same.about == circuit.about
     assert circuit.edited(f"STN.neurons={row.neurons}").about == circuit.about
 

@@ -37,7 +37,7 @@ def agree(found, expected, atol=SINGLE):
 @pytest.mark.parametrize("amount", [-0.15, 0.15])
 @pytest.mark.parametrize("table", TABLES.values(), ids=list(TABLES))
 def test_a_level_that_is_held_settles_at_the_fixed_point_of_that_level(table, amount):
-    found = settled(table.with_rows(Course("dopamine", amount)))
+    found = settled(table.add(Course("dopamine", amount)))
     level = table.dopamine(1 + amount)
     exact = run(level, HELD[:, :1], engine="algebra", step_ms=1)
     agree(found, (exact.output_nats[0, 0], {k: v[0, 0] for k, v in exact.rates_hz.items()}))
@@ -46,8 +46,8 @@ def test_a_level_that_is_held_settles_at_the_fixed_point_of_that_level(table, am
 
 def test_a_course_of_dopamine_is_relative_to_the_level_of_the_edited_circuit():
     table = TABLES["macaque"]
-    before = table.with_rows(Course("dopamine", 0.1)).dopamine(1.1)
-    after = table.dopamine(1.1).with_rows(Course("dopamine", 0.1))
+    before = table.add(Course("dopamine", 0.1)).dopamine(1.1)
+    after = table.dopamine(1.1).add(Course("dopamine", 0.1))
     assert before == after
     agree(settled(before), settled(table.dopamine(1.1).dopamine(1.1)))
 
@@ -57,7 +57,7 @@ def test_a_drive_that_is_held_settles_where_a_bias_does(name):
     table = TABLES["spiking_msprt"]
     bias = table.population(name).bias_nats + 0.1
     exact = settled(table.with_population(name, bias_nats=bias))
-    agree(settled(table.with_rows(Course(name, 0.1))), exact)
+    agree(settled(table.add(Course(name, 0.1))), exact)
 
 
 @pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
@@ -68,7 +68,7 @@ def test_a_course_of_the_input_is_a_drive_of_all_channels(engine):
     given |= {"seed": 4} if engine in NOISY else {}
     pushed = drive + np.array([0, 0.3, 0])[:, None] / table.drive_gain
     expected = run(table, pushed, **given).output_nats
-    found = run(table.with_rows(Course(table.input, 0.3, 20, 40)), drive, **given).output_nats
+    found = run(table.add(Course(table.input, 0.3, 20, 40)), drive, **given).output_nats
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 if engine in SPIKING else 1e-4)
 
 
@@ -117,7 +117,7 @@ def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course)
     given |= {"seed": 1} if engine == "plain" else {}
     silence = np.zeros((1, 1, 2))
     base = run(relay(), silence, engine=engine, **given).rates_hz["SNr"]
-    ran = run(relay().with_rows(course), silence, engine=engine, **given)
+    ran = run(relay().add(course), silence, engine=engine, **given)
     found = (ran.rates_hz["SNr"] - base)[0] / 10
     expected = response(ran.time_ms, course, 20.0)
     np.testing.assert_allclose(found, np.tile(expected[:, None], 2), atol=2e-5, rtol=0)
@@ -130,7 +130,7 @@ def test_a_pulse_of_dopamine_has_the_closed_form_of_what_the_pathway_adds(engine
     given = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.1, "settle_ms": 20.0}
     given |= {"seed": 1} if engine == "plain" else {}
     silence = np.zeros((1, 1, 2))
-    ran = run(relay().with_rows(replace(course, what="dopamine")), silence, engine=engine, **given)
+    ran = run(relay().add(replace(course, what="dopamine")), silence, engine=engine, **given)
     found = ran.rates_hz["SNr"][0] / 10 - 1.2
     expected = 1.2 * response(ran.time_ms, course, 20.0)
     np.testing.assert_allclose(found, np.tile(expected[:, None], 2), atol=4e-5, rtol=0)
@@ -142,7 +142,7 @@ def test_the_error_of_a_pulse_is_of_second_order_in_the_tick(what):
     error = []
     for dt in (1.0, 0.5):
         given = {"step_ms": 200.0, "dt_ms": dt, "sample_ms": 1.0, "engine": "rate"}
-        ran = run(relay().with_rows(replace(course, what=what)), np.zeros((1, 1, 2)), **given)
+        ran = run(relay().add(replace(course, what=what)), np.zeros((1, 1, 2)), **given)
         scale = 1.2 if what == "dopamine" else 1.0
         ends = ran.decoded_nats("SNr")[0, :, 0] - 1.2
         of = np.arange(dt, 200 + dt / 2, dt)
@@ -153,7 +153,7 @@ def test_the_error_of_a_pulse_is_of_second_order_in_the_tick(what):
 
 def test_a_pivot_stays_where_it_is_while_dopamine_turns_the_gain():
     """A source at its pivot adds what it added."""
-    circuit = relay().with_population("SNr", pivot_nats=1.5).with_rows("dopamine amount=0.8")
+    circuit = relay().with_population("SNr", pivot_nats=1.5).add("dopamine amount=0.8")
     ran = run(circuit, np.zeros((1, 1, 2)), engine="rate", step_ms=200.0)
     np.testing.assert_allclose(ran.decoded_nats("SNr"), 1.2, atol=1e-5)
 
@@ -163,13 +163,13 @@ def test_courses_add():
     clock = Clock(4, 50)
     whole = [Course("dopamine", 0.6, 10, 90, 5, 20), Course("STN", 0.4, 0, 50, 30)]
     parts = [replace(row, amount=row.amount / 2) for row in whole for _ in range(2)]
-    one, two = (timed(wire(table.with_rows(*rows)), clock) for rows in (whole, parts))
+    one, two = (timed(wire(table.add(*rows)), clock) for rows in (whole, parts))
     np.testing.assert_allclose(one.factors[one.of_unit], two.factors[two.of_unit], atol=1e-14)
     np.testing.assert_allclose(one.nats[one.of_block], two.nats[two.of_block], atol=1e-14)
 
 
 def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
-    table = TABLES["macaque"].with_rows("dopamine amount=0.25 from_ms=10 to_ms=30")
+    table = TABLES["macaque"].add("dopamine amount=0.25 from_ms=10 to_ms=30")
     clock = Clock(2, 50, settle_ms=40)
     found = timed(wire(table), clock)
     times = (np.arange(clock.ticks) + 0.5) * clock.dt_ms - 40
@@ -192,7 +192,7 @@ def test_a_course_of_nothing_changes_no_byte(engine):
     table = TABLES["macaque"].with_neurons(20)
     given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0}
     given |= {"seed": 4} if engine in NOISY else {}
-    nothing = table.with_rows("dopamine amount=0 to_ms=9", "STN amount=-0.0", "GPe amount=0")
+    nothing = table.add("dopamine amount=0 to_ms=9", "STN amount=-0.0", "GPe amount=0")
     one, two = (run(circuit, HELD[:, :2], **given) for circuit in (table, nothing))
     np.testing.assert_array_equal(one.output_nats, two.output_nats)
     for name, rates in one.rates_hz.items():
@@ -201,7 +201,7 @@ def test_a_course_of_nothing_changes_no_byte(engine):
 
 def test_what_knows_no_time_refuses_courses():
     table = TABLES["spiking_msprt"]
-    circuit = table.with_rows("STN amount=0.1")
+    circuit = table.add("STN amount=0.1")
     silence = np.zeros((1, 1, 3))
     for call, what in (
         (lambda: run(circuit, silence, engine="algebra", step_ms=1), "the algebra engine"),

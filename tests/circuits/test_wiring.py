@@ -19,7 +19,7 @@ def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
     assert wires.shape == (40, 10)
     assert all(len(set(row)) == 10 for row in wires.tolist())
     assert 0 <= wires.min() <= wires.max() < 40
-    assert np.array_equal(wires, fan_in(circuit.without("GPe"), p, 0, 0))
+    assert np.array_equal(wires, fan_in(circuit.lesion("GPe"), p, 0, 0))
     assert not np.array_equal(wires, fan_in(circuit, p, 1, 1))
     assert not np.array_equal(wires, fan_in(replace(circuit, wiring_seed=1), p, 0, 0))
     # Every source is chosen about equally often: 40 * .25 expected of each.
@@ -63,8 +63,8 @@ def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
 
 def test_beside_a_replaced_lesion_another_one_is_not_replaced():
     table = anatomy.macaque(2)
-    both = fixed_point.wired(table.without("GPe", 0.5, replaced=True).without("D2", 0.3))
-    alone, whole = fixed_point.wired(table.without("D2", 0.3)), wire(table)
+    both = fixed_point.wired(table.lesion("GPe", 0.5, replaced=True).lesion("D2", 0.3))
+    alone, whole = fixed_point.wired(table.lesion("D2", 0.3)), wire(table)
     of = [table.projections[path].source for path in whole.path]
     given = {name: both.constant[[s == name for s in of]] for name in ("GPe", "D2", "STN")}
     for name in ("D2", "STN"):

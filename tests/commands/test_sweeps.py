@@ -151,7 +151,7 @@ def test_jobs_give_the_same_bytes_and_run_again_where_the_circuit_was_edited(
     assert run(*jobs, "--dry-run") == 0
     assert "rule part:" not in "".join(capfd.readouterr())
     (tmp_path / "mine.toml").unlink()
-    write(load_circuit("macaque", 2).without("STN", 0.1), tmp_path / "mine.toml")
+    write(load_circuit("macaque", 2).lesion("STN", 0.1), tmp_path / "mine.toml")
     assert run(*jobs, "--dry-run") == 0
     assert "rule part:" in "".join(capfd.readouterr())
 

@@ -95,7 +95,7 @@ def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind
 def test_without_gpe_or_the_right_sum_the_spiking_circuit_agrees_less():
     """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
     edited = {
-        "GPe": TABLE.without("GPe", replaced=True),
+        "GPe": TABLE.lesion("GPe", replaced=True),
         "shuffled": shuffled_stn(TABLE),
     }
     found = compare_edits(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)
@@ -107,7 +107,7 @@ def test_without_gpe_or_the_right_sum_the_spiking_circuit_agrees_less():
 
 @pytest.mark.parametrize(
     "edited",
-    [TABLE, TABLE.without("STN", 0.3), TABLE.with_neurons(30)],
+    [TABLE, TABLE.lesion("STN", 0.3), TABLE.with_neurons(30)],
     ids=["intact", "crosses early", "noisy"],
 )
 @pytest.mark.parametrize("tau_ms", [None, 20.0])
@@ -189,7 +189,7 @@ def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given()
 
 
 def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
-    edited = {"blind": TABLE.scaled("ctx", "STN", 0.5)}
+    edited = {"blind": TABLE.scale("ctx", "STN", 0.5)}
     options = {"seed": SEED, "accuracies": (0.8, 0.95), "resamples": 20}
     with pytest.warns(UserWarning, match="nothing is compared at") as said:
         found = compare_edits(QUICK, edited, LONG, **options)
@@ -306,7 +306,7 @@ def test_the_decoder_beside_a_circuit_counts_for_20_ms_by_default(monkeypatch):
 
 def test_an_edit_that_changes_nothing_is_warned_of():
     given = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
-    edited = {"D1->SNr=1": TABLE.scaled("D1", "SNr", 1.0)}
+    edited = {"D1->SNr=1": TABLE.scale("D1", "SNr", 1.0)}
     with pytest.warns(UserWarning, match="changes nothing"):
         compare_edits(replace(QUICK, engine="rate"), edited, LONG, **given)
 
@@ -316,7 +316,7 @@ def test_an_edit_that_changes_nothing_is_warned_of():
     [
         load_circuit("spiking_msprt", 2),  # other channels
         load_circuit("macaque", 4),  # another table
-        TABLE.with_rows("TRN like=STN", "TRN->GPe weight=0.1"),  # rows that the circuit lacks
+        TABLE.add("TRN like=STN", "TRN->GPe weight=0.1"),  # rows that the circuit lacks
     ],
 )
 def test_what_a_circuit_is_no_edit_of_is_no_reference_of_it(other):

@@ -23,13 +23,13 @@ TABLE = load_circuit("spiking_msprt", 4)
 def test_losing_stn_shifts_out_by_ln_of_what_is_left(name, lost):
     """The posterior criterion becomes (1 - f) P: exact, and nearly so where S - ln S is a line."""
     table = load_circuit(name, 3)
-    shift = out_shift(table, table.without("STN", lost), 0.3)
+    shift = out_shift(table, table.lesion("STN", lost), 0.3)
     close = 0.01 if name == "spiking_msprt" else 1e-9
     assert shift == pytest.approx(np.log(1 - lost), abs=close)
 
 
 def test_lesions_of_the_spiking_circuit_follow_its_fixed_point():
-    edited = {"STN": TABLE.without("STN", 0.1), "D1": TABLE.without("D1", 0.1)}
+    edited = {"STN": TABLE.lesion("STN", 0.1), "D1": TABLE.lesion("D1", 0.1)}
     found = steady_shifts(TABLE, edited, [2.0, 2.5], seed=SEED, trials=10)
     assert (np.abs(found["value"] - found["exact_nats"]) < 0.02).all()
     assert (found[found["variant"] == "STN"]["high"] < -0.05).all()
@@ -37,7 +37,7 @@ def test_lesions_of_the_spiking_circuit_follow_its_fixed_point():
 
 
 def test_what_lines_miss_of_a_lesion_is_in_the_cells_own_laws_and_their_number():
-    edited = {"STN": TABLE.without("STN", 0.2), "GPe": TABLE.without("GPe", replaced=True)}
+    edited = {"STN": TABLE.lesion("STN", 0.2), "GPe": TABLE.lesion("GPe", replaced=True)}
     found = steady_shifts(TABLE, edited, [1.75, 2.75], seed=SEED, trials=10)
     assert (np.abs(found["value"] - found["finite_nats"]) < 0.005).all()
     line_misses = np.abs(found["value"] - found["exact_nats"])
@@ -47,8 +47,8 @@ def test_what_lines_miss_of_a_lesion_is_in_the_cells_own_laws_and_their_number()
 def test_a_shift_that_is_not_known_is_nan():
     """Neither that of sparse connections, by the laws of a finite number, nor 0 in its place."""
     differ = TABLE.with_connections(0.5)
-    assert np.isnan(out_shift(differ, differ.without("STN", 0.1), 0.3, laws="finite"))
-    assert np.isfinite(out_shift(differ, differ.without("STN", 0.1), 0.3, laws="cells"))
+    assert np.isnan(out_shift(differ, differ.lesion("STN", 0.1), 0.3, laws="finite"))
+    assert np.isfinite(out_shift(differ, differ.lesion("STN", 0.1), 0.3, laws="cells"))
 
 
 def test_noise_of_out_falls_with_the_number_of_cells():
@@ -81,8 +81,8 @@ def test_a_lesion_is_what_its_name_says():
         nucleus, _, percent = left.removesuffix(" %").partition(" ")
         lost = int(percent) / 100 if percent else 1.0
         alike = (
-            table.scaled("ctx", "STN", 1 - lost)
+            table.scale("ctx", "STN", 1 - lost)
             if nucleus == "hyperdirect"
-            else table.without(nucleus, lost, replaced=left != name)
+            else table.lesion(nucleus, lost, replaced=left != name)
         )
         assert digest(lesioned) == digest(alike)

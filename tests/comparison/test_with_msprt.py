@@ -18,7 +18,7 @@ GIVEN = {"seed": 3, "engine": "population", "accuracies": (0.9,), "resamples": 5
 
 
 def test_one_call_gives_what_its_parts_give_for_an_edited_circuit():
-    edited = load_circuit("spiking_msprt").scaled("D1", "SNr", 0.95)
+    edited = load_circuit("spiking_msprt").scale("D1", "SNr", 0.95)
     found = compare(edited, EVIDENCE, **GIVEN)
     model = model_of(edited, EVIDENCE, engine="population", gain=None, seed=3, workers=1)
     parts = compare_with_msprt(model, EVIDENCE, seed=3, rivals=(), accuracies=(0.9,), resamples=50)

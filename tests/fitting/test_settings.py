@@ -72,7 +72,7 @@ def test_what_cannot_be_fitted_is_named(wrong, named):
 
 
 def test_a_circuit_is_taken_as_it_is(tmp_path):
-    table = anatomy.load_circuit("bogacz_gurney").without("STN", 0.05)
+    table = anatomy.load_circuit("bogacz_gurney").lesion("STN", 0.05)
     settings = FitSettings(engine="algebra", trials=16)
     model = settings.model(table, seconds=1.0, folder=tmp_path)
     assert model.circuit == table

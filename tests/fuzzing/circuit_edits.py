@@ -16,9 +16,9 @@ from circuits.rows import Population, Projection
 from tests.fuzzing.case import Case, Rng, pick
 
 GOOD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
-    "lesion": lambda c, rng: c.without("STN", rng.uniform(0, 0.1)),
-    "replaced": lambda c, rng: c.without("GPe", rng.uniform(0, 1), replaced=True),
-    "scale": lambda c, rng: c.scaled("STN", "GPe", rng.uniform(0.9, 1.1)),
+    "lesion": lambda c, rng: c.lesion("STN", rng.uniform(0, 0.1)),
+    "replaced": lambda c, rng: c.lesion("GPe", rng.uniform(0, 1), replaced=True),
+    "scale": lambda c, rng: c.scale("STN", "GPe", rng.uniform(0.9, 1.1)),
     "dopamine": lambda c, rng: c.dopamine(rng.uniform(0.8, 1.2)),
     "delay": lambda c, rng: c.with_projection("STN", "GPe", delay_ms=int(rng.integers(1, 20))),
     "tau": lambda c, rng: c.with_projection("STN", "GPe", tau_ms=rng.uniform(0, 20)),
@@ -26,21 +26,21 @@ GOOD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
     "neurons": lambda c, rng: c.with_neurons(int(rng.integers(1, 50))),
     "spread": lambda c, rng: c.with_spread(rng.uniform(0, 0.3)),
     "wires": lambda c, rng: c.with_connections(rng.uniform(0.1, 1)),
-    "row": lambda c, rng: c.with_rows(
+    "row": lambda c, rng: c.add(
         Population("TRN", pick(rng, Rate(), Phase(1.0), Phase(0.3)), 10.0),
         Projection("STN", "TRN", rng.uniform(0, 2), delay_ms=2),
     ),
     "text": lambda c, rng: c.edited(f"STN->GPe.tau_ms={rng.uniform(0, 20)}"),
-    "row in text": lambda c, rng: c.with_rows(f"STN->D1 weight={rng.uniform(0, 1)}"),
+    "row in text": lambda c, rng: c.add(f"STN->D1 weight={rng.uniform(0, 1)}"),
     "cite": lambda c, rng: c.with_population("STN", cite="mine"),
 }
 BAD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
-    "no nucleus": lambda c, rng: c.without("thalamus"),
-    "fraction": lambda c, rng: c.without("STN", pick(rng, 1.1, -0.1, np.nan, "half", None)),
-    "input": lambda c, rng: c.without(pick(rng, "ctx", "SNr")),
-    "no path": lambda c, rng: c.scaled("SNr", "STN", 1.1),
-    "factor": lambda c, rng: c.scaled("STN", "GPe", pick(rng, -1, np.nan, np.inf, "2")),
-    "channel": lambda c, rng: c.scaled("D1", "SNr", 1.1, channel=pick(rng, 99, -1, "0")),
+    "no nucleus": lambda c, rng: c.lesion("thalamus"),
+    "fraction": lambda c, rng: c.lesion("STN", pick(rng, 1.1, -0.1, np.nan, "half", None)),
+    "input": lambda c, rng: c.lesion(pick(rng, "ctx", "SNr")),
+    "no path": lambda c, rng: c.scale("SNr", "STN", 1.1),
+    "factor": lambda c, rng: c.scale("STN", "GPe", pick(rng, -1, np.nan, np.inf, "2")),
+    "channel": lambda c, rng: c.scale("D1", "SNr", 1.1, channel=pick(rng, 99, -1, "0")),
     "dopamine": lambda c, rng: c.dopamine(pick(rng, -0.1, 2.1, np.nan, "1")),
     "delay": lambda c, rng: c.with_projection(
         "STN", "GPe", delay_ms=pick(rng, -1, 1e9, "4", np.nan)
@@ -50,15 +50,15 @@ BAD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {
         "STN", "GPe", weight=pick(rng, np.inf, "x", None, True)
     ),
     "text": lambda c, rng: c.edited(pick(rng, "STN.bias_nats", "STN.x=1", "", 3, "X.tau_ms=1")),
-    "row in text": lambda c, rng: c.with_rows(pick(rng, "X", "D1->X weight=-1", "X like=Y")),
+    "row in text": lambda c, rng: c.add(pick(rng, "X", "D1->X weight=-1", "X like=Y")),
     "field": lambda c, rng: c.with_population("STN", wieght=1.0),
     "neurons": lambda c, rng: c.with_neurons(pick(rng, 0, 2.5, "3", -1, np.nan)),
     "spread": lambda c, rng: c.with_spread(pick(rng, 5, -1, "a", np.nan)),
     "wires": lambda c, rng: c.with_connections(pick(rng, 0, 1.5, "a", np.nan)),
-    "rows": lambda c, rng: c.with_rows(pick(rng, "STN", None, 3, {"name": "a"})),
-    "name": lambda c, rng: c.with_rows(Population(pick(rng, "", " ", "a->b", 3), Rate())),
-    "twice": lambda c, rng: c.with_rows(c.population("STN")),
-    "end": lambda c, rng: c.with_rows(Projection("STN", "thalamus", 1.0)),
+    "rows": lambda c, rng: c.add(pick(rng, "STN", None, 3, {"name": "a"})),
+    "name": lambda c, rng: c.add(Population(pick(rng, "", " ", "a->b", 3), Rate())),
+    "twice": lambda c, rng: c.add(c.population("STN")),
+    "end": lambda c, rng: c.add(Projection("STN", "thalamus", 1.0)),
     "channels": lambda c, rng: c.with_channels(pick(rng, 0, 1, "2", 2.5, np.nan)),
     "cell": lambda c, rng: c.with_population("STN", cell=pick(rng, "Lif", None, 3)),
     "transfer": lambda c, rng: c.with_population("STN", transfer="cube"),

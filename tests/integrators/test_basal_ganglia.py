@@ -223,9 +223,9 @@ def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_
     intact = macaque(2)
     gain = gain_of(intact)
     ahead = expecting(drawn, 3 / gain, 800.0, rng=stream(2, "r"))
-    half, none = intact.without("STN", 0.5), intact.without("STN")
+    half, none = intact.lesion("STN", 0.5), intact.lesion("STN")
     shares = []
-    for table in (intact, half.recovered(), none.recovered(rebound_nats={"SNr": 0.3})):
+    for table in (intact, half.compensate(), none.compensate(rebound_nats={"SNr": 0.3})):
         model = BasalGanglia(table, "population", gain, seed=2, options={"rates": False})
         shares.append((first_crossing(model.run(ahead), 0.33).time_ms < 0).mean())
     assert max(shares[:2]) <= 0.01
@@ -340,7 +340,7 @@ def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field
         warnings.simplefilter("error")
         BasalGanglia(edited, "population", seed=SEED)
         # Nothing was edited, or what was edited acts.
-        for table in (macaque(), macaque().without("STN", 0.5)):
+        for table in (macaque(), macaque().lesion("STN", 0.5)):
             BasalGanglia(table, engine)
 
 

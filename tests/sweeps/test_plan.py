@@ -55,18 +55,18 @@ def test_a_sweep_and_an_experiment_have_the_same_defaults():
 @pytest.mark.parametrize(
     ("key", "value", "edited"),
     [
-        ("STN", 0.2, lambda table: table.without("STN", 0.2)),
-        ("STN->GPe", 0.5, lambda table: table.scaled("STN", "GPe", 0.5)),
-        ("ctx->D1[0]", 1.1, lambda table: table.scaled("ctx", "D1", 1.1, 0)),
+        ("STN", 0.2, lambda table: table.lesion("STN", 0.2)),
+        ("STN->GPe", 0.5, lambda table: table.scale("STN", "GPe", 0.5)),
+        ("ctx->D1[0]", 1.1, lambda table: table.scale("ctx", "D1", 1.1, 0)),
         ("STN.bias_nats", -0.2, lambda table: table.with_population("STN", bias_nats=-0.2)),
         ("dopamine", 0.9, lambda table: table.dopamine(0.9)),
         ("neurons", 100, lambda table: table.with_neurons(100)),
         ("recovered", True, lambda table: table),
-        ("rebound SNr", 0.2, lambda table: table.recovered(table, rebound_nats={"SNr": 0.2})),
+        ("rebound SNr", 0.2, lambda table: table.compensate(table, rebound_nats={"SNr": 0.2})),
         (
             "D1->GPe delay_ms=4 weight",
             -0.1,
-            lambda table: table.with_rows("D1->GPe delay_ms=4 weight=-0.1"),
+            lambda table: table.add("D1->GPe delay_ms=4 weight=-0.1"),
         ),
     ],
 )
@@ -290,7 +290,7 @@ def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
     other = load_circuit("spiking_msprt")
     for values in ({"common": 0.2, "circuit": other.name}, {"circuit": other.name, "common": 0.2}):
         (found,) = Plan(points=(values,)).settings()
-        assert found.table == other.without("common", 0.2)
+        assert found.table == other.lesion("common", 0.2)
     with pytest.raises(ValueError, match=r"no 'ctx_inh' to change; .* nuclei D1, D2, GPe,"):
         Plan(points=({"ctx_inh": 0.2, "circuit": other.name},)).settings()
 
@@ -312,5 +312,5 @@ def test_a_tactile_task_depends_on_its_taps():
 def test_a_grid_lesions_a_nucleus_that_a_motif_adds():
     plan = Plan(edits=Edits(add=("striatal_FSI",)), grid={"FSI": (0.0, 0.5)})
     whole, half = (setting.table for setting in plan.settings())
-    assert whole == load_circuit("macaque").with_rows("striatal_FSI")
-    assert half == whole.without("FSI", 0.5)
+    assert whole == load_circuit("macaque").add("striatal_FSI")
+    assert half == whole.lesion("FSI", 0.5)

@@ -75,7 +75,7 @@ def test_a_circuit_without_what_computes_agrees_less():
     """
     table = load_circuit("spiking_msprt", 4)
     edited = {
-        "GPe": table.without("GPe", replaced=True),
+        "GPe": table.lesion("GPe", replaced=True),
         "linear": linear_stn(table),
         "shuffled": shuffled_stn(table),
     }

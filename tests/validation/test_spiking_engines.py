@@ -86,9 +86,9 @@ def test_lesions_are_met_by_the_laws_of_a_finite_number_of_cells():
     for neurons, trials in ((300, 40), (3000, 6)):
         table = anatomy.spiking_msprt(4).with_neurons(neurons)
         edited = {
-            "STN": table.without("STN", 0.2),
-            "GPe": table.without("GPe", 0.2),
-            "D2": table.without("D2"),
+            "STN": table.lesion("STN", 0.2),
+            "GPe": table.lesion("GPe", 0.2),
+            "D2": table.lesion("D2"),
         }
         found = steady_shifts(table, edited, (1.75, 2.25, 2.75), seed=32, trials=trials)
         left = {

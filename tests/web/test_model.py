@@ -26,9 +26,9 @@ EDITED = "edited"
 @pytest.fixture(scope="module")
 def circuits(tmp_path_factory):
     """Return each circuit by name and number of alternatives, the edited one read from its file."""
-    mine = load_circuit("macaque", 3).without("GPe", 0.1, channel=1).scaled("STN", "SNr", 0.9)
-    mine = mine.with_rows("X like=STN", "ctx->X like=ctx->STN", "X->SNr weight=0.02")
-    path = write(mine.with_rows("GPe->GPe weight=-0.05"), tmp_path_factory.mktemp("t") / "my.toml")
+    mine = load_circuit("macaque", 3).lesion("GPe", 0.1, channel=1).scale("STN", "SNr", 0.9)
+    mine = mine.add("X like=STN", "ctx->X like=ctx->STN", "X->SNr weight=0.02")
+    path = write(mine.add("GPe->GPe weight=-0.05"), tmp_path_factory.mktemp("t") / "my.toml")
     found = {(name, n): load_circuit(name, n) for name in NAMES for n in ALTERNATIVES}
     return found | {(EDITED, 3): load_circuit(path)}
 
@@ -51,7 +51,7 @@ def js(circuits):
 
 def edited(table, lesions, dopamine):
     for nucleus, fraction in lesions.items():
-        table = table.without(nucleus, fraction)
+        table = table.lesion(nucleus, fraction)
     return table.dopamine(dopamine)
 
 
@@ -171,18 +171,18 @@ def refused(table):
 def test_what_the_page_cannot_show_is_refused():
     macaque = load_circuit("macaque", 2)
     assert "not nats" in refused(load_circuit("gpr", 3))
-    assert "courses" in refused(macaque.with_rows("STN amount=0.1"))
+    assert "courses" in refused(macaque.add("STN amount=0.1"))
     assert "D2" in refused(load_circuit("bogacz_gurney", 2))
     assert "default_gain" in refused(load_circuit("appendix_b", 2))
     assert "5" in refused(load_circuit("macaque", 5))
     # Sliders can neither lesion the input nor what is replaced, nor change dopamine per channel.
-    assert "GPe" in refused(macaque.without("GPe", 0.1, replaced=True))
+    assert "GPe" in refused(macaque.lesion("GPe", 0.1, replaced=True))
     assert "D1" in refused(replace(macaque, input="D1"))
-    assert "ctx->D1" in refused(macaque.scaled("ctx", "D1", 0.9, channel=0))
+    assert "ctx->D1" in refused(macaque.scale("ctx", "D1", 0.9, channel=0))
 
 
 def test_a_file_is_shown_for_its_own_number_of_alternatives(tmp_path):
-    path = write(load_circuit("macaque", 4).without("STN", 0.1), tmp_path / "mine.toml")
+    path = write(load_circuit("macaque", 4).lesion("STN", 0.1), tmp_path / "mine.toml")
     for name in (path, str(path)):
         found = tables(name)
         assert list(found) == ["4"]

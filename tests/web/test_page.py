@@ -74,7 +74,7 @@ def drawn(elements):
 
 
 def test_every_pathway_and_nucleus_of_the_circuit_is_drawn(tmp_path):
-    mine = load_circuit("macaque", 3).with_rows(
+    mine = load_circuit("macaque", 3).add(
         "X<1 like=STN", "X<1->SNr weight=0.1", "GPe->GPe weight=-0.1", "D1->GPe weight=-0.1"
     )
     write(mine, tmp_path / "mine.toml")

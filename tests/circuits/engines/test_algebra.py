@@ -143,15 +143,15 @@ def agrees(circuit, expected, drive=Exact.drive):
 
 @pytest.mark.parametrize("fraction", [0.1, 0.5, 0.9])
 def test_a_loss_of_stn_shifts_out_by_ln_of_what_is_left(fraction):
-    lost = Exact.circuit.without("STN", fraction)
+    lost = Exact.circuit.lesion("STN", fraction)
     assert agrees(lost, Exact.s + np.log(1 - fraction) - Exact.y)
 
 
 def test_without_stn_out_is_a_race_or_silent():
     """With its drive replaced an unnormalised race is left; without, OUT is silent."""
-    assert agrees(Exact.circuit.without("STN", replaced=True), REFERENCE - Exact.y)
+    assert agrees(Exact.circuit.lesion("STN", replaced=True), REFERENCE - Exact.y)
     positive = Exact.drive - Exact.y.min() + 0.1  # every y > 0, so that D1 only inhibits
-    assert not output(Exact.circuit.without("STN"), positive).any()
+    assert not output(Exact.circuit.lesion("STN"), positive).any()
 
 
 @pytest.mark.parametrize("fraction", [0.2, 0.5, 1.0])
@@ -159,7 +159,7 @@ def test_a_loss_of_gpe_raises_sigma_as_its_equation_says(fraction):
     """(1 - f) Sigma + f ln Sigma = S."""
     sigma = solved(lambda x: (1 - fraction) * x + fraction * np.log(x), Exact.s)
     assert (sigma > Exact.s).all()
-    found = output(Exact.circuit.without("GPe", fraction), Exact.drive)
+    found = output(Exact.circuit.lesion("GPe", fraction), Exact.drive)
     assert np.abs(found / (sigma - Exact.y) - 1).max() < CLOSE
 
 
@@ -171,25 +171,25 @@ def test_a_lost_part_of_gpe_held_at_rest_solves_its_equation():
         sigma = solved(
             lambda x, f=fraction: np.log(x) + (1 - f) * (x - np.log(x)) + f * rest, Exact.s
         )
-        found = output(Exact.circuit.without("GPe", fraction, replaced=True), Exact.drive)
+        found = output(Exact.circuit.lesion("GPe", fraction, replaced=True), Exact.drive)
         assert np.abs(found / (sigma - Exact.y) - 1).max() < CLOSE
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.7, 0.95, 1.05, 1.5])
 def test_a_gain_of_d1_multiplies_the_evidence_of_its_channel(gain):
     expected = Exact.s - gain * Exact.y
-    assert agrees(Exact.circuit.scaled("D1", "SNr", gain), expected)
-    assert agrees(Exact.circuit.scaled("ctx", "D1", gain), expected)
+    assert agrees(Exact.circuit.scale("D1", "SNr", gain), expected)
+    assert agrees(Exact.circuit.scale("ctx", "D1", gain), expected)
     assert agrees(Exact.circuit.dopamine(gain), expected)
     if gain < 1:
-        assert agrees(Exact.circuit.without("D1", 1 - gain), expected)
+        assert agrees(Exact.circuit.lesion("D1", 1 - gain), expected)
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.3])
 def test_a_gain_of_the_hyperdirect_pathway_sums_evidence_at_that_gain(gain):
     """Sigma = ln sum exp(k y): S at another gain of the evidence."""
     expected = logsumexp(gain * Exact.y, axis=1, keepdims=True) - Exact.y
-    assert agrees(Exact.circuit.scaled("ctx", "STN", gain), expected)
+    assert agrees(Exact.circuit.scale("ctx", "STN", gain), expected)
 
 
 # ---- lesions with all pathways. GPe has the weights w to STN and v = 1 - w to SNr, D2 has d:
@@ -222,15 +222,15 @@ def test_the_closed_form_of_all_pathways_is_minus_log_posterior():
 @pytest.mark.parametrize(
     ("edit", "factors"),
     [
-        (lambda c, k: c.scaled("D1", "SNr", k), lambda k: {"d1": k}),
-        (lambda c, k: c.scaled("ctx", "D1", k), lambda k: {"d1": k}),
-        (lambda c, k: c.without("D1", 1 - k), lambda k: {"d1": k}),
-        (lambda c, k: c.scaled("D2", "GPe", k), lambda k: {"d2": k}),
-        (lambda c, k: c.without("D2", 1 - k), lambda k: {"d2": k}),
-        (lambda c, k: c.scaled("ctx", "STN", k), lambda k: {"hyperdirect": k}),
-        (lambda c, k: c.scaled("GPe", "SNr", k), lambda k: {"to_snr": k}),
-        (lambda c, k: c.scaled("GPe", "STN", k), lambda k: {"to_stn": k}),
-        (lambda c, k: c.without("GPe", 1 - k), lambda k: {"to_stn": k, "to_snr": k}),
+        (lambda c, k: c.scale("D1", "SNr", k), lambda k: {"d1": k}),
+        (lambda c, k: c.scale("ctx", "D1", k), lambda k: {"d1": k}),
+        (lambda c, k: c.lesion("D1", 1 - k), lambda k: {"d1": k}),
+        (lambda c, k: c.scale("D2", "GPe", k), lambda k: {"d2": k}),
+        (lambda c, k: c.lesion("D2", 1 - k), lambda k: {"d2": k}),
+        (lambda c, k: c.scale("ctx", "STN", k), lambda k: {"hyperdirect": k}),
+        (lambda c, k: c.scale("GPe", "SNr", k), lambda k: {"to_snr": k}),
+        (lambda c, k: c.scale("GPe", "STN", k), lambda k: {"to_stn": k}),
+        (lambda c, k: c.lesion("GPe", 1 - k), lambda k: {"to_stn": k, "to_snr": k}),
         (lambda c, k: c.dopamine(k), lambda k: {"d1": k, "d2": 2 - k}),
     ],
     ids=[
@@ -263,7 +263,7 @@ def test_a_loss_of_stn_with_all_pathways_shifts_s_alone(fraction):
     sigma = solved(lambda x: w * x + v * np.log(x), s)
     expected = sigma - v * (sigma - np.log(sigma) - d * Full.y) - (1 + d) * Full.y
     assert np.abs(expected - (s - (1 + w * d) * Full.y)).max() < CLOSE
-    assert agrees(Full.circuit.without("STN", fraction), expected, Full.drive)
+    assert agrees(Full.circuit.lesion("STN", fraction), expected, Full.drive)
 
 
 def test_readings_and_trials_do_not_mix():
@@ -290,9 +290,9 @@ def test_the_common_mode_holds_stn_near_its_set_point_and_leaves_out_as_it_is():
 
 
 def test_a_loop_without_fixed_point_says_so():
-    runaway = anatomy.spiking_msprt(4).with_rows(Projection("STN", "STN", 3.0, "diffuse"))
+    runaway = anatomy.spiking_msprt(4).add(Projection("STN", "STN", 3.0, "diffuse"))
     with pytest.raises(ValueError, match="spiking_msprt has no fixed point at drive"):
         algebra.run(runaway, np.zeros((1, 1, 4)))
     # The bounded one of the table stops at silence.
-    lesioned = algebra.run(anatomy.spiking_msprt(4).without("STN"), np.zeros((1, 1, 4)))
+    lesioned = algebra.run(anatomy.spiking_msprt(4).lesion("STN"), np.zeros((1, 1, 4)))
     assert lesioned.rates_hz["common"][0, 0, 0] == 0

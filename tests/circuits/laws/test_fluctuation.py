@@ -109,7 +109,7 @@ def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
     table = anatomy.spiking_msprt()
     most = []
     for times, more in ((1.0, False), (1.8, True)):
-        wiring, x = state(table.scaled("STN", "GPe", times))
+        wiring, x = state(table.scale("STN", "GPe", times))
         frequency, found = swept(wiring, x[None])
         turns = np.abs(np.log(found.det[:, 1:] / found.det[:, :-1]))
         assert (np.diff(frequency) > 0).all()

@@ -59,7 +59,7 @@ def test_out_scatters_as_computed(edit):
     """Means of 50 ms, 40 a trial."""
     table = TABLE.with_neurons(edit.get("neurons", 300))
     if "without" in edit:
-        table = table.without(edit["without"], 0.1)
+        table = table.lesion(edit["without"], 0.1)
     drive = np.array([0.85, -0.85])
     held = np.tile(drive, (30, 1, 1))
     given = {"step_ms": 5000, "seed": 74, "rates": False, "sample_ms": 5.0}
@@ -85,7 +85,7 @@ def test_silent_losers_add_no_noise(channels):
 def test_a_lesion_takes_the_noise_with_what_it_takes():
     whole, half = (
         out_variance(table, [0.85, -0.85])["D2"][0]
-        for table in (TABLE, TABLE.without("D2", 0.5, replaced=True))
+        for table in (TABLE, TABLE.lesion("D2", 0.5, replaced=True))
     )
     assert half == pytest.approx(whole / 4, rel=0.1)
 

@@ -142,7 +142,7 @@ def test_growth_is_that_of_a_small_disturbance():
 
 
 def test_without_a_loop_or_with_a_common_mode_nothing_oscillates():
-    no_loop = anatomy.bogacz_gurney().without("GPe")
+    no_loop = anatomy.bogacz_gurney().lesion("GPe")
     assert stability.growth(no_loop).real == -np.inf
     assert stability.onset(no_loop).total_nats == np.inf
     # A common mode that holds STN's sum keeps the spiking circuit stable, also under evidence.
@@ -151,7 +151,7 @@ def test_without_a_loop_or_with_a_common_mode_nothing_oscillates():
     for difference in (0.0, 2.0, 6.0):
         assert stability.is_stable(spiking, [-difference / 2, difference / 2])
     # Without it the loop oscillates, in the beta band.
-    limit = stability.onset(spiking.without("common"))
+    limit = stability.onset(spiking.lesion("common"))
     assert 4.5 < limit.total_nats < 6
     assert 13 < limit.frequency_hz < 30
 
@@ -167,9 +167,7 @@ def test_a_drive_of_another_shape_and_a_loop_that_is_never_stable_are_refused():
 
 def test_loops_amplify_as_far_as_they_are_from_their_limit():
     """1 without loops, 1/|1 - L| for one loop, infinite beyond the onset."""
-    assert stability.ringing(anatomy.bogacz_gurney().without("GPe"))[0] == pytest.approx(
-        1, abs=1e-6
-    )
+    assert stability.ringing(anatomy.bogacz_gurney().lesion("GPe"))[0] == pytest.approx(1, abs=1e-6)
     # A pathway that bends counts with its slope: S - ln S of STN's three rates of 1 nat, 2/3.
     assert stability.ringing(anatomy.bogacz_gurney())[0] == pytest.approx(2.04, abs=0.01)
     circuit = loop(6, 14, (5, 5))

@@ -76,10 +76,10 @@ def both(circuit, drive=DRIVE, **options):
         WHOLE,
         WHOLE.with_spread(0.15),
         WHOLE.with_connections(0.3).with_spread(0.1),
-        WHOLE.without("D2", 0.5, replaced=True).without("GPe"),
+        WHOLE.lesion("D2", 0.5, replaced=True).lesion("GPe"),
         small(),
-        replace(small(), wiring_seed=3).scaled("ctx", "SNr", 0),
-        small().scaled("ctx", "STN", 0.5, 0).scaled("SNr", "SNr", 2, 1),
+        replace(small(), wiring_seed=3).scale("ctx", "SNr", 0),
+        small().scale("ctx", "STN", 0.5, 0).scale("SNr", "SNr", 2, 1),
     ],
     ids=["whole", "spread", "sparse", "lesioned", "small", "other connections", "one channel"],
 )

@@ -40,8 +40,8 @@ def both(circuit, drive, **options):
     "circuit",
     [
         BASE,
-        BASE.without("GPe", 0.5, replaced=True),
-        BASE.scaled("STN", "GPe", 0.5),
+        BASE.lesion("GPe", 0.5, replaced=True),
+        BASE.scale("STN", "GPe", 0.5),
         BASE.with_spread(0.1),
         BASE.with_spread(0.3),
     ],
@@ -59,8 +59,8 @@ def test_cells_spike_as_in_the_plain_scheme(circuit):
     "circuit",
     [
         BASE.with_connections(0.25),
-        BASE.with_connections(0.25).scaled("ctx", "D1", 0.9, 0).scaled("STN", "GPe", 0, 1),
-        BASE.with_connections(0.25).without("D1", 0.25, channel=0).without("D2", 1, channel=1),
+        BASE.with_connections(0.25).scale("ctx", "D1", 0.9, 0).scale("STN", "GPe", 0, 1),
+        BASE.with_connections(0.25).lesion("D1", 0.25, channel=0).lesion("D2", 1, channel=1),
         BASE.with_spread(0.1).with_connections(0.25),
     ],
     ids=["sparse", "one channel", "lost in one channel", "both"],
@@ -131,8 +131,8 @@ def test_what_lies_downstream_never_changes_what_lies_upstream():
     whole = ensemble.run(BASE, drive, **given).spikes
     edits = [
         BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0),
-        BASE.without("D1", 0.5),
-        BASE.scaled("STN", "SNr", 0.2),
+        BASE.lesion("D1", 0.5),
+        BASE.scale("STN", "SNr", 0.2),
     ]
     for edited in edits:
         for name, table in ensemble.run(edited, drive, **given).spikes.items():
@@ -173,12 +173,12 @@ def test_a_drive_beyond_the_range_warns_once_with_the_number():
 
 
 def test_strong_inhibition_is_not_taken_for_a_refractory_period():
-    fast, plain = both(BASE.scaled("D1", "SNr", 60), ramp(2, 3, top=3.0))
+    fast, plain = both(BASE.scale("D1", "SNr", 60), ramp(2, 3, top=3.0))
     assert spike_set(fast.spikes["SNr"]) == spike_set(plain.spikes["SNr"])
 
 
 def test_an_edit_without_a_state_of_rest_warns():
-    runaway = BASE.with_rows(Projection("STN", "STN", 0.5, "diffuse")).without("common")
+    runaway = BASE.add(Projection("STN", "STN", 0.5, "diffuse")).lesion("common")
     with pytest.warns(UserWarning, match="as edited has no state of rest"):
         ensemble.run(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
 
