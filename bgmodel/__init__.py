@@ -22,7 +22,7 @@ from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     from bgmodel.comparison.with_msprt import compare
-    from bgmodel.experiments.experiment import Experiment, read_experiment, run_experiment
+    from bgmodel.experiments.experiment import Experiment
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.tables.choices import read_choices
@@ -39,8 +39,6 @@ LAZY = {
     "load_circuit": "circuits.anatomy",
     "read_choices": "bgmodel.tables.choices",
     "read_evidence": "bgmodel.tables.evidence",
-    "read_experiment": "bgmodel.experiments.experiment",
-    "run_experiment": "bgmodel.experiments.experiment",
 }
 """Names that load circuits and pandas: their modules are imported where they are used."""
 
@@ -63,8 +61,6 @@ __all__ = [
     "load_circuit",
     "read_choices",
     "read_evidence",
-    "read_experiment",
-    "run_experiment",
     "stream",
     "tally",
     "threshold_from_gap",

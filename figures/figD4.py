@@ -16,7 +16,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bgmodel.experiments.experiment import Experiment, run_experiment, shipped
+from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, outcomes
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, PERCENT, WITHOUT
 from bgmodel.files import read_table, write_table
@@ -49,7 +49,7 @@ def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
         trials = max(round(share * experiment.task.trials), 240)
         one = replace(experiment, task=replace(experiment.task, trials=trials))
         found = {
-            "population": run_experiment(one).measures.assign(trials=trials),
+            "population": one.run().measures.assign(trials=trials),
             "ensemble": in_spikes[in_spikes["file"] == file].drop(columns="file"),
         }
         source = one.source.rsplit(", ", 1)[0].removeprefix("derived from ")

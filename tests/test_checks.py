@@ -11,7 +11,7 @@ from bgmodel.comparison.circuits import decide_at_thresholds
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.dopamine import criterion, working_range
 from bgmodel.evidence import expecting, separated_evidence
-from bgmodel.experiments.experiment import read_experiment, run_experiment
+from bgmodel.experiments.experiment import Experiment
 from bgmodel.files import read_table
 from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe
@@ -170,7 +170,6 @@ def test_parts_that_belong_to_other_trials_are_refused():
         lambda: tradeoff(trace, some_evidence(hypotheses=4)),
         lambda: tradeoff(trace, evidence[:10]),
         lambda: tradeoff(trace.out_nats, evidence),
-        lambda: run_experiment("stn_conflict"),
         lambda: criterion("maca", 1.0, 0.3, 0.5),
         lambda: working_range(3, 0.3),
         lambda: working_range(TABLE, "0.3"),
@@ -191,7 +190,9 @@ def test_parts_that_belong_to_other_trials_are_refused():
             call()
 
 
-@pytest.mark.parametrize("read", [read_table, read_evidence_table, read_choices, read_experiment])
+@pytest.mark.parametrize(
+    "read", [read_table, read_evidence_table, read_choices, Experiment.from_toml]
+)
 def test_a_file_is_given_by_its_path(read):
     for odd in (None, 3, [], EVIDENCE):
         with pytest.raises(ValueError, match=r"given by its path"):

@@ -5,7 +5,7 @@ import json
 import pandas as pd
 import pytest
 
-from bgmodel.experiments.experiment import read_experiment, run_experiment
+from bgmodel.experiments.experiment import Experiment
 from bgmodel.files import provenance_path, read_provenance
 from circuits import anatomy, table_files
 from circuits.table_files import digest
@@ -142,7 +142,7 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, capsys):
 def test_an_experiment_needs_nats_and_a_gain(here, name, says):
     (here / "mine.toml").write_text(EXPERIMENT.replace("tables/mine.toml", name))
     with pytest.raises(ValueError) as caught:  # noqa: PT011
-        run_experiment(read_experiment("mine.toml"))
+        Experiment.from_toml("mine.toml").run()
     assert says in str(caught.value)
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing, tally
 from bgmodel.comparison.compare import tradeoff
 from bgmodel.decision import Decision
-from bgmodel.experiments.experiment import read_experiment, run_experiment
+from bgmodel.experiments.experiment import Experiment
 from bgmodel.facts import Facts, span
 from circuits.anatomy import load_circuit
 from tests.helpers import some_evidence
@@ -23,8 +23,8 @@ THRESHOLDS = np.linspace(0.1, 0.6, 5)
 
 @pytest.fixture(scope="module")
 def outcome():
-    experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
-    return run_experiment(replace(experiment, task=replace(experiment.task, trials=120)))
+    experiment = replace(Experiment.from_toml("accuracy_threshold"), engine="algebra")
+    return replace(experiment, task=replace(experiment.task, trials=120)).run()
 
 
 @pytest.fixture

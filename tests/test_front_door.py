@@ -1,5 +1,7 @@
 """What most users do, each in three lines from ``import bgmodel as bg``."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,11 +109,21 @@ def test_a_table_of_evidence_is_read(tmp_path):
         (lambda: bg.read_evidence("nothing.csv"), "nothing.csv"),
         (lambda: bg.read_choices("nothing.csv"), "nothing.csv"),
         (lambda: bg.compare("macaque", "a", seed=1), "vidence"),
-        (lambda: bg.read_experiment("nothing"), "nothing"),
-        (lambda: bg.run_experiment("stn_conflict"), "experiment"),
+        (lambda: bg.Experiment.from_toml("nothing"), "nothing"),
         (lambda: bg.fit("nothing.csv", strength="coherence"), "nothing.csv"),
     ],
 )
 def test_a_wrong_argument_is_named(call, named):
     with pytest.raises((ValueError, FileNotFoundError), match=named):
         call()
+
+
+def test_an_experiment_is_read_run_and_summed_up():
+    asked = bg.Experiment.from_toml("stn_conflict")
+    few = replace(asked, task=replace(asked.task, trials=150), engine="population")
+    outcome = few.run()
+    rows = outcome.measures.set_index(["condition", "measure"])
+    assert outcome.summary().loc["accuracy", "control"] == round(
+        rows.loc[("control", "accuracy"), "value"], 3
+    )
+    assert outcome.to_dataframe() is outcome.measures

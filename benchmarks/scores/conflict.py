@@ -27,7 +27,7 @@ from benchmarks.scores.fits import (
     stimulated,
 )
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.experiments.experiment import Condition, Experiment, read_experiment, run_experiment
+from bgmodel.experiments.experiment import Condition, Experiment
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.responses import BIN_S
@@ -74,7 +74,7 @@ def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
         d_prime=2 * v * BIN_S**0.5,
     )  # fmt: skip
     return replace(
-        read_experiment(EXPERIMENTS[conflict]), seed=SCORING_SEED, task=task,
+        Experiment.from_toml(EXPERIMENTS[conflict]), seed=SCORING_SEED, task=task,
         posterior=float(np.exp(-numbers["threshold_nats"])), gain=SLOW_NATS / (2 * v),
         manipulation=Condition(without=(f"STN={numbers['stn_loss[stimulation=on]']:.4f}",)),
     )  # fmt: skip
@@ -106,7 +106,7 @@ def decided(trials: int, decisions: int, workers: int) -> pd.DataFrame:
     numbers = patients(trials).median()
     rows = []
     for conflict in EXPERIMENTS:
-        outcome = run_experiment(asked(numbers, conflict, decisions), workers=workers)
+        outcome = asked(numbers, conflict, decisions).run(workers=workers)
         found = outcome.measures.set_index(["condition", "measure"])
         for name in MEASURED:
             row = {"conflict": conflict, "measure": name}

@@ -12,7 +12,7 @@ from functools import partial
 import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.experiments.experiment import Experiment, run_experiment, shipped
+from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import beside_published, outcomes
 from circuits.anatomy import DEFAULT
 
@@ -27,7 +27,7 @@ PREDICTION, EFFECT = "prediction", "effect"
 
 def predictions(experiment: Experiment, workers: int) -> pd.DataFrame:
     """Return the outcome of each prediction, and of each effect that was published as a number."""
-    measures = run_experiment(experiment, workers=workers).measures
+    measures = experiment.run(workers=workers).measures
     found = [outcomes(experiment, measures).assign(row=PREDICTION)]
     if experiment.effects:
         found.append(beside_published(experiment, measures).assign(row=EFFECT))
@@ -40,7 +40,7 @@ def predictions(experiment: Experiment, workers: int) -> pd.DataFrame:
 
 def in_spikes(name: str, experiment: Experiment, workers: int) -> pd.DataFrame:
     """Return every measure of an experiment in spikes."""
-    found = run_experiment(replace(experiment, engine="ensemble"), workers=workers).measures
+    found = replace(experiment, engine="ensemble").run(workers=workers).measures
     return found.assign(file=name, trials=experiment.task.trials)
 
 

@@ -89,18 +89,18 @@ class ExperimentRun(Shows):
 
     def _print(self) -> None:
         """Print the file of one that is shipped."""
-        from bgmodel.experiments.experiment import read_experiment, shipped_text
+        from bgmodel.experiments.experiment import Experiment, shipped_text
 
         if Path(self.file).suffix == ".toml":
             raise ValueError(f"show is for an experiment that is shipped, got {self.file!r}")
-        read_experiment(self.file)  # its errors say which there are
+        Experiment.from_toml(self.file)  # its errors say which there are
         print(shipped_text(self.file), end="")
 
     def _experiment(self) -> Experiment:
         """Return the experiment of the file, with what the options change."""
-        from bgmodel.experiments.experiment import read_experiment
+        from bgmodel.experiments.experiment import Experiment
 
-        experiment = read_experiment(self.file)
+        experiment = Experiment.from_toml(self.file)
         if self.trials is not None:
             experiment = replace(experiment, task=replace(experiment.task, trials=self.trials))
         if self.seed is not None:
@@ -112,7 +112,6 @@ class ExperimentRun(Shows):
     def _run(self, experiment: Experiment) -> Outcome:
         """Say what runs, and run it."""
         from bgmodel.comparison.compare import check_trials
-        from bgmodel.experiments.experiment import run_experiment
 
         given = experiment.trials()
         evidence = given.evidence
@@ -120,7 +119,7 @@ class ExperimentRun(Shows):
         control = experiment.model(experiment.control, evidence.hypotheses, self.workers)
         say_before("an experiment on", control, evidence, runs=2)
         with bar(2 * evidence.trials):
-            return run_experiment(experiment, workers=self.workers, given=given)
+            return experiment.run(workers=self.workers, given=given)
 
     @staticmethod
     def _outcomes(experiment: Experiment, done: Outcome) -> pd.DataFrame:

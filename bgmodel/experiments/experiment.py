@@ -125,10 +125,32 @@ class Experiment:
             for condition in (self.control, self.manipulation):
                 self.threshold_nats(condition, self.task.channels)
 
+    @classmethod
+    def from_toml(cls, file: str | Path) -> Experiment:
+        """Read an experiment: the path of a TOML file, or the name of one that is shipped.
+
+        Raises
+        ------
+        ValueError
+            One sentence with the key, what was given and what is allowed.
+        """
+        path = path_of(file)
+        if path.suffix == ".toml":
+            found: Experiment = seen_from(path.parent, toml_files.read(path, cls))
+            warn_of_default(path)
+            return found
+        inside = SHIPPED / f"{file}.toml"
+        if str(file) in RENAMED:
+            raise ValueError(f"the experiment {str(file)!r} is {RENAMED[str(file)]!r} now")
+        if not inside.is_file():
+            names = ", ".join(_names())
+            raise ValueError(f"an experiment is a .toml file or one of {names}; got {str(file)!r}")
+        return toml_files.read(Path(str(inside)), cls)
+
     def check_differs(self) -> None:
         """Raise ValueError if both conditions are alike, or decide at a threshold that is refused.
 
-        ``run_experiment`` refuses the latter too; this check comes before the run is announced.
+        ``run`` refuses the latter too; this check comes before the run is announced.
         """
         channels = self.trials().evidence.hypotheses
         both = [
@@ -181,32 +203,65 @@ class Experiment:
             options = {"workers": workers, "rates": False}
         return BasalGanglia(table, self.engine, gain, self.seed, options)
 
+    def run(self, *, workers: int = 1, given: Trials | None = None) -> Outcome:
+        """Run control and manipulation on the same evidence with the same noise.
+
+        Parameters
+        ----------
+        workers : int
+            Threads of the engines that can use several; they change no byte.
+        given : Trials, optional
+            What ``trials()`` gave, where that was asked already.
+
+        Raises
+        ------
+        ValueError
+            If an edit does not fit the circuit, the control decides without evidence or against
+            it, a posterior lies beyond what OUT reads, or there are too few trials.
+
+        Warns
+        -----
+        UserWarning
+            If evidence leaves the circuit's range, noise alone crosses the threshold, many trials
+            are missed, the manipulation decides against the evidence, no decision differs between
+            the conditions, or posteriors at the decision are not the share of right choices.
+        """
+        given = given or self.trials()
+        evidence = given.evidence
+        check_trials(evidence.trials)
+        conditions = (self.control, self.manipulation)
+        models = [self.model(c, evidence.hypotheses, workers) for c in conditions]
+        thresholds = [self.threshold_nats(c, evidence.hypotheses) for c in conditions]
+        check_conditions(models[0].circuit, thresholds[0], models[1].circuit, thresholds[1])
+        models[0].warn_beyond_range(evidence)
+        models[0].warn_of_noise(thresholds[0])
+        weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"))
+        found: list[dict[str, Any]] = []
+        trials = []
+        for name, model, level in zip(CONDITIONS, models, thresholds, strict=False):
+            behaviour = behaviour_of(model, evidence, level, self.foreperiod_ms)
+            _check_decided(name, behaviour, self.foreperiod_ms)
+            found.append(behaviour.measures(weights))
+            about = f"{model.circuit.name} {model.engine}"
+            decided = behaviour.decision(evidence.step_ms)
+            table = trial_table(decided, given, seed=self.seed, model=about, condition=name)
+            trials.append(table.assign(anticipatory=behaviour.anticipatory))
+        measures = _table(found, evidence.trials)
+        if unchanged(measures):
+            warnings.warn(
+                f"{UNCHANGED}: the manipulation says nothing to the {self.engine} engine, or "
+                "nothing while a trial lasts; look at its units and times",
+                stacklevel=2,
+            )
+        if said := uncalibrated(self, measures):
+            warnings.warn(said, stacklevel=2)
+        whole = pd.concat(trials, ignore_index=True)
+        return Outcome(self, given, tuple(models), measures, whole)
+
 
 def shipped() -> dict[str, Experiment]:
     """Return the experiments that come with the package, by the names of their files."""
-    return {name: read_experiment(name) for name in _names()}
-
-
-def read_experiment(file: str | Path) -> Experiment:
-    """Read an experiment: the path of a TOML file, or the name of one that is shipped.
-
-    Raises
-    ------
-    ValueError
-        One sentence with the key, what was given and what is allowed.
-    """
-    path = path_of(file)
-    if path.suffix == ".toml":
-        found = seen_from(path.parent, toml_files.read(path, Experiment))
-        warn_of_default(path)
-        return found
-    inside = SHIPPED / f"{file}.toml"
-    if str(file) in RENAMED:
-        raise ValueError(f"the experiment {str(file)!r} is {RENAMED[str(file)]!r} now")
-    if not inside.is_file():
-        names = ", ".join(_names())
-        raise ValueError(f"an experiment is a .toml file or one of {names}; got {str(file)!r}")
-    return toml_files.read(Path(str(inside)), Experiment)
+    return {name: Experiment.from_toml(name) for name in _names()}
 
 
 def shipped_text(name: str) -> str:
@@ -264,6 +319,19 @@ class Outcome(Facts):
             found[condition] = f"accuracy {accuracy:{sign}.3f} in {mean_ms:{sign}.0f} ms"
         return found
 
+    def summary(self) -> pd.DataFrame:
+        """Return each measure of control, manipulation and their change, for a reader."""
+        shown = self.measures[self.measures["condition"].isin(CONDITIONS)]
+        found: dict[str, pd.Series] = {}
+        for name in CONDITIONS:
+            rows = shown[shown["condition"] == name].set_index("measure").loc[list(MEASURES)]
+            found |= {name: rows["value"], f"{name}_low": rows["low"], f"{name}_high": rows["high"]}
+        return pd.DataFrame(found).round(3)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``measures``."""
+        return self.measures
+
     def plot(self, ax: Axes | Sequence[Axes] | None = None) -> Any:
         """Draw each measure of both conditions with its 95 % interval.
 
@@ -280,70 +348,6 @@ class Outcome(Facts):
         from bgmodel.plots import conditions
 
         return conditions(self.measures[self.measures["condition"].isin(CONDITIONS[:2])], ax)
-
-
-def run_experiment(
-    experiment: Experiment, *, workers: int = 1, given: Trials | None = None
-) -> Outcome:
-    """Run control and manipulation on the same evidence with the same noise.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What to run.
-    workers : int
-        Threads of the engines that can use several; they change no byte.
-    given : Trials, optional
-        What ``experiment.trials()`` gave, where that was asked already.
-
-    Raises
-    ------
-    ValueError
-        If an edit does not fit the circuit, the control decides without evidence or against it, a
-        posterior lies beyond what OUT reads, or there are too few trials.
-
-    Warns
-    -----
-    UserWarning
-        If evidence leaves the circuit's range, noise alone crosses the threshold, many trials are
-        missed, the manipulation decides against the evidence, no decision differs between the
-        conditions, or posteriors at the decision are not the share of right choices.
-    """
-    if not isinstance(experiment, Experiment):
-        raise ValueError(
-            f"experiment must be an Experiment, as from read_experiment, got {experiment!r}"
-        )
-    given = given or experiment.trials()
-    evidence = given.evidence
-    check_trials(evidence.trials)
-    conditions = (experiment.control, experiment.manipulation)
-    models = [experiment.model(c, evidence.hypotheses, workers) for c in conditions]
-    thresholds = [experiment.threshold_nats(c, evidence.hypotheses) for c in conditions]
-    check_conditions(models[0].circuit, thresholds[0], models[1].circuit, thresholds[1])
-    models[0].warn_beyond_range(evidence)
-    models[0].warn_of_noise(thresholds[0])
-    weights = resampled(evidence.trials, RESAMPLES, stream(experiment.seed, "bootstrap"))
-    found: list[dict[str, Any]] = []
-    trials = []
-    for name, model, level in zip(CONDITIONS, models, thresholds, strict=False):
-        behaviour = behaviour_of(model, evidence, level, experiment.foreperiod_ms)
-        _check_decided(name, behaviour, experiment.foreperiod_ms)
-        found.append(behaviour.measures(weights))
-        about = f"{model.circuit.name} {model.engine}"
-        decided = behaviour.decision(evidence.step_ms)
-        table = trial_table(decided, given, seed=experiment.seed, model=about, condition=name)
-        trials.append(table.assign(anticipatory=behaviour.anticipatory))
-    measures = _table(found, evidence.trials)
-    if unchanged(measures):
-        warnings.warn(
-            f"{UNCHANGED}: the manipulation says nothing to the {experiment.engine} engine, or "
-            "nothing while a trial lasts; look at its units and times",
-            stacklevel=2,
-        )
-    if said := uncalibrated(experiment, measures):
-        warnings.warn(said, stacklevel=2)
-    whole = pd.concat(trials, ignore_index=True)
-    return Outcome(experiment, given, tuple(models), measures, whole)
 
 
 def _table(found: list[dict[str, Any]], trials: int) -> pd.DataFrame:
@@ -384,7 +388,7 @@ def uncalibrated(experiment: Experiment, table: pd.DataFrame) -> str:
     experiment : Experiment
         What was run. Where one truth alone counts, nothing is said: errors of one kind are missing.
     table : DataFrame
-        The measures, as from ``run_experiment``.
+        The measures, as of ``Outcome``.
     """
     values = table.set_index(["condition", "measure"])["value"]
     for condition in CONDITIONS[:2] if experiment.truth is None else ():

@@ -66,7 +66,7 @@ def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
     experiment : Experiment
         With its predictions.
     table : DataFrame
-        The measures, as from ``run_experiment``.
+        The measures, as of ``Outcome``.
 
     Returns
     -------
@@ -221,7 +221,7 @@ def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFram
     experiment : Experiment
         With its effects.
     table : DataFrame
-        The measures, as from ``run_experiment``.
+        The measures, as of ``Outcome``.
 
     Returns
     -------
@@ -277,7 +277,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
     experiment : Experiment
         What was run.
     table : DataFrame
-        The measures, as from ``run_experiment``.
+        The measures, as of ``Outcome``.
     """
     lines = [
         f"{experiment.name} ({experiment.source})" if experiment.source else experiment.name,

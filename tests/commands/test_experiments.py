@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.evidence import separated_evidence
-from bgmodel.experiments.experiment import read_experiment, shipped
+from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.predictions import AGREES, WITHOUT
 from bgmodel.files import provenance_path, read_provenance
 from tests.helpers import GOOD, run
@@ -28,7 +28,7 @@ def test_the_file_of_one_that_is_shipped_is_printed_and_runs_as_its_own(tmp_path
     assert run("experiment", "stn_conflict", "--show") == 0
     mine = tmp_path / "mine.toml"
     mine.write_text(capsys.readouterr().out)
-    assert read_experiment(mine) == read_experiment("stn_conflict")
+    assert Experiment.from_toml(mine) == Experiment.from_toml("stn_conflict")
     assert run("experiment", mine, "--show") == 2
     assert "show is for an experiment that is shipped, got " in capsys.readouterr().err
     assert run("experiment", "stn", "--show") == 2
@@ -125,7 +125,7 @@ def test_an_experiment_says_before_it_starts_what_runs(capsys, monkeypatch):
     def stop(*given, **named):
         raise ValueError("started")
 
-    monkeypatch.setattr("bgmodel.experiments.experiment.run_experiment", stop)
+    monkeypatch.setattr("bgmodel.experiments.experiment.Experiment.run", stop)
     assert run("experiment", "stn_conflict") == 2
     said = capsys.readouterr().err
     assert "an experiment on macaque on population, 2 circuits, 2000 trials of up to " in said
@@ -240,7 +240,7 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsy
     assert trials["trial"][:120].tolist() == [f"id{n}" for n in range(120)]
     # The file is looked for beside the one that names it, wherever the command is called.
     experiment_file.write_text(experiment_file.read_text().replace(str(mine), "mine.csv"))
-    assert read_experiment(experiment_file).trials().evidence.trials == 120
+    assert Experiment.from_toml(experiment_file).trials().evidence.trials == 120
     # Whatever is forced, what an experiment was made from is not written over.
     before = mine.read_bytes()
     for out in (mine, mine.with_name("mine")):

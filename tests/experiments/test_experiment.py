@@ -12,15 +12,7 @@ import pytest
 from bgmodel import stream
 from bgmodel.edits import Edits
 from bgmodel.evidence import separated_evidence
-from bgmodel.experiments.experiment import (
-    RENAMED,
-    Condition,
-    Experiment,
-    behaviour_of,
-    read_experiment,
-    run_experiment,
-    shipped,
-)
+from bgmodel.experiments.experiment import RENAMED, Condition, Experiment, behaviour_of, shipped
 from bgmodel.experiments.measures import MEASURES
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
@@ -40,7 +32,7 @@ source = "nobody"
 
 
 def test_a_file_says_what_is_run(experiment_file):
-    experiment = read_experiment(experiment_file)
+    experiment = Experiment.from_toml(experiment_file)
     assert experiment.manipulation == Condition(without=("STN=0.2",))
     assert experiment.control == Condition()
     assert experiment.predictions == (Prediction("mean_ms", "down", 20.0),)
@@ -149,7 +141,7 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file,
     ]
     mine = tmp_path / "mine.csv"
     pd.DataFrame(rows).to_csv(mine, index=False)
-    own = replace(read_experiment(experiment_file), task=Stimuli(evidence=mine), truth=2)
+    own = replace(Experiment.from_toml(experiment_file), task=Stimuli(evidence=mine), truth=2)
     np.testing.assert_array_equal(own.trials().evidence.log_likelihood, drawn[2::3])
     with pytest.raises(ValueError, match=r"truth must lie in 0\.\.2, got 3"):
         replace(own, truth=3).trials()
@@ -196,7 +188,7 @@ def test_more_than_a_twentieth_of_trials_undecided_in_time_is_warned_of(
     experiment_file, monkeypatch, missed, warned
 ):
     """Of 100 in both conditions; below 20 decided ones the control is refused."""
-    experiment = read_experiment(experiment_file)
+    experiment = Experiment.from_toml(experiment_file)
     experiment = replace(experiment, task=replace(experiment.task, trials=100, t_max=4))
 
     def late(missed):
@@ -206,20 +198,18 @@ def test_more_than_a_twentieth_of_trials_undecided_in_time_is_warned_of(
     monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", late(missed))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        run_experiment(experiment)
+        experiment.run()
     said = [str(w.message) for w in caught if "decides in time in" in str(w.message)]
     assert len(said) == warned
     assert all(f"decides in time in {100 - missed} of 100 trials" in text for text in said)
     monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", late(81))
     with pytest.raises(ValueError, match="decides in time in 19 of 100 trials, at least 20 are"):
-        run_experiment(experiment)
+        experiment.run()
 
 
 def test_intervals_are_those_of_pairs(experiment_file):
     """Conditions are paired: the change is surer than the two apart."""
-    table = run_experiment(read_experiment(experiment_file)).measures.set_index(
-        ["condition", "measure"]
-    )
+    table = Experiment.from_toml(experiment_file).run().measures.set_index(["condition", "measure"])
     width = (table["high"] - table["low"]).xs("mean_ms", level="measure")
     assert width["change"] < 0.9 * np.hypot(width["control"], width["manipulation"])
     inside = (table["low"] <= table["value"]) & (table["value"] <= table["high"])
@@ -231,9 +221,9 @@ def test_intervals_are_those_of_pairs(experiment_file):
 
 
 def test_more_alternatives_have_no_diffusion(experiment_file):
-    experiment = read_experiment(experiment_file)
+    experiment = Experiment.from_toml(experiment_file)
     experiment = replace(experiment, task=replace(experiment.task, channels=4))
-    table = run_experiment(experiment).measures
+    table = experiment.run().measures
     empty = table[table["value"].isna()]
     assert set(empty["measure"]) == {"drift", "bound", "non_decision_ms"}
     assert "drift" not in page(experiment, table)
@@ -242,10 +232,10 @@ def test_more_alternatives_have_no_diffusion(experiment_file):
 def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
     """It responds before anything is read: no prediction, right or wrong, is met by that."""
     acute = Condition(without=("STN",))
-    experiment = replace(read_experiment("stn_lesion_chronic"), manipulation=acute)
+    experiment = replace(Experiment.from_toml("stn_lesion_chronic"), manipulation=acute)
     task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
     experiment_file = replace(experiment, task=task)
-    found = run_experiment(experiment_file).measures
+    found = experiment_file.run().measures
     table = found.set_index(["condition", "measure"])["value"]
     assert table["manipulation", "anticipatory"] == 1
     assert table["manipulation", "premature"] == 1
@@ -285,27 +275,27 @@ def test_what_is_shipped_names_its_source():
 
 def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
     """The read-out of two alternatives ends at .054 nats, a posterior of .948."""
-    experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
+    experiment = replace(Experiment.from_toml("accuracy_threshold"), engine="algebra")
     experiment = replace(experiment, circuit="spiking_msprt")
     experiment = replace(experiment, task=replace(experiment.task, trials=100))
     careful = replace(experiment.manipulation, posterior=0.96)
     with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
-        run_experiment(replace(experiment, manipulation=careful))
+        replace(experiment, manipulation=careful).run()
     with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
-        run_experiment(replace(experiment, control=Condition(posterior=0.96)))
+        replace(experiment, control=Condition(posterior=0.96)).run()
 
 
 def test_a_file_without_a_circuit_says_which_one_it_runs_on(experiment_file):
     experiment_file.write_text(GOOD.replace('circuit = "spiking_msprt"\n', ""))
     with pytest.warns(UserWarning, match=r"small.toml names no circuit and runs on macaque"):
-        assert read_experiment(experiment_file).circuit == anatomy.DEFAULT
+        assert Experiment.from_toml(experiment_file).circuit == anatomy.DEFAULT
 
 
 @pytest.mark.parametrize("old", RENAMED)
 def test_an_experiment_that_moved_says_where_it_is(old):
     assert RENAMED[old] in SHIPPED
     with pytest.raises(ValueError, match=f"'{old}' is '{RENAMED[old]}' now"):
-        read_experiment(old)
+        Experiment.from_toml(old)
 
 
 def test_where_something_is_expected_its_foreperiod_counts(experiment_file):
@@ -314,8 +304,8 @@ def test_where_something_is_expected_its_foreperiod_counts(experiment_file):
     text = text.replace("[task]", "[task]\nexpectancy_nats = 5.5\nexpectancy_ms = 800.0")
     experiment_file.write_text(text)
     experiment = replace(
-        read_experiment(experiment_file), engine="population", circuit="macaque", gain=None
+        Experiment.from_toml(experiment_file), engine="population", circuit="macaque", gain=None
     )
-    found = run_experiment(experiment).trials.groupby("condition")["anticipatory"].mean()
+    found = experiment.run().trials.groupby("condition")["anticipatory"].mean()
     assert found["control"] <= 0.01
     assert found["manipulation"] >= 0.2

@@ -10,13 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from bgmodel.experiments.experiment import (
-    Condition,
-    Experiment,
-    read_experiment,
-    run_experiment,
-    shipped,
-)
+from bgmodel.experiments.experiment import Condition, Experiment, shipped
 from bgmodel.experiments.measures import MEASURES, OF_DECIDED
 from bgmodel.experiments.outcomes import (
     COMPATIBLE,
@@ -39,9 +33,9 @@ def changes(table):
 @pytest.fixture(scope="module")
 def by_threshold():
     """Return an experiment on the threshold at the fixed point, and its measures."""
-    experiment = replace(read_experiment("accuracy_threshold"), engine="algebra")
+    experiment = replace(Experiment.from_toml("accuracy_threshold"), engine="algebra")
     experiment = replace(experiment, task=replace(experiment.task, trials=200))
-    return experiment, run_experiment(experiment).measures
+    return experiment, experiment.run().measures
 
 
 def test_the_threshold_alone_moves_what_it_must(by_threshold):
@@ -155,7 +149,7 @@ def arms(monkeypatch, control, manipulation, predictions, effects=()):
     monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", behaviour)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        table = run_experiment(experiment).measures
+        table = experiment.run().measures
     return experiment, table
 
 
@@ -292,12 +286,12 @@ def test_an_experiment_without_a_prediction_has_no_verdict(monkeypatch):
     ("conflict", "truth", "warned"), [(0.6, None, 1), (0, None, 0), (0.6, 0, 0)]
 )
 def test_posteriors_that_are_not_accuracies_are_said(conflict, truth, warned):
-    experiment = replace(read_experiment("stn_conflict"), truth=truth)
+    experiment = replace(Experiment.from_toml("stn_conflict"), truth=truth)
     task = replace(experiment.task, trials=200, t_max=40, conflict=conflict)
     experiment = replace(experiment, task=task)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        table = run_experiment(experiment).measures
+        table = experiment.run().measures
     said = [str(w.message) for w in caught if "posteriors are not calibrated" in str(w.message)]
     assert len(said) == warned
     assert ("posteriors are not calibrated" in page(experiment, table)) == bool(warned)
@@ -317,11 +311,11 @@ def test_the_edit_alone_makes_the_outcome(name):
     """Without it every measure is the control's to the last bit; with it some measure is not."""
     experiment = quick(SHIPPED[name])
     without = replace(experiment, manipulation=experiment.control)
-    none = run_experiment(without).measures
+    none = without.run().measures
     assert (changes(none)[["value", "low", "high"]].fillna(0) == 0).all(axis=None)
     said = outcomes(without, none)
     assert (said["outcome"] == OPEN).all()
-    assert (changes(run_experiment(experiment).measures)["value"].fillna(0) != 0).any()
+    assert (changes(experiment.run().measures)["value"].fillna(0) != 0).any()
     held = beside_published(without, none)
     assert (held["value"] == 0).all()
 
@@ -397,7 +391,7 @@ def test_an_effect_is_left_open_where_the_model_has_no_number_or_hardly_decides(
 
 def test_percent_are_those_of_the_control():
     experiment = quick(shipped()["stn_no_conflict"])
-    table = run_experiment(experiment).measures
+    table = experiment.run().measures
     value = table.set_index(["condition", "measure"])["value"]
     shown = page(experiment, table)
     for measure in ("mean_ms", "accuracy", "bound"):
@@ -417,7 +411,7 @@ def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction)
         manipulation=Condition(add=(edit,)), task=Stimuli(trials=100, t_max=40, d_prime=1.0),
     )  # fmt: skip
     with pytest.warns(UserWarning, match="no decision differs"):
-        table = run_experiment(asked).measures
+        table = asked.run().measures
     found = outcomes(asked, table)
     assert found["outcome"].tolist() == [OPEN, OPEN]
     assert found["reason"].str.len().gt(0).all()
@@ -437,11 +431,11 @@ def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():
         predictions=(Prediction("accuracy", "down", 0.01), Prediction("missed", "none", 0.4)),
     )
     with pytest.warns(UserWarning, match="the manipulation's choices go against the evidence"):
-        table = run_experiment(experiment).measures
+        table = experiment.run().measures
     assert table.set_index(["condition", "measure"]).loc[("manipulation", "accuracy"), "high"] < 0.5
     said = outcomes(experiment, table)
     assert (said["outcome"] == OPEN).all()
     assert said["reason"].str.contains("against the evidence").all()
     control = replace(experiment, control=WITHOUT_DOPAMINE, manipulation=Condition())
     with pytest.raises(ValueError, match="the control's choices go against the evidence"):
-        run_experiment(control)
+        control.run()

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from bgmodel.experiments.experiment import read_experiment
+from bgmodel.experiments.experiment import Experiment
 from tests.fuzzing.case import Case, Rng, pick
 
 VALID_TOML = {
@@ -101,4 +101,4 @@ def toml_file(rng: Rng, folder: Path) -> Case:
         assert found.manipulation.without == tuple(plain["manipulation"]["without"])
         assert found.seed == plain["seed"]
 
-    return Case(valid, call=lambda: read_experiment(path), check=check)
+    return Case(valid, call=lambda: Experiment.from_toml(path), check=check)

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bgmodel.edits import Edits
-from bgmodel.experiments.experiment import Condition, Experiment, run_experiment
+from bgmodel.experiments.experiment import Condition, Experiment
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps.plan import BLOCK, Plan, Setting, read_plan
 from circuits.anatomy import load_circuit
@@ -177,7 +177,7 @@ def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
 
     def experiment():
         words = {"name": "", "note": "", "predictions": (), "manipulation": Condition(**edits)}
-        run_experiment(Experiment(**words, **run, posterior=posterior))
+        Experiment(**words, **run, posterior=posterior).run()
 
     def sweep():
         Plan(**run, edits=Edits(**edits), grid={"posterior": (posterior,)}).settings()
