@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
     from circuits.anatomy import load_circuit
@@ -34,6 +35,7 @@ LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
     "Circuit": "circuits.spec",
     "Experiment": "bgmodel.experiments.experiment",
+    "Sweep": "bgmodel.sweeps.sweep",
     "compare": "bgmodel.comparison.with_msprt",
     "fit": "bgmodel.fitting.settings",
     "load_circuit": "circuits.anatomy",
@@ -50,6 +52,7 @@ __all__ = [
     "Experiment",
     "Msprt",
     "Sprt",
+    "Sweep",
     "Trace",
     "__version__",
     "compare",

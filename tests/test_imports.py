@@ -128,6 +128,7 @@ LEVELS = [
         "bgmodel.sweeps.shards",
     },
     {"bgmodel.fitting.settings", "bgmodel.sweeps.outcome"},
+    {"bgmodel.sweeps.sweep"},
     {
         "bgmodel",
         "bgmodel.commands",

@@ -65,13 +65,13 @@ class SweepRun:
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.sweeps.plan import read_plan
         from bgmodel.sweeps.shards import check_room
+        from bgmodel.sweeps.sweep import Sweep
 
         check_whole(workers=self.workers, parts=self.parts)
         part = self._part()
-        plan = read_plan(self.file)
-        settings = plan.settings(self.file.parent)
+        sweep = Sweep.from_toml(self.file)
+        plan, settings, shards = sweep.plan, sweep.settings, sweep.shards
         folder = self.folder or Path("sweeps") / self.file.stem
         files.check_writable(folder)
         _check_own(folder)
@@ -80,9 +80,6 @@ class SweepRun:
                 f"profile must be a folder with config.yaml, got {str(self.profile)!r}"
             )
         check_room(settings, folder)
-        every = [shard for setting in settings for shard in setting.shards()]
-        # Points may share one.
-        shards = list({shard.name: shard for shard in every}.values())
         if self.on != "processes":
             self._with_snakemake(folder, shards)
             return
@@ -151,11 +148,9 @@ class SweepRun:
         for text, count in remarks[remarks != ""].value_counts().items():
             say(f"at {count} of {len(remarks)} points: {text}")
         if len(plan.each) <= 40:
-            chosen = table[table["measure"].isin(plan.show)]
-            wide = chosen.pivot_table(
-                index=list(plan.axes), columns="measure", values="value", sort=False, dropna=False
-            )
-            print(wide[list(plan.show)].round(3).to_string())
+            from bgmodel.sweeps.sweep import SweepOutcome
+
+            print(SweepOutcome(plan, table).summary().to_string())
 
     def _with_snakemake(self, folder: Path, shards: list[Shard]) -> None:
         try:

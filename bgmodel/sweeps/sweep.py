@@ -1,0 +1,145 @@
+"""A sweep in Python: read, run, and what came of it as tables, labelled arrays and a figure."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from bgmodel.facts import Facts
+from bgmodel.sweeps import shards as stored
+from bgmodel.sweeps.outcome import draw, gathered, measured
+from bgmodel.sweeps.plan import Plan, Setting, Shard, read_plan
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A plan with the folder in which the files lie that it names.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is run, and what changes.
+    beside : Path
+        Folder of the plan's own file.
+    """
+
+    plan: Plan
+    beside: Path = Path()
+
+    @classmethod
+    def from_toml(cls, file: str | Path) -> Sweep:
+        """Read the TOML file of a sweep.
+
+        Raises
+        ------
+        ValueError
+            One sentence with the key, what was given and what is allowed.
+        """
+        return cls(read_plan(file), Path(file).parent)
+
+    @cached_property
+    def settings(self) -> list[Setting]:
+        """Every point; ValueError for one that says nothing."""
+        return self.plan.settings(self.beside)
+
+    @cached_property
+    def shards(self) -> list[Shard]:
+        """What is computed and stored; points may share a shard."""
+        every = (shard for setting in self.settings for shard in setting.shards())
+        return list({shard.name: shard for shard in every}.values())
+
+    def run(self, folder: str | Path | None = None, *, workers: int = 1) -> SweepOutcome:
+        """Compute every point that is not there yet, and return the measures of all.
+
+        Parameters
+        ----------
+        folder : path, optional
+            Where shards are kept, as by ``bgmodel sweep``: those that are there are not computed
+            again. None is kept if left out.
+        workers : int
+            Processes; they change no byte. With more than one, a script needs
+            ``if __name__ == "__main__"``.
+
+        Raises
+        ------
+        ValueError
+            If a point says nothing, or another sweep is at work in the folder.
+        """
+        with ExitStack() as stack:
+            place = Path(folder or stack.enter_context(TemporaryDirectory()))
+            stored.check_room(self.settings, place)
+            stack.enter_context(stored.at_work(place, alone=True))
+            missing = [each for each in self.shards if stored.state(each, place) != "done"]
+            if workers > 1:
+                pool = stack.enter_context(stored.processes(workers))
+                for _ in stored.compute_all(missing, place, pool):
+                    pass
+            else:
+                for shard in missing:
+                    stored.compute(shard, place)
+            tables = [measured(setting, place) for setting in self.settings]
+            return SweepOutcome(self.plan, gathered(self.plan, tables))
+
+
+@dataclass(frozen=True, repr=False)
+class SweepOutcome(Facts):
+    """What came of a sweep.
+
+    Parameters
+    ----------
+    plan : Plan
+        What was run.
+    table : DataFrame
+        As from ``outcome.gathered``: a column per key that changes, then measure, value, low and
+        high (95 % interval), trials, remark.
+    """
+
+    plan: Plan
+    table: pd.DataFrame
+
+    def facts(self) -> dict[str, str]:
+        """Return what changed, over how many points, and their number of trials."""
+        axes = self.plan.axes
+        return {
+            "points": f"{len(self.plan.each)}",
+            "over": ", ".join(axes),
+            "circuit": self.plan.circuit,
+            "engine": self.plan.engine,
+            "trials": f"{self.table['trials'].max()} per point",
+        }
+
+    def summary(self) -> pd.DataFrame:
+        """Return the measures that the plan shows, one row per point."""
+        chosen = self.table[self.table["measure"].isin(self.plan.show)]
+        wide = chosen.pivot_table(
+            index=list(self.plan.axes), columns="measure", values="value", sort=False, dropna=False
+        )
+        return wide[list(self.plan.show)].round(3)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``table``."""
+        return self.table
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return value, low, high, trials and remark by the keys that change, and measure."""
+        return self.table.set_index([*self.plan.axes, "measure"]).to_xarray()
+
+    def plot(self) -> Figure:
+        """Draw the measures that the plan shows, over one key or two.
+
+        Raises
+        ------
+        ValueError
+            If more than two keys change.
+        """
+        return draw(self.plan, self.table)

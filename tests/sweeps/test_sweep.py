@@ -1,0 +1,68 @@
+"""A sweep in Python: the command's numbers, with labels."""
+
+import numpy as np
+import pytest
+
+from bgmodel.cli import main
+from bgmodel.files import read_table
+from bgmodel.sweeps.sweep import Sweep
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+GRID = """
+engine = "rate"
+circuit = "macaque"
+posterior = 0.7
+seed = 3
+[task]
+trials = 60
+t_max = 20
+d_prime = 1.0
+[grid]
+STN = [0, 0.05]
+"task.channels" = [2, 3]
+"""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sweep") / "grid.toml"
+    path.write_text(GRID)
+    return path
+
+
+@pytest.fixture(scope="module")
+def outcome(file):
+    return Sweep.from_toml(file).run()
+
+
+def test_it_has_the_numbers_of_the_command(file, outcome, tmp_path):
+    assert main(["sweep", str(file), str(tmp_path / "out"), "--workers", "1"]) == 0
+    expected = read_table(tmp_path / "out" / "outcome.csv")
+    mine = outcome.to_dataframe()
+    assert list(mine) == list(expected)
+    for name in ("value", "low", "high"):
+        assert np.allclose(mine[name], expected[name], equal_nan=True)
+
+
+def test_what_lies_in_a_folder_is_not_computed_again(file, outcome, tmp_path, monkeypatch):
+    Sweep.from_toml(file).run(tmp_path)
+    monkeypatch.setattr("bgmodel.sweeps.shards.compute", None)
+    again = Sweep.from_toml(file).run(tmp_path)
+    assert again.table.equals(outcome.table)
+
+
+def test_labels_are_keys_and_measures(outcome):
+    labelled = outcome.to_xarray()
+    assert dict(labelled.sizes) == {
+        "STN": 2, "task.channels": 2, "measure": outcome.table["measure"].nunique(),
+    }  # fmt: skip
+    one = labelled["value"].sel({"STN": 0.05, "task.channels": 3, "measure": "accuracy"})
+    rows = outcome.table.query("STN == 0.05 and measure == 'accuracy'")
+    assert float(one) == rows.loc[rows["task.channels"] == 3, "value"].item()
+
+
+def test_a_reader_sees_the_measures_that_the_plan_shows(outcome):
+    assert list(outcome.summary()) == ["accuracy", "mean_ms", "missed"]
+    assert len(outcome.summary()) == 4
+    assert "points 4" in repr(outcome)
+    assert len(outcome.plot().axes) >= 3
