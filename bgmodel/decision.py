@@ -13,7 +13,7 @@ import numpy.typing as npt
 from bgmodel.arrays import Array, Integers, Reals, Truths
 from bgmodel.checks import checked_truth, is_number, one_per_trial, reals
 from bgmodel.facts import Facts, span
-from bgmodel.readout import NATS, POSTERIORS, ReadOut, check_early_and_late, meant
+from bgmodel.readout import ReadOut, check_early_and_late
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -496,17 +496,8 @@ def _check_before(trace: Trace, levels: npt.ArrayLike, *, asked: bool) -> None:
     if np.ndim(levels):
         return
     level = float(levels)  # type: ignore[arg-type]
-    low, high = POSTERIORS
-    if (
-        asked
-        and known.unit == NATS
-        and max(low, np.log(2)) < level < high < np.log(trace.out_nats.shape[2])
-    ):
-        warnings.warn(
-            f"a threshold of {level:g} nats stops at a posterior of {np.exp(-level):.3f}"
-            f"{meant(level)}",
-            stacklevel=3,
-        )
+    if asked:
+        known.doubt(level, trace.out_nats.shape[2])
     if known.warn_of_noise is not None:
         known.warn_of_noise(level)
 

@@ -189,8 +189,8 @@ class Evidence(Facts):
         if self.baseline is None:
             raise ValueError(
                 "this evidence has no baseline, the constant that each channel takes from its "
-                "readings where it gets its own: give one, nats a reading (the mean over all "
-                f"readings here is {self.mean_reading:.3g})"
+                "readings where it gets its own: give one, nats a reading, such as the mean of all "
+                f"readings, Evidence(..., baseline={self.mean_reading:.3g})"
             )
         totals = self.totals
         totals -= np.log(self.prior).mean()

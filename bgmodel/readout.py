@@ -50,6 +50,16 @@ class ReadOut:
         """Whether it is of a test: its trace says where it rests, without noise."""
         return bool(np.isinf(self.rest))
 
+    def doubt(self, threshold: float, hypotheses: int) -> None:
+        """Warn of a threshold in nats that is a low posterior of so many and looks like another."""
+        low, high = POSTERIORS
+        if self.unit == NATS and max(low, np.log(2)) < threshold < high < np.log(hypotheses):
+            warnings.warn(
+                f"a threshold of {threshold:g} nats stops at a posterior of "
+                f"{np.exp(-threshold):.3f}{meant(threshold)}",
+                stacklevel=4,
+            )
+
     def threshold(self, posterior: npt.ArrayLike, hypotheses: int) -> Array:
         """Return the threshold on OUT that stops at a posterior.
 

@@ -136,7 +136,7 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, capsys):
             "gpr",
             "works in salience, not nats: an experiment's criterion at a posterior has no mean",
         ),
-        ("bogacz_gurney", "has no default gain: give a gain (--gain)"),
+        ("bogacz_gurney", "has no default gain: give gain"),
     ],
 )
 def test_an_experiment_needs_nats_and_a_gain(here, name, says):

@@ -106,7 +106,7 @@ def test_a_table_of_evidence_is_read(tmp_path):
         (lambda: bg.Msprt().decide("a", posterior=0.9), "vidence"),
         (lambda: bg.Msprt().decide(bg.gaussian_evidence(5, seed=1), posterior=2.0), "posterior"),
         (lambda: bg.Msprt(gain=0), "gain"),
-        (lambda: bg.read_evidence("nothing.csv"), "nothing.csv"),
+        (lambda: bg.read_evidence("nothing.csv", step_ms=50.0), "nothing.csv"),
         (lambda: bg.read_choices("nothing.csv"), "nothing.csv"),
         (lambda: bg.compare("macaque", "a", seed=1), "vidence"),
         (lambda: bg.Experiment.from_toml("nothing"), "nothing"),

@@ -69,7 +69,7 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
         ),
         (
             ["run", "a.csv", "--threshold", "0.1"],
-            "gpr has no default gain: give a gain (--gain), t",
+            "gpr has no default gain: give gain",
         ),
         (
             ["run", "a.csv", "--gain", "1", "--threshold", "0.5"],

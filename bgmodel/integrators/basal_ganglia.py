@@ -278,6 +278,8 @@ class BasalGanglia(Facts):
         if threshold is None:
             level = float(known.threshold(given, self.circuit.channels))
         known.check(level)
+        if posterior is None:
+            known.doubt(level, self.circuit.channels)
         return level
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
@@ -496,8 +498,8 @@ def gain_of(circuit: Circuit, given: float | None = None) -> float:
     found = circuit.default_gain if given is None else given
     if found is None:
         raise ValueError(
-            f"{circuit.name} has no default gain: give a gain (--gain), the circuit's "
-            f"{circuit.unit} per nat of evidence"
+            f"{circuit.name} has no default gain: give gain=... (at the terminal --gain), the "
+            f"circuit's {circuit.unit} per nat of evidence"
         )
     return found
 

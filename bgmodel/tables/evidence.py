@@ -63,13 +63,29 @@ def read_evidence_table(
 def read_evidence(
     path: str | Path,
     *,
+    step_ms: float,
     prior: Sequence[float] | None = None,
     onset_ms: float = 0.0,
-    step_ms: float = 1.0,
 ) -> Evidence:
-    """Read a user's evidence from a file; arguments and errors as of ``read_evidence_table``.
+    """Read a user's evidence from a .csv or .parquet file.
 
-    That function also returns the names of the hypotheses and the table's other columns.
+    Parameters
+    ----------
+    path : path
+        One row per reading: ``trial``; ``step``, 1, 2, ... in each trial; a column ``ll_<name>``
+        for each hypothesis, with the natural logarithm of p(reading | hypothesis); and, where it is
+        known, ``truth``, the name of the true hypothesis. ``trials_from_table`` says the rest.
+    step_ms : float
+        Time between readings, ms.
+    prior : sequence of float, optional
+        Of the hypotheses; equal if left out.
+    onset_ms : float
+        When evidence sets in, ms.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the file's name, the column and what is allowed.
     """
     table = read_evidence_table(path, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
     return table.evidence

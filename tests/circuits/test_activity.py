@@ -77,7 +77,7 @@ def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
     [
         (np.zeros((2, 3)), r"\(trials, steps, channels\), got shape \(2, 3\)"),
         (np.zeros((0, 3, 2)), "got shape"),
-        (np.zeros((2, 3, 4)), r"drive has 4 hypotheses.*use with_channels\(4\)"),
+        (np.zeros((2, 3, 4)), r"drive has 4 hypotheses.*load_circuit\(\.\.\., 4\)"),
         (np.full((1, 1, 2), np.nan), "drive must be finite"),
         (np.full((1, 1, 2), -np.inf), "drive must be finite"),
     ],

@@ -175,7 +175,7 @@ def test_unknown_names_list_the_valid_ones(circuit):
     nuclei = ", ".join(row.name for row in circuit.populations)
     for edit in (
         circuit.population,
-        circuit.without,
+        circuit.lesion,
         lambda name: circuit.with_population(name, neurons=2),
     ):
         with pytest.raises(ValueError, match=rf"no nucleus 'GPi': {nuclei}$"):

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.comparison.circuits import decide_at_thresholds
-from bgmodel.evidence import Evidence, expecting, separated_evidence
+from bgmodel.evidence import Evidence, expecting, gaussian_evidence, separated_evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of, gain_of
 from bgmodel.tables.trials import Trials, trial_table
@@ -140,7 +140,7 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     assert gain_of(anatomy.spiking_msprt(), 0.3) == 0.3
     for name in ("bogacz_gurney", "appendix_b", "linear_gpe"):
         with pytest.raises(
-            ValueError, match=rf"{name} has no default gain: give a gain \(--gain\)"
+            ValueError, match=rf"{name} has no default gain: give gain"
         ):
             gain_of(load_circuit(name))
         assert gain_of(load_circuit(name), 0.7) == 0.7
@@ -389,3 +389,10 @@ def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth()
             for level in (0.6, 1.0):
                 model = BasalGanglia(macaque().dopamine(level), "rate", options=options)
                 model.decide(given_truth, posterior=0.7)
+
+
+def test_a_threshold_that_looks_like_a_posterior_is_doubted():
+    evidence = gaussian_evidence(20, channels=4, d_prime=1.0, seed=1)
+    model = BasalGanglia(load_circuit("macaque", 4), "population", seed=1)
+    with pytest.warns(UserWarning, match="did you mean a posterior"):
+        model.decide(evidence, 0.85)

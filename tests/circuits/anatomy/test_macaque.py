@@ -173,7 +173,7 @@ def test_each_channel_gets_its_own_evidence_and_the_control_takes_the_mean_off()
 
 def test_evidence_without_a_baseline_is_refused_with_what_it_could_be():
     evidence = Evidence(np.tile([-1.0, -3.0], (2, 4, 1)))
-    with pytest.raises(ValueError, match=r"no baseline.*mean over all readings here is -2"):
+    with pytest.raises(ValueError, match=r"no baseline.*baseline=-2"):
         BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(evidence)
     whole = Evidence(evidence.log_likelihood, baseline=-2.0)
     drive = BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(whole)
