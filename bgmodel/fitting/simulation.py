@@ -18,6 +18,9 @@ from bgmodel.arrays import Array, Truths
 from bgmodel.fitting.identify import STEP, Directions
 from bgmodel.fitting.optimum import Likelihood
 
+HALVED = 8
+"""How often a step that leads downhill is halved before none is taken."""
+
 
 @dataclass(frozen=True)
 class Simulation:
@@ -93,10 +96,29 @@ def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likel
         return []
     inside = ~likelihood.freedom.at_bound(there.vector)
     slopes = np.array([_slopes(each, there.vector, inside) for each in left])
-    apart = (slopes - slopes.mean(axis=0))[:, inside]
-    moved = np.zeros(slopes.shape)
-    moved[:, inside] = apart @ np.linalg.pinv(_curvature(likelihood, there.vector, inside))
-    return [(each, there.vector + step) for each, step in zip(left, moved, strict=True)]
+    common = slopes.mean(axis=0)
+    steps = np.zeros(slopes.shape)
+    curvature = _curvature(likelihood, there.vector, inside)
+    steps[:, inside] = (slopes - common)[:, inside] @ np.linalg.pinv(curvature)
+    return [
+        (each, _uphill(each, there.vector, step, common))
+        for each, step in zip(left, steps, strict=True)
+    ]
+
+
+def _uphill(likelihood: Likelihood, vector: Array, step: Array, common: Array) -> Array:
+    """Return where a step leads, halved until it leads uphill and within the range.
+
+    Along a ridge the hill is no parabola, and a Newton step may end far down its other side.
+    ``common`` is the slope that all parts share, as a search ends a little beside the optimum.
+    """
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    start = likelihood(vector)
+    for halved in range(HALVED):
+        at: Array = np.clip(vector + step / 2**halved, low, high)
+        if likelihood(at) - common @ (at - vector) >= start:
+            return at
+    return vector
 
 
 def _slopes(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:

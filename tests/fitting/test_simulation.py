@@ -11,7 +11,7 @@ from bgmodel.fitting.algorithms import SENSITIVITY, GapModel
 from bgmodel.fitting.control import decided
 from bgmodel.fitting.crossings import simulated
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.identify import directions
+from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.simulation import jackknifed, simulation_error, without_parts
@@ -133,3 +133,41 @@ def test_the_jackknife_of_a_mean_is_the_standard_error(values):
     means = (array.sum() - array) / (len(array) - 1)
     expected = array.std(ddof=1) / np.sqrt(len(array))
     assert float(jackknifed(means)) == pytest.approx(expected, abs=1e-9)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Simulated trials that tilt a hill."""
+
+    tilt: float
+
+    def left_out(self):
+        return tuple(Part(tilt) for tilt in np.linspace(-1, 1, 16))
+
+
+class Range:
+    low, high = np.array([-3.0]), np.array([3.0])
+
+    def at_bound(self, vector):
+        return np.array([False])
+
+
+@dataclass(frozen=True)
+class Hill:
+    """A hill that is far flatter at its top than around it."""
+
+    model: Part
+    freedom: Range
+
+    def __call__(self, vector):
+        x = float(vector[0])
+        return self.model.tilt * x - 1e-3 * x**2 - x**4
+
+
+def test_no_step_ends_downhill_or_beyond_the_range():
+    """A Newton step from the flat top would lead to 500; the tops lie at (tilt / 4) ** (1 / 3)."""
+    top = np.zeros(1)
+    moved = without_parts(Hill(Part(0.0), Range()), Directions(["x"], top, np.eye(1)))
+    for part, at in moved:
+        assert part(at) >= part(top)
+        assert abs(at[0]) < 2 * (abs(part.model.tilt) / 4) ** (1 / 3)

@@ -139,9 +139,7 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     assert spiking == {2: 0.7, 3: 0.5, 4: 0.5, 7: 0.5, 8: 0.6, 12: 0.6}
     assert gain_of(anatomy.spiking_msprt(), 0.3) == 0.3
     for name in ("bogacz_gurney", "appendix_b", "linear_gpe"):
-        with pytest.raises(
-            ValueError, match=rf"{name} has no default gain: give gain"
-        ):
+        with pytest.raises(ValueError, match=rf"{name} has no default gain: give gain"):
             gain_of(load_circuit(name))
         assert gain_of(load_circuit(name), 0.7) == 0.7
     # Numbers made for two alternatives say nothing of five.
