@@ -142,7 +142,7 @@ def test_a_whole_number_of_channels_may_be_written_as_a_float(name):
 
 def test_a_circuit_may_be_named():
     assert BasalGanglia("macaque").circuit == TABLE
-    with pytest.raises(ValueError, match=r"with_channels\(3\)"):
+    with pytest.raises(ValueError, match=r"load_circuit\(\.\.\., 3\)"):
         BasalGanglia("macaque").run(some_evidence(hypotheses=3, baseline=0.0))
 
 
