@@ -78,6 +78,13 @@ class Edits:
     """Nuclei that recover to rest above their old rate, by so many nats of their activity:
     `without = ["STN"]`, `rebound = ["SNr=0.5"]`."""
 
+    def __post_init__(self) -> None:
+        """Refuse one text where a list of them belongs: its letters would be taken for edits."""
+        for name in ROWS:
+            given = getattr(self, name)
+            if isinstance(given, str):
+                raise ValueError(f'{name} is a list of edits, such as ["{given}"], got {given!r}')
+
     def used(self) -> dict[str, Any]:
         """Return the edits that change something, by name: for provenance.
 

@@ -16,6 +16,8 @@ FEWEST_READINGS = 100
 SHORTEST = 10
 """Readings of the shortest trial whose serial correlation tells: in shorter ones it is low even for
 running sums."""
+MANY = 20
+"""Hypotheses from which on more of them than readings are doubted: tasks have fewer."""
 CORRELATED = 0.5
 """Serial correlation from which a warning is given; running sums over 10 readings have 0.6, over 20
 0.8, and independent readings about 0."""
@@ -24,7 +26,7 @@ CORRELATED = 0.5
 def warn_of_readings(
     log_likelihood: npt.NDArray[np.floating], lengths: Integers | None = None
 ) -> None:
-    """Warn if values look like probabilities, or like running sums.
+    """Warn if values look like probabilities or running sums, or axes as if they were exchanged.
 
     Parameters
     ----------
@@ -36,8 +38,16 @@ def warn_of_readings(
     Warns
     -----
     UserWarning
-        If all values lie between 0 and 1, or if successive readings of a trial correlate.
+        If all values lie between 0 and 1, if successive readings of a trial correlate, or if there
+        are more hypotheses than readings, and many.
     """
+    _, steps, hypotheses = log_likelihood.shape
+    if hypotheses >= MANY and hypotheses > steps:
+        warnings.warn(
+            f"{hypotheses} hypotheses and {steps} readings: are the axes exchanged? They are "
+            "(trials, readings, hypotheses)",
+            stacklevel=4,
+        )
     values = log_likelihood[:MOST_TRIALS]
     read = np.ones(values.shape[:2], bool)
     if lengths is not None:

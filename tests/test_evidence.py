@@ -193,3 +193,11 @@ def test_nats_that_drown_what_tells_hypotheses_apart_are_refused(shared):
     drawn = separated_evidence(3, 4, 0.5, rng=1).log_likelihood
     with pytest.raises(ValueError, match="log_likelihood must lie within"):
         Evidence(drawn + shared)
+
+
+@pytest.mark.parametrize(("shape", "doubted"), [((9, 2, 40), True), ((9, 40, 2), False)])
+def test_more_hypotheses_than_readings_are_doubted(shape, doubted):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        Evidence(np.random.default_rng(1).normal(size=shape))
+    assert any("axes exchanged" in str(each.message) for each in caught) == doubted

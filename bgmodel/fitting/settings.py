@@ -208,7 +208,7 @@ def fit(
     deadline: float | None = None,
     rt_window: tuple[float, float] | None = None,
     criterion: str = FitSettings.criterion,
-    free: Sequence[str] = (),
+    free: Sequence[str] | str = (),
     hold: Mapping[str, float] | None = None,
     vary: Mapping[str, str] | None = None,
     draws: bool = False,
@@ -241,7 +241,7 @@ def fit(
         Earliest and latest response time to fit, s.
     criterion : str
         What sets a circuit's criterion; a name in ``fitting.criteria.CRITERIA``.
-    free : sequence of str
+    free : sequence of str, or str
         All parameters to fit; every one if left out.
     hold : mapping from names to values, optional
         Parameters that are held: ``{"lapse": 0.02}``.
@@ -274,7 +274,8 @@ def fit(
     need_fit()
     asked = FitSettings(
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
-        rt_window=rt_window, criterion=criterion, free=tuple(free), engine=engine,
+        rt_window=rt_window, criterion=criterion, engine=engine,
+        free=(free,) if isinstance(free, str) else tuple(free),
         hold=tuple(f"{name}={value!r}" for name, value in (hold or {}).items()),
         vary=tuple(f"{name}={column}" for name, column in (vary or {}).items()),
         noise_nats=noise_nats, trials=trials, seed=seed,

@@ -71,6 +71,11 @@ def test_what_cannot_be_fitted_is_named(wrong, named):
         fit(DATA, **{"model": "constant_gap", **WHOSE, **wrong})
 
 
+def test_one_free_parameter_may_be_named_alone(made):
+    alone = fit(DATA, "constant_gap", free="bound", **WHOSE)
+    assert list(alone.optimum.values) == ["bound"]
+
+
 def test_a_circuit_is_taken_as_it_is(tmp_path):
     table = anatomy.load_circuit("bogacz_gurney").lesion("STN", 0.05)
     settings = FitSettings(engine="algebra", trials=16)
