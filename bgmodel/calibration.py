@@ -19,7 +19,7 @@ STANDARD_ERRORS = 3.29
 
 
 STOP = 0.9
-"""Posterior at which readings are held to the truth: later ones add little, and errors are left."""
+"""Posterior up to which readings are compared with the truth: later ones add little."""
 SCALED_TRIALS = 10_000
 """Trials that are looked at, evenly spaced."""
 UNITS = {"log2": np.log(2), "log10": np.log(10)}

@@ -315,7 +315,7 @@ def gaussian_evidence(
         trials,
         whole("t_max", t_max, 1),
         d_prime / np.sqrt(2),
-        rng=seed,
+        rng=generator(seed, "seed"),
         hypotheses=whole("channels", channels, 2),
         step_ms=step_ms,
         conflict=conflict,

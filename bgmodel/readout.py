@@ -51,7 +51,7 @@ class ReadOut:
         return bool(np.isinf(self.rest))
 
     def doubt(self, threshold: float, hypotheses: int) -> None:
-        """Warn of a threshold in nats that is a low posterior of so many and looks like another."""
+        """Warn of a threshold that was probably meant as a posterior: in nats it is a low one."""
         low, high = POSTERIORS
         if self.unit == NATS and max(low, np.log(2)) < threshold < high < np.log(hypotheses):
             warnings.warn(

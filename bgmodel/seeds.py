@@ -33,8 +33,8 @@ def stream(seed: int, *names: object) -> np.random.Generator:
     return np.random.default_rng([int(seed), *(int(word) for word in words)])
 
 
-def generator(rng: np.random.Generator | int) -> np.random.Generator:
-    """Return a generator as it is, or the one that belongs to a seed.
+def generator(rng: np.random.Generator | int, name: str = "rng") -> np.random.Generator:
+    """Return a generator unchanged, or the one of a seed; ``name`` is that of the argument.
 
     Raises
     ------
@@ -46,6 +46,6 @@ def generator(rng: np.random.Generator | int) -> np.random.Generator:
     if isinstance(rng, numbers.Real):
         return stream(rng)  # type: ignore[arg-type]
     raise ValueError(
-        "rng must be a numpy Generator, as from stream(seed), or a seed, a whole number >= 0, got "
-        f"{rng!r}"
+        f"{name} must be a numpy Generator, as from stream(seed), or a seed, a whole number >= 0, "
+        f"got {rng!r}"
     )

@@ -228,7 +228,7 @@ def checked_drive(circuit: Circuit, drive: npt.ArrayLike) -> Array:
     if values.shape[2] != circuit.channels:
         raise ValueError(
             f"the drive has {values.shape[2]} hypotheses, {circuit.name} has {circuit.channels} "
-            f"channels: load it with so many, load_circuit(..., {values.shape[2]})"
+            f"channels: load it with {values.shape[2]}, load_circuit(..., {values.shape[2]})"
         )
     if not np.isfinite(values).all():
         raise ValueError("drive must be finite: a hypothesis that is ruled out has no finite nats")

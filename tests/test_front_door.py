@@ -100,7 +100,7 @@ def test_a_table_of_evidence_is_read(tmp_path):
         (lambda: bg.gaussian_evidence(5, channels=1, seed=1), "channels"),
         (lambda: bg.gaussian_evidence(5, t_max=0, seed=1), "t_max"),
         (lambda: bg.gaussian_evidence(5, step_ms="50", seed=1), "step_ms"),
-        (lambda: bg.gaussian_evidence(5, seed="a"), "rng"),
+        (lambda: bg.gaussian_evidence(5, seed="a"), "^seed"),
         (lambda: Edits(without="STN=0.1"), r'without is a list of edits, such as \["STN=0.1"\]'),
         (lambda: bg.load_circuit("monkey"), "macaque"),
         (lambda: bg.load_circuit(3), "circuit"),

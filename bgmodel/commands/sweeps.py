@@ -144,13 +144,13 @@ class SweepRun:
     @staticmethod
     def _say(plan: Plan, table: pd.DataFrame) -> None:
         """Say what was warned of, each sentence once, and show a short sweep's measures."""
-        remarks = table.drop_duplicates(subset=list(plan.axes))["remark"]
-        for text, count in remarks[remarks != ""].value_counts().items():
-            say(f"at {count} of {len(remarks)} points: {text}")
-        if len(plan.each) <= 40:
-            from bgmodel.sweeps.sweep import SweepOutcome
+        from bgmodel.sweeps.sweep import SweepOutcome
 
-            print(SweepOutcome(plan, table).summary().to_string())
+        outcome = SweepOutcome(plan, table)
+        for caution in outcome.cautions():
+            say(caution)
+        if len(plan.each) <= 40:
+            print(outcome.summary().to_string())
 
     def _with_snakemake(self, folder: Path, shards: list[Shard]) -> None:
         try:

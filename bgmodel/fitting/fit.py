@@ -82,7 +82,7 @@ class Fit(Facts):
         return self.parameters()
 
     def plot(self) -> Figure:
-        """Draw data beside the model: accuracy, times and their quantiles over strength."""
+        """Draw data and model: accuracy, times and their quantiles over strength."""
         from bgmodel.fitting.drawing import draw_fits
 
         return draw_fits({"model": self.cells()}, self.optimum.likelihood.design.who)

@@ -177,7 +177,7 @@ class FitSettings:
     def likelihood(self, design: Design, model: Model) -> Likelihood:
         """Return the likelihood of one person's trials under a model.
 
-        A parameter that another model has says nothing to this one.
+        What is asked of parameters that only other models have is left out.
         """
         from bgmodel.fitting.optimum import likelihood_of
 

@@ -1,7 +1,8 @@
-"""A sweep in Python: read, run, and what came of it as tables, labelled arrays and a figure."""
+"""A sweep in Python: how it is read and run, and its results as tables, arrays and a figure."""
 
 from __future__ import annotations
 
+import warnings
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
@@ -74,6 +75,11 @@ class Sweep:
         ------
         ValueError
             If a point says nothing, or another sweep is at work in the folder.
+
+        Warns
+        -----
+        UserWarning
+            For each remark on points, as the command prints it, and each key that changes nothing.
         """
         with ExitStack() as stack:
             place = Path(folder or stack.enter_context(TemporaryDirectory()))
@@ -88,12 +94,15 @@ class Sweep:
                 for shard in missing:
                     stored.compute(shard, place)
             tables = [measured(setting, place) for setting in self.settings]
-            return SweepOutcome(self.plan, gathered(self.plan, tables))
+            outcome = SweepOutcome(self.plan, gathered(self.plan, tables))
+        for caution in outcome.cautions():
+            warnings.warn(caution, stacklevel=2)
+        return outcome
 
 
 @dataclass(frozen=True, repr=False)
 class SweepOutcome(Facts):
-    """What came of a sweep.
+    """The results of a sweep.
 
     Parameters
     ----------
@@ -117,6 +126,12 @@ class SweepOutcome(Facts):
             "engine": self.plan.engine,
             "trials": f"{self.table['trials'].max()} per point",
         }
+
+    def cautions(self) -> list[str]:
+        """Return each remark on points, with the number of points that have it."""
+        remarks = self.table.drop_duplicates(subset=list(self.plan.axes))["remark"]
+        counts = remarks[remarks != ""].value_counts()
+        return [f"at {count} of {len(remarks)} points: {text}" for text, count in counts.items()]
 
     def summary(self) -> pd.DataFrame:
         """Return the measures that the plan shows, one row per point."""

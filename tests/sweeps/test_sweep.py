@@ -66,3 +66,15 @@ def test_a_reader_sees_the_measures_that_the_plan_shows(outcome):
     assert len(outcome.summary()) == 4
     assert "points 4" in repr(outcome)
     assert len(outcome.plot().axes) >= 3
+
+
+def test_remarks_on_points_are_warned_of_in_python_as_at_the_terminal(file, tmp_path, capsys):
+    short = tmp_path / "short.toml"
+    short.write_text(GRID.replace("t_max = 20", "t_max = 3").replace("d_prime = 1.0", ""))
+    with pytest.warns(UserWarning, match=r"at \d of 4 points") as caught:
+        outcome = Sweep.from_toml(short).run()
+    said = [str(each.message) for each in caught if "points:" in str(each.message)]
+    assert said == outcome.cautions()
+    assert main(["sweep", str(short), str(tmp_path / "out"), "--workers", "1"]) == 0
+    printed = capsys.readouterr().err
+    assert all(sentence in printed for sentence in said)
