@@ -22,6 +22,7 @@ lint: $(VENV)/test.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 # Pages of modules that are gone would be warnings: the list is made anew.
 docs: $(VENV)/docs.installed

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.files import checksum, write_table
+from bgmodel.support.files import checksum, write_table
 
 DATA = Path(__file__).parents[1] / "bgmodel" / "data"
 LICENCES = ("LICENSE.CoSMo2017.txt", "LICENSE.HDDM.txt")

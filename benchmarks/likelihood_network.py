@@ -26,13 +26,13 @@ from benchmarks.pages import RESULTS
 from benchmarks.scores import likelihood as score
 from benchmarks.scores.pieces import OUT, run
 from bgmodel import stream
-from bgmodel.arrays import Array
-from bgmodel.files import read_table, write_table
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.control import decided
 from bgmodel.fitting.network import LikelihoodNetwork, shipped_path
 from bgmodel.fitting.responses import Grid, responded
 from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.support.arrays import Array
+from bgmodel.support.files import read_table, write_table
 
 TRAINING_SEED = 24_501
 TRIALS = 60_000

@@ -14,9 +14,9 @@ from typing import Any
 
 import jinja2
 
-from bgmodel.comparison.compare import shown
-from bgmodel.files import is_result, read_provenance, read_table, replacing
+from bgmodel.bootstrap import shown
 from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.support.files import is_result, read_provenance, read_table, replacing
 from circuits.anatomy import DEFAULT, load_circuit
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.decision import Decision, Trace, first_crossing, tally
+from bgmodel.deciding.decision import Decision, Trace, first_crossing, tally
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.sprt import (
     Msprt,
@@ -17,7 +17,7 @@ from bgmodel.integrators.sprt import (
     criterion_from_posterior,
     threshold_from_gap,
 )
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
     from circuits.anatomy import load_circuit
-    from circuits.spec import Circuit
+    from circuits.declaration.spec import Circuit
 
 LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
-    "Circuit": "circuits.spec",
+    "Circuit": "circuits.declaration.spec",
     "Experiment": "bgmodel.experiments.experiment",
     "Sweep": "bgmodel.sweeps.sweep",
     "compare": "bgmodel.comparison.with_msprt",

@@ -31,7 +31,7 @@ from bgmodel.commands.names import Name
 from bgmodel.commands.page import PageWrite
 from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
-from bgmodel.ours import explained
+from bgmodel.support.import_guard import explained
 from bgmodel.version import __version__
 
 ABOUT = (

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.decision import Decision, Trace, first_crossing
+from bgmodel.deciding.decision import Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import Msprt, criterion_from_posterior
 from bgmodel.plots import channel_lines, raster
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.checks import checked_truth, is_number, one_per_trial, reals, whole
-from bgmodel.facts import Facts
-from bgmodel.memory import check_evidence_memory
 from bgmodel.readings import warn_of_readings
-from bgmodel.seeds import generator
+from bgmodel.support.checks import checked_truth, is_number, one_per_trial, reals, whole
+from bgmodel.support.memory import check_evidence_memory
+from bgmodel.support.reprs import Facts
+from bgmodel.support.seeds import generator
 
 MOST_NATS = 1e6
 """Beyond, sums of log-likelihoods lose what tells hypotheses apart."""

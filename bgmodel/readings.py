@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Integers
+from bgmodel.support.arrays import Integers
 
 MOST_TRIALS = 1000
 """Trials that are looked at: enough to tell, and quick."""

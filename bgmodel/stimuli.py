@@ -9,10 +9,10 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from bgmodel import toml_files
 from bgmodel.evidence import expecting, gaussian_evidence, whole_steps
-from bgmodel.memory import check_evidence_memory
-from bgmodel.seeds import stream
+from bgmodel.support import toml_files
+from bgmodel.support.memory import check_evidence_memory
+from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
 
 Asked = TypeVar("Asked", bound=Any)
@@ -165,7 +165,7 @@ def circuit_seen_from(folder: Path, name: str) -> str:
     name : str
         Name of a table, or the path of a .toml file.
     """
-    from circuits.table_files import is_path
+    from circuits.declaration.table_files import is_path
 
     return str(folder / name) if is_path(name) else name
 

@@ -13,8 +13,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from circuits.arrays import Array
-from circuits.spec import NATS, Circuit
-from circuits.wiring import Wiring
+from circuits.declaration.spec import NATS, Circuit
+from circuits.dynamics.wiring import Wiring
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from circuits.declaration.spec import Circuit
 from circuits.engines import ENGINES, SPIKING
-from circuits.spec import Circuit
 
 CELL_BYTES = {"ensemble": 40.0, "brian2": 100.0, "plain": 100.0}
 """Memory of a cell: in each thread of the compiled engine, in each trial of Brian2; measured."""

@@ -7,8 +7,8 @@ from dataclasses import fields
 from typing import Any
 
 from circuits.cells import CELLS
+from circuits.declaration.spec import Circuit, Population
 from circuits.engines import NOISY
-from circuits.spec import Circuit, Population
 
 OF_SPIKES = ("neurons", "probability", "spread")
 """Fields of rows that act in spikes and their noise alone."""

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from circuits.activity import Activity
+from circuits.declaration.spec import NOT_WRITTEN
 from circuits.show import text
-from circuits.spec import NOT_WRITTEN
 
 COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}
 # A simulation has no date; a fixed one keeps the same run the same file.

@@ -13,8 +13,8 @@ import pandas as pd
 
 from circuits.anatomy.printed_rates import at_rest, outside
 from circuits.cells import Cell
+from circuits.declaration.spec import DOPAMINE, GABA, NATS, Circuit, Population, Projection
 from circuits.laws.posterior import off_nats
-from circuits.spec import DOPAMINE, GABA, NATS, Circuit, Population, Projection
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,8 +19,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from bgmodel.files import read_provenance, replacing
 from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.support.files import read_provenance, replacing
 from bgmodel.tactile.grating import PERIODS_MM
 from circuits.anatomy import DEFAULT, load_circuit
 

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.files import read_table, write_table
 from bgmodel.plots import human_thresholds, psychometric
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.camera import render
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate

@@ -10,9 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import Sprt, first_crossing, stream, threshold_from_gap
-from bgmodel.files import read_table, write_table
 from bgmodel.learning.gap import fold_sources
 from bgmodel.plots import trajectories
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import Source
 from figures.common import Settings, letter, run
 

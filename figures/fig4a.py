@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import t
 
-from bgmodel.files import read_table
 from bgmodel.plots import accuracy_axis
+from bgmodel.support.files import read_table
 from figures.common import Settings, letter, run
 
 GAPS = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0)

@@ -7,9 +7,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from bgmodel.files import read_table
 from bgmodel.learning.reinforce import smoothed
 from bgmodel.plots import speed_accuracy
+from bgmodel.support.files import read_table
 from figures.common import COLOUR, Settings, letter, run
 
 # From 3 mm on one reading decides, and the curve is a point.

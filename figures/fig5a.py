@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bgmodel.files import read_table, write_table
 from bgmodel.learning.gap import learn_folds
 from bgmodel.plots import acquisition
+from bgmodel.support.files import read_table, write_table
 from figures.common import COLOUR, Settings, letter, run
 
 STARTS = (0.5, 7.5)

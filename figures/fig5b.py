@@ -13,10 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bgmodel import Sprt, stream, threshold_from_gap
-from bgmodel.decision import crossing_of_each
-from bgmodel.files import read_table, write_table
+from bgmodel.deciding.decision import crossing_of_each
+from bgmodel.deciding.reward import reward, reward_of
 from bgmodel.learning.gap import fold_sources, search_folds
-from bgmodel.learning.reward import reward, reward_of
+from bgmodel.support.files import read_table, write_table
 from figures.common import COLOUR, Settings, letter, run
 
 DOTS = 1500

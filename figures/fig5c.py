@@ -10,9 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from bgmodel.files import read_table, write_table
+from bgmodel.deciding.reward import reward_of
 from bgmodel.learning.gap import fold_sources, increments
-from bgmodel.learning.reward import reward_of
+from bgmodel.support.files import read_table, write_table
 from bgmodel.theory.sprt import sprt
 from figures.common import COLOUR, Settings, letter, run
 

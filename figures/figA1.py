@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 
 from bgmodel import first_crossing, stream
 from bgmodel.evidence import separated_evidence
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
 from figures.common import Settings, letter, run

@@ -12,20 +12,16 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import (
-    CIRCUIT,
-    MSPRT_AT_GAIN,
-    decide_at_thresholds,
-    msprt_tradeoffs,
-    thresholds_about,
-)
-from bgmodel.comparison.compare import RESAMPLES, compare, interval, resampled
+from bgmodel.bootstrap import RESAMPLES, interval, resampled
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
+from bgmodel.comparison.compare import compare
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
 from figures.common import BRIEF, Settings, letter, run
 
 CHANNELS, CONFLICT = 4, 0.9

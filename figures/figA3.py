@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.files import read_table, write_table
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
-from circuits.homeostasis import recovery
+from circuits.laws.homeostasis import recovery
 from figures.common import Settings, letter, run, say_if_older
 
 CHANNELS = (2, 4)

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.files import read_table
+from bgmodel.support.files import read_table
 from figures.common import Settings, letter, run, say_if_older
 
 TESTS = {

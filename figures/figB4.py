@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.files import read_table
+from bgmodel.support.files import read_table
 from figures.common import Settings, letter, run, say_if_older
 
 DECIDERS = {

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from bgmodel.comparison.designed import CLOSE_MS
-from bgmodel.files import read_table
+from bgmodel.support.files import read_table
 from figures.common import Settings, letter, run, say_if_older
 
 NAMES = {

@@ -16,14 +16,14 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.files import read_table, write_table
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest
+from circuits.declaration.spec import Circuit
 from circuits.engines import run as run_engine
 from circuits.engines.ensemble import run as ensemble
 from circuits.show import COLOURS
 from circuits.show import draw as draw_circuit
-from circuits.spec import Circuit
 from figures.common import Settings, letter, run
 
 CIRCUIT = load_circuit(DEFAULT)

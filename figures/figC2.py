@@ -20,9 +20,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from bgmodel import Decision, Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.evidence import separated_evidence
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.plots import channel_lines, raster
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import GAIN, Settings, letter, run
 

@@ -12,20 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import (
-    CIRCUIT,
-    DECODER,
-    MSPRT,
-    MSPRT_AT_GAIN,
-    decide_at_thresholds,
-    msprt_tradeoffs,
-    thresholds_about,
-)
-from bgmodel.comparison.compare import FEWEST_TRIALS, Tradeoff, compare, curve, tradeoff
+from bgmodel.bootstrap import FEWEST_TRIALS
+from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
+from bgmodel.comparison.compare import compare
+from bgmodel.deciding.tradeoff import Tradeoff, curve, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
 from bgmodel.integrators.rivals import MaxVsAverage, Race
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import Folds, SameDifferent, folds
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import Settings, letter, run

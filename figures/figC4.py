@@ -10,22 +10,15 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import (
-    CIRCUIT,
-    DECODER,
-    MSPRT_AT_GAIN,
-    compare_edits,
-    decide_at_thresholds,
-    msprt_tradeoffs,
-    thresholds_about,
-)
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_edits, msprt_tradeoffs
 from bgmodel.comparison.compare import compare
-from bgmodel.comparison.steady import out_shift, steady_out
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
+from bgmodel.integrators.steady import out_shift, steady_out
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.controls import correlated, linear_stn, perturbed, shuffled_stn
+from circuits.laws.controls import correlated, linear_stn, perturbed, shuffled_stn
 from circuits.laws.spectra import out_variance
 from figures.common import BRIEF, Settings, letter, run
 

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.steady import lesions, steady_shifts
 from bgmodel.evidence import separated_evidence
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.steady import lesions, steady_shifts
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import BRIEF, Settings, letter, run
 

@@ -17,9 +17,9 @@ from bgmodel.comparison.designed import (
     designed_circuit,
     designs,
 )
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import load_circuit
 from figures.common import GAIN, Settings, letter, run
 

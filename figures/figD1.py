@@ -17,11 +17,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bgmodel import stream
-from bgmodel.dopamine import COARSE, playable_levels
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.learning.level import LevelOutcomes, learn_level, level_outcomes, scored_runs
+from bgmodel.learning.dopamine import COARSE, playable_levels
+from bgmodel.learning.dopamine_learner import (
+    LevelOutcomes,
+    learn_level,
+    level_outcomes,
+    scored_runs,
+)
 from bgmodel.learning.reinforce import Learner, smoothed
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import SameDifferent, source
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import BRIEF, COLOUR, Settings, letter, run

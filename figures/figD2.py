@@ -9,10 +9,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.comparison.circuits import MSPRT
-from bgmodel.comparison.levels import levels_against_msprt
-from bgmodel.dopamine import THRESHOLD_NATS, criterion, levels_between, working_range
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import gain_of
+from bgmodel.learning.dopamine import THRESHOLD_NATS, criterion, levels_between, working_range
+from bgmodel.learning.dopamine_levels import levels_against_msprt
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import Settings, letter, run
 

@@ -16,15 +16,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bgmodel import stream
-from bgmodel.dopamine import COARSE, playable_levels
 from bgmodel.evidence import Evidence
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.learning.dopamine import COARSE, playable_levels
+from bgmodel.learning.dopamine_learner import after_errors, learn_level, level_outcomes
 from bgmodel.learning.gap import increments
-from bgmodel.learning.level import after_errors, learn_level, level_outcomes
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed
 from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import SameDifferent, Source, source
 from bgmodel.theory.sprt import optimal_delta
 from circuits.anatomy import DEFAULT, load_circuit

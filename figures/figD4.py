@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, outcomes
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, PERCENT, WITHOUT
-from bgmodel.files import read_table, write_table
+from bgmodel.support.files import read_table, write_table
 from figures.common import FULL, Settings, run, say_if_older
 
 AGREE, NOT = "C2", "C1"

@@ -19,14 +19,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy.signal import welch
 
-from bgmodel.dopamine import THRESHOLD_NATS, criterion, working_range
-from bgmodel.files import read_table, write_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.learning.dopamine import THRESHOLD_NATS, criterion, working_range
+from bgmodel.support.files import read_table, write_table
 from circuits.activity import Activity
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.spec import Circuit
 from circuits.laws.spectra import rate_spectrum
 from circuits.laws.stability import roots
-from circuits.spec import Circuit
 from figures.common import BRIEF, Settings, letter, run
 
 NUCLEI, MSN = ("STN", "GPe"), ("D1", "D2")

@@ -11,8 +11,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.files import read_table, write_table
 from bgmodel.fitting.design import design_of
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tables.choices import read_choices
 from figures.common import Settings, letter, run, say_if_older
 from figures.fitted import CIRCUIT, DATA, MONKEYS, PEOPLE, STYLE, TEST, mark_strengths, places

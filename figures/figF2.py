@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.files import read_table, write_table
+from bgmodel.support.files import read_table, write_table
 from circuits.anatomy.printed_rates import at_rest
 from figures.common import Settings, letter, run, say_if_older
 from figures.figF1 import QUANTILE_MARK, QUANTILES

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.stats import t as student
 
-from bgmodel.files import read_table
+from bgmodel.support.files import read_table
 from figures.common import Settings, letter, run, say_if_older
 
 MOVES = {

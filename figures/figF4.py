@@ -11,8 +11,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.stats import beta, kstwo
 
-from bgmodel.arrays import Array
-from bgmodel.files import read_table
+from bgmodel.support.arrays import Array
+from bgmodel.support.files import read_table
 from figures.common import Settings, letter, run, say_if_older
 
 CRITERION = {"test": "bound", "circuit": "threshold_nats"}

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from scipy.stats import t
 
 from bgmodel import Msprt, stream, tally
-from bgmodel.files import read_table, write_table
 from bgmodel.plots import speed_accuracy
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import FOLDS, Orientations, source
 from figures.common import Settings, letter, run
 

@@ -10,9 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.files import read_table, write_table
 from bgmodel.learning.reinforce import exhaustive_search
 from bgmodel.plots import speed_accuracy
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.edges import decoded_yaw, halves, sources
 from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.task import Source

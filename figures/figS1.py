@@ -10,9 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bgmodel.files import read_table, write_table
 from bgmodel.learning.gap import fold_sources
 from bgmodel.plots import reliability
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.likelihood import Density, calibration
 from figures.common import Settings, letter, run
 

@@ -16,14 +16,14 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel import first_crossing, stream
-from bgmodel.arrays import Array, Integers
-from bgmodel.decision import Trace
+from bgmodel.deciding.decision import Trace
 from bgmodel.fitting.circuit import NOISE_NATS
 from bgmodel.fitting.criteria import CRITERIA
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.support.arrays import Array, Integers
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
 
 MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"
 TEST, CIRCUIT, FALLING = "constant gap", "circuit", "falling gap"

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.files import provenance, replacing, write_table
+from bgmodel.support.files import provenance, replacing, write_table
 from bgmodel.tactile.decoder import Decoder, Training, train
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, simulate

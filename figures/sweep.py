@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from bgmodel.files import read_table, write_table
 from bgmodel.learning.gap import fold_sources, search_folds
+from bgmodel.support.files import read_table, write_table
 from figures.common import Settings, run
 
 

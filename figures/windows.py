@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers
 
 EARLY_MS, LATE_MS, ABOUT_MS = (100.0, 300.0), (300.0, 500.0), 100.0
 WINDOWS = ("100-300 ms", "300-500 ms", "response ± 100 ms")

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from bgmodel import Msprt, first_crossing
-from bgmodel.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.evidence import separated_evidence
-from bgmodel.seeds import stream
+from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
+from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from tests.helpers import GOOD
 from tests.levels import LEVELS, MODEL, SEED

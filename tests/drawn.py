@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from bgmodel.decision import Trace
+from bgmodel.deciding.decision import Trace
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.responses import BIN_S, Grid, responded
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from bgmodel.tables.choices import Choices
 
 GAIN = 2.0

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.cli import main
-from bgmodel.comparison.compare import Tradeoff
+from bgmodel.deciding.measures import Behaviour
+from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.experiments.measures import Behaviour
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 
 ROOT = Path(__file__).parents[1]
 GOOD = """

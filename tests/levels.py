@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from bgmodel.dopamine import playable_levels
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.worlds import LevelOutcomes
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 
 XI, SEED, GAIN = 50.0, 61, 0.5

@@ -10,8 +10,8 @@ from scipy.stats import ks_2samp
 from benchmarks.scores import calibrated, hick, others
 from bgmodel import Msprt, stream
 from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN
-from bgmodel.comparison.compare import tradeoff
-from bgmodel.decision import first_crossing
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 
 

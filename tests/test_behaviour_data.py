@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.behaviour_data import LICENCES, SETS, learned_pairs, motion, write_sets
-from bgmodel.files import read_provenance
+from bgmodel.support.files import read_provenance
 
 
 def motion_file(trials=200):

@@ -6,9 +6,10 @@ import pandas as pd
 import pytest
 
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.files import provenance_path, read_provenance
-from circuits import anatomy, table_files
-from circuits.table_files import digest
+from bgmodel.support.files import provenance_path, read_provenance
+from circuits import anatomy
+from circuits.declaration import table_files
+from circuits.declaration.table_files import digest
 from tests.helpers import run
 
 SMALL = ["--trials", "100", "--t-max", "6", "--engine", "rate"]

@@ -15,8 +15,8 @@ import tyro
 import bgmodel
 from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.cli import CIRCUIT, COMMANDS, choices, main, parsed
-from bgmodel.edits import Edits
-from bgmodel.files import read_provenance, read_table
+from bgmodel.support.files import read_provenance, read_table
+from circuits.edit_lists import Edits
 from tests.helpers import run
 
 

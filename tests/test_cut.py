@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from circuits import anatomy
 from circuits.anatomy.printed_rates import at_rest
+from circuits.dynamics.fixed_point import solve, wired
 from circuits.engines import run
-from circuits.fixed_point import solve, wired
 
 LESIONED = ("D1", "D2", "STN", "GPe")
 SPIKES = {"step_ms": 20.0, "seed": 3, "settle_ms": 20.0}

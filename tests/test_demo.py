@@ -6,7 +6,7 @@ import pytest
 
 from bgmodel import demo as demos
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from tests.helpers import ROOT, run
 

@@ -12,9 +12,9 @@ from scipy.special import log_softmax, logsumexp
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
+from circuits.declaration.spec import Projection
+from circuits.dynamics.ticks import Clock
 from circuits.engines import DROPPING, ENGINES, MODULES, NOISY, SPIKING, run
-from circuits.spec import Projection
-from circuits.ticks import Clock
 
 SEED = 11
 FAST = {"algebra": {}, "rate": {}, "population": {}, "ensemble": {}, "brian2": {}, "plain": {}}

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
-from bgmodel.comparison.compare import tradeoff
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import expecting, separated_evidence
 from tests.helpers import some_evidence
 

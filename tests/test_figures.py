@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.files import read_table, write_table
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.edges import sources
 from bgmodel.tactile.task import Source
 from circuits.anatomy import DEFAULT, load_circuit

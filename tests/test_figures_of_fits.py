@@ -5,12 +5,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.files import read_table, write_table
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import likelihood_of
 from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.support.files import read_table, write_table
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.anatomy.printed_rates import at_rest

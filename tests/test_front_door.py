@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.edits import Edits
 from bgmodel.stimuli import Stimuli
+from circuits.edit_lists import Edits
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 

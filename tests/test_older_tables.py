@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 
-from bgmodel.files import provenance_path, write_table
 from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.support.files import provenance_path, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from figures import figA4
 from figures.common import FAST, OLDER, older, say_if_older

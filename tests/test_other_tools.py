@@ -7,7 +7,7 @@ import pytest
 from benchmarks.scores import crosschecks, other_tools
 from benchmarks.scores.other_tools import Accumulators
 from bgmodel import stream
-from bgmodel.decision import first_crossing
+from bgmodel.deciding.decision import first_crossing
 from bgmodel.theory.first_passage import gaussian_pair
 from bgmodel.theory.sprt import OVERSHOOT, siegmund, sprt
 

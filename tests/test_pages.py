@@ -8,8 +8,8 @@ import pytest
 from sybil.document import Document
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
+from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.cli import main, parsed
-from bgmodel.comparison.compare import FEWEST_TRIALS
 from tests.helpers import ROOT
 
 DOCS = ROOT / "docs"

@@ -13,8 +13,8 @@ from benchmarks import pages
 from benchmarks.scores import __main__ as scores
 from benchmarks.scores import pieces
 from benchmarks.scores.pieces import Piece, Score
-from bgmodel.files import provenance_path, read_table, write_table
 from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.support.files import provenance_path, read_table, write_table
 from circuits.anatomy import load_circuit
 from tests.helpers import ROOT
 

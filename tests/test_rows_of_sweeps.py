@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.edits import Edits
 from bgmodel.experiments.experiment import behaviour_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import criterion_from_posterior
@@ -16,7 +15,8 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
 from circuits.anatomy import load_circuit
-from circuits.table_files import digest
+from circuits.declaration.table_files import digest
+from circuits.edit_lists import Edits
 
 FRACTIONS = st.sampled_from([0, 0.1, 0.25, 0.5])
 FACTORS = st.sampled_from([0, 0.5, 0.9, 1, 1.2])

@@ -8,9 +8,9 @@ import pytest
 from circuits.anatomy import CIRCUITS
 from circuits.anatomy import load_circuit as circuit_named
 from circuits.cells import Lif, Phase, Rate
+from circuits.declaration.spec import PATTERNS, Circuit, Population, Projection
+from circuits.declaration.transfer import TRANSFERS
 from circuits.engines import ENGINES, run
-from circuits.spec import PATTERNS, Circuit, Population, Projection
-from circuits.transfer import TRANSFERS
 from tests.circuits.spiking import BASE, DRIVE, lacking, one_sentence, with_cell
 
 

@@ -4,7 +4,7 @@ import re
 import tomllib
 
 import bgmodel
-from bgmodel.files import provenance
+from bgmodel.support.files import provenance
 from tests.helpers import ROOT
 
 

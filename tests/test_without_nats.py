@@ -4,15 +4,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel import dopamine, stream
+from bgmodel import stream
 from bgmodel.cli import main
-from bgmodel.comparison.decoder import decoded_input
-from bgmodel.comparison.steady import out_shift
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.decoder import decoded_input
+from bgmodel.integrators.steady import out_shift
+from bgmodel.learning import dopamine
 from circuits import anatomy
 from circuits.activity import total_nats
-from circuits.controls import correlated, linear_stn
+from circuits.laws.controls import correlated, linear_stn
 from circuits.laws.stability import onset
 
 

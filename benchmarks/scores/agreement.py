@@ -20,15 +20,10 @@ import pandas as pd
 
 from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.comparison.circuits import (
-    CIRCUIT,
-    MSPRT,
-    MSPRT_AT_GAIN,
-    compare_with_msprt,
-    sample_ms,
-)
+from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN, compare_with_msprt, sample_ms
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import (
     FOLDS,
@@ -41,7 +36,7 @@ from bgmodel.tactile.task import (
     held_out_taps,
 )
 from circuits.anatomy import load_circuit
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
 
 SCORING_SEED = 40_001
 GAIN = 0.5

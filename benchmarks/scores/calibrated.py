@@ -21,9 +21,10 @@ import pandas as pd
 from benchmarks.scores.agreement import gratings
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Msprt, stream
-from bgmodel.arrays import Array
-from bgmodel.comparison.compare import RESAMPLES, interval, resampled, tradeoff
+from bgmodel.bootstrap import RESAMPLES, interval, resampled
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
+from bgmodel.support.arrays import Array
 from bgmodel.tactile.task import Folds, Orientations
 
 SCORING_SEED = 75_001

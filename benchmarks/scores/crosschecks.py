@@ -29,11 +29,11 @@ from benchmarks.scores.other_tools import (
 )
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Sprt, stream
-from bgmodel.arrays import Array
-from bgmodel.decision import first_crossing
+from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.means import fit_means
+from bgmodel.support.arrays import Array
 from bgmodel.tables.choices import Choices
 from bgmodel.theory.sprt import OVERSHOOT
 from circuits.anatomy import DEFAULT

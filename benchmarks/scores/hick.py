@@ -22,29 +22,20 @@ from scipy.stats import chi2
 from benchmarks.scores.calibrated import TACTILE, kinds, tapped
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import BasalGanglia, Msprt, stream
-from bgmodel.arrays import Array
-from bgmodel.comparison.circuits import (
+from bgmodel.bootstrap import RESAMPLES, interval, resampled
+from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN, sample_ms
+from bgmodel.comparison.compare import MOST_FORCED
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
+from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.integrators.basal_ganglia import gain_of
+from bgmodel.integrators.deciding import (
     CIRCUIT,
-    MSPRT,
-    MSPRT_AT_GAIN,
     decide_at_thresholds,
-    sample_ms,
     thresholds_of,
     without_noise_alone,
 )
-from bgmodel.comparison.compare import (
-    MOST_FORCED,
-    RESAMPLES,
-    Tradeoff,
-    curve,
-    interval,
-    resampled,
-    time_at,
-    tradeoff,
-)
-from bgmodel.decision import first_crossing
-from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.basal_ganglia import gain_of
+from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 
 SCORING_SEED, TUNING_SEED = 74_001, 74_002

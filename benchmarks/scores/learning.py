@@ -18,15 +18,15 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.comparison.compare import tradeoff
-from bgmodel.comparison.levels import LATENCY_MS as LATENCIES_MS
-from bgmodel.dopamine import COARSE, playable_levels
+from bgmodel.deciding.reward import reward_of
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.level import learn_level, level_outcomes, scored_runs
+from bgmodel.learning.dopamine import COARSE, playable_levels
+from bgmodel.learning.dopamine_learner import learn_level, level_outcomes, scored_runs
+from bgmodel.learning.dopamine_levels import LATENCY_MS as LATENCIES_MS
 from bgmodel.learning.reinforce import Learner
-from bgmodel.learning.reward import reward_of
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from circuits.anatomy import DEFAULT, load_circuit
 

@@ -16,14 +16,15 @@ import pandas as pd
 from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
 from bgmodel import stream
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.compare import compare, tradeoff
-from bgmodel.comparison.steady import leader_drive, lesions, steady_shifts
+from bgmodel.comparison.compare import compare
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.integrators.steady import leader_drive, lesions, steady_shifts
 from circuits.anatomy import load_circuit
-from circuits.controls import linear_stn, shuffled_stn
+from circuits.laws.controls import linear_stn, shuffled_stn
 from circuits.laws.spectra import out_variance
 
 SCORING_SEED = 40_002

@@ -14,8 +14,8 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN
-from bgmodel.comparison.compare import MARGIN
-from bgmodel.comparison.levels import LATENCY_MS, levels_against_msprt
+from bgmodel.deciding.tradeoff import MARGIN
+from bgmodel.learning.dopamine_levels import LATENCY_MS, levels_against_msprt
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 40_007

@@ -18,12 +18,12 @@ import pandas as pd
 from benchmarks import OUT
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.arrays import Array
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.control import decided
 from bgmodel.fitting.crossings import Crossings
 from bgmodel.fitting.network import LikelihoodNetwork, read_network
 from bgmodel.fitting.responses import BIN_S, Grid, responded
+from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 
 SCORING_SEED = 24_502

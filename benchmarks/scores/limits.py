@@ -17,11 +17,12 @@ import pandas as pd
 
 from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
-from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, OTHER_NOISE, compare_with_msprt
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, OTHER_NOISE, compare_with_msprt
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.spec import Circuit
 from circuits.engines import NOISY
-from circuits.spec import Circuit
 
 TIMES = 6
 """So many times the cells."""

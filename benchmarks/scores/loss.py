@@ -19,13 +19,14 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.arrays import Array
-from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
-from bgmodel.comparison.compare import RESAMPLES, Tradeoff, interval, resampled
+from bgmodel.bootstrap import RESAMPLES, interval, resampled
+from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence, expecting, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
+from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
 
 TUNING_SEEDS = (1011, 1012)
 SCORING_SEED = 60_001

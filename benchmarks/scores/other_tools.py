@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bgmodel.arrays import Array
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import Lca, Race
+from bgmodel.support.arrays import Array
 from bgmodel.theory.first_passage import gaussian_pair, walk
 from bgmodel.theory.sprt import OVERSHOOT
 

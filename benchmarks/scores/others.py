@@ -20,30 +20,16 @@ import pandas as pd
 from benchmarks.scores.hick import circuit_at
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import BasalGanglia, Msprt, stream
-from bgmodel.arrays import Array
+from bgmodel.bootstrap import FEWEST_TRIALS, RESAMPLES, resampled
 from bgmodel.comparison import designed as designs
-from bgmodel.comparison.circuits import (
-    CIRCUIT,
-    MSPRT,
-    compare_with_msprt,
-    decide_at_thresholds,
-    is_noisy,
-)
-from bgmodel.comparison.compare import (
-    FEWEST_TRIALS,
-    MOST_FORCED,
-    OTHER_NOISE,
-    RESAMPLES,
-    WITHOUT_EVIDENCE_SHARE,
-    Tradeoff,
-    curve,
-    resampled,
-    time_at,
-    tradeoff,
-)
+from bgmodel.comparison.circuits import MSPRT, compare_with_msprt
+from bgmodel.comparison.compare import MOST_FORCED, OTHER_NOISE
+from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, is_noisy
+from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.spec import NATS, Circuit
+from circuits.declaration.spec import NATS, Circuit
 
 SCORING_SEED, TUNING_SEED = 76_001, 76_002
 """Of the trials, and of those on which gains are chosen."""

@@ -20,8 +20,8 @@ from bgmodel.comparison.circuits import compare_edits
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.controls import linear_stn, shuffled_stn
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
+from circuits.laws.controls import linear_stn, shuffled_stn
 
 SCORING_SEED = 40_008
 TRIALS, COARSE_TRIALS = 3000, 600

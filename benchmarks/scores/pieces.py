@@ -19,8 +19,8 @@ import pandas as pd
 
 from benchmarks import OUT
 from benchmarks.pages import RESULTS
-from bgmodel.files import is_result, read_provenance, read_table, write_table
 from bgmodel.integrators.basal_ganglia import identity
+from bgmodel.support.files import is_result, read_provenance, read_table, write_table
 from circuits.anatomy import load_circuit
 
 TABLE = "spiking_msprt"

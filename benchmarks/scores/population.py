@@ -21,14 +21,14 @@ from scipy.stats import ks_2samp
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
-from bgmodel.comparison.compare import Tradeoff
+from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from circuits.activity import Activity
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.spec import Circuit
 from circuits.engines import run
-from circuits.spec import Circuit
 
 SCORING_SEED = 50_001
 OTHER_SEED, POPULATION_SEED = SCORING_SEED + 1, SCORING_SEED + 2

@@ -14,12 +14,12 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import criterion_from_posterior
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
 
 SCORING_SEED = 78_001
 TRIALS, COARSE_TRIALS = 5000, 200

@@ -17,10 +17,10 @@ from scipy.stats import t
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.arrays import Array
+from bgmodel.support.arrays import Array
 from circuits import anatomy
+from circuits.declaration.spec import Circuit
 from circuits.engines import run
-from circuits.spec import Circuit
 
 SCORING_SEED = 77_001
 SEEDS, COARSE_SEEDS = 10, 3

@@ -17,20 +17,13 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Msprt, stream
-from bgmodel.comparison.compare import (
-    RESAMPLES,
-    Tradeoff,
-    curve,
-    levels,
-    resampled,
-    time_at,
-    tradeoff,
-)
+from bgmodel.bootstrap import RESAMPLES, resampled
+from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, time_at, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.integrators.intervals import PREFERRED, interval_evidence
 from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
 from bgmodel.integrators.sprt import Integrator
-from bgmodel.intervals import PREFERRED, interval_evidence
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED, TUNING_SEED = 72_001, 72_002

@@ -15,9 +15,10 @@ import pandas as pd
 
 from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds, sample_ms
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
-from bgmodel.comparison.circuits import CIRCUIT, MSPRT_AT_GAIN, compare_with_msprt
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt
 from bgmodel.comparison.compare import ACCURACIES, OTHER_NOISE
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
 
 TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200

@@ -20,7 +20,6 @@ from scipy.stats import kstest, norm
 from benchmarks.scores.fits import COARSE_TRIALS, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
-from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.algorithms import GapModel, Model
 from bgmodel.fitting.circuit import NONE
 from bgmodel.fitting.control import decided
@@ -32,6 +31,7 @@ from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
 from bgmodel.fitting.posterior import posterior
 from bgmodel.fitting.responses import BIN_S, Grid, Observed, responded
 from bgmodel.fitting.simulation import simulation_error
+from bgmodel.support.arrays import Array, Integers
 from circuits.anatomy import DEFAULT
 
 SCORING_SEED = 70_001

@@ -22,8 +22,8 @@ from bgmodel.comparison.circuits import compare_edits
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.controls import perturbed
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
+from circuits.laws.controls import perturbed
 
 SCORING_SEED = 40_004
 ACCURACIES = (0.9, 0.95)

@@ -28,7 +28,7 @@ import pandas as pd
 import psutil
 
 from benchmarks import OUT
-from bgmodel.files import checksum, write_table
+from bgmodel.support.files import checksum, write_table
 
 ROOT = Path(__file__).parents[2]
 SEED = 2023

@@ -18,8 +18,8 @@ from benchmarks.scores import sensitivity
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from benchmarks.scores.sensitivity import BIASES, MEASURES, SHOWN, Case
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.files import read_table
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.support.files import read_table
 from circuits.anatomy import DEFAULT, load_circuit
 
 TRIALS, COARSE_TRIALS = 600, 200

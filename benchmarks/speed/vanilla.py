@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from circuits.cells import Lif, Phase
-from circuits.spec import Circuit, Population, Projection
+from circuits.declaration.spec import Circuit, Population, Projection
 
 LAW = {"linear": "{x}", "rectified": "clip({x}, 0, inf)", "exp": "exp({x})"}
 

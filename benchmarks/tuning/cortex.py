@@ -19,18 +19,13 @@ import numpy as np
 from benchmarks.tuning.filters import ACCURACIES
 from benchmarks.tuning.neighbours import TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import (
-    CIRCUIT,
-    MSPRT_AT_GAIN,
-    decide_at_thresholds,
-    msprt_tradeoffs,
-    thresholds_about,
-)
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.comparison.compare import compare
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import load_circuit
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
 
 TIMES = 6
 CODES = ((1.6, 27), (1.9, 27), (2.2, 20), (2.2, 30), (2.5, 25))

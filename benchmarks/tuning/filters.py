@@ -20,14 +20,16 @@ from scipy.signal import lfilter
 
 from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs, thresholds_about
-from bgmodel.comparison.compare import compare, tradeoff
-from bgmodel.decision import Trace
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
+from bgmodel.comparison.compare import compare
+from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import thresholds_about
 from circuits.anatomy import load_circuit
 from circuits.arrays import Array
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
 
 ACCURACIES = tuple(np.arange(0.885, 0.98, 0.01).round(3))
 

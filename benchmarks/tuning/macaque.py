@@ -16,19 +16,14 @@ import numpy as np
 
 from benchmarks.tuning.neighbours import ACCURACIES, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import (
-    CIRCUIT,
-    MSPRT_AT_GAIN,
-    decide_at_thresholds,
-    msprt_tradeoffs,
-    thresholds_about,
-)
+from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.comparison.compare import compare
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import macaque
 from circuits.cells import Phase
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
 
 KERNELS_MS = (16.0, 20.0, 28.0, 32.0)
 READ_OUTS_MS = (20.0, 40.0)

@@ -14,13 +14,13 @@ import warnings
 import numpy as np
 
 from bgmodel import stream
-from bgmodel.decision import Decision, first_crossing
+from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import macaque
-from circuits.fixed_point import solve, wired
+from circuits.declaration.spec import Circuit
+from circuits.dynamics.fixed_point import solve, wired
 from circuits.laws.stability import growth
-from circuits.spec import Circuit
 
 SEED = 1004
 LATE_MS = 400.0

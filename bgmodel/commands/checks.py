@@ -10,14 +10,14 @@ from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel import files, progress
+from bgmodel.support import files, progress
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bgmodel.edits import Edits
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from circuits.edit_lists import Edits
 
 COMPILES = "compiling, once for this kind of circuit"
 """What a command says when an engine compiles, which is kept on disk."""
@@ -189,7 +189,7 @@ def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int 
     NoMemoryError
         If there is not enough memory.
     """
-    from bgmodel.compiling import on_compiling
+    from bgmodel.support.compiling import on_compiling
     from circuits.engines import THREADED
 
     if model.raw and evidence.baseline:

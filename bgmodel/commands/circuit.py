@@ -12,7 +12,6 @@ import numpy as np
 import tyro
 from tyro.conf import Positional
 
-from bgmodel import files
 from bgmodel.commands.checks import (
     Writes,
     bar,
@@ -23,11 +22,12 @@ from bgmodel.commands.checks import (
     say_of_edits,
 )
 from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
-from bgmodel.decision import Decision
-from bgmodel.edits import Edits
+from bgmodel.deciding.decision import Decision
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
+from bgmodel.support import files
 from bgmodel.tables import trials as tables
+from circuits.edit_lists import Edits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.activity import Activity
-    from circuits.spec import Circuit
+    from circuits.declaration.spec import Circuit
 
 DEFAULT_POSTERIOR = 0.9
 
@@ -98,14 +98,14 @@ class CircuitShow(Writes):
         if scatter is not None:
             print(f"\n{scatter}")
         if self.save is not None:
-            from circuits.table_files import write
+            from circuits.declaration.table_files import write
 
             print(f"\n{table.name}, {table.channels} channels -> {write(table, self.save)}")
 
 
 def _scatter(table: Circuit, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
-    from bgmodel.comparison.steady import leader_drive
+    from bgmodel.integrators.steady import leader_drive
     from circuits.laws.spectra import out_variance
 
     table.check_nats("a posterior (--noise)")

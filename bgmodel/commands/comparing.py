@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from tyro.conf import Positional
 
-from bgmodel import files
 from bgmodel.commands.checks import (
     Shows,
     bar,
@@ -21,10 +20,11 @@ from bgmodel.commands.checks import (
     say_of_edits,
 )
 from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
-from bgmodel.edits import Edits, written
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.stimuli import Stimuli
+from bgmodel.support import files
+from circuits.edit_lists import Edits, written
 
 if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -81,8 +81,9 @@ class Compare(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import compare_with_msprt, is_noisy
+        from bgmodel.comparison.circuits import compare_with_msprt
         from bgmodel.comparison.page import page
+        from bgmodel.integrators.deciding import is_noisy
         from circuits.anatomy import load_circuit
 
         model, evidence = _model(self)
@@ -169,10 +170,11 @@ def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
 
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
-    from bgmodel.comparison.compare import check_trials, checked_accuracies
+    from bgmodel.bootstrap import check_trials
+    from bgmodel.comparison.compare import checked_accuracies
     from bgmodel.comparison.with_msprt import model_of
     from circuits.anatomy import load_circuit
-    from circuits.spec import NATS
+    from circuits.declaration.spec import NATS
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from bgmodel import files
 from bgmodel.commands.checks import Shows, check_ending
+from bgmodel.support import files
 
 if TYPE_CHECKING:
     from bgmodel.tables.shipped import Shipped

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from tyro.conf import Positional
 
-from bgmodel import files
 from bgmodel.commands.checks import (
     Shows,
     Writes,
@@ -18,13 +17,14 @@ from bgmodel.commands.checks import (
     options_of,
     say,
 )
-from bgmodel.decision import first_crossing
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.reward import check_xi
 from bgmodel.integrators.sprt import Msprt, Sprt, criterion_from_posterior, threshold_from_gap
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import Learner
-from bgmodel.learning.reward import check_xi
-from bgmodel.memory import check_evidence_memory, check_learning_memory
-from bgmodel.seeds import stream
+from bgmodel.support import files
+from bgmodel.support.memory import check_evidence_memory, check_learning_memory
+from bgmodel.support.seeds import stream
 from bgmodel.tables import trials as tables
 from bgmodel.tactile.likelihood import Density
 
@@ -95,7 +95,7 @@ class Decide(Shows):
         if self.evidence is not None:
             self.note(trials.summary())
         if self.evidence is not None:
-            from bgmodel.calibration import warn_of_decisions
+            from bgmodel.deciding.calibration import warn_of_decisions
 
             warn_of_decisions(evidence, decision)
         self._show(table, known=evidence.truth is not None)

@@ -8,7 +8,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import Writes, check_ending, say
-from bgmodel.files import replacing
+from bgmodel.support.files import replacing
 
 
 @dataclass(frozen=True)

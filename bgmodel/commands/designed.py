@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
-from bgmodel import files
 from bgmodel.commands.checks import (
     Shows,
     bar,
@@ -19,10 +18,11 @@ from bgmodel.commands.checks import (
     say_of_edits,
 )
 from bgmodel.commands.names import CircuitName, EngineName
-from bgmodel.edits import Edits
+from bgmodel.support import files
+from circuits.edit_lists import Edits
 
 if TYPE_CHECKING:
-    from circuits.spec import Circuit
+    from circuits.declaration.spec import Circuit
 
 MACAQUE = CircuitName("macaque")
 POPULATION = EngineName("population")
@@ -102,7 +102,7 @@ class CircuitDesigned(Shows):
 
     def _gain(self, table: Circuit) -> float | None:
         """Return the gain, where it counts, and else any."""
-        from circuits.spec import NATS
+        from circuits.declaration.spec import NATS
 
         if self.gain is None and table.default_gain is None and table.unit == NATS:
             return 1.0

@@ -10,8 +10,6 @@ import numpy as np
 import tyro
 from tyro.conf import Positional
 
-from bgmodel import files
-from bgmodel.arrays import Array
 from bgmodel.commands.checks import (
     Writes,
     bar,
@@ -23,12 +21,14 @@ from bgmodel.commands.checks import (
     say_of_edits,
 )
 from bgmodel.commands.names import MACAQUE, RATE, CircuitName, TimedEngineName
-from bgmodel.edits import Edits
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
-from bgmodel.memory import check_learning_memory, check_memory
 from bgmodel.stimuli import Stimuli
+from bgmodel.support import files
+from bgmodel.support.arrays import Array
+from bgmodel.support.memory import check_learning_memory, check_memory
+from circuits.edit_lists import Edits
 
 if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -76,9 +76,14 @@ class CircuitLearn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.dopamine import playable_levels
         from bgmodel.integrators.basal_ganglia import identity
-        from bgmodel.learning.level import learn_level, learned_table, level_outcomes, regret
+        from bgmodel.learning.dopamine import playable_levels
+        from bgmodel.learning.dopamine_learner import (
+            learn_level,
+            learned_table,
+            level_outcomes,
+            regret,
+        )
         from bgmodel.learning.reinforce import LearningStopped
 
         self._check()
@@ -122,8 +127,8 @@ class CircuitLearn(Writes):
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
-        from bgmodel.dopamine import COARSE
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+        from bgmodel.learning.dopamine import COARSE
         from circuits.anatomy import load_circuit
 
         table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
@@ -147,7 +152,7 @@ class CircuitLearn(Writes):
 
     def _summary(self, learned: Learned, fresh: LevelOutcomes) -> dict[str, Any]:
         """Return the summary beside the table: the level learned, its cost, the best level."""
-        from bgmodel.learning.level import regret
+        from bgmodel.learning.dopamine_learner import regret
 
         cost = regret(learned.learned, fresh, self.xi)
         return {

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from tyro.conf import Positional
 
-from bgmodel import files
 from bgmodel.commands.checks import (
     Shows,
     bar,
@@ -20,6 +19,7 @@ from bgmodel.commands.checks import (
     say_before,
 )
 from bgmodel.commands.names import EngineName
+from bgmodel.support import files
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,7 +111,7 @@ class ExperimentRun(Shows):
 
     def _run(self, experiment: Experiment) -> Outcome:
         """Say what runs, and run it."""
-        from bgmodel.comparison.compare import check_trials
+        from bgmodel.bootstrap import check_trials
 
         given = experiment.trials()
         evidence = given.evidence

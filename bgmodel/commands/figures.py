@@ -10,7 +10,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import check_whole
-from bgmodel.files import remove_partial_files
+from bgmodel.support.files import remove_partial_files
 
 SETTINGS = Path(".snakemake/figures.json")
 """Where Snakemake reads the settings of a run."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
-from bgmodel import files
 from bgmodel.commands.checks import (
     UNRECORDED,
     Shows,
@@ -19,6 +18,7 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
+from bgmodel.support import files
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel import files
 from bgmodel.commands.checks import recorded, say
+from bgmodel.support import files
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ class CircuitName(Name):
     @classmethod
     def parse(cls, given: str) -> Name:
         """Return a name, or a path as it is; ValueError for a name that there is not."""
-        from circuits.table_files import is_path
+        from circuits.declaration.table_files import is_path
 
         return cls(given) if is_path(given) else super().parse(given)
 

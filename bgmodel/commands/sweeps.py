@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
-from bgmodel import files
 from bgmodel.commands.checks import check_whole, recorded, say, say_of_edits
+from bgmodel.support import files
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tyro.conf import Positional
 
-from bgmodel import files
-from bgmodel.arrays import Array, Reals
 from bgmodel.commands.checks import Writes, check_ending, check_whole, options_of, say
-from bgmodel.memory import check_memory
-from bgmodel.seeds import stream
+from bgmodel.support import files
+from bgmodel.support.arrays import Array, Reals
+from bgmodel.support.memory import check_memory
+from bgmodel.support.seeds import stream
 from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from bgmodel.comparison.compare import Tradeoff, curve, margin
+from bgmodel.deciding.tradeoff import Tradeoff, curve, margin
 from bgmodel.evidence import Evidence
 
 

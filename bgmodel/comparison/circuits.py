@@ -5,13 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.calibration import warn_of_calibration
+from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
 from bgmodel.comparison.cautions import (
     listed,
     warn_of_ceiling,
@@ -22,44 +21,36 @@ from bgmodel.comparison.compare import (
     MINUS_INTACT,
     MOST_FORCED,
     OTHER_NOISE,
-    RESAMPLES,
-    Tradeoff,
-    check_resamples,
-    check_trials,
     checked_accuracies,
     compare,
-    curve,
-    margin,
-    tradeoff,
 )
-from bgmodel.comparison.decoder import decoded
-from bgmodel.comparison.steady import out_shift
+from bgmodel.deciding.calibration import warn_of_calibration
+from bgmodel.deciding.tradeoff import Tradeoff, curve, margin, tradeoff
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import (
     NOISE_SHARE,
-    ROUNDING_NATS,
     BasalGanglia,
-    check_threshold,
     deciding_thresholds,
     rest_out,
 )
+from bgmodel.integrators.deciding import (
+    CIRCUIT,
+    HIGHEST,
+    LOWEST,
+    decide_at_thresholds,
+    is_noisy,
+    silent_nats,
+    thresholds_of,
+    without_noise_alone,
+)
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.progress import advance
-from bgmodel.seeds import stream
-from circuits.engines import NOISY, THREADED
-from circuits.spec import NATS, Circuit
+from bgmodel.integrators.steady import out_shift
+from bgmodel.support.seeds import stream
+from circuits.declaration.spec import NATS, Circuit
 
-CIRCUIT, DECODER = "circuit", "cortical decoder"
 INTACT, AS_EDITED = "intact", "as edited"
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
-DECODER_TAU_MS = 20.0
-THRESHOLDS = 120
-LOWEST_NATS = 1e-3
-LOWEST, HIGHEST = 0.80, 0.98
-"""Accuracies between which thresholds are tried, unless others are asked for."""
-BELOW_NATS = 0.04
-"""How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
 
 
 def references(model: BasalGanglia, evidence: Evidence) -> dict[str, Tradeoff]:
@@ -81,64 +72,6 @@ def msprt_tradeoffs(evidence: Evidence, gain: float) -> dict[str, Tradeoff]:
     }
 
 
-def thresholds_about(
-    test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
-) -> npt.NDArray[np.float64]:
-    """Return thresholds for a circuit, nats, around the test's at accuracies lowest to highest.
-
-    A circuit's OUT follows the test's with a delay: its thresholds lie near, mostly below.
-    """
-    low, high = 0.7 * test.setting(highest), 1.3 * test.setting(lowest)
-    # Where the evidence is strong enough, the test's reaches 0.
-    return np.geomspace(max(high, 2 * LOWEST_NATS), max(low, LOWEST_NATS), THRESHOLDS)
-
-
-def thresholds_of(
-    circuit: Circuit, test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
-) -> npt.NDArray[np.float64]:
-    """Return those of ``thresholds_about`` that a circuit reads, and is not past without evidence.
-
-    Without nats they lie evenly from OUT at rest down to the lowest that is read.
-
-    Raises
-    ------
-    ValueError
-        If there is none: the circuit would decide without evidence at each.
-    """
-    if circuit.unit != NATS:
-        least = max(circuit.readable_nats[0], _silent(circuit))
-        return np.linspace(rest_out(circuit), least, THRESHOLDS + 2)[1:-1]
-    about = thresholds_about(test, highest, lowest)
-    found = deciding_thresholds(circuit, about)
-    if not found.size:
-        raise ValueError(
-            f"{circuit.name} rests at OUT = {rest_out(circuit):.2f} and reads none below "
-            f"{circuit.readable_nats[0]:.2f}: at all thresholds, {about.min():.2f} to "
-            f"{about.max():.2f} nats, it would decide without evidence, or never"
-        )
-    return found
-
-
-def without_noise_alone(
-    model: BasalGanglia, thresholds: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Return those thresholds that noise at rest hardly ever crosses.
-
-    Above them noise decides: in more than ``NOISE_SHARE`` of trials it crosses them within half a
-    second without evidence.
-    """
-    if model.engine not in THREADED or not is_noisy(model):
-        return thresholds
-    lowest = model.out_at_rest().min(axis=(1, 2))
-    share = (lowest[:, None] <= thresholds).mean(axis=0)
-    return np.asarray(thresholds[share <= NOISE_SHARE])
-
-
-def is_noisy(model: BasalGanglia) -> bool:
-    """Whether a second seed would change what a circuit does."""
-    return model.engine in NOISY and bool(model.options.get("noise", True))
-
-
 def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
     """Return the decisions of a circuit with noise of another seed: the same, if it has none.
 
@@ -154,58 +87,6 @@ def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -
     seed = int(stream(model.seed or 0, OTHER_NOISE).integers(2**31))
     again = replace(model, seed=seed)
     return decide_at_thresholds(again, evidence, found.settings, decoder_tau_ms=None)[CIRCUIT]
-
-
-def decide_at_thresholds(
-    model: BasalGanglia,
-    evidence: Evidence,
-    thresholds: npt.ArrayLike,
-    *,
-    decoder_tau_ms: float | None = DECODER_TAU_MS,
-) -> dict[str, Tradeoff]:
-    """Return the decisions of a circuit and, if it has noise, of a decoder of its input.
-
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit, its engine and its noise.
-    evidence : Evidence
-        What it is given.
-    thresholds : array (K,), nats
-        As from ``thresholds_about``.
-    decoder_tau_ms : float, optional
-        How long the decoder counts; None for no decoder.
-
-    Raises
-    ------
-    ValueError
-        If the circuit reads no OUT as low as the highest threshold.
-
-    Notes
-    -----
-    Where the engine can, a trial is dropped once its OUT is a little below the lowest threshold. If
-    the decoder has not crossed all thresholds by then, the trial is run again, to its end.
-    """
-    if np.max(thresholds) < model.circuit.readable_nats[0]:
-        # Where OUT rests may be what is asked for; what is never read is no answer.
-        check_threshold(model.circuit, float(np.max(thresholds)))
-    in_nats = model.circuit.unit == NATS
-    decodes = in_nats and model.engine in NOISY and decoder_tau_ms is not None
-    whole, lowest = model, float(np.min(thresholds))
-    model = model.until(lowest - (BELOW_NATS if decodes else ROUNDING_NATS), rates=decodes)
-    found: dict[str, Tradeoff] = {}
-    first = 0
-    for part, activity, trace in model.batches(evidence):
-        traces = {CIRCUIT: trace}
-        if decodes and decoder_tau_ms is not None:
-            again = partial(whole.one_trial, part, first)
-            traces[DECODER] = decoded(activity, trace, lowest, again, decoder_tau_ms)
-        for name, trace in traces.items():
-            new = tradeoff(trace, part, thresholds)
-            found[name] = found[name] + new if name in found else new
-        first += part.trials
-        advance(part.trials)
-    return found
 
 
 def compare_with_msprt(
@@ -394,7 +275,7 @@ def compare_edits(
         if name != before:
             # Where the edit takes OUT, and where it was: for thresholds tuned anew and for the old.
             both = np.union1d(levels, levels + _moved(model.circuit, circuit, levels))
-            both = both[both > _silent(circuit)]
+            both = both[both > silent_nats(circuit)]
             found = decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
             tuned = found.at(np.isin(found.settings, _decided_by_evidence(changed, both)))
         called = name if name in edited else circuit.name
@@ -537,12 +418,6 @@ def _moved(
     """Return the shift of OUT by an edit at each level; 0 where it is not known."""
     known = before.unit == NATS
     return np.nan_to_num(out_shift(before, after, levels)) if known else np.zeros_like(levels)
-
-
-def _silent(circuit: Circuit) -> float:
-    """Return the OUT of a read-out that does not fire, nats: no threshold below is ever met."""
-    readout = circuit.population(circuit.readout)
-    return -readout.baseline_hz / readout.gain_hz_per_nat
 
 
 def _at_threshold_of(

@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.arrays import Array
-from bgmodel.checks import reals
-from bgmodel.comparison.circuits import is_noisy
-from bgmodel.comparison.compare import shown
-from bgmodel.decision import Decision, Trace, first_crossing
+from bgmodel.bootstrap import shown
+from bgmodel.deciding.decision import Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, check_threshold
+from bgmodel.integrators.deciding import is_noisy
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Integrator, Msprt
-from bgmodel.progress import advance
-from circuits.spec import NATS, Circuit
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import reals
+from bgmodel.support.progress import advance
+from circuits.declaration.spec import NATS, Circuit
 
 CHANNELS = 4
 THRESHOLDS = (0.35, 0.25, 0.15)

@@ -7,14 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.compare import (
-    MARGIN,
-    MINUS_INTACT,
-    MOST_FORCED,
-    OTHER_NOISE,
-    equivalent,
-    shown,
-)
+from bgmodel.bootstrap import shown
+from bgmodel.comparison.compare import MINUS_INTACT, MOST_FORCED, OTHER_NOISE, equivalent
+from bgmodel.deciding.tradeoff import MARGIN
 
 
 def behaviour(table: pd.DataFrame) -> str:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array, Integers
+from bgmodel.deciding.tradeoff import ChoicesAndTimes
+from bgmodel.support.arrays import Array, Integers
 
 NEAR_MS = 50.0
 """Decisions whose lag differs by no more from the median lag count as near in time."""
@@ -21,33 +22,25 @@ ROUNDING_MS = 1e-6
 """Sums of times that differ by less are equal."""
 
 
-@dataclass(frozen=True)
-class Choices:
-    """Decisions of one integrator at one setting: choice (trials,) and time_ms (trials,)."""
-
-    choice: Integers
-    time_ms: Array
-
-
 def side_by_side(
-    test: Choices,
-    other: Choices,
+    test: ChoicesAndTimes,
+    other: ChoicesAndTimes,
     truth: Integers | None,
     weights: Array,
     *,
-    again: Choices | None = None,
+    again: ChoicesAndTimes | None = None,
 ) -> dict[str, Array]:
     """Return the measures of trial against trial, by name, (B,) each.
 
     Parameters
     ----------
-    test, other : Choices
+    test, other : ChoicesAndTimes
         The reference, and what is held to it, on the same trials.
     truth : int array (trials,), optional
         The true hypotheses.
     weights : array (B, trials)
         As from ``compare.resampled``.
-    again : Choices, optional
+    again : ChoicesAndTimes, optional
         The other with noise of another seed.
 
     Returns

@@ -8,8 +8,9 @@ from typing import Any
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.bootstrap import RESAMPLES
 from bgmodel.comparison.circuits import compare_with_msprt, sample_ms
-from bgmodel.comparison.compare import ACCURACIES, RESAMPLES
+from bgmodel.comparison.compare import ACCURACIES
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
@@ -18,8 +19,8 @@ from bgmodel.integrators.basal_ganglia import (
     gain_of,
 )
 from bgmodel.integrators.rivals import RIVALS
+from circuits.declaration.spec import Circuit
 from circuits.engines import DROPPING, THREADED
-from circuits.spec import Circuit
 
 
 def compare(

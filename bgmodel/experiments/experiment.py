@@ -15,15 +15,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from bgmodel import toml_files
-from bgmodel.calibration import calibration
-from bgmodel.checks import path_of
-from bgmodel.comparison.circuits import CIRCUIT, decide_at_thresholds
-from bgmodel.comparison.compare import RESAMPLES, check_trials, interval, reads_nothing, resampled
-from bgmodel.decision import any_crossing
-from bgmodel.edits import Edits
+from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
+from bgmodel.deciding.calibration import calibration
+from bgmodel.deciding.decision import any_crossing
+from bgmodel.deciding.measures import MEASURES, OF_DECIDED, Behaviour
+from bgmodel.deciding.tradeoff import reads_nothing
 from bgmodel.evidence import Evidence
-from bgmodel.experiments.measures import MEASURES, OF_DECIDED, Behaviour
 from bgmodel.experiments.predictions import (
     FEWEST_DECIDED,
     PERCENT,
@@ -31,7 +28,6 @@ from bgmodel.experiments.predictions import (
     Effect,
     Prediction,
 )
-from bgmodel.facts import Facts
 from bgmodel.integrators.basal_ganglia import (
     BATCH,
     BasalGanglia,
@@ -40,13 +36,18 @@ from bgmodel.integrators.basal_ganglia import (
     check_foreperiod,
     gain_of,
 )
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import criterion_from_posterior
-from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli, seen_from, warn_of_default
+from bgmodel.support import toml_files
+from bgmodel.support.checks import path_of
+from bgmodel.support.reprs import Facts
+from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.spec import Circuit
+from circuits.edit_lists import Edits
 from circuits.engines import THREADED
-from circuits.spec import Circuit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,16 +7,8 @@ from typing import Protocol
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.compare import reads_nothing, shown
-from bgmodel.experiments.experiment import (
-    CONDITIONS,
-    MANY_MISSED,
-    UNCHANGED,
-    Experiment,
-    uncalibrated,
-    unchanged,
-)
-from bgmodel.experiments.measures import (
+from bgmodel.bootstrap import shown
+from bgmodel.deciding.measures import (
     COUNTED,
     CUT_OFF,
     DIFFUSION_S,
@@ -25,6 +17,15 @@ from bgmodel.experiments.measures import (
     OF_DECIDED,
     OF_DIFFUSION,
     SHARES,
+)
+from bgmodel.deciding.tradeoff import reads_nothing
+from bgmodel.experiments.experiment import (
+    CONDITIONS,
+    MANY_MISSED,
+    UNCHANGED,
+    Experiment,
+    uncalibrated,
+    unchanged,
 )
 from bgmodel.experiments.predictions import (
     AGREES,

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from bgmodel.experiments.measures import MEASURES, OF_ALL, OF_DECIDED, OF_DIFFUSION, SHARES
+from bgmodel.deciding.measures import MEASURES, OF_ALL, OF_DECIDED, OF_DIFFUSION, SHARES
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
 WITHOUT = "decides without evidence"

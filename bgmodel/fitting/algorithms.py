@@ -8,10 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-from bgmodel.arrays import Array, Integers
 from bgmodel.fitting import passage
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
+from bgmodel.support.arrays import Array, Integers
 
 SENSITIVITY = Parameter(
     "sensitivity", 0.02, 18.0, 4.0, "drift per unit of strength, 1/sqrt(s), of unit noise"

@@ -15,9 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bgmodel.arrays import Array, Truths
-from bgmodel.checks import is_whole
-from bgmodel.decision import Trace
+from bgmodel.deciding.decision import Trace
 from bgmodel.fitting.algorithms import SENSITIVITY
 from bgmodel.fitting.control import BOUNDS, decided, ideal, matched
 from bgmodel.fitting.criteria import CRITERIA, NONE, Axis, Criterion
@@ -31,10 +29,12 @@ from bgmodel.integrators.basal_ganglia import (
     check_engine,
     identity,
 )
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import is_whole
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
-    from circuits.spec import Circuit
+    from circuits.declaration.spec import Circuit
 
 __all__ = ["CRITERIA", "NONE", "Axis", "CircuitModel", "Criterion"]
 
@@ -92,7 +92,7 @@ class CircuitModel:
             raise ValueError(
                 f"choices and times are fitted with two channels, got {self.circuit.channels}"
             )
-        from circuits.spec import NATS
+        from circuits.declaration.spec import NATS
 
         if self.circuit.unit != NATS:
             raise ValueError(

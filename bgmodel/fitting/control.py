@@ -15,10 +15,10 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array, Truths
-from bgmodel.decision import Trace
+from bgmodel.deciding.decision import Trace
 from bgmodel.fitting.crossings import Crossings, interpolated, log_odds, read
 from bgmodel.fitting.responses import BIN_S, Grid
+from bgmodel.support.arrays import Array, Truths
 
 BOUNDS = 31
 """Bounds at which walks are stored."""

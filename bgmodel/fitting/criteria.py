@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bgmodel.arrays import Array
-from bgmodel.edits import written
 from bgmodel.fitting.parameters import Parameter
+from bgmodel.support.arrays import Array
+from circuits.edit_lists import written
 
 if TYPE_CHECKING:
-    from circuits.spec import Circuit
+    from circuits.declaration.spec import Circuit
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array, Integers, Truths
-from bgmodel.decision import Trace, first_crossing
+from bgmodel.deciding.decision import Trace, first_crossing
 from bgmodel.fitting.responses import BIN_S
-from bgmodel.seeds import stream
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.seeds import stream
 
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""

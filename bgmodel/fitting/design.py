@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.arrays import Array, Integers
 from bgmodel.fitting.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.sides import check_sides, name_of
 from bgmodel.fitting.window import in_window
+from bgmodel.support.arrays import Array, Integers
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.arrays import Array
 from bgmodel.fitting.responses import QUANTILES
+from bgmodel.support.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.arrays import Array, Integers
-from bgmodel.facts import Facts
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.misfit import Misfit, misfit
@@ -21,6 +19,8 @@ from bgmodel.fitting.posterior import ENOUGH, Posterior, posterior
 from bgmodel.fitting.responses import BIN_S, QUANTILES, moments
 from bgmodel.fitting.simulation import Simulation, simulation_error, without_parts
 from bgmodel.fitting.slow import warn_of_slow
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.reprs import Facts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

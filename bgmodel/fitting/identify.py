@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.arrays import Array
 from bgmodel.fitting.optimum import Likelihood
 from bgmodel.fitting.responses import BIN_S
+from bgmodel.support.arrays import Array
 
 ALIKE = 0.95
 """Cosine of two directions from which on a fit warns that it moves both."""

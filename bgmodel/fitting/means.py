@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bgmodel.arrays import Array
 from bgmodel.fitting import passage
 from bgmodel.fitting.design import Design
+from bgmodel.support.arrays import Array
 
 
 class MeansFit(NamedTuple):

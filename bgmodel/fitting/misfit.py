@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.arrays import Array, Truths
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.optimum import Likelihood, Optimum
 from bgmodel.fitting.responses import BIN_S, QUANTILES
 from bgmodel.fitting.simulation import jackknifed
+from bgmodel.support.arrays import Array, Truths
 
 BEYOND_CHANCE = 0.003
 """Probability under the model below which the worst of the three tests is reported, after a

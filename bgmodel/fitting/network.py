@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array
-from bgmodel.facts import Facts
-from bgmodel.files import replacing
+from bgmodel.support.arrays import Array
+from bgmodel.support.files import replacing
+from bgmodel.support.reprs import Facts
 
 INPUTS = ("v", "threshold", "t0", "rt", "response")
 """Inputs of the graph: three parameters, then the two columns of HSSM's data."""

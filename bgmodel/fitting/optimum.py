@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.arrays import Array, Truths
 from bgmodel.fitting.algorithms import SENSITIVITY, Model
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.parameters import RESPONSE, Freedom, freedom
 from bgmodel.fitting.responses import moments, responded
+from bgmodel.support.arrays import Array, Truths
 
 OPTIMUM_SEED = 24_101
 """Of the search, which draws."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.arrays import Array, Integers, Truths
+from bgmodel.support.arrays import Array, Integers, Truths
 
 AT_BOUND = 1e-3
 """Share of its range within which a number of a fit counts as at a bound."""

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array
+from bgmodel.support.arrays import Array
 
 TERMS = 12
 """Terms of the series of a constant bound: modes for late times, images for early ones."""

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bgmodel import files
+from bgmodel.support import files
 
 if TYPE_CHECKING:
     import pandas as pd

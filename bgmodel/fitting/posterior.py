@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.arrays import Array
 from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.optimum import Likelihood
-from bgmodel.seeds import stream
+from bgmodel.support.arrays import Array
+from bgmodel.support.seeds import stream
 
 POSTERIOR_SEED = 24_201
 WALKERS, STEPS, MOST_STEPS = 32, 500, 3000

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bgmodel.arrays import Array
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Likelihood, optimum
 from bgmodel.fitting.simulation import jackknifed, without_parts
-from bgmodel.seeds import stream
+from bgmodel.support.arrays import Array
+from bgmodel.support.seeds import stream
 
 FOLDS = 5
 FOLDS_SEED = 24_301

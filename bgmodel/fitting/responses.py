@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers
 
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Quantiles of response times at which data and models are compared."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.tables.choices import Choices
-    from circuits.spec import Circuit
+    from circuits.declaration.spec import Circuit
 
 GAPS = {"constant_gap": False, "falling_gap": True}
 """Models that are no circuit: the sequential test, and whether its bounds fall."""
@@ -129,7 +129,7 @@ class FitSettings:
         from bgmodel.fitting.criteria import CRITERIA
         from bgmodel.integrators.basal_ganglia import checked_circuit
         from circuits.anatomy import CIRCUITS
-        from circuits.table_files import is_path
+        from circuits.declaration.table_files import is_path
 
         if isinstance(model, str) and model in GAPS:
             return GapModel(GAPS[model])

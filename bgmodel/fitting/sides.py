@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bgmodel.calibration import STANDARD_ERRORS
+from bgmodel.deciding.calibration import STANDARD_ERRORS
 from bgmodel.tables.cautions import check_signs
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE

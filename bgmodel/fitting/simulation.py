@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array, Truths
 from bgmodel.fitting.identify import STEP, Directions
 from bgmodel.fitting.optimum import Likelihood
+from bgmodel.support.arrays import Array, Truths
 
 HALVED = 8
 """How often a step that leads downhill is halved before none is taken."""

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bgmodel.arrays import Array
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.responses import BIN_S
+from bgmodel.support.arrays import Array
 
 TAILS_S = (0.75, 1.5, 3.0)
 """Means of the exponential delays that slow trials may have, s."""

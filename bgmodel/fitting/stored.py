@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel import files
-from bgmodel.arrays import Array
 from bgmodel.fitting.crossings import Crossings
+from bgmodel.support import files
+from bgmodel.support.arrays import Array
 
 KINDS = ("bin", "choice", "evidence")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bgmodel.compiling import compiled, inlined
+from bgmodel.support.compiling import compiled, inlined
 
 
 @compiled

@@ -7,8 +7,8 @@ import warnings
 
 import numpy as np
 
-from bgmodel.arrays import Array, Integers, Truths
 from bgmodel.fitting.responses import EVERY_TIME
+from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.tables.columns import FEWEST
 
 RANGES = 25.0

@@ -13,26 +13,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array
-from bgmodel.calibration import warn_of_decisions
-from bgmodel.checks import is_number, whole
-from bgmodel.decision import Decision, Trace, any_crossing, check_decision, first_crossing, joined
+from bgmodel.deciding.calibration import warn_of_decisions
+from bgmodel.deciding.decision import (
+    Decision,
+    Trace,
+    any_crossing,
+    check_decision,
+    first_crossing,
+    joined,
+)
+from bgmodel.deciding.readout import ReadOut
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.facts import Facts
-from bgmodel.memory import check_memory
-from bgmodel.ours import explained
-from bgmodel.progress import advance
-from bgmodel.readout import ReadOut
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import is_number, whole
+from bgmodel.support.import_guard import explained
+from bgmodel.support.memory import check_memory
+from bgmodel.support.progress import advance
+from bgmodel.support.reprs import Facts
 
 try:
     from circuits.activity import RateMeans, checked_drive, warn_beyond_range
     from circuits.anatomy import load_circuit as named
     from circuits.checks import check_time
     from circuits.cost import memory_bytes
+    from circuits.declaration.spec import Circuit
     from circuits.engines import DROPPING, ENGINES, NOISY, THREADED, check_options
     from circuits.engines import run as run_engine
     from circuits.ignored import ignored_edits
-    from circuits.spec import Circuit
 except ImportError as error:
     raise explained(error) from error
 
@@ -506,7 +513,7 @@ def gain_of(circuit: Circuit, given: float | None = None) -> float:
 
 def identity(circuit: Circuit) -> dict[str, str]:
     """Return the name and the hash of a circuit, as edited: for provenance."""
-    from circuits.table_files import digest
+    from circuits.declaration.table_files import digest
 
     return {"name": circuit.name, "sha256": digest(circuit)}
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from bgmodel.checks import whole
-from bgmodel.decision import Trace
+from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.readout import ReadOut
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
-from bgmodel.readout import ReadOut
+from bgmodel.support.checks import whole
 
 LOOP_READINGS = 3
 """Readings that evidence takes round the loop: one each to basal ganglia, thalamus and cortex."""

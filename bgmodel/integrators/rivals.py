@@ -12,11 +12,11 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from bgmodel.arrays import Array
-from bgmodel.checks import is_number
-from bgmodel.decision import Trace
+from bgmodel.deciding.decision import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import is_number
 
 
 class Rival(Protocol):

@@ -8,11 +8,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.checks import is_number, reals, whole
-from bgmodel.decision import Decision, Tally, Trace, first_crossing
+from bgmodel.deciding.decision import Decision, Tally, Trace, first_crossing
+from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
+from bgmodel.deciding.readout import criterion_from_posterior as criterion_from_posterior
 from bgmodel.evidence import Evidence, check_evidence, checked_prior, minus_log_softmax
-from bgmodel.readout import LOG_ODDS, ReadOut, meant
-from bgmodel.readout import criterion_from_posterior as criterion_from_posterior
+from bgmodel.support.checks import is_number, reals, whole
 
 OF_SPRT = ReadOut("the SPRT", unit=LOG_ODDS)
 OF_MSPRT = ReadOut("the MSPRT", lowest=0.0)
@@ -77,7 +77,7 @@ class Sprt(Decides):
         """Return Z as a trace (trials, 1 + steps, 2); tick 0 is the prior."""
         checked_two(evidence)
         # Importing Numba takes most of a second: only where it is used.
-        from bgmodel.crossing import log_odds
+        from bgmodel.deciding.crossing import log_odds
 
         start = float(np.log(evidence.prior[1]) - np.log(evidence.prior[0]))
         out = np.empty((evidence.trials, evidence.steps + 1, 2))
@@ -146,7 +146,7 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
         If there are not two hypotheses, the truth is not known, or thresholds are not (K,) finite
         numbers.
     """
-    from bgmodel.crossing import tally_odds
+    from bgmodel.deciding.crossing import tally_odds
 
     check_evidence(evidence)
     levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)

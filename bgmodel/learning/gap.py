@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.arrays import Array
+from bgmodel.deciding.reward import mean_reward
 from bgmodel.learning.policies import DELTA_RANGE, Policy
 from bgmodel.learning.reinforce import (
     Learned,
@@ -18,9 +18,9 @@ from bgmodel.learning.reinforce import (
     learn,
     smoothed,
 )
-from bgmodel.learning.reward import mean_reward
 from bgmodel.learning.worlds import trials_of
-from bgmodel.seeds import stream
+from bgmodel.support.arrays import Array
+from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source
 from bgmodel.theory.sprt import Empirical, Optimum, optimal_delta, reward_curve, sprt

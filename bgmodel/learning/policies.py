@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from bgmodel.arrays import Array
+from bgmodel.support.arrays import Array
 
 # Gaps that are played, nats (the range of the paper's exhaustive search).
 DELTA_RANGE = (0.0, 8.0)

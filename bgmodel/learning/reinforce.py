@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array
-from bgmodel.decision import Tally
+from bgmodel.deciding.decision import Tally
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import tally_sprt, threshold_from_gap
 from bgmodel.learning.policies import GaussianPolicy, Policy
+from bgmodel.support.arrays import Array
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array, Integers, Reals, Truths
-from bgmodel.comparison.compare import Tradeoff
-from bgmodel.decision import Trace, crossing_of_each
+from bgmodel.deciding.decision import Trace, crossing_of_each
+from bgmodel.deciding.reward import check_xi, reward, reward_of
+from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
 from bgmodel.learning.reinforce import Environment
-from bgmodel.learning.reward import check_xi, reward, reward_of
+from bgmodel.support.arrays import Array, Integers, Reals, Truths
 
 
 def trials_of(

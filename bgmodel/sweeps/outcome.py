@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.arrays import Array
-from bgmodel.calibration import miscalibrated
-from bgmodel.comparison.compare import RESAMPLES, interval, reads_nothing, resampled
+from bgmodel.bootstrap import RESAMPLES, interval, resampled
+from bgmodel.deciding.calibration import miscalibrated
+from bgmodel.deciding.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
+from bgmodel.deciding.tradeoff import reads_nothing
 from bgmodel.experiments.experiment import MANY_MISSED
-from bgmodel.experiments.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
 from bgmodel.experiments.predictions import FEWEST_DECIDED
-from bgmodel.seeds import stream
+from bgmodel.support.arrays import Array
+from bgmodel.support.seeds import stream
 from bgmodel.sweeps.plan import Plan, Setting
 from bgmodel.sweeps.shards import REMARK, read
 

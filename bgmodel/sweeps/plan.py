@@ -14,9 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from bgmodel import files, toml_files
-from bgmodel.edits import ROWS, Edits, with_edits, written
-from bgmodel.experiments.measures import MEASURES
+from bgmodel.deciding.measures import MEASURES
 from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
     check_conditions,
@@ -26,14 +24,16 @@ from bgmodel.integrators.basal_ganglia import (
     identity,
 )
 from bgmodel.integrators.sprt import criterion_from_posterior
-from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from, warn_of_default
+from bgmodel.support import files, toml_files
+from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.motifs import expanded
+from circuits.declaration.spec import Circuit
+from circuits.edit_lists import ROWS, Edits, with_edits, written
 from circuits.engines import NOISY, THREADED
-from circuits.motifs import expanded
-from circuits.spec import Circuit
 
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel import files
-from bgmodel.comparison.compare import Tradeoff
+from bgmodel.deciding.measures import Behaviour
+from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.experiments.experiment import behaviour_of
-from bgmodel.experiments.measures import Behaviour
-from bgmodel.memory import NoMemoryError
+from bgmodel.support import files
+from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps.plan import BLOCK, Setting, Shard
 
 TRIAL_BYTES, SHARD_BYTES = 40, 20_000

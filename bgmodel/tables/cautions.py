@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.arrays import Array
+from bgmodel.support.arrays import Array
 from bgmodel.tables.columns import FEWEST, NO_RESPONSE, OURS
 
 LATE, TOO_LATE = 3.0, 10.0

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.arrays import Array, Truths
-from bgmodel.checks import path_of
-from bgmodel.facts import Facts, span
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import path_of
+from bgmodel.support.reprs import Facts, span
 from bgmodel.tables.cautions import (
     check_deadline,
     check_signs,

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.arrays import Array, Truths
+from bgmodel.support.arrays import Array, Truths
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
 """What a cell of numbers or responses holds where there is none."""

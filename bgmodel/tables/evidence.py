@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.calibration import warn_of_units
-from bgmodel.checks import path_of
+from bgmodel.deciding.calibration import warn_of_units
 from bgmodel.evidence import MOST_NATS, Evidence
-from bgmodel.files import read_table
-from bgmodel.memory import check_evidence_memory, check_table_memory
 from bgmodel.readings import warn_of_copies
+from bgmodel.support.checks import path_of
+from bgmodel.support.files import read_table
+from bgmodel.support.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.trials import RESULT, Trials
 
 KEYS = ("participant_id", "trial")

@@ -7,7 +7,7 @@ from importlib import resources
 
 import pandas as pd
 
-from bgmodel.files import read_provenance, read_table
+from bgmodel.support.files import read_provenance, read_table
 
 SETS = ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011")
 

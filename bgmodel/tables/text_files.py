@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from bgmodel.files import read_table
-from bgmodel.memory import check_table_memory
+from bgmodel.support.files import read_table
+from bgmodel.support.memory import check_table_memory
 
 SEPARATORS = {".csv": ",", ".tsv": "\t"}
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.decision import Decision
+from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence, check_evidence
 
 if TYPE_CHECKING:

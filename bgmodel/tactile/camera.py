@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bgmodel.arrays import Array, Image
+from bgmodel.support.arrays import Array, Image
 from bgmodel.tactile.tips import Tip
 
 _DARK, _BRIGHT = 18.0, 225.0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from bgmodel.arrays import Array, Truths
+from bgmodel.support.arrays import Array, Truths
 
 Convolution = Callable[[Array, Array], Array]
 

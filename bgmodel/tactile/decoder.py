@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from bgmodel.arrays import Reals
-from bgmodel.files import check_writable, provenance, replacing
+from bgmodel.support.arrays import Reals
+from bgmodel.support.files import check_writable, provenance, replacing
 from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
 from bgmodel.tactile.taps import Taps
 

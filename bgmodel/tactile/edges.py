@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bgmodel.arrays import Array
-from bgmodel.seeds import stream
+from bgmodel.support.arrays import Array
+from bgmodel.support.seeds import stream
 from bgmodel.tactile.decoder import EDGE, train
 from bgmodel.tactile.likelihood import Pool, fit_likelihood
 from bgmodel.tactile.networks import wrapped

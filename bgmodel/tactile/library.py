@@ -19,8 +19,8 @@ import platformdirs
 from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
-from bgmodel.arrays import Array, Singles
-from bgmodel.files import replacing
+from bgmodel.support.arrays import Array, Singles
+from bgmodel.support.files import replacing
 from bgmodel.tactile import sampling
 from bgmodel.tactile.pressing import LibraryPlan, press
 

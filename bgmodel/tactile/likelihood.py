@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from bgmodel.arrays import Reals
+from bgmodel.support.arrays import Reals
 from bgmodel.tactile.taps import Taps
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
-from bgmodel.arrays import Array, Image, Integers, Reals
+from bgmodel.support.arrays import Array, Image, Integers, Reals
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.targets import read_targets
 

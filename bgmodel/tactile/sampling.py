@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bgmodel.arrays import Array, Singles
-from bgmodel.compiling import compiled
+from bgmodel.support.arrays import Array, Singles
+from bgmodel.support.compiling import compiled
 
 
 def phase_weights(phase: Array, count: int) -> Array:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bgmodel.arrays import Array, Singles
+from bgmodel.support.arrays import Array, Singles
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bgmodel.arrays import Array
+from bgmodel.support.arrays import Array
 
 # Rows of a layer's state and of the boundary conditions: depth displacement, lateral displacement,
 # normal stress, shear stress.

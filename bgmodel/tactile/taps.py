@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bgmodel.arrays import Array, Singles
-from bgmodel.files import replacing
+from bgmodel.support.arrays import Array, Singles
+from bgmodel.support.files import replacing
 
 if TYPE_CHECKING:
     import pandas as pd

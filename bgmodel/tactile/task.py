@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.arrays import Array
-from bgmodel.checks import whole
 from bgmodel.evidence import Evidence
-from bgmodel.seeds import generator
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import whole
+from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
 
 FOLDS = 6
@@ -237,7 +237,7 @@ def held_out_taps() -> pd.DataFrame:
     """Return the decoded held-out taps that ship with the package.
 
     One row a tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
-    ``bgmodel.files.read_provenance`` of the file tells how it was made.
+    ``bgmodel.support.files.read_provenance`` of the file tells how it was made.
     """
     with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
         return pd.read_parquet(path).astype("float64")

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bgmodel.arrays import Array, Truths
+from bgmodel.support.arrays import Array, Truths
 
 MAX_STATES = 6000  # a larger dense chain takes minutes and gigabytes
 MAX_HEAVY = 32  # atoms of x whose sums are followed exactly,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bgmodel.arrays import Array
+from bgmodel.support.arrays import Array
 from bgmodel.theory.empirical import Empirical, check_size, empirical_chain, require
 
 

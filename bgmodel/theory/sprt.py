@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bgmodel.arrays import Array
-from bgmodel.learning.reward import reward_of
+from bgmodel.deciding.reward import reward_of
+from bgmodel.support.arrays import Array
 from bgmodel.theory.empirical import Empirical, require
 from bgmodel.theory.first_passage import Gaussian, Increments, Walk, gaussian_pair, walk
 

@@ -1,5 +1,5 @@
 // The fixed point of a circuit's table, and decisions that read it: the algebra of
-// circuits/fixed_point.py, number for number. No drawing here.
+// circuits/dynamics/fixed_point.py, number for number. No drawing here.
 "use strict";
 
 const MOST_STEPS = 400, TOLERANCE = 1e-9, LARGEST_MOVE = 1, MOST_DAMPING = 4, PATIENCE = 100, CAUTION = 10,

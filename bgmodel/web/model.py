@@ -7,11 +7,11 @@ from typing import Any
 
 from bgmodel.integrators.basal_ganglia import gain_of, identity
 from circuits.anatomy import load_circuit
-from circuits.fixed_point import parts, wired
-from circuits.rows import GABA, RECEPTORS
-from circuits.spec import Circuit
-from circuits.table_files import is_path
-from circuits.wiring import Wiring
+from circuits.declaration.rows import GABA, RECEPTORS
+from circuits.declaration.spec import Circuit
+from circuits.declaration.table_files import is_path
+from circuits.dynamics.fixed_point import parts, wired
+from circuits.dynamics.wiring import Wiring
 
 ALTERNATIVES = (2, 3, 4)
 LESIONED = ("STN", "GPe", "D1", "D2")

@@ -6,7 +6,7 @@ import json
 from importlib.resources import files as resources
 from pathlib import Path
 
-from bgmodel.files import replacing
+from bgmodel.support.files import replacing
 from bgmodel.web.model import tables
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
-from circuits.rows import Population, Projection
+from circuits.declaration.rows import Population, Projection
 
 Row = TypeVar("Row", Population, Projection)
 NAMES: dict[type, tuple[str, ...]] = {Population: ("name",), Projection: ("source", "target")}

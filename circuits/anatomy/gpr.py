@@ -5,7 +5,7 @@ from __future__ import annotations
 from circuits.anatomy.columns import rows
 from circuits.cells import Rate
 from circuits.checks import check_channels, check_number
-from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
 
 GPR = "Gurney et al. 2001"
 ASSUMED = "1 is 100 Hz, assumed"

@@ -7,7 +7,7 @@ from math import exp, inf, log, log1p
 from circuits.anatomy.columns import rows
 from circuits.cells import Phase, Rate
 from circuits.checks import check_channels
-from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
 
 LIENARD = "Lienard & Girard 2014"
 HUMPHRIES = "Humphries et al. 2006"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from circuits.fixed_point import rest_rates, wired
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
+from circuits.dynamics.fixed_point import rest_rates, wired
 
 MACAQUE = {
     "FSI": (7.8, 14.0),

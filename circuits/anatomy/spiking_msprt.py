@@ -7,7 +7,7 @@ from math import exp, log, log1p
 from circuits.anatomy.columns import rows
 from circuits.cells import Lif, Phase, Rate
 from circuits.checks import check_channels
-from circuits.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
 
 HUMPHRIES = "Humphries, Stewart & Gurney 2006"
 TUNED = "tuned"

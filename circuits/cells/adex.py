@@ -9,8 +9,8 @@ import numpy as np
 
 from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, register
+from circuits.cells.single import ONE, ZERO, choose, exponential, fused, single
 from circuits.checks import check_types, whole_ticks
-from circuits.single import ONE, ZERO, choose, exponential, fused, single
 
 
 def _begin(

@@ -67,7 +67,7 @@ class BrianText(NamedTuple):
     tick : str
         Code of one tick. It may use ``nats`` or ``hz``, whichever the cell hears, and ``dt_s``;
         ``ones(word, t_in_timesteps)``, the number of ones among 8 random bits, mean 4, variance 2;
-        and ``single``, ``fused``, ``exponential`` of ``circuits.single`` with
+        and ``single``, ``fused``, ``exponential`` of ``circuits.cells.single`` with
         ``chosen(test, yes, no)``.
     spike, reset : str
         Condition of a spike, and what follows.
@@ -157,7 +157,7 @@ class Cell:
     begin: ClassVar[Callable[..., tuple[Any, ...]] | None] = None
     """``(uniform, *constants) -> state``: where a cell starts, from a number in [0, 1)."""
     tick: ClassVar[Callable[..., tuple[Any, ...]] | None] = None
-    """``(heard, ones, *state, *constants) -> (fired, *state)``, written in ``circuits.single``.
+    """``(heard, ones, *state, *constants) -> (fired, *state)``, in words of ``cells.single``.
 
     ``heard`` is its input in nats, or its expected number of spikes per tick, in double precision.
     NumPy runs it on arrays, the compiled engine on one cell: no branches, no literals.

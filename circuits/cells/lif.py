@@ -9,8 +9,8 @@ import numpy as np
 
 from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, register
+from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_types, whole_ticks
-from circuits.single import ONE, ZERO, choose, fused, single
 
 OVERSHOOT = 0.5825971579390107
 """-zeta(1/2)/sqrt(2 pi): how far, in steps, a sampled walk overshoots a bound (Siegmund 1985)."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, register
+from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_types
-from circuits.single import ONE, ZERO, choose, fused, single
 
 FOUR = np.float32(4)
 

@@ -8,11 +8,11 @@ import numpy.typing as npt
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.arrays import Array
 from circuits.checks import check_time
-from circuits.fixed_point import solve, wired
+from circuits.declaration.spec import Circuit
+from circuits.dynamics.fixed_point import solve, wired
+from circuits.dynamics.wiring import Wiring
 from circuits.laws.fluctuation import extra
 from circuits.laws.mean_field import own_rates, settled
-from circuits.spec import Circuit
-from circuits.wiring import Wiring
 
 TRIALS_AT_ONCE = 512
 LAWS = ("table", "cells", "finite")

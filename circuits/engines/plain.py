@@ -1,4 +1,4 @@
-"""The plain engine: the tick scheme of ``circuits.ticks`` written out in NumPy, one trial a time.
+"""The plain engine: the scheme of ``circuits.dynamics.ticks`` in NumPy, one trial at a time.
 
 It is slow and short: the place to read what the other spiking engines do, and what tests hold them
 to. Its spikes are those of the Brian2 and of the ensemble engine.
@@ -14,15 +14,15 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from circuits import noise
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
 from circuits.arrays import Array, Index, Truths
 from circuits.cells.cell import tick_constants
-from circuits.fixed_point import wired
-from circuits.spec import Circuit
-from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
-from circuits.timed import Timed, timed
-from circuits.wiring import fan_in, units_of
+from circuits.declaration.spec import Circuit
+from circuits.dynamics import noise
+from circuits.dynamics.fixed_point import wired
+from circuits.dynamics.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
+from circuits.dynamics.timed import Timed, timed
+from circuits.dynamics.wiring import fan_in, units_of
 
 Fired = dict[int, Truths]
 """Which cells of each block fired in a tick."""

@@ -19,9 +19,9 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Complex
 from circuits.cells.cell import Line
+from circuits.dynamics.wiring import Wiring
 from circuits.laws.mean_field import own_rates
 from circuits.laws.mixture import mean_response
-from circuits.wiring import Wiring
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
 """Where power is summed. Below, cells' answers would cancel to nothing; above, synapses filter."""

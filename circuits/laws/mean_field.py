@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from circuits.arrays import Array
+from circuits.dynamics.wiring import Wiring
 from circuits.laws.mixture import mean_rate_hz
-from circuits.wiring import Wiring
 
 TOLERANCE = 1e-10
 

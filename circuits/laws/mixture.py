@@ -12,7 +12,7 @@ import numpy as np
 
 from circuits.arrays import Array
 from circuits.cells.cell import Cell, Line, Response
-from circuits.ticks import SPREAD_LEAST
+from circuits.dynamics.ticks import SPREAD_LEAST
 
 
 @lru_cache(maxsize=256)

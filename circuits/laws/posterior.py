@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.fixed_point import solve, wired
-from circuits.spec import Circuit
+from circuits.declaration.spec import Circuit
+from circuits.dynamics.fixed_point import solve, wired
 
 STEPS = 21
 """Values of OUT at which it is looked up, from the lowest to the highest that is read."""

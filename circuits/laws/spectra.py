@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.fixed_point import solve, wired
+from circuits.declaration.spec import Circuit
+from circuits.dynamics.fixed_point import solve, wired
+from circuits.dynamics.wiring import Wiring
 from circuits.laws.fluctuation import FREQUENCIES_HZ, extra, linear, swept
 from circuits.laws.mean_field import settled
-from circuits.spec import Circuit
-from circuits.wiring import Wiring
 
 
 def rate_spectrum(

@@ -1,6 +1,7 @@
 """Whether a circuit's fixed point is stable: the loops' delays make it oscillate above some S.
 
-The scheme of ``circuits.ticks`` in continuous time, linearised at the fixed point. A delay line is
+The scheme of ``circuits.dynamics.ticks`` in continuous time, linearised at the fixed point. A
+delay line is
 a transport equation, collocated at Chebyshev nodes, so that the rightmost roots of the delay
 equation are eigenvalues of one matrix (Breda, Maset & Vermiglio 2005).
 """
@@ -14,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array, Complex, Index
-from circuits.fixed_point import parts, solve, wired
-from circuits.spec import Circuit
-from circuits.wiring import Wiring
+from circuits.declaration.spec import Circuit
+from circuits.dynamics.fixed_point import parts, solve, wired
+from circuits.dynamics.wiring import Wiring
 
 NODES = 12
 """Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""

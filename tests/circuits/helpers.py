@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from circuits import anatomy, fixed_point
+from circuits import anatomy
 from circuits.cells import Phase, Rate
+from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.table_files import digest
+from circuits.dynamics import fixed_point
 from circuits.engines import run
 from circuits.laws.mean_field import settled
-from circuits.spec import Circuit, Population, Projection
-from circuits.table_files import digest
 
 CLOSE = 1e-9
 REFERENCE = 3.0

@@ -10,10 +10,10 @@ from scipy.special import logsumexp
 from circuits import anatomy
 from circuits.activity import checked_drive, total_nats, warn_beyond_range
 from circuits.cells import Phase
+from circuits.declaration.spec import Circuit, Population
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.response import phase_spectrum
-from circuits.spec import Circuit, Population
 from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_rate
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from circuits import anatomy
 from circuits.checks import check_channels, is_whole, whole_ticks
-from circuits.ticks import Clock, Scheme
-from circuits.wiring import wire
+from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.wiring import wire
 from tests.circuits.helpers import run_rate
 
 

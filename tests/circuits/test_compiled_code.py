@@ -8,8 +8,8 @@ import sys
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-import bgmodel.compiling
-from bgmodel import crossing
+import bgmodel.support.compiling
+from bgmodel.deciding import crossing
 from bgmodel.fitting import weights
 from bgmodel.tactile import sampling
 from circuits.compiled_code import sources_hash
@@ -22,7 +22,7 @@ DECIDES = """
 import circuits.engines.compiling
 from bgmodel import Msprt, first_crossing
 from bgmodel.evidence import separated_evidence
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 evidence = separated_evidence(50, 20, 1.0, rng=stream(1, "cache"), hypotheses=3)
 print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())
 """
@@ -31,7 +31,9 @@ print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())
 @pytest.mark.parametrize("module", [crossing, kernel, lanes, population, sampling, weights])
 def test_compiled_code_is_kept_under_a_hash_of_all_sources(module):
     package = module.__name__.partition(".")[0]
-    expected = {"bgmodel": bgmodel.compiling.SOURCES, "circuits": compiling.SOURCES}[package]
+    expected = {"bgmodel": bgmodel.support.compiling.SOURCES, "circuits": compiling.SOURCES}[
+        package
+    ]
     found = [f for f in vars(module).values() if isinstance(f, Dispatcher) and f.stats.cache_path]
     assert found
     assert all(f"/compiled/{expected}/" in function.stats.cache_path for function in found)

@@ -5,10 +5,10 @@ import pytest
 
 from circuits import anatomy
 from circuits.cost import CELL_BYTES, cells, memory_bytes
+from circuits.dynamics.ticks import Clock
+from circuits.dynamics.wiring import wire
 from circuits.engines import run
 from circuits.engines.ensemble.plan import plan, workspace
-from circuits.ticks import Clock
-from circuits.wiring import wire
 
 TABLE = anatomy.spiking_msprt()
 

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from circuits import anatomy, show
+from circuits.declaration.spec import GABA, Population, Projection
 from circuits.engines import run
-from circuits.spec import GABA, Population, Projection
 
 
 @pytest.mark.parametrize("name", anatomy.CIRCUITS)

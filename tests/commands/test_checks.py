@@ -150,7 +150,7 @@ def test_a_baseline_above_0_is_said_where_channels_get_their_own_evidence(capsys
 
 def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys, monkeypatch):
     later = []
-    monkeypatch.setattr("bgmodel.compiling.on_compiling", later.append)
+    monkeypatch.setattr("bgmodel.support.compiling.on_compiling", later.append)
     evidence = some_evidence(trials=2, hypotheses=2, baseline=0.0)
     for engine, compiles in (("ensemble", True), ("algebra", False)):
         later.clear()

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.comparison import steady
-from bgmodel.files import read_provenance
+from bgmodel.support.files import read_provenance
 from tests.helpers import long_table, run, some_evidence
 
 

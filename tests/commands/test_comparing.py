@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.commands.names import MACAQUE
-from bgmodel.files import provenance_path
+from bgmodel.support.files import provenance_path
 from circuits.anatomy import DEFAULT
 from tests.helpers import run
 

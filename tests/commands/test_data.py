@@ -5,7 +5,7 @@ import json
 import pandas as pd
 import pytest
 
-from bgmodel.files import provenance_path, read_provenance
+from bgmodel.support.files import provenance_path, read_provenance
 from bgmodel.tables.choices import read_choices, shipped
 from tests.helpers import ROOT, run
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.files import read_provenance, read_table
+from bgmodel.support.files import read_provenance, read_table
 from tests.helpers import long_table, run, some_evidence
 
 

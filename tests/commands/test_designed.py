@@ -5,7 +5,7 @@ import json
 import pandas as pd
 import pytest
 
-from bgmodel.files import provenance_path
+from bgmodel.support.files import provenance_path
 from tests.helpers import run
 
 COMMAND = ("circuit", "designed")

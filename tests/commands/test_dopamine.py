@@ -4,7 +4,7 @@ import numpy as np
 
 from bgmodel import stream
 from bgmodel.cli import main
-from bgmodel.files import read_table
+from bgmodel.support.files import read_table
 from tests.helpers import run
 
 
@@ -12,7 +12,7 @@ def test_the_command_says_before_it_starts_what_it_does(tmp_path, monkeypatch, c
     def stop(*given):
         raise ValueError("started")
 
-    monkeypatch.setattr("bgmodel.learning.level.level_outcomes", stop)
+    monkeypatch.setattr("bgmodel.learning.dopamine_learner.level_outcomes", stop)
     assert main(["circuit", "learn", str(tmp_path / "a.csv")]) == 2
     out, said = capsys.readouterr()
     assert "read " not in out
@@ -55,7 +55,7 @@ def test_levels_are_those_of_the_circuit_that_is_named(tmp_path, capsys):
 
 def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp_path, monkeypatch):
     """Of a table every second trial is kept, else they are drawn anew; the noise is new in both."""
-    from bgmodel.learning import level
+    from bgmodel.learning import dopamine_learner as level
 
     seen, real = [], level.level_outcomes
 
@@ -63,7 +63,7 @@ def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp
         seen.append((model.seed, evidence))
         return real(model, evidence, *given)
 
-    monkeypatch.setattr("bgmodel.learning.level.level_outcomes", watched)
+    monkeypatch.setattr("bgmodel.learning.dopamine_learner.level_outcomes", watched)
     rng = stream(1, "table")
     rows = [
         f"{n},{t},{x:.4f},0,{'ab'[n % 3 % 2]}"

@@ -11,7 +11,7 @@ import pytest
 from bgmodel.evidence import separated_evidence
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.predictions import AGREES, WITHOUT
-from bgmodel.files import provenance_path, read_provenance
+from bgmodel.support.files import provenance_path, read_provenance
 from tests.helpers import GOOD, run
 
 

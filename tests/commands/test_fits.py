@@ -10,11 +10,11 @@ import pandas as pd
 import pytest
 
 from bgmodel.commands.fitted import TABLES, Kept
-from bgmodel.files import read_provenance
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.pieces import Piece
+from bgmodel.support.files import read_provenance
 from tests.drawn import drawn
 from tests.helpers import run
 

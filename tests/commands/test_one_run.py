@@ -24,7 +24,7 @@ COMMAND = [
 SLOW = """
 import time
 from pathlib import Path
-from bgmodel.files import replacing
+from bgmodel.support.files import replacing
 from figures.common import run
 
 def draw(settings, *, output):

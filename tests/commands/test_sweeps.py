@@ -13,10 +13,10 @@ from io import StringIO
 import pandas as pd
 import pytest
 
-from bgmodel.files import read_provenance, write_table
+from bgmodel.support.files import read_provenance, write_table
 from bgmodel.sweeps import shards
 from circuits.anatomy import load_circuit
-from circuits.table_files import write
+from circuits.declaration.table_files import write
 from tests.helpers import ROOT, run
 
 SMALL = """

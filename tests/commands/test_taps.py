@@ -1,7 +1,7 @@
 """The commands `simulate`, `train` and `decode`."""
 
 from bgmodel.commands.taps import _taps
-from bgmodel.files import read_table
+from bgmodel.support.files import read_table
 from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 

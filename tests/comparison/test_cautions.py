@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from bgmodel import Msprt, stream
-from bgmodel.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.comparison.cautions import ceiling, warn_of_ceiling, warn_of_own_ceiling
-from bgmodel.comparison.compare import tradeoff
 from bgmodel.comparison.with_msprt import compare
+from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.rivals import Lca
 from tests.helpers import run

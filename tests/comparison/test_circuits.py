@@ -7,29 +7,32 @@ import pytest
 
 from bgmodel import Msprt, stream
 from bgmodel.comparison.circuits import (
-    CIRCUIT,
-    DECODER,
     MSPRT,
     MSPRT_AT_GAIN,
     at_rest,
     compare_edits,
     compare_with_msprt,
-    decide_at_thresholds,
-    is_noisy,
     msprt_tradeoffs,
     sample_ms,
-    thresholds_about,
     with_other_noise,
-    without_noise_alone,
 )
-from bgmodel.comparison.compare import OTHER_NOISE, compare, tradeoff
+from bgmodel.comparison.compare import OTHER_NOISE, compare
 from bgmodel.comparison.page import behaviour, page
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.deciding import (
+    CIRCUIT,
+    DECODER,
+    decide_at_thresholds,
+    is_noisy,
+    thresholds_about,
+    without_noise_alone,
+)
 from bgmodel.integrators.rivals import RIVALS
 from circuits.anatomy import load_circuit
-from circuits.controls import shuffled_stn
+from circuits.laws.controls import shuffled_stn
 
 SEED, GAIN = 51, 0.5
 TABLE = load_circuit("spiking_msprt", 4)
@@ -282,7 +285,7 @@ def test_each_seed_has_another_noise_of_its_own(monkeypatch):
         asked.append(model.seed)
         return {CIRCUIT: None}
 
-    monkeypatch.setattr("bgmodel.comparison.circuits.decide_at_thresholds", decided)
+    monkeypatch.setattr("bgmodel.integrators.deciding.decide_at_thresholds", decided)
     test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
     for seed in (7, 8, None, 0):
         with_other_noise(replace(QUICK, seed=seed), EVIDENCE, test)

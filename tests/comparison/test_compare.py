@@ -9,24 +9,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison.compare import (
-    Tradeoff,
-    _matched,
-    check_resamples,
-    check_trials,
-    compare,
-    curve,
-    equivalent,
-    interval,
-    latency,
-    levels,
-    margin,
-    reads_nothing,
-    resampled,
-    shown,
-    tradeoff,
-)
-from bgmodel.decision import Trace
+from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled, shown
+from bgmodel.comparison.compare import _matched, compare, equivalent, latency
+from bgmodel.deciding.decision import Trace
+from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, margin, reads_nothing, tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.rivals import MaxVsAverage, Race
 

@@ -34,7 +34,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage, MaxVsNext
 from bgmodel.integrators.sprt import Msprt
 from circuits import anatomy
-from circuits.controls import linear_stn
+from circuits.laws.controls import linear_stn
 
 OF_RIVALS = {
     MSPRT: lambda rivals: np.log(np.exp(rivals).sum()),

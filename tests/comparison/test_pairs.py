@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import stream
-from bgmodel.comparison.compare import interval, resampled
+from bgmodel.bootstrap import interval, resampled
 from bgmodel.comparison.pairs import (
     Choices,
     NearInTime,

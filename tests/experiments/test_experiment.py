@@ -10,15 +10,15 @@ import pandas as pd
 import pytest
 
 from bgmodel import stream
-from bgmodel.edits import Edits
+from bgmodel.deciding.measures import MEASURES
 from bgmodel.evidence import separated_evidence
 from bgmodel.experiments.experiment import RENAMED, Condition, Experiment, behaviour_of, shipped
-from bgmodel.experiments.measures import MEASURES
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
+from circuits.edit_lists import Edits
 from tests.helpers import GOOD, ROOT, behaving, run
 
 EFFECT = """[[effects]]

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from bgmodel.deciding.measures import MEASURES, OF_DECIDED
 from bgmodel.experiments.experiment import Condition, Experiment, shipped
-from bgmodel.experiments.measures import MEASURES, OF_DECIDED
 from bgmodel.experiments.outcomes import (
     COMPATIBLE,
     DIFFERS,
@@ -21,8 +21,8 @@ from bgmodel.experiments.outcomes import (
     page,
 )
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
-from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
+from bgmodel.support.seeds import stream
 from tests.helpers import behaving
 
 

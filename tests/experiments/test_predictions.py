@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
+from bgmodel.deciding.measures import MEASURES, SHARES
 from bgmodel.experiments.experiment import shipped
-from bgmodel.experiments.measures import MEASURES, SHARES
 from bgmodel.experiments.predictions import LIKELY, Effect, Prediction
 
 

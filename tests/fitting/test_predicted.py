@@ -9,7 +9,7 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.optimum import likelihood_of, optimum
 from bgmodel.fitting.predicted import Better, Predicted, _divided, better_by, predicted
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from tests.drawn import TRUTH, drawn
 
 MODEL = GapModel()

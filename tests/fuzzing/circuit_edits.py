@@ -11,8 +11,8 @@ from scipy.special import logsumexp
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
+from circuits.declaration.rows import Population, Projection
 from circuits.engines import run
-from circuits.rows import Population, Projection
 from tests.fuzzing.case import Case, Rng, pick
 
 GOOD_EDITS: dict[str, Callable[[Any, Rng], Any]] = {

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bgmodel.files import read_table
+from bgmodel.support.files import read_table
 from circuits import anatomy
 from tests.fuzzing.case import Case, Rng, pick
 from tests.fuzzing.files import toml

@@ -11,8 +11,8 @@ import pandas as pd
 from scipy.special import log_softmax
 
 from bgmodel import first_crossing
-from bgmodel.files import read_table
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.support.files import read_table
 from bgmodel.tables.evidence import trials_from_table
 from bgmodel.tables.trials import trial_table
 from tests.fuzzing.case import Case, Rng, pick

@@ -8,7 +8,7 @@ from collections import Counter
 import pytest
 
 from bgmodel.cli import main
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from tests.fuzzing.kinds import KINDS, prepare
 
 SEED = 18

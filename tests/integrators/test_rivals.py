@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.cli import main
-from bgmodel.comparison.compare import curve, tradeoff
+from bgmodel.deciding.tradeoff import curve, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.rivals import (
     RIVALS,

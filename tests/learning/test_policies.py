@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import norm
 
 from bgmodel import Sprt, stream, threshold_from_gap
-from bgmodel.decision import crossing_of_each
+from bgmodel.deciding.decision import crossing_of_each
+from bgmodel.deciding.reward import reward
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
-from bgmodel.learning.reward import reward
 from bgmodel.theory.sprt import gaussian_pair, reward_curve
 from tests.learning.helpers import T_MAX, XI, D, draw
 

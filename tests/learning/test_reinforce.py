@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.comparison.compare import Tradeoff
+from bgmodel.deciding.reward import mean_reward
+from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import (
@@ -17,7 +18,6 @@ from bgmodel.learning.reinforce import (
     learn,
     smoothed,
 )
-from bgmodel.learning.reward import mean_reward
 from bgmodel.learning.worlds import trials_of
 from bgmodel.theory.sprt import gaussian_pair, optimal_delta, reward_curve
 from tests.helpers import ROOT

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel import Evidence, stream
-from bgmodel.comparison.compare import Tradeoff
+from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
 from tests.learning.helpers import XI, draw
 

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.comparison.compare import RESAMPLES, interval, resampled
-from bgmodel.experiments.measures import MEASURES
-from bgmodel.seeds import stream
+from bgmodel.bootstrap import RESAMPLES, interval, resampled
+from bgmodel.deciding.measures import MEASURES
 from bgmodel.stimuli import Stimuli
+from bgmodel.support.seeds import stream
 from bgmodel.sweeps import outcome, shards
 from bgmodel.sweeps.plan import Plan
 from tests.helpers import behaving

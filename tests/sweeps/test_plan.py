@@ -7,12 +7,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bgmodel.edits import Edits
 from bgmodel.experiments.experiment import Condition, Experiment
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps.plan import BLOCK, Plan, Setting, read_plan
 from circuits.anatomy import load_circuit
-from circuits.table_files import write
+from circuits.declaration.table_files import write
+from circuits.edit_lists import Edits
 from tests.helpers import long_table, some_evidence
 
 

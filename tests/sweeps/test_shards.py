@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bgmodel import files
-from bgmodel.decision import first_crossing
+from bgmodel.deciding.decision import first_crossing
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.memory import NoMemoryError
 from bgmodel.stimuli import Stimuli
+from bgmodel.support import files
+from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
 from tests.helpers import long_table, some_evidence

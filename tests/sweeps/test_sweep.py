@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.cli import main
-from bgmodel.files import read_table
+from bgmodel.support.files import read_table
 from bgmodel.sweeps.sweep import Sweep
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from bgmodel.tables.cautions import (
     STEPS_S,
     check_deadline,

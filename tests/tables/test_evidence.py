@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 from bgmodel import Msprt, first_crossing
-from bgmodel.calibration import warn_of_units
+from bgmodel.deciding.calibration import warn_of_units
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.files import write_table
-from bgmodel.seeds import stream
 from bgmodel.stimuli import Stimuli
+from bgmodel.support.files import write_table
+from bgmodel.support.seeds import stream
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tables.trials import trial_table
 from tests.helpers import long_table

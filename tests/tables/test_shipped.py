@@ -5,7 +5,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from bgmodel.files import read_provenance
+from bgmodel.support.files import read_provenance
 from bgmodel.tables.choices import read_choices, shipped
 from bgmodel.tables.statistics import statistics
 from tests.helpers import ROOT

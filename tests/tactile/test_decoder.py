@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, _fit, train
 from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
 from bgmodel.tactile.taps import Taps

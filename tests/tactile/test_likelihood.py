@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm, t
 
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import (
     Density,
     _fit_t,

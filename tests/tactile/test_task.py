@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Msprt, Sprt, stream, tally, threshold_from_gap
-from bgmodel.comparison.compare import interval, resampled
-from bgmodel.files import read_provenance
+from bgmodel.bootstrap import interval, resampled
 from bgmodel.learning.gap import fold_sources, increments
+from bgmodel.support.files import read_provenance
 from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.likelihood import Density

@@ -7,14 +7,15 @@ import pytest
 
 from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
 from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.compare import compare, tradeoff
+from bgmodel.comparison.compare import compare
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from circuits.anatomy import load_circuit
-from circuits.controls import linear_stn, shuffled_stn
+from circuits.laws.controls import linear_stn, shuffled_stn
 
 pytestmark = pytest.mark.validate
 SCORING_SEED = 40_002

@@ -10,7 +10,7 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import likelihood_of, optimum
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from tests.drawn import drawn
 from tests.validation.test_slow_trials import PRIOR, SECONDS, STRENGTHS, TRIALS, lapsing
 

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from tests.fuzzing.kinds import KINDS
 from tests.fuzzing.trying import SEED, all_tried, check_sentence
 

@@ -11,7 +11,7 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.optimum import likelihood_of, optimum
-from bgmodel.seeds import stream
+from bgmodel.support.seeds import stream
 from bgmodel.tables.choices import read_choices
 from tests.drawn import drawn, slowed
 

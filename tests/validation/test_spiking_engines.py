@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bgmodel.comparison.steady import steady_shifts
-from bgmodel.decision import Trace, first_crossing
+from bgmodel.deciding.decision import Trace, first_crossing
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
-from bgmodel.seeds import stream
+from bgmodel.integrators.steady import steady_shifts
+from bgmodel.support.seeds import stream
 from circuits import anatomy
 from circuits.engines.brian2 import run as spiking
 from circuits.engines.ensemble import run as ensemble

@@ -13,8 +13,8 @@ from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.web.model import ALTERNATIVES, LESIONED, plain, tables
 from circuits.anatomy import load_circuit
-from circuits.table_files import write
-from circuits.transfer import TRANSFERS
+from circuits.declaration.table_files import write
+from circuits.declaration.transfer import TRANSFERS
 
 quickjs = pytest.importorskip("quickjs")
 SCRIPT = (files("bgmodel.web") / "model.js").read_text()

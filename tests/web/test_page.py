@@ -10,7 +10,7 @@ import pytest
 
 from bgmodel.web.page import page
 from circuits.anatomy import load_circuit
-from circuits.table_files import write
+from circuits.declaration.table_files import write
 from tests.helpers import run
 
 BROWSER = next(

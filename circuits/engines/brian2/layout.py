@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits import noise
 from circuits.arrays import Array, Index
 from circuits.cells.cell import tick_constants
+from circuits.declaration.spec import Projection
+from circuits.dynamics import noise
+from circuits.dynamics.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
+from circuits.dynamics.timed import Timed
+from circuits.dynamics.wiring import Wiring, fan_in, units_of
 from circuits.engines.brian2 import text as brian_text
-from circuits.spec import Projection
-from circuits.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
-from circuits.timed import Timed
-from circuits.wiring import Wiring, fan_in, units_of
 
 Values = dict[tuple[str, str], Array]
 """(group, variable) -> what it holds."""

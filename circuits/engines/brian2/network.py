@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from circuits import noise
 from circuits.activity import Activity, spike_table
 from circuits.arrays import Array
+from circuits.dynamics import noise
+from circuits.dynamics.ticks import Clock
 from circuits.engines.brian2 import text as brian_text
 from circuits.engines.brian2.layout import Columns, Layout, Values
 from circuits.engines.brian2.noise import functions, load_brian, looked_up
-from circuits.ticks import Clock
 
 ORDER = {"line": -6, "shared_inputs": -4, "own_inputs": -4, "blocks": -2}
 """Of the groups within a tick; cells follow at 0, 1 and 2."""

@@ -1,4 +1,4 @@
-"""``circuits.noise`` as functions of Brian2, for arrays of keys."""
+"""``circuits.dynamics.noise`` as functions of Brian2, for arrays of keys."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits import noise
-from circuits import single as arithmetic
 from circuits.arrays import Array, Integers
+from circuits.cells import single as arithmetic
+from circuits.dynamics import noise
 
 
 def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:

@@ -1,6 +1,7 @@
 """The Brian2 engine: networks generated from the table.
 
-One network holds all trials of a batch. Its parts are those of ``circuits.ticks``: a *delay line*
+One network holds all trials of a batch. Its parts are those of ``circuits.dynamics.ticks``: a
+*delay line*
 of the blocks' rates, *units* that filter them, *blocks* that sum units, and *cells*, a group for
 each population. Where all cells of a block reach all of another with one weight, a unit serves the
 whole block (a shared input) in place of N^2 synapses; where connections are sparse, or
@@ -22,15 +23,15 @@ from contextlib import contextmanager
 
 import numpy.typing as npt
 
-from circuits import noise
 from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.declaration.spec import Circuit
+from circuits.dynamics import noise
+from circuits.dynamics.fixed_point import wired
+from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.timed import timed
 from circuits.engines.brian2.layout import Layout
 from circuits.engines.brian2.network import Network
 from circuits.engines.brian2.noise import load_brian
-from circuits.fixed_point import wired
-from circuits.spec import Circuit
-from circuits.ticks import Clock, Scheme
-from circuits.timed import timed
 
 
 def run(

@@ -9,10 +9,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from circuits import transfer
 from circuits.arrays import Array
 from circuits.cells.cell import BrianText
-from circuits.spec import Population
+from circuits.declaration import transfer
+from circuits.declaration.spec import Population
 
 # ---- delay line of the blocks' rates, oldest first: each element takes over the next one's value
 

@@ -17,10 +17,10 @@ from numba.cpython.unsafe.tuple import tuple_setitem
 
 from circuits.cells import Cell, Lif, Phase
 from circuits.cells.cell import constant_names
+from circuits.dynamics.ticks import NO_SPREAD
 from circuits.engines.compiling import OPTIONS
 from circuits.engines.ensemble import kernel, lanes
 from circuits.engines.ensemble.singles import kept, truth
-from circuits.ticks import NO_SPREAD
 
 Columns = dict[str, float]
 """Fields of a block's record."""
@@ -155,8 +155,8 @@ def _compiled_loops(kind: type[Cell]) -> Loops:
     except numba.errors.NumbaError as error:
         raise ValueError(
             f"{kind.__name__}.tick and .begin must be compiled: they may use +, -, *, comparisons, "
-            "constants of np.float32 and the functions of circuits.single, on numbers in single "
-            f"precision, and say by one truth whether a cell fires ({_reason(error)})"
+            "constants of np.float32 and the functions of circuits.cells.single, on numbers in "
+            f"single precision, and say by one truth whether a cell fires ({_reason(error)})"
         ) from error
 
 

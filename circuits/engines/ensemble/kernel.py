@@ -1,4 +1,4 @@
-"""One trial of the ensemble engine: the tick scheme of ``circuits.ticks``, compiled.
+"""One trial of the ensemble engine: the tick scheme of ``circuits.dynamics.ticks``, compiled.
 
 What arrives in the next ticks, up to the least delay, is known before they begin. So each block in
 turn goes through such a window of ticks; the read-out follows. No tick knows the difference.
@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
-from circuits import noise
+from circuits.declaration.transfer import EXP_MOST, MOST_NATS
+from circuits.dynamics import noise
 from circuits.engines.compiling import compiled
 from circuits.engines.ensemble import lanes
-from circuits.transfer import EXP_MOST, MOST_NATS
 
 if TYPE_CHECKING:
     import numpy.typing as npt

@@ -27,7 +27,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from circuits import noise
+from circuits.dynamics import noise
 from circuits.engines.compiling import compiled
 from circuits.engines.ensemble.registers import (
     WIDTH,

@@ -11,14 +11,14 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.cells.cell import tick_constants
+from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.dynamics.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz
+from circuits.dynamics.timed import Timed, rows, timed
+from circuits.dynamics.wiring import Wiring, fan_in
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
 from circuits.engines.ensemble import kernel, lanes, records
 from circuits.engines.ensemble.cells import GENERAL, Entry, entry
-from circuits.spec import Circuit, Population, Projection
-from circuits.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz
-from circuits.timed import Timed, rows, timed
-from circuits.wiring import Wiring, fan_in
 
 
 def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.Plan:

@@ -60,7 +60,8 @@ class Plan(NamedTuple):
     tick_constants : array (most constants, cells) float32
         Constants of the ticks of types without loops of their own.
     factors, nats : arrays (rows, ticks)
-        Tables of ``circuits.timed``: ``course`` is the row that a unit or a block has, 0 none.
+        Tables of ``circuits.dynamics.timed``: ``course`` is the row that a unit or a block has, 0
+        none.
     """
 
     clock: Any

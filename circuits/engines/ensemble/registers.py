@@ -15,7 +15,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-from circuits import noise
+from circuits.dynamics import noise
 
 WIDTH = 64
 """Numbers in a register; a 64-bit word holds a truth of each."""

@@ -1,6 +1,7 @@
 """The ensemble engine: thousands of spiking trials, compiled from the same table.
 
-The scheme is that of ``circuits.ticks``, the noise that of ``circuits.noise``, and the spikes are
+The scheme is that of ``circuits.dynamics.ticks``, the noise that of ``circuits.dynamics.noise``,
+and the spikes are
 those of the plain and the Brian2 engine, but for sparse connections: there inputs are rounded in
 another order, so that now and then a spike comes a tick early or late; from that spike on the two
 runs differ.
@@ -17,16 +18,16 @@ import numpy.typing as npt
 import pandas as pd
 from tqdm import tqdm
 
-from circuits import noise
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
 from circuits.checks import is_whole
+from circuits.declaration.spec import Circuit
+from circuits.dynamics import noise
+from circuits.dynamics.fixed_point import wired
+from circuits.dynamics.ticks import Clock
+from circuits.dynamics.wiring import Wiring
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble.plan import plan, workspace
 from circuits.engines.ensemble.records import Plan
-from circuits.fixed_point import wired
-from circuits.spec import Circuit
-from circuits.ticks import Clock
-from circuits.wiring import Wiring
 
 TRIALS_A_TASK = 8
 FIRST_CAPACITY = 4096

@@ -1,4 +1,4 @@
-"""``circuits.single`` as the compiled engine has it: the same rounding, for one cell at a time.
+"""``circuits.cells.single`` compiled for one cell at a time, with the same rounding.
 
 Only single precision is taken: what is not would be rounded here where NumPy does not.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from circuits import single
+from circuits.cells import single
 from circuits.engines.ensemble import lanes
 
 

@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from circuits import transfer
 from circuits.arrays import Array
 from circuits.cells.cell import Cell, Line, Response
+from circuits.declaration import transfer
 from circuits.engines.population import filters
 from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING
 from circuits.laws.mixture import mean_rate_hz, mean_response

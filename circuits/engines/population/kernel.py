@@ -19,9 +19,9 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from circuits.declaration.transfer import MOST_NATS
 from circuits.engines.compiling import compiled
 from circuits.engines.ensemble.lanes import exp32, fused, tick_key, word32
-from circuits.transfer import MOST_NATS
 
 LANES = 64
 WHOLE = -LANES

@@ -13,6 +13,11 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.checks import is_bool
+from circuits.declaration.spec import Population
+from circuits.declaration.transfer import named
+from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.timed import Timed, timed
+from circuits.dynamics.wiring import Wiring
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
 from circuits.engines.population import kernel, records
@@ -24,11 +29,6 @@ from circuits.engines.population.answers import (
     answers,
     looked_up,
 )
-from circuits.spec import Population
-from circuits.ticks import Clock, Scheme
-from circuits.timed import Timed, timed
-from circuits.transfer import named
-from circuits.wiring import Wiring
 
 LINES, CELLS = "lines", "cells"
 LAWS = {LINES: "the table's lines, behind each membrane", CELLS: "the cells' own laws and lags"}

@@ -41,8 +41,8 @@ class Plan(NamedTuple):
     tables : array (tables, states * COEFFICIENTS) float32
         Coefficients of the blocks' filters, state by state.
     factors, nats : arrays (rows, 1 + ticks) float32, or None
-        Tables of ``circuits.timed``, behind a tick of rest: ``course`` is the row that a unit or a
-        block has. None where nothing changes: what nothing needs is not compiled.
+        Tables of ``circuits.dynamics.timed``, behind a tick of rest: ``course`` is the row that a
+        unit or a block has. None where nothing changes: what nothing needs is not compiled.
     """
 
     clock: Any

@@ -3,8 +3,8 @@
 Every population passes a rate on. It follows the row's line behind its membrane
 (``laws="lines"``), or the cells' own f-I law with their own lags (``laws="cells"``); with
 ``noise=True`` it has the noise of a finite number of cells, of the colour that their spikes have,
-keyed as the noise of cells is. The scheme is that of ``circuits.ticks``, but for filters that take
-rates for straight lines from tick to tick.
+keyed as the noise of cells is. The scheme is that of ``circuits.dynamics.ticks``, but for filters
+that take rates for straight lines from tick to tick.
 
 What it assumes: cells of a population hear the same, each for itself (no synchrony but what the
 common input makes; where they differ, their mean answer counts), and their noise is Gaussian, so
@@ -26,15 +26,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits import noise as noises
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.checks import check_number, check_time, is_whole
+from circuits.declaration.spec import Circuit
+from circuits.dynamics import noise as noises
+from circuits.dynamics.fixed_point import wired
+from circuits.dynamics.ticks import Clock, Scheme
 from circuits.engines.population import kernel
 from circuits.engines.population.plan import CELLS, Laws, plan, tick_ms, workspace
-from circuits.fixed_point import wired
 from circuits.laws.stability import ringing
-from circuits.spec import Circuit
-from circuits.ticks import Clock, Scheme
 
 RINGING = 8.0
 """Amplification of fluctuations by the loops above which a run warns."""

@@ -4,7 +4,7 @@ import pytest
 
 from circuits.anatomy.columns import rows
 from circuits.cells import Rate
-from circuits.rows import GABA, Population, Projection
+from circuits.declaration.rows import GABA, Population, Projection
 
 
 def test_values_go_to_the_fields_named_above_them():

@@ -12,10 +12,10 @@ from benchmarks.tuning.strength import stability as stability_of_loop
 from bgmodel.evidence import Evidence, minus_log_softmax, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits import anatomy
+from circuits.declaration.transfer import MOST_NATS
 from circuits.engines import run
 from circuits.laws import stability
 from circuits.laws.posterior import off_nats
-from circuits.transfer import MOST_NATS
 from tests.circuits.helpers import hashes
 
 ALTERNATIVES = (2, 4, 8)

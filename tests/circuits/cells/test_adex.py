@@ -6,7 +6,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from circuits import single
+from circuits.cells import single
 from circuits.laws.stability import growth
 from tests.circuits.spiking import ADEX, BASE, SPIKING, WITH_ADEX, lacking, spikes_of, with_cell
 

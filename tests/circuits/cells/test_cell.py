@@ -7,7 +7,7 @@ import pytest
 
 from circuits.cells import CELLS, AdEx, Cell, Phase, Rate, register
 from circuits.cells.cell import RESERVED
-from circuits.single import single
+from circuits.cells.single import single
 from tests.circuits.spiking import ADEX, BASE, SPIKING, lacking, one_sentence, spikes_of, with_cell
 
 

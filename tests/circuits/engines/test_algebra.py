@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 from scipy.special import lambertw, logsumexp
 
 from circuits import anatomy
+from circuits.declaration.spec import Projection
 from circuits.engines import algebra
-from circuits.spec import Projection
 from tests.circuits.helpers import CLOSE, REFERENCE, evidence
 
 

@@ -8,9 +8,10 @@ from scipy.integrate import quad
 from scipy.optimize import linprog
 from scipy.special import erfc
 
-from circuits import anatomy, noise
+from circuits import anatomy
 from circuits.cells import Lif
 from circuits.checks import whole_ticks
+from circuits.dynamics import noise
 from circuits.laws.firing import fit_current, lif_mean_mv, lif_rate_hz
 
 SPIKING = anatomy.spiking_msprt()
@@ -25,7 +26,7 @@ Z_LIMIT = 4.0  # some 30 rates below
 
 
 def counted(cell, drive, dt_ms, run_ms, rest_ms=0.0, shift_mv=0.0):
-    """Return the spikes of each cell in run_ms after rest_ms, by the scheme of circuits.ticks.
+    """Return the spikes of each cell in run_ms after rest_ms, by the scheme of ticks.
 
     Parameters
     ----------

@@ -7,11 +7,11 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
+from circuits.declaration.spec import Circuit, Population, Projection
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, swept
 from circuits.laws.spectra import out_variance
-from circuits.spec import Circuit, Population, Projection
 from tests.circuits.helpers import creeping, state
 
 TABLE = anatomy.spiking_msprt()

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from circuits import anatomy, fixed_point, transfer
+from circuits import anatomy
 from circuits.cells import Phase, Rate
+from circuits.declaration import transfer
+from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.dynamics import fixed_point
 from circuits.engines import algebra, run
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.fluctuation import linear, swept
 from circuits.laws.mean_field import own_rates, settled
 from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.laws.stability import growth, ringing
-from circuits.spec import Circuit, Population, Projection
 
 S0 = 2.2
 LAW = transfer.named("s_minus_log_s")

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.testing as npt
 
-from circuits import noise
+from circuits.dynamics import noise
 from circuits.engines.brian2 import noise as brian_noise
 
 

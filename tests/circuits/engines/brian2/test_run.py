@@ -11,9 +11,9 @@ from scipy.special import log_softmax
 
 from circuits import anatomy
 from circuits.cells import Lif, Phase, Rate
+from circuits.declaration.spec import GABA, Circuit, Population, Projection
 from circuits.engines import plain
 from circuits.engines.brian2 import run as spiking
-from circuits.spec import GABA, Circuit, Population, Projection
 
 # Brian2 2.9 calls pyparsing by its old names.
 

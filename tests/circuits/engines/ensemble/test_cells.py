@@ -4,8 +4,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from circuits import single
-from circuits.cells import Lif, Phase, Rate, register
+from circuits.cells import Lif, Phase, Rate, register, single
 from circuits.engines import run
 from circuits.engines.ensemble import cells as compiled_cells
 from tests.circuits.spiking import (

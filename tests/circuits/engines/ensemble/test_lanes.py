@@ -4,7 +4,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from circuits import noise
+from circuits.dynamics import noise
 from circuits.engines.ensemble import lanes
 
 

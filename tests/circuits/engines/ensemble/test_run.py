@@ -7,13 +7,13 @@ import numpy.testing as npt
 import pytest
 
 from circuits import anatomy
+from circuits.declaration.spec import Projection
+from circuits.dynamics.ticks import Clock, cell_factors
+from circuits.dynamics.wiring import wire
 from circuits.engines import plain as plain_engine
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble import run as ensemble
 from circuits.engines.ensemble.plan import plan
-from circuits.spec import Projection
-from circuits.ticks import Clock, cell_factors
-from circuits.wiring import wire
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from circuits import anatomy, transfer
+from circuits import anatomy
 from circuits.cells import Phase
+from circuits.declaration import transfer
 from circuits.engines.population.answers import (
     Mixture,
     Straight,

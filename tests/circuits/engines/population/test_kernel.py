@@ -9,9 +9,9 @@ import pytest
 
 from circuits import anatomy
 from circuits.activity import total_nats
+from circuits.dynamics.fixed_point import wired
+from circuits.dynamics.ticks import Clock, Scheme
 from circuits.engines import algebra
-from circuits.fixed_point import wired
-from circuits.ticks import Clock, Scheme
 from tests.circuits.helpers import MEMBERS, run_rate
 
 SINGLE = 5e-5
@@ -34,7 +34,7 @@ def low_pass(tau_ms, dt_ms):
 
 
 def by_the_scheme(circuit, drive, clock):
-    """Follow circuits.ticks with straight lines from tick to tick: OUT and mean rates of a trial.
+    """Return OUT and mean rates of a trial by the scheme of ticks, straight lines between them.
 
     A reading is no straight line: it jumps where it comes.
     """

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
+from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.wiring import wire
 from circuits.engines.population.plan import CELLS, LINES, Laws, plan, tick_ms
-from circuits.ticks import Clock, Scheme
-from circuits.wiring import wire
 
 
 @pytest.mark.parametrize(

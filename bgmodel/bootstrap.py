@@ -1,0 +1,108 @@
+"""Bootstrap over trials: weights that resample them, and intervals (Efron 1979)."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import whole
+from bgmodel.support.seeds import generator
+
+FEWEST_TRIALS = 100
+
+
+RESAMPLES = 1000
+
+
+FEWEST_DRAWN = {"resamples": 100, "groups": 10}
+"""Resamples and groups below which an interval is warned of."""
+
+
+def resampled(
+    trials: int,
+    resamples: int,
+    rng: np.random.Generator | int,
+    groups: npt.ArrayLike | None = None,
+) -> Array:
+    """Return weights (1 + resamples, trials): each trial once, then how often each is drawn.
+
+    Parameters
+    ----------
+    trials, resamples : int
+        Their numbers.
+    rng : numpy.random.Generator or int
+        Of the draws, or a seed.
+    groups : array (trials,), optional
+        A number or name per trial: whole groups are drawn (Efron & Tibshirani 1993), as where
+        trials share taps. Of G groups the interval is too narrow by about sqrt(1 - 1 / G), and of
+        few it is rough.
+
+    Raises
+    ------
+    ValueError
+        If groups are not one per trial, or fewer than two.
+    """
+    resamples, rng = whole("resamples", resamples, 1), generator(rng)
+    of = np.arange(trials) if groups is None else _numbered(groups, trials)
+    count = int(of.max()) + 1
+    drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)
+    return np.concatenate([np.ones((1, trials)), drawn[:, of]])
+
+
+def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
+    """Refuse a number of resamples that is none; warn of intervals that are too rough to tell.
+
+    Parameters
+    ----------
+    resamples, groups :
+        As for ``resampled``.
+    """
+    drawn = {"resamples": whole("resamples", resamples, 1)}
+    if groups is not None:
+        drawn["groups"] = len(np.unique(np.asarray(groups)))
+    for name, count in drawn.items():
+        if count < FEWEST_DRAWN[name]:
+            warnings.warn(
+                f"95 % intervals from {count} {name} are too rough to tell: give "
+                f"{FEWEST_DRAWN[name]} or more",
+                stacklevel=4,
+            )
+
+
+def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
+    """Return the group of each trial as a number, 0, 1, ..."""
+    given = np.asarray(groups)
+    if given.shape != (trials,):
+        raise ValueError(f"groups must be one per trial, ({trials},), got shape {given.shape}")
+    kinds, of = np.unique(given, return_inverse=True)
+    if len(kinds) < 2:
+        raise ValueError(f"groups must be two or more for an interval, got {len(kinds)}")
+    return of
+
+
+def interval(values: Array) -> tuple[float, float, float]:
+    """Return the value, the first entry, and the 95 % interval of its resamples, the others."""
+    ends = np.nanquantile(values[1:], [0.025, 0.975]) if mostly_known(values) else (np.nan, np.nan)
+    return float(values[0]), float(ends[0]), float(ends[1])
+
+
+def shown(value: float, low: float, high: float, form: str) -> str:
+    """Return a value and its interval as text; what is not known is said to be so."""
+    if not np.isfinite(value):
+        return "unknown"
+    inside = f"{low:{form}}, {high:{form}}" if np.isfinite(low) and np.isfinite(high) else "unknown"
+    return f"{value:{form}} [{inside}]"
+
+
+def check_trials(trials: int) -> None:
+    """Raise ValueError if these are too few for an interval."""
+    if trials < FEWEST_TRIALS:
+        raise ValueError(f"an interval needs {FEWEST_TRIALS} trials or more, got {trials}")
+
+
+def mostly_known(values: Array) -> bool:
+    """Whether a value and nearly all of its resamples are there."""
+    return bool(np.isfinite(values[0]) and np.isfinite(values[1:]).mean() > 0.95)

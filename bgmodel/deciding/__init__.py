@@ -1,0 +1,1 @@
+"""From an output trace to decisions: thresholds, crossings, behaviour, reward."""

@@ -1,0 +1,223 @@
+"""Whether posteriors at decisions are the share of right choices."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.deciding.decision import UNDECIDED, Decision
+from bgmodel.evidence import Evidence, minus_log_softmax
+from bgmodel.support.arrays import Array, Integers
+
+FEWEST_CHOICES = 20
+"""Choices that can tell whether they go against the evidence."""
+ROUNDING = 1e-9
+STANDARD_ERRORS = 3.29
+"""Half the width of a 99.9 % interval: one false alarm in a thousand comparisons."""
+
+
+STOP = 0.9
+"""Posterior up to which readings are compared with the truth: later ones add little."""
+SCALED_TRIALS = 10_000
+"""Trials that are looked at, evenly spaced."""
+UNITS = {"log2": np.log(2), "log10": np.log(10)}
+"""Logarithms that are taken for natural ones, and nats per unit of each."""
+NEAR = 0.3
+"""Distance, in natural logarithms, within which a factor is that of a unit."""
+SCALES = (0.83, 1.52)
+"""Nats per unit beyond which log2 (0.69) or log10 (2.3) is nearer than 1, by their ratio."""
+
+
+def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
+    """Return the posterior of choices at the times of decisions.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What was given.
+    time_ms : array (..., trials), ms
+        Times of decisions since the onset of evidence.
+    choice : int array (..., trials)
+        Chosen hypotheses.
+
+    Returns
+    -------
+    array (..., trials)
+        Of the last reading that had come; before the first, the prior.
+    """
+    reading = np.floor(np.maximum(time_ms, 0) / evidence.step_ms + 1e-9).astype(np.intp)
+    reading = np.minimum(reading, evidence.readings)
+    return np.asarray(evidence.posterior[np.arange(evidence.trials), reading, choice])
+
+
+def warn_of_units(evidence: Evidence) -> None:
+    """Warn if log-likelihoods are not natural logarithms, as far as the truth tells.
+
+    In units of which each is ``k`` nats, posteriors are those of ``k`` times the evidence. Each
+    trial is read up to a posterior of ``STOP``. There the derivative by k of the log posterior of
+    the truth, ``L_true - sum_i P_i L_i`` at k = 1, has a mean of 0 if these are nats, under any
+    stopping rule. Its z score is held to 99.9 %: one false alarm in a thousand tables, or fewer,
+    since k must also lie beyond ``SCALES``.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Independent trials. Without a truth, or where a hypothesis is never true, nothing is said.
+    """
+    some = evidence[:: -(-evidence.trials // SCALED_TRIALS)]
+    if (
+        some.truth is None
+        or some.trials < FEWEST_CHOICES
+        or len(np.unique(some.truth)) < some.hypotheses
+    ):
+        return
+    sure = some.posterior.max(axis=2) >= STOP
+    sure[:, 0] = False
+    read = np.where(sure.any(axis=1), sure.argmax(axis=1), some.readings)
+    trial = np.arange(some.trials)
+    told = some.totals[trial, read] - np.log(some.prior)
+    posterior = some.posterior[trial, read]
+    mean = (posterior * told).sum(axis=1)
+    scores = told[trial, some.truth] - mean
+    expected = (posterior * (told - mean[:, None]) ** 2).sum()
+    variance = max(expected, float((scores**2).sum()))
+    if not abs(scores.sum()) > STANDARD_ERRORS * np.sqrt(variance):
+        return
+    scale = _nats_per_unit(told, some)
+    if SCALES[0] < scale < SCALES[1]:
+        return
+    found = [name for name, nats in UNITS.items() if abs(np.log(scale / nats)) < NEAR]
+    units = "".join(
+        f"give natural logarithms, those of {u} times {UNITS[u]:.3f}, or " for u in found
+    )
+    warnings.warn(
+        "the log-likelihoods do not fit the truth: posteriors would be right if each were "
+        f"multiplied by about {scale:.2g}: {units}look for readings that are not independent, "
+        "another truth, or likelihoods of other readings",
+        stacklevel=4,
+    )
+
+
+def _nats_per_unit(told: Array, evidence: Evidence) -> float:
+    """Return the factor on log-likelihoods (trials, hypotheses) that makes the truth likeliest."""
+    # Importing scipy.optimize takes a third of a second: only where it is needed.
+    from scipy.optimize import minimize_scalar
+
+    def loss(log_scale: float) -> float:
+        posterior = minus_log_softmax(np.log(evidence.prior) + np.exp(log_scale) * told)
+        return float(posterior[np.arange(evidence.trials), evidence.truth].sum())
+
+    return float(np.exp(minimize_scalar(loss, bounds=np.log([0.01, 100]), method="bounded").x))
+
+
+def calibration(posterior: float, accuracy: float, decisions: float) -> str:
+    """Return a sentence if the mean posterior at the decision differs from accuracy, or no text.
+
+    If likelihoods and prior are those of the readings, the two are equal under any stopping rule,
+    because the posterior is a martingale.
+
+    Parameters
+    ----------
+    posterior : float
+        Mean posterior of the choice, at the decision.
+    accuracy : float
+        Share of the same decisions that are right.
+    decisions : float
+        Their number.
+
+    Notes
+    -----
+    The variance of ``right - posterior`` is ``E[P (1 - P)]`` where posteriors are calibrated, at
+    most that of their mean.
+    """
+    off, which = accuracy - posterior, miscalibrated(posterior, accuracy, decisions)
+    if not which:
+        return ""
+    half = _half_width(posterior, accuracy, decisions)
+    return (
+        f"the evidence is too {which}: its mean posterior at the decision is {posterior:.3f}, and "
+        f"{accuracy:.3f} of {decisions:.0f} decisions are right (difference {off:+.3f}, 99.9 % "
+        f"interval {off - half:+.3f} to {off + half:+.3f}); its likelihoods or its prior are not "
+        "those of these trials (under conflict they never are), so posteriors are not calibrated: "
+        "accuracies that are expected from them are off by as much"
+    )
+
+
+def miscalibrated(posterior: float, accuracy: float, decisions: float) -> str:
+    """Return "sure" or "unsure" where ``calibration`` says that the evidence is, or no text."""
+    off = accuracy - posterior
+    if not abs(off) > _half_width(posterior, accuracy, decisions):
+        return ""
+    return "sure" if off < 0 else "unsure"
+
+
+def _half_width(posterior: float, accuracy: float, decisions: float) -> float:
+    """Return half the width of the difference's 99.9 % interval; infinity without decisions."""
+    if not decisions > 0:
+        return np.inf
+    # Without errors there is no scatter: the variance is at least that of calibrated posteriors.
+    variance = max(posterior * (1 - posterior), accuracy * (1 - accuracy))
+    return STANDARD_ERRORS * float(np.sqrt(variance / decisions))
+
+
+def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
+    """Warn if the mean posterior at the decision differs from the accuracy: see ``calibration``.
+
+    Parameters
+    ----------
+    stated : array (trials,)
+        Posterior of the choice, at the decision.
+    correct : array (trials,)
+        Whether the choice is right.
+    """
+    posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
+    if len(right) and (said := calibration(posterior.mean(), right.mean(), len(right))):
+        warnings.warn(said, stacklevel=3)
+
+
+def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
+    """Return a sentence if choices are those that the evidence speaks against, or no text.
+
+    Choices at random have a mean posterior of chance, ``1 / hypotheses``, and choices by evidence
+    a higher one. A circuit whose OUT rises with evidence, as one without dopamine, has a lower one.
+
+    Parameters
+    ----------
+    stated : array (trials,)
+        Posterior of the choice, at the decision. Of fewer than ``FEWEST_CHOICES`` nothing is said.
+    hypotheses : int
+        Their number.
+    """
+    posterior, chance = np.asarray(stated, dtype=np.float64), 1 / hypotheses
+    if len(posterior) < FEWEST_CHOICES:
+        return ""
+    mean = posterior.mean()
+    if mean + STANDARD_ERRORS * posterior.std() / np.sqrt(len(posterior)) > chance - ROUNDING:
+        return ""
+    return (
+        f"choices go against the evidence: their mean posterior at the decision is {mean:.3f}, and "
+        f"choices at random have {chance:.3g}; an edit has turned the circuit round, as a level of "
+        "dopamine near 0 does, so its accuracy and times are not those of decisions by evidence"
+    )
+
+
+def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
+    """Warn if decisions at one threshold go against the evidence, or posteriors are not accuracies.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What was decided on; without a truth there is no accuracy to compare with.
+    decision : Decision
+        Undecided trials do not count.
+    """
+    decided = decision.choice != UNDECIDED
+    times = np.where(decided, decision.time_ms, 0.0)  # NaN is no time of a reading
+    stated = posterior_at(evidence, times, decision.choice)
+    if said := against_evidence(stated[decided & ~decision.forced], evidence.hypotheses):
+        warnings.warn(said, stacklevel=3)
+    if evidence.truth is None:
+        return
+    warn_of_calibration(stated[decided], (decision.choice == evidence.truth)[decided])

@@ -1,0 +1,591 @@
+"""The stopping rule: the only place where an output trace becomes a decision."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.deciding.readout import ReadOut, check_early_and_late
+from bgmodel.support.arrays import Array, Integers, Reals, Truths
+from bgmodel.support.checks import checked_truth, is_number, one_per_trial, reals
+from bgmodel.support.reprs import Facts, span
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+UNDECIDED = -1
+
+
+@dataclass(frozen=True, repr=False)
+class Trace(Facts):
+    """What an integrator makes of evidence.
+
+    Parameters
+    ----------
+    out_nats : array (trials, ticks, hypotheses), nats
+        The output of each channel; the lower, the more its hypothesis is favoured
+        (Bogacz & Gurney 2007: OUT_i = -ln P_i).
+    time_ms : array (ticks,), ms
+        When each tick happens, from the start of the trial, rising.
+    onset_ms, step_ms : float, ms
+        When evidence sets in, and the time between readings, as in ``Evidence``.
+    ends : array (trials,), int, optional
+        Number of ticks of each trial: at its last one it must respond. All ticks if left out.
+    numbers : array (trials,), int, optional
+        Number of each trial, as in ``Evidence``: it decides ties. 0, 1, 2, ... if left out.
+    readout : ReadOut, optional
+        Where this OUT rests and how far down it is read; decisions are checked against it.
+    """
+
+    out_nats: Reals
+    time_ms: Array
+    onset_ms: float = 0.0
+    step_ms: float = 1.0
+    ends: Integers | None = None
+    numbers: Integers | None = None
+    readout: ReadOut | None = None
+
+    def facts(self) -> dict[str, str]:
+        """Return shape, clock and range of OUT."""
+        trials, ticks, hypotheses = self.out_nats.shape
+        return {
+            "trials": f"{trials}",
+            "ticks": f"{ticks}",
+            "hypotheses": f"{hypotheses}",
+            "time_ms": span(self.time_ms),
+            "onset_ms": f"{self.onset_ms:g}",
+            "step_ms": f"{self.step_ms:g}",
+            "out_nats": span(self.out_nats),
+        }
+
+    def plot(self, trial: int = 0, ax: Axes | None = None) -> Axes:
+        """Draw OUT of one trial, a line per hypothesis.
+
+        Parameters
+        ----------
+        trial : int
+            Number of the trial.
+        ax : Axes, optional
+            Drawn on and returned; that of a new figure unless given.
+        """
+        from bgmodel.plots import new_axes, output
+
+        if trial not in range(len(self.out_nats)):
+            raise ValueError(f"trial must lie in 0..{len(self.out_nats) - 1}, got {trial}")
+        ticks = self.of_trials()[0][trial]
+        relative_ms = self.time_ms[:ticks] - self.onset_ms
+        return output(new_axes(ax), relative_ms, self.out_nats[trial, :ticks])
+
+    def of_trials(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return the number of ticks of each trial, and the number that decides its ties.
+
+        Raises
+        ------
+        ValueError
+            If there is not one of each per trial, or a trial has no tick or more than there are.
+        """
+        trials, ticks = np.shape(self.out_nats)[:2]
+        ends = np.full(trials, ticks) if self.ends is None else self.ends
+        ends = one_per_trial("ends", ends, trials)
+        if ends.min() < 1 or ends.max() > ticks:
+            raise ValueError(f"ends must lie in 1..{ticks}, got {ends.min()}..{ends.max()}")
+        numbers = np.arange(trials) if self.numbers is None else self.numbers
+        numbers = one_per_trial("numbers", numbers, trials)
+        return ends.astype(np.int64), numbers.astype(np.int64)
+
+
+@dataclass(frozen=True, repr=False)
+class Decision(Facts):
+    """Decisions, one a trial (and one row a threshold where several were given).
+
+    Parameters
+    ----------
+    choice : int array (..., trials)
+        Index of the chosen hypothesis, or -1 (``UNDECIDED``).
+    time_ms : float array (..., trials), ms
+        Time of the decision from the *onset of evidence*; NaN where undecided.
+    forced : bool array (..., trials)
+        True where the deadline, not the threshold, made the choice.
+    premature : bool array (..., trials)
+        True where the response came before the first reading, without any evidence.
+    step_ms : float
+        Time between readings, ms.
+    deadline_ms : array (trials,)
+        End of each trial, from onset, ms.
+    truth : int array (trials,), optional
+        The true hypothesis of each trial, where it is known.
+    """
+
+    choice: Integers
+    time_ms: Array
+    forced: Truths
+    premature: Truths
+    step_ms: float
+    deadline_ms: Array
+    truth: Integers | None = None
+
+    def facts(self) -> dict[str, str]:
+        """Return the numbers of decided and forced trials, and the mean time."""
+        *thresholds, trials = self.choice.shape
+        found = {"thresholds": f"{thresholds[0]}"} if thresholds else {}
+        decided = self.choice != UNDECIDED
+        times = np.where(decided, self.time_ms, 0.0).sum(axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean_ms = times / decided.sum(axis=-1)
+        return {
+            **found,
+            "trials": f"{trials}",
+            **({} if self.truth is None else {"accuracy": span(self.accuracy)}),
+            "mean_time_ms": span(mean_ms),
+            "forced": span(self.forced.sum(axis=-1), ".0f"),
+            "undecided": span((~decided).sum(axis=-1), ".0f"),
+            "premature": span(self.premature.sum(axis=-1), ".0f"),
+        }
+
+    @property
+    def accuracy(self) -> Any:
+        """Share of right choices among decided trials, one per threshold; NaN where there is none.
+
+        Raises
+        ------
+        ValueError
+            If the truth is not known.
+        """
+        right = self._right().sum(axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return right / (self.choice != UNDECIDED).sum(axis=-1)
+
+    def _right(self) -> Truths:
+        if self.truth is None:
+            raise ValueError("accuracy needs the truth of each trial: give evidence that has it")
+        return np.asarray(self.choice == self.truth)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row per trial (and threshold, numbered from 0).
+
+        Columns trial, choice (-1 where undecided), time_ms, forced and premature; truth and correct
+        where the truth is known.
+        """
+        import pandas as pd
+
+        names = ("choice", "time_ms", "forced", "premature")
+        columns = {name: np.asarray(getattr(self, name)) for name in names}
+        if self.truth is not None:
+            columns["truth"] = np.broadcast_to(self.truth, self.choice.shape)
+            columns["correct"] = self._right()
+        places = dict(
+            zip(
+                ("threshold", "trial")[-self.choice.ndim :],
+                np.indices(self.choice.shape),
+                strict=True,
+            )
+        )
+        return pd.DataFrame({name: each.ravel() for name, each in {**places, **columns}.items()})
+
+    def summary(self) -> pd.DataFrame:
+        """Return accuracy, mean time and numbers of trials, one row per threshold."""
+        import pandas as pd
+
+        decided = np.atleast_2d(self.choice != UNDECIDED)
+        times = np.where(decided, np.atleast_2d(self.time_ms), np.nan)
+        accuracy = np.nan if self.truth is None else np.atleast_1d(self.accuracy)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # the mean of no trial is NaN
+            mean_ms = np.nanmean(times, axis=1)
+        found = {
+            "trials": decided.shape[1],
+            "accuracy": accuracy,
+            "mean_ms": mean_ms,
+            "undecided": (~decided).sum(axis=1),
+            "forced": np.atleast_2d(self.forced).sum(axis=1),
+            "premature": np.atleast_2d(self.premature).sum(axis=1),
+        }
+        return pd.DataFrame(found)
+
+    def plot(self, ax: Axes | None = None, truth: Integers | None = None) -> Axes:
+        """Draw the times of each choice; of several thresholds, accuracy against mean time.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Drawn on and returned; that of a new figure unless given.
+        truth : int array (trials,), optional
+            The true hypotheses, which several thresholds need, where the decisions lack them.
+
+        Raises
+        ------
+        ValueError
+            If there are several thresholds and no truth.
+        """
+        from bgmodel.plots import choice_times, new_axes, speed_accuracy
+
+        if self.choice.ndim == 1:
+            return choice_times(new_axes(ax), self.choice, self.time_ms)
+        truth = self.truth if truth is None else truth
+        if truth is None:
+            raise ValueError("decisions at several thresholds need the truth: plot(truth=...)")
+        decided = (self.choice >= 0).sum(axis=1)
+        right = self.choice == one_per_trial("truth", truth, self.choice.shape[1])
+        accuracy = right.sum(axis=1) / np.maximum(decided, 1)
+        # Where all trials are undecided there is no mean time.
+        known = (self.choice != UNDECIDED).any(axis=1)
+        mean_steps = np.nanmean(self.steps[known], axis=1)
+        return speed_accuracy(new_axes(ax), mean_steps, accuracy[known], None, marker=".")
+
+    @property
+    def steps(self) -> Array:
+        """Time in readings, the paper's T (never below 0; NaN where undecided)."""
+        return np.maximum(self.time_ms, 0.0) / self.step_ms
+
+
+def joined(parts: Sequence[Decision]) -> Decision:
+    """Return the decisions of several parts of the same trials as one; all at one threshold."""
+    names = ("choice", "time_ms", "forced", "premature", "deadline_ms")
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Decision(**arrays, step_ms=parts[0].step_ms)
+
+
+def first_crossing(
+    trace: Trace,
+    thresholds: npt.ArrayLike | None = None,
+    *,
+    posterior: npt.ArrayLike | None = None,
+    forced: bool = True,
+    checked: bool = True,
+) -> Decision:
+    """Decide each trial at the first tick at which some channel's output is at its threshold.
+
+    Response i is made when ``OUT_i <= threshold_i``; up to the onset of evidence only when
+    ``OUT_i < threshold_i``, so a flat prior never decides by itself at a zero gap.  If several
+    channels cross at one tick, the one furthest below its threshold wins; a response forced at the
+    end of a trial goes to the lowest output.  Differences below 1e-10 nats are rounding, and count
+    as equality: among equal channels the choice is drawn, each with the same chance, by a hash of
+    the trial's number, so that it is the same in every run, batch and integrator.
+
+    Parameters
+    ----------
+    trace : Trace
+        Output (trials, ticks, hypotheses) in nats.
+    thresholds : float, array (K,) or array (K, hypotheses), nats
+        One threshold for all responses, K such thresholds, or K sets of one a response.  All K
+        are served in one pass over the trace.
+    posterior : float or array (K,), optional
+        Posterior probability at which a trial stops, in place of ``thresholds``.
+    forced : bool
+        Whether the deadline forces a response; if not, such trials stay undecided.
+    checked : bool
+        Whether thresholds are compared with what is read of OUT, and decisions with the readings
+        that there were. False for a grid or a learner that leaves the range on purpose.
+
+    Returns
+    -------
+    Decision
+        Arrays of shape (trials,) for one threshold, (K, trials) otherwise.
+
+    Raises
+    ------
+    ValueError
+        If a threshold is not finite or the shape is none of the three; if OUT is not read as far
+        down as that; if every trial decides before its first reading.
+
+    Warns
+    -----
+    UserWarning
+        If the deadline decides most trials, or most decide before their first reading; if noise
+        alone crosses the threshold; of several thresholds, how many mean nothing.
+    """
+    # Importing Numba takes most of a second: only where a decision is made.
+    from bgmodel.deciding.crossing import cross_all
+
+    out, first, ends, numbers = _ready(trace)
+    levels = _chosen(trace, thresholds, posterior)
+    order, level = _sorted_levels(levels, out.shape[2])
+    if checked:
+        _check_before(trace, levels, asked=thresholds is not None)
+    tick, choice = cross_all(out, first, order, level, ends, numbers)
+    _check_ended(out, ends, tick.min(axis=1) < 0)
+    if np.ndim(levels) == 0:
+        tick, choice = tick[:, 0], choice[:, 0]
+    decision = _decision(trace, tick.T, choice.T, forced, first, ends)
+    if checked:
+        check_decision(decision, levels, forced=forced, of_test=_of_test(trace))
+    return decision
+
+
+def crossing_of_each(
+    trace: Trace, thresholds: Reals, *, forced: bool = True, checked: bool = True
+) -> Decision:
+    """Decide each trial with a threshold of its own, as a learner that explores does.
+
+    Parameters
+    ----------
+    trace : Trace
+        Output (trials, ticks, hypotheses) in nats.
+    thresholds : array (trials,), nats
+        One threshold a trial, for all of its responses; the rule is ``first_crossing``'s.
+    forced : bool
+        Whether the deadline forces a response.
+    checked : bool
+        As for ``first_crossing``, which says what is refused and warned of.
+    """
+    from bgmodel.deciding.crossing import cross_each
+
+    out, first, ends, numbers = _ready(trace)
+    levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
+    if levels.shape != out.shape[:1] or not np.isfinite(levels).all():
+        raise ValueError(f"thresholds must be {len(out)} finite nats, one a trial, got {levels}")
+    if checked and trace.readout is not None:
+        trace.readout.check(levels)
+    tick, choice = cross_each(out, first, levels, ends, numbers)
+    _check_ended(out, ends, tick < 0)
+    decision = _decision(trace, tick, choice, forced, first, ends)
+    if checked:
+        check_decision(decision, levels, forced=forced, of_test=_of_test(trace))
+    return decision
+
+
+def check_decision(
+    decision: Decision, thresholds: npt.ArrayLike, *, forced: bool, of_test: bool
+) -> None:
+    """Refuse decisions of which none needed a reading; warn of most of them.
+
+    The arguments are those of ``first_crossing`` and what it gave, and of ``check_early_and_late``.
+    """
+    late = decision.forced | (decision.choice == UNDECIDED)
+    late_counts, early = (np.atleast_1d(t.sum(axis=-1)) for t in (late, decision.premature))
+    trials = late.shape[-1]
+    check_early_and_late(late_counts, early, trials, thresholds, forced=forced, of_test=of_test)
+
+
+def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:
+    """Whether each trial of a time without evidence ends in a response, (trials,).
+
+    The rule is that of ``first_crossing`` up to the onset of evidence.
+
+    Parameters
+    ----------
+    out_nats : array (trials, ticks, hypotheses), nats
+        Output without evidence.
+    threshold_nats : float
+        For all responses.
+    """
+    ticks = out_nats.shape[1]
+    before_onset = Trace(out_nats, np.arange(ticks, dtype=np.float64), onset_ms=float(ticks))
+    decision = first_crossing(before_onset, float(threshold_nats), forced=False, checked=False)
+    return np.asarray(decision.choice != UNDECIDED)
+
+
+@dataclass(frozen=True, repr=False)
+class Tally(Facts):
+    """Sums over trials for each of K thresholds: trials (int), and arrays (K,) of the rest."""
+
+    trials: int
+    correct: npt.NDArray[np.int64]
+    steps: Array
+    forced: npt.NDArray[np.int64]
+
+    def facts(self) -> dict[str, str]:
+        """Return trials, thresholds, accuracy and mean time."""
+        return {
+            "trials": f"{self.trials}",
+            "thresholds": f"{len(self.correct)}",
+            "accuracy": span(self.accuracy),
+            "mean_steps": span(self.mean_steps),
+            "forced": span(self.forced, ".0f"),
+        }
+
+    def __add__(self, other: Tally) -> Tally:
+        """Pool two sets of trials."""
+        return Tally(
+            self.trials + other.trials,
+            self.correct + other.correct,
+            self.steps + other.steps,
+            self.forced + other.forced,
+        )
+
+    @property
+    def accuracy(self) -> Array:
+        """Proportion correct, (K,)."""
+        return self.correct / self.trials
+
+    @property
+    def mean_steps(self) -> Array:
+        """Mean decision time in readings, (K,)."""
+        return self.steps / self.trials
+
+
+def tally(
+    trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike, *, checked: bool = True
+) -> Tally:
+    """Count what ``first_crossing`` would decide, without keeping each decision.
+
+    Parameters
+    ----------
+    trace : Trace
+        Output (trials, ticks, hypotheses) in nats.
+    truth : int array (trials,)
+        The true hypothesis of each trial.
+    thresholds : array (K,), nats
+        Each for all responses; responses are forced at the deadline.
+    checked : bool
+        As for ``first_crossing``, which says what is refused and warned of.
+
+    Raises
+    ------
+    ValueError
+        If the truth is not known, or not that of each trial, or thresholds are not (K,) finite
+        numbers.
+    """
+    from bgmodel.deciding.crossing import ROUNDING, tally_all
+
+    if np.ndim(thresholds) != 1:
+        raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
+    if truth is None:
+        raise ValueError("tally counts correct choices: it needs the truth of each trial")
+    out, first, ends, numbers = _ready(trace)
+    truth = checked_truth(truth, len(out), out.shape[2])
+    order, level = _sorted_levels(thresholds, out.shape[2])
+    if checked and trace.readout is not None:
+        trace.readout.check(thresholds)
+    ended = np.isnan(out[np.arange(len(out)), ends - 1, 0])
+    if ended.any():
+        _check_ended(out, ends, ended & ~(_lowest(out) <= level.min()))
+    steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
+    correct, steps, forced = tally_all(out, truth, first, level[0], steps_at, ends, numbers)
+    if checked:
+        before = np.sort(_lowest(out[:, :first])) if first else np.zeros(0)
+        early = np.searchsorted(before, level[0] - ROUNDING, side="right")
+        check_early_and_late(
+            forced, early, len(out), level[0], forced=True, of_test=_of_test(trace)
+        )
+    back = np.argsort(order[0])
+    return Tally(len(out), correct[back], steps[back], forced[back])
+
+
+def _of_test(trace: Trace) -> bool:
+    return trace.readout is not None and trace.readout.of_test
+
+
+def _chosen(
+    trace: Trace, thresholds: npt.ArrayLike | None, posterior: npt.ArrayLike | None
+) -> npt.ArrayLike:
+    """Return the thresholds that are given, or those of a posterior."""
+    if (thresholds is None) == (posterior is None):
+        raise ValueError("give thresholds, on OUT in nats, or a posterior, and not both")
+    if posterior is None:
+        return reals("thresholds", thresholds)  # type: ignore[arg-type]
+    if trace.readout is None:
+        raise ValueError(
+            "this trace does not say which posterior an OUT corresponds to: give thresholds"
+        )
+    return trace.readout.threshold(posterior, trace.out_nats.shape[2])
+
+
+def _check_before(trace: Trace, levels: npt.ArrayLike, *, asked: bool) -> None:
+    """Check thresholds against what is known of an OUT; ``asked``: they are no posterior."""
+    known = trace.readout
+    if known is None:
+        return
+    known.check(levels)
+    if np.ndim(levels):
+        return
+    level = float(levels)  # type: ignore[arg-type]
+    if asked:
+        known.doubt(level, trace.out_nats.shape[2])
+    if known.warn_of_noise is not None:
+        known.warn_of_noise(level)
+
+
+def check_trace(given: Trace) -> None:
+    """Raise ValueError for what is no trace, as a bare array."""
+    if not isinstance(given, Trace):
+        raise ValueError(f"trace must be a Trace, as from Msprt().run, got {type(given).__name__}")
+
+
+def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return OUT, its first reading, and ends and numbers of trials, as compiled loops need them.
+
+    The compiled loops do not check their bounds, so arrays that do not fit are refused here.
+    """
+    check_trace(trace)
+    out = np.ascontiguousarray(reals("out_nats", trace.out_nats))
+    if out.ndim != 3 or 0 in out.shape:
+        raise ValueError(
+            f"out_nats must be (trials, ticks, hypotheses), not empty, got {out.shape}"
+        )
+    time_ms = np.asarray(trace.time_ms)
+    if time_ms.shape != out.shape[1:2] or not (time_ms[1:] >= time_ms[:-1]).all():
+        raise ValueError(
+            f"time_ms must hold the time of each of {out.shape[1]} ticks, rising, got "
+            f"{span(time_ms)} in shape {time_ms.shape}"
+        )
+    if not (is_number(trace.step_ms) and trace.step_ms > 0 and is_number(trace.onset_ms)):
+        raise ValueError(
+            f"step_ms must be > 0 and onset_ms a number, got {trace.step_ms!r}, {trace.onset_ms!r}"
+        )
+    return out, _first_reading(trace), *trace.of_trials()
+
+
+def _lowest(out: Reals) -> Reals:
+    """Return the lowest OUT of each trial; what is NaN is left out."""
+    return np.asarray(np.fmin.reduce(out, axis=(1, 2)))
+
+
+def _check_ended(out: Reals, ends: Integers, late: Truths) -> None:
+    """Refuse trials that met no threshold and whose OUT is not known up to their end."""
+    trials = np.flatnonzero(late)
+    unknown = np.isnan(out[trials, ends[trials] - 1]).any(axis=1)
+    if unknown.any():
+        raise ValueError(
+            f"OUT of {unknown.sum()} trials is NaN at their end, and they met no threshold until "
+            "then: give a threshold above the OUT at which trials were dropped"
+        )
+
+
+def _decision(
+    trace: Trace, tick: Integers, choice: Integers, forced: bool, first: int, ends: Integers
+) -> Decision:
+    """Put crossings into the words of a task; tick is -1 where no threshold was reached."""
+    reached = tick >= 0
+    relative_ms = trace.time_ms - trace.onset_ms
+    last = ends - 1
+    time_ms = relative_ms[np.where(reached, tick, last)]
+    if not forced:
+        choice = np.where(reached, choice, np.int16(UNDECIDED))
+        time_ms = np.where(reached, time_ms, np.nan)
+    return Decision(
+        choice,
+        time_ms,
+        ~reached & forced,
+        reached & (tick < first),
+        trace.step_ms,
+        relative_ms[last],
+    )
+
+
+def _first_reading(trace: Trace) -> int:
+    """Return the first tick at which a reading can have arrived."""
+    reading_ms = trace.onset_ms + trace.step_ms
+    return int(np.searchsorted(trace.time_ms, reading_ms * (1 - 1e-12), side="left"))
+
+
+def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int) -> tuple[Integers, Array]:
+    """Return, for each channel, the thresholds from highest to lowest and where they came from."""
+    levels = np.asarray(thresholds, dtype=np.float64)
+    if not np.isfinite(levels).all():
+        raise ValueError(f"thresholds must be finite nats, got {levels.tolist()}")
+    if levels.ndim < 2:
+        levels = np.repeat(levels.reshape(-1, 1), hypotheses, axis=1)
+    if levels.ndim != 2 or levels.shape[1] != hypotheses or len(levels) == 0:
+        raise ValueError(
+            f"thresholds must be a number, (K,) or (K, {hypotheses}), got shape "
+            f"{np.shape(thresholds)}"
+        )
+    order = np.ascontiguousarray(np.argsort(-levels, axis=0, kind="stable").T)
+    return order, np.ascontiguousarray(np.take_along_axis(levels.T, order, axis=1))

@@ -1,0 +1,211 @@
+"""What is known of an integrator's OUT, and the checks of every decision that is made on it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.checks import reals, whole
+
+NATS, LOG_ODDS = "nats", "nats of log odds"
+"""Units of OUT from which a posterior follows: OUT = -ln P, and OUT = the log odds against."""
+POSTERIORS = (0.5, 1.0)
+"""A threshold between these is likely to be meant as a posterior if it makes no sense in nats."""
+MOST = 0.5
+"""Share of trials above which a decision by the deadline, or before any reading, is warned of."""
+
+
+@dataclass(frozen=True)
+class ReadOut:
+    """What thresholds on an OUT can mean.
+
+    Parameters
+    ----------
+    name : str
+        The test or the circuit.
+    lowest : float
+        Lowest OUT that it reaches, or that its read-out tells apart, in ``unit``.
+    rest : float
+        Lowest OUT at rest: a threshold there, or above, needs no evidence. Infinity where the
+        trace's own ticks before the first reading say it.
+    unit : str
+        "nats" for OUT = -ln P; "nats of log odds" for the SPRT; or another one.
+    warn_of_noise : callable, optional
+        Warns if noise alone crosses a threshold.
+    """
+
+    name: str
+    lowest: float = -np.inf
+    rest: float = np.inf
+    unit: str = NATS
+    warn_of_noise: Callable[[float], None] | None = None
+
+    @property
+    def of_test(self) -> bool:
+        """Whether it is of a test: its trace says where it rests, without noise."""
+        return bool(np.isinf(self.rest))
+
+    def doubt(self, threshold: float, hypotheses: int) -> None:
+        """Warn of a threshold that was probably meant as a posterior: in nats it is a low one."""
+        low, high = POSTERIORS
+        if self.unit == NATS and max(low, np.log(2)) < threshold < high < np.log(hypotheses):
+            warnings.warn(
+                f"a threshold of {threshold:g} nats stops at a posterior of "
+                f"{np.exp(-threshold):.3f}{meant(threshold)}",
+                stacklevel=4,
+            )
+
+    def threshold(self, posterior: npt.ArrayLike, hypotheses: int) -> Array:
+        """Return the threshold on OUT that stops at a posterior.
+
+        Raises
+        ------
+        ValueError
+            If a posterior is not above chance and below 1, or the unit has none.
+        """
+        if self.unit not in (NATS, LOG_ODDS):
+            raise ValueError(
+                f"{self.name} works in {self.unit}, not nats: a posterior has no meaning there; "
+                f"give a threshold, an OUT in {self.unit}"
+            )
+        nats = criterion_from_posterior(posterior, hypotheses)
+        return nats + np.log1p(-np.exp(-nats)) if self.unit == LOG_ODDS else nats
+
+    def check(self, thresholds: npt.ArrayLike) -> None:
+        """Refuse thresholds that decide without evidence or are never reached.
+
+        Of several thresholds it warns of those, with their number, and refuses if none is left.
+
+        Parameters
+        ----------
+        thresholds : float, array (K,) or array (K, hypotheses)
+            As for ``first_crossing``, in ``unit``.
+
+        Raises
+        ------
+        ValueError
+            With OUT at rest, or the lowest OUT.
+        """
+        levels = np.atleast_1d(reals("thresholds", thresholds))
+        if not levels.size or not np.isfinite(levels).all():
+            raise ValueError(f"thresholds must be finite {self.unit}, got {levels.tolist()}")
+        rows = levels.reshape(len(levels), -1)
+        early, low = rows.max(axis=1) >= self.rest, rows.max(axis=1) < self.lowest
+        if (early | low).all():
+            first = float(rows[0].max())
+            raise ValueError(self._without_evidence(first) if early[0] else self._unread(first))
+        for wrong, why in ((early, self._without_evidence), (low, self._unread)):
+            if wrong.any():
+                said = why(float(rows[wrong].flat[0]))
+                warnings.warn(
+                    f"{wrong.sum()} of {len(rows)} thresholds mean nothing, the first of them: "
+                    f"{said}",
+                    stacklevel=4,
+                )
+
+    def _without_evidence(self, threshold: float) -> str:
+        return (
+            f"{self.name} rests at OUT = {round(self.rest, 2) + 0.0:.2f}, which is not above the "
+            f"threshold of {threshold:.2f} {self.unit}: it would decide without evidence"
+            f"{meant(threshold)}"
+        )
+
+    def _unread(self, threshold: float) -> str:
+        at, of = "", ""
+        if self.unit == NATS:
+            at = f", a posterior of {np.exp(-self.lowest):.3f}"
+            of = f", one of {np.exp(-threshold):.3f}" if threshold >= 0 else ""
+        return (
+            f"{self.name} reads no OUT below {self.lowest:.3g} {self.unit}{at}; the threshold is "
+            f"{threshold:.2f} {self.unit}{of}"
+        )
+
+
+def meant(threshold: float) -> str:
+    """Return a question for a threshold that looks like a posterior; else nothing."""
+    low, high = POSTERIORS
+    if not low < threshold < high:
+        return ""
+    return f"; did you mean a posterior (posterior={threshold:g})?"
+
+
+def criterion_from_posterior(posterior: npt.ArrayLike, hypotheses: int = 2) -> Array:
+    """Return the ``Msprt`` threshold on OUT, nats, that stops at a posterior: ``-ln P``.
+
+    Parameters
+    ----------
+    posterior : float or array
+        Posterior probability of the hypothesis that is chosen.
+    hypotheses : int
+        Number of hypotheses: at chance, one over it, and below nothing has to be read.
+
+    Raises
+    ------
+    ValueError
+        If a posterior is not above chance and below 1.
+    """
+    asked = np.asarray(reals("posterior", posterior), dtype=np.float64)
+    count = whole("hypotheses", hypotheses, 2)
+    if not asked.size or not ((asked > 1 / count) & (asked < 1)).all():
+        raise ValueError(
+            f"posterior must lie between chance, {1 / count:.3g} with {count} hypotheses, and 1, "
+            f"got {asked.tolist()}"
+        )
+    return -np.log(asked)
+
+
+def check_early_and_late(
+    late: Integers,
+    early: Integers,
+    trials: int,
+    thresholds: npt.ArrayLike,
+    *,
+    forced: bool,
+    of_test: bool,
+) -> None:
+    """Refuse decisions that all came before any reading; warn where most did, or never came.
+
+    Parameters
+    ----------
+    late, early : int array (K,)
+        Trials that met no threshold before their end, and trials that responded before their
+        first reading, at each of K thresholds.
+    trials : int
+        Number of trials.
+    thresholds : array (K,) or (K, hypotheses)
+        At which they were decided.
+    forced : bool
+        Whether the deadline made the choice of those that are late.
+    of_test : bool
+        Whether OUT before the first reading is that of a test, the same in each trial.
+
+    Raises
+    ------
+    ValueError
+        If no trial of a test needed a reading.
+    """
+    levels, count = np.atleast_1d(thresholds), len(late)
+    if of_test and (early == trials).all():
+        raise ValueError(
+            "every trial decides before its first reading, without evidence: the prior is past the "
+            f"threshold of {levels.flat[0]:.3g} already{meant(levels.flat[0])}"
+        )
+    end = "the deadline decides them" if forced else "they stay undecided"
+    for wrong, what, better in (
+        (early, "decide before their first reading, without evidence", "a lower threshold (a "
+         "higher posterior or gap)"),
+        (late, f"never meet the threshold, {end}", "more readings or a higher threshold (a lower "
+         "posterior or gap)"),
+    ):  # fmt: skip
+        most = wrong > MOST * trials
+        if not most.any():
+            continue
+        who = f"{wrong[0]} of {trials} trials"
+        if count > 1:
+            who = f"at {most.sum()} of {count} thresholds most trials"
+        warnings.warn(f"{who} {what}: give {better}", stacklevel=4)

@@ -1,0 +1,53 @@
+"""The reward of a decision, ``r = xi W - T`` (Burguete, Griffith & Lepora 2023), written once."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.deciding.decision import Decision, Tally
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.checks import is_number, one_per_trial
+
+
+def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
+    """Return ``xi W - T`` in readings: of trials, or of their means.
+
+    Parameters
+    ----------
+    error : array (...)
+        Whether a trial is an error, W = -1, or the share of errors.
+    steps : array (...)
+        Decision time T in readings, or its mean.
+    xi : float
+        Cost of an error in readings.
+
+    Raises
+    ------
+    ValueError
+        If xi is not finite and above 0.
+    """
+    check_xi(xi)
+    found: Array = -xi * np.asarray(error) - np.asarray(steps)
+    return found
+
+
+def reward(decision: Decision, truth: Integers, xi: float) -> Array:
+    """Return the reward of every trial.
+
+    An omission is an error, and its T is the number of readings of the whole trial.
+    """
+    truth = one_per_trial("truth", truth, decision.choice.shape[-1])
+    whole = np.where(np.isnan(decision.steps), decision.deadline_ms / decision.step_ms, 0)
+    return reward_of(decision.choice != truth, np.fmax(decision.steps, whole), xi)
+
+
+def mean_reward(counts: Tally, xi: float) -> Array:
+    """Return the mean reward per trial for each threshold of a tally, (K,)."""
+    return reward_of(1 - counts.accuracy, counts.mean_steps, xi)
+
+
+def check_xi(xi: float) -> None:
+    """Raise ValueError if this cannot be the cost of an error."""
+    if not (is_number(xi) and 0 < xi < np.inf):
+        raise ValueError(f"xi must be > 0 readings, got {xi}")

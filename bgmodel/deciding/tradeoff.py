@@ -1,0 +1,181 @@
+"""Decisions at many settings, hasty to careful: speed against accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.deciding.calibration import posterior_at
+from bgmodel.deciding.decision import Trace, check_trace, first_crossing
+from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.checks import reals
+from bgmodel.support.reprs import Facts, span
+
+REST_MS = 500.0
+"""The time at rest in which responses are counted."""
+
+
+WITHOUT_EVIDENCE_SHARE = 0.5
+"""A circuit of which more than this share of decisions come before the first reading, or in a
+foreperiod, decides without evidence: its other measures say nothing of decisions."""
+
+
+MARGIN = 0.01
+"""Accuracies are called equivalent if their difference lies within this, with 95 % confidence."""
+
+
+SHARE_OF_ERRORS = 0.1
+"""An accuracy is reached within this share of the errors that it leaves, and within ``MARGIN``."""
+
+
+@dataclass(frozen=True)
+class ChoicesAndTimes:
+    """Decisions of one integrator at one setting: choice (trials,) and time_ms (trials,)."""
+
+    choice: Integers
+    time_ms: Array
+
+
+@dataclass(frozen=True, repr=False)
+class Tradeoff(Facts):
+    """Decisions of one integrator at K settings of what makes it hasty or careful.
+
+    Parameters
+    ----------
+    settings : array (K,)
+        Falling: thresholds in the units of its OUT, or levels of dopamine at one threshold.
+    choice : int array (K, trials)
+        What it chose, forced at the end of the trace.
+    time_ms : array (K, trials)
+        When, ms from the onset of evidence.
+    forced, premature : bool arrays (K, trials)
+        Whether the end of the trace made the choice; whether it came before the first reading.
+    posterior : array (K, trials)
+        Probability of what was chosen, given all readings that there were by then. Its mean is the
+        expected accuracy, with a smaller error than counting; it is right if the likelihoods are.
+    """
+
+    settings: Array
+    choice: npt.NDArray[np.integer]
+    time_ms: Array
+    forced: npt.NDArray[np.bool_]
+    premature: npt.NDArray[np.bool_]
+    posterior: Array
+
+    def facts(self) -> dict[str, str]:
+        """Return trials, settings, and how fast and accurate they are."""
+        return {
+            "trials": f"{self.trials}",
+            "settings": f"{len(self.settings)} of {span(self.settings)}",
+            "mean_time_ms": span(self.time_ms.mean(axis=1)),
+            "expected_accuracy": span(self.posterior.mean(axis=1)),
+        }
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return int(self.choice.shape[1])
+
+    @property
+    def without_evidence(self) -> npt.NDArray[np.bool_]:
+        """Whether most trials decide before their first reading, (K,)."""
+        return np.asarray(self.premature.mean(axis=1) > WITHOUT_EVIDENCE_SHARE)
+
+    def __add__(self, more: Tradeoff) -> Tradeoff:
+        """Append trials; both must have the same settings."""
+        if not np.array_equal(self.settings, more.settings):
+            raise ValueError("tradeoffs can be joined only over the same settings")
+        names = ("choice", "time_ms", "forced", "premature", "posterior")
+        joined = {n: np.concatenate([getattr(self, n), getattr(more, n)], axis=1) for n in names}
+        return replace(self, **joined)
+
+    def at(self, chosen: npt.NDArray[np.bool_]) -> Tradeoff:
+        """Return the decisions at some of the settings."""
+        names = ("settings", "choice", "time_ms", "forced", "premature", "posterior")
+        return Tradeoff(*(getattr(self, name)[chosen] for name in names))
+
+    def choices(self, k: int) -> ChoicesAndTimes:
+        """Return choices and times at the k-th setting."""
+        return ChoicesAndTimes(self.choice[k], self.time_ms[k])
+
+    def setting(self, accuracy: float) -> float:
+        """Return the setting at which the expected accuracy is nearest."""
+        reached, _ = curve(self, np.ones((1, self.trials)))
+        return float(self.settings[np.abs(reached[0] - accuracy).argmin()])
+
+
+def reads_nothing(premature: float, anticipatory: float, foreperiod_ms: float) -> bool:
+    """Whether a circuit decides without evidence, by two shares of its responses.
+
+    Parameters
+    ----------
+    premature, anticipatory : float
+        Shares of trials decided before their first reading, and of foreperiods that end in a
+        response.
+    foreperiod_ms : float
+        How long these waited, ms. At a constant hazard a share p becomes
+        ``1 - (1 - p)^(500 / foreperiod_ms)`` in half a second: that is what counts, so that the
+        length of the foreperiod does not.
+    """
+    within = 1 - (1 - anticipatory) ** (REST_MS / foreperiod_ms)
+    return bool(max(premature, within) > WITHOUT_EVIDENCE_SHARE)
+
+
+def levels(trace: Trace, count: int = 200) -> Array:
+    """Return thresholds that cut a trace's decisions evenly: quantiles of its lowest OUT."""
+    return np.unique(np.quantile(trace.out_nats.min(axis=2), np.linspace(0, 1, count)))[::-1]
+
+
+def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None = None) -> Tradeoff:
+    """Let an integrator decide at many thresholds.
+
+    Parameters
+    ----------
+    trace : Trace
+        OUT, as an integrator gives it for this evidence.
+    evidence : Evidence
+        What it was given.
+    thresholds : array (K,), optional
+        ``levels(trace)`` if left out.
+    """
+    check_trace(trace)
+    if np.shape(trace.out_nats)[::2] != (check_evidence(evidence).trials, evidence.hypotheses):
+        raise ValueError(
+            f"the trace must be of this evidence, {evidence.trials} trials of "
+            f"{evidence.hypotheses} hypotheses, got OUT of shape {np.shape(trace.out_nats)}"
+        )
+    if thresholds is not None and np.ndim(reals("thresholds", thresholds)) != 1:
+        raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
+    chosen = levels(trace) if thresholds is None else np.sort(np.asarray(thresholds))[::-1]
+    decided = first_crossing(trace, chosen, checked=False)
+    posterior = posterior_at(evidence, decided.time_ms, decided.choice)
+    return Tradeoff(
+        chosen, decided.choice, decided.time_ms, decided.forced, decided.premature, posterior
+    )
+
+
+def curve(swept: Tradeoff, weights: Array) -> tuple[Array, Array]:
+    """Return expected accuracy, made monotone, and mean time, (B, K) for weights (B, trials)."""
+    # Importing scipy.optimize takes a third of a second: only where tradeoffs are compared.
+    from scipy.optimize import isotonic_regression
+
+    share = weights / weights.sum(axis=1, keepdims=True)
+    accuracy = np.stack([isotonic_regression(row).x for row in share @ swept.posterior.T])
+    # A rise too small to matter makes the curve invertible.
+    return accuracy + np.linspace(0, 1e-9, accuracy.shape[1]), share @ swept.time_ms.T
+
+
+def time_at(accuracies: Sequence[float] | Array, curves: tuple[Array, Array]) -> Array:
+    """Return mean times at given expected accuracies, ms (B, A); NaN beyond the curve."""
+    return np.stack(
+        [np.interp(accuracies, *row, np.nan, np.nan) for row in zip(*curves, strict=True)]
+    )
+
+
+def margin(accuracy: float) -> float:
+    """Return the margin within which an accuracy counts as reached: smaller towards 1."""
+    return min(MARGIN, SHARE_OF_ERRORS * (1 - accuracy))

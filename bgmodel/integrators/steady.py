@@ -1,0 +1,167 @@
+"""What an edit does to OUT under steady evidence: by theory, and measured in spikes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.declaration.spec import Circuit
+
+SETTLE_MS = 1500
+"""Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""
+
+
+def leader_drive(log_odds: npt.ArrayLike, channels: int) -> npt.NDArray[np.float64]:
+    """Return a steady drive that favours the first channel, (log odds, 1, channels) nats.
+
+    Parameters
+    ----------
+    log_odds : array or float
+        Of the first channel against each other one, nats.
+    channels : int
+        Number of alternatives.
+    """
+    odds = np.ravel(np.asarray(log_odds, dtype=np.float64))
+    drive = np.zeros((odds.size, 1, channels))
+    drive[:, 0, 0] = odds
+    return np.asarray(drive - drive.mean(axis=2, keepdims=True))
+
+
+def leader_out(
+    circuit: Circuit, log_odds: npt.ArrayLike, *, laws: str = "table"
+) -> npt.NDArray[np.float64]:
+    """Return the favoured channel's OUT at the fixed point, nats, in the shape of ``log_odds``.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    log_odds : array (...) or float
+        Of the favoured channel against each other one, in the circuit's nats.
+    laws : str
+        "table", "cells" or "finite", as for ``circuits.engines.algebra``.
+    """
+    odds = np.asarray(log_odds, dtype=np.float64)
+    # Edits that the fixed point makes no use of are not what is asked for here.
+    model = BasalGanglia(replace(circuit, unedited=None), options={"laws": laws})
+    found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
+    return np.asarray(found[:, 0, 0].reshape(odds.shape))
+
+
+def out_shift(
+    circuit: Circuit, edited: Circuit, out_nats: npt.ArrayLike, *, laws: str = "table"
+) -> npt.NDArray[np.float64]:
+    """Return the shift of the winner's OUT by an edit at the fixed point, nats.
+
+    Where any OUT that is asked for has no fixed point, or none that is known, all are NaN.
+
+    Parameters
+    ----------
+    circuit, edited : Circuit
+        Before and after.
+    out_nats : array (...)
+        ``-ln P`` before, at which it is asked; the result has its shape.
+    laws : str
+        "table", "cells" or "finite", as for ``circuits.engines.algebra``.
+    """
+    circuit.check_nats("an OUT of -ln P")
+    n = circuit.channels
+    out = np.asarray(out_nats, dtype=np.float64)
+    odds = np.log(n - 1) - np.log(np.expm1(out))
+    try:
+        before, after = (leader_out(c, odds, laws=laws) for c in (circuit, edited))
+    except ValueError:
+        return np.full_like(out, np.nan)
+    return after - before
+
+
+def steady_out(
+    circuit: Circuit, log_odds: npt.ArrayLike, *, seed: int, trials: int, mean_ms: int = 1000
+) -> npt.NDArray[np.float64]:
+    """Return the favoured channel's OUT under constant evidence, (log odds, trials) nats.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        One of spiking cells.
+    log_odds : array
+        Of the favoured channel against each other one, in the circuit's nats.
+    seed, trials : int
+        Noise; trial t has the same in every circuit.
+    mean_ms : int
+        The time that is averaged, after ``SETTLE_MS``.
+    """
+    circuit.check_nats("a drive of log odds")
+    odds = np.asarray(log_odds, dtype=np.float64)
+    drive = leader_drive(np.repeat(odds, trials), circuit.channels)
+    model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})
+    out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
+    found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
+    return np.asarray(found.reshape(len(odds), trials))
+
+
+def steady_shifts(
+    circuit: Circuit,
+    edited: Mapping[str, Circuit],
+    log_odds: npt.ArrayLike,
+    *,
+    seed: int,
+    trials: int = 40,
+) -> pd.DataFrame:
+    """Measure what edits add to OUT in the spiking circuit, beside its fixed point.
+
+    Returns
+    -------
+    DataFrame
+        One row a variant and log odds: variant, log_odds, out_nats (as it is), exact_nats (the
+        shift of the algebraic fixed point), own_laws_nats and finite_nats (the same with the cells'
+        own f-I laws, and with the noise of their finite number), value, low, high (the
+        measured shift and its 95 % interval, trials paired by their noise).
+    """
+    # Importing scipy.stats takes half a second: only where shifts are measured.
+    from scipy.stats import ttest_1samp
+
+    odds = np.asarray(log_odds, dtype=np.float64)
+    out = np.log1p((circuit.channels - 1) * np.exp(-odds))
+    before = steady_out(circuit, odds, seed=seed, trials=trials)
+    parts = []
+    for name, table in edited.items():
+        shift = steady_out(table, odds, seed=seed, trials=trials) - before
+        interval = ttest_1samp(shift, 0.0, axis=1).confidence_interval()
+        columns = {
+            "variant": name,
+            "log_odds": odds,
+            "out_nats": before.mean(axis=1),
+            "exact_nats": out_shift(circuit, table, out),
+            "own_laws_nats": out_shift(circuit, table, out, laws="cells"),
+            "finite_nats": out_shift(circuit, table, out, laws="finite"),
+            "value": shift.mean(axis=1),
+            "low": interval.low,
+            "high": interval.high,
+        }
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)
+
+
+def lesions(table: Circuit) -> dict[str, Circuit]:
+    """Return ten lesions of a circuit by name, lost drive replaced where the name says so.
+
+    They are those of figure C5 and of its score.
+    """
+    return {
+        "STN 10 %": table.lesion("STN", 0.1),
+        "STN 20 %": table.lesion("STN", 0.2),
+        "STN 50 %, replaced": table.lesion("STN", 0.5, replaced=True),
+        "GPe 10 %": table.lesion("GPe", 0.1),
+        "GPe 20 %": table.lesion("GPe", 0.2),
+        "GPe, replaced": table.lesion("GPe", replaced=True),
+        "D1 10 %": table.lesion("D1", 0.1),
+        "D1 20 %": table.lesion("D1", 0.2),
+        "D2": table.lesion("D2"),
+        "hyperdirect 3 %": table.scale("ctx", "STN", 0.97),
+    }

@@ -1,0 +1,258 @@
+"""Dopamine moves the threshold: the effect of its level on a circuit.
+
+The read-out's threshold stays where it is. A level of dopamine moves D1's and D2's cortical gain in
+opposite directions and with them OUT, so the circuit stops at another posterior. The learner of
+a level is that of a gap (``learning.reinforce.learn``). It sees rewards and its own perturbations
+of the level, no gap, no evidence and no test.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from bgmodel.deciding.calibration import against_evidence
+from bgmodel.deciding.decision import any_crossing
+from bgmodel.deciding.tradeoff import Tradeoff
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import (
+    NOISE_SHARE,
+    BasalGanglia,
+    check_threshold,
+    checked_circuit,
+)
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
+from bgmodel.integrators.steady import leader_out
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import is_number
+from circuits.declaration.spec import Circuit
+from circuits.engines import NOISY
+
+ALLOWED = (0.0, 2.0)
+"""Levels that a circuit takes; 1 is normal."""
+MARGIN = 0.02
+"""Share of a level by which a learner keeps away from where the fixed point stops deciding."""
+THRESHOLD_NATS = 0.3
+"""OUT at which the circuit decides, whatever the dopamine: for two to four alternatives the fixed
+point spans posteriors .75 to .99."""
+COARSE = {"dt_ms": 0.5, "sample_ms": 2.0}
+"""Ticks of the rate engine where thousands of trials are run at each of many levels."""
+
+
+def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
+    """Return the leader's OUT at the fixed point, nats, in the shape of ``log_odds``.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    level : float
+        Dopamine.
+    log_odds : array (M,) or float
+        Of the leader against each other alternative, in the circuit's nats.
+    """
+    circuit.check_nats("a drive of log odds")
+    return leader_out(circuit.dopamine(level), log_odds)
+
+
+def _odds(circuit: Circuit) -> Array:
+    """Return log odds from none to the most that the circuit takes: its reach, or its range.
+
+    Rivals are silent from ``reference_nats`` behind on, and more evidence tells them nothing.
+    """
+    circuit.check_nats("a criterion that dopamine sets")
+    n = circuit.channels
+    most = (circuit.range_nats[1] - circuit.reference_nats + np.log(n)) * n / (n - 1)
+    silent = np.inf if circuit.centred else circuit.reference_nats
+    return np.linspace(0.0, min(circuit.reach_nats, most, silent), 201)
+
+
+@lru_cache(maxsize=1024)
+def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float]:
+    """Return the lowest and highest level at which the fixed point decides, and by evidence.
+
+    Below, the leader's OUT stays above the threshold whatever the evidence: no decision. Above,
+    OUT at rest is past it: decisions without evidence; or the highest is 2, the most that is
+    allowed. Noise of spikes crosses at rest from lower levels on, and now and then where the fixed
+    point never does.
+
+    Raises
+    ------
+    ValueError
+        If the circuit does not read the threshold, or no level in 0..2 serves.
+    """
+    circuit = checked_circuit(circuit)
+    if not is_number(threshold_nats):
+        raise ValueError(f"threshold_nats must be a number, got {threshold_nats!r}")
+    odds = _odds(circuit)
+    low_nats, high_nats = circuit.readable_nats
+    if not low_nats < threshold_nats < high_nats:
+        raise ValueError(
+            f"{circuit.name} reads OUT between {low_nats:.3g} and {high_nats:.3g} nats, the "
+            f"threshold is {threshold_nats:g}"
+        )
+
+    def turns(log_odds: Array) -> float:
+        def past(level: float) -> float:
+            return float(decided_out(circuit, level, log_odds).min()) - threshold_nats
+
+        low, high = ALLOWED
+        if past(low) <= 0:
+            return low
+        return high if past(high) > 0 else float(brentq(past, low, high, xtol=1e-4))
+
+    low, high = turns(odds), turns(odds[:1])
+    if not low < high:
+        raise ValueError(
+            f"no level of dopamine in {ALLOWED[0]:g}..{ALLOWED[1]:g} takes {circuit.name} to a "
+            f"threshold of {threshold_nats:.2f} nats by evidence alone"
+        )
+    return low, high
+
+
+def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, float]:
+    """Return the lowest and highest level that a learner should play.
+
+    The working range, shrunk by ``MARGIN`` at both ends (not at a level of 2). With noise its
+    upper end also lies below the level at which noise alone decides: at which OUT at rest meets the
+    threshold in more than ``NOISE_SHARE`` of 200 trials of half a second.
+
+    Raises
+    ------
+    ValueError
+        As ``working_range``, or if that leaves no level.
+    """
+    low, high = working_range(model.circuit, threshold_nats)
+    low = low * (1 + MARGIN)
+    high = high * (1 - MARGIN) if high < ALLOWED[1] else high
+
+    def noisy(level: float) -> bool:
+        edited = replace(model, circuit=model.circuit.dopamine(level))
+        return bool(any_crossing(edited.out_at_rest(200), threshold_nats).mean() > NOISE_SHARE)
+
+    if model.engine in NOISY and noisy(high):
+        quiet = low
+        while high - quiet > 0.01:
+            middle = (quiet + high) / 2
+            quiet, high = (quiet, middle) if noisy(middle) else (middle, high)
+        high = quiet
+    if not 0 < low < high:
+        raise ValueError(
+            f"no level of dopamine takes {model.circuit.name} to a threshold of "
+            f"{threshold_nats:.2f} nats by evidence and not by noise"
+        )
+    return low, high
+
+
+def levels_between(low: float, high: float, count: int) -> Array:
+    """Return levels, evenly spaced in their logarithm: OUT moves less the higher they are."""
+    return np.geomspace(low, high, count)
+
+
+def playable_levels(
+    model: BasalGanglia, count: int, threshold_nats: float = THRESHOLD_NATS
+) -> Array:
+    """Return levels (count,) at which a learner meets a circuit, over its ``usable_range``."""
+    return levels_between(*usable_range(model, threshold_nats), count)
+
+
+@lru_cache(maxsize=1024)
+def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float) -> float:
+    """Return the posterior at which the fixed point decides, the other alternatives equal.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    level : float
+        Dopamine, within ``working_range``.
+    threshold_nats : float
+        OUT at which the circuit decides.
+    gain : float
+        Nats in the circuit a nat of evidence.
+
+    Raises
+    ------
+    ValueError
+        If the level lies outside the working range.
+    """
+    if not (is_number(gain) and 0 < gain < np.inf):
+        raise ValueError(f"gain must be > 0 and finite, got {gain!r}")
+    circuit = checked_circuit(circuit)
+    odds = _odds(circuit)
+    past = decided_out(circuit, level, odds) - threshold_nats
+    if not past[0] > 0 >= past.min():
+        low, high = working_range(circuit, threshold_nats)
+        raise ValueError(
+            f"at a threshold of {threshold_nats:g} nats {circuit.name} decides by evidence at "
+            f"levels {low:.2f} to {high:.2f}, got {level:g}"
+        )
+    first = int(np.argmax(past <= 0))
+    edited = circuit.dopamine(level)
+    found = brentq(
+        lambda o: float(leader_out(edited, o)) - threshold_nats,
+        odds[first - 1],
+        odds[first],
+        xtol=1e-7,
+    )
+    return float(1 / (1 + (circuit.channels - 1) * np.exp(-found / gain)))
+
+
+def decide_at_levels(
+    model: BasalGanglia, evidence: Evidence, levels: npt.ArrayLike, threshold_nats: float
+) -> Tradeoff:
+    """Let a circuit decide at several levels of dopamine, its threshold fixed.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit.
+    evidence : Evidence
+        The same for all levels, and so is the noise.
+    levels : array (K,)
+        Dopamine.
+    threshold_nats : float
+        OUT at which it decides.
+
+    Returns
+    -------
+    Tradeoff
+        Its ``settings`` are the levels, highest first.
+
+    Raises
+    ------
+    ValueError
+        If levels are not allowed or not distinct, or the unchanged circuit would decide without
+        evidence at that threshold, or never reads it.
+
+    Warns
+    -----
+    UserWarning
+        If the circuit decides against the evidence at a level.
+    """
+    check_threshold(model.circuit, threshold_nats)
+    falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]
+    low, high = ALLOWED
+    if falling.ndim != 1 or not len(falling) or not np.all(np.diff(falling) < 0):
+        raise ValueError(f"levels must be one or more numbers, each once, got {levels!r}")
+    if not (falling[-1] >= low and falling[0] <= high):
+        raise ValueError(f"levels must lie in {low:g}..{high:g}, got {levels!r}")
+    rows = [
+        decide_at_thresholds(
+            replace(model, circuit=model.circuit.dopamine(float(level))),
+            evidence,
+            [threshold_nats],
+            decoder_tau_ms=None,
+        )[CIRCUIT]
+        for level in falling
+    ]
+    for level, row in zip(falling, rows, strict=True):
+        if said := against_evidence(row.posterior[~row.forced], evidence.hypotheses):
+            warnings.warn(f"at a level of {level:g} {said}", stacklevel=2)
+    names = ("choice", "time_ms", "forced", "premature", "posterior")
+    return Tradeoff(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))

@@ -1,0 +1,72 @@
+"""Numba's compiler with the types of what it compiles, which Numba itself does not state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from numba.core import event
+
+from bgmodel.support.import_guard import explained
+
+try:
+    from circuits.compiled_code import compile_cached, sources_hash
+except ImportError as error:
+    raise explained(error) from error
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+SOURCES = sources_hash(Path(__file__).parents[1])
+
+
+def compiled(function: Function, **options: Any) -> Function:
+    """Compile a function on its first call and keep it on disk; threads run it side by side.
+
+    Parameters
+    ----------
+    function : callable
+        Python function.
+    **options
+        Options of ``numba.njit``.
+    """
+    made: Function = compile_cached(function, SOURCES, nogil=True, **options)
+    return made
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function into each function that calls it."""
+    return compiled(function, inline="always")
+
+
+class _Listener(event.Listener):  # type: ignore[misc]
+    """Calls a function when the first function of the circuits' engines is compiled."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self.call: Callable[[], None] | None = call
+
+    def on_start(self, event: Any) -> None:
+        """Call once; what was kept on disk starts no such event."""
+        module = str(getattr(event.data.get("dispatcher"), "__module__", ""))
+        if self.call is not None and module.startswith("circuits."):
+            call, self.call = self.call, None
+            call()
+
+    def on_end(self, event: Any) -> None:
+        """Do nothing."""
+
+
+def on_compiling(call: Callable[[], None]) -> None:
+    """Call a function when an engine of the circuits is compiled, once, before that takes long.
+
+    Parameters
+    ----------
+    call : function
+        Without arguments. It replaces the one of an earlier call.
+    """
+    if _LISTENERS:
+        event.unregister("numba:compile", _LISTENERS.pop())
+    _LISTENERS.append(_Listener(call))
+    event.register("numba:compile", _LISTENERS[-1])
+
+
+_LISTENERS: list[_Listener] = []

@@ -1,0 +1,250 @@
+"""Files: written whole or not at all, with the parameters, seed and versions behind them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import secrets
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, is_dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bgmodel.support.checks import path_of
+from bgmodel.support.memory import NoMemoryError, check_table_memory
+from bgmodel.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PACKAGES = ("numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
+KEY = b"bgmodel"
+MOST_NAME_BYTES = 200
+"""Longest name of a result: what is written on the way has a longer one."""
+FIELDS = {"parameters", "seed", "versions"}
+"""What provenance holds."""
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Give a path to write to; it takes the final name once all is written, or vanishes.
+
+    Folders that are not there are made.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{secrets.token_hex(8)}.partial.{path.name}")
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def remove_partial_files(folder: str | Path) -> None:
+    """Remove what killed writers left in a folder and below; none may be at work there."""
+    for partial in Path(folder).rglob(".*.partial.*"):
+        partial.unlink()
+
+
+def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
+    """Return what a result file must carry: its parameters, seed and versions.
+
+    No time and no machine goes in, so the same seed gives the same bytes.
+    """
+    return {
+        "parameters": {name: _plain(value) for name, value in parameters.items()},
+        "seed": seed,
+        "versions": {
+            "python": platform.python_version(),
+            "bgmodel": __version__,
+            **{name: version for name in PACKAGES if (version := _version(name))},
+        },
+    }
+
+
+def write_table(
+    table: pd.DataFrame, path: str | Path, *, seed: int | None = None, **parameters: Any
+) -> Path:
+    """Write a table whole or not at all, with its provenance.
+
+    Parameters
+    ----------
+    table : DataFrame
+        What to write.
+    path : path
+        ``.parquet`` keeps the provenance inside; ``.csv`` has it in ``<name>.csv.json`` beside it.
+    seed, parameters :
+        See ``provenance``.
+
+    Raises
+    ------
+    ValueError
+        If the ending is neither, the folder can't be written, or what lies at ``<name>.csv.json``
+        is no provenance.
+    """
+    path = path_of(path)
+    if path.suffix not in (".parquet", ".csv"):
+        raise ValueError(f"a table is written as .parquet or .csv, got {str(path)!r}")
+    text = json.dumps(provenance(seed, **parameters), indent=1, sort_keys=True)
+    check_writable(path.parent)
+    check_provenance_place(path)
+    if path.suffix == ".parquet":
+        with replacing(path) as partial:
+            _write_parquet(table, partial, text)
+        return path
+    # Both take their names once both are written.
+    with replacing(path) as partial, replacing(provenance_path(path)) as beside:
+        table.to_csv(partial, index=False)
+        beside.write_text(text + "\n")
+    return path
+
+
+def provenance_path(path: str | Path) -> Path:
+    """Return the path of the provenance of a ``.csv``: the whole name and ``.json``."""
+    path = Path(path)
+    return path.with_name(path.name + ".json")
+
+
+def check_provenance_place(path: str | Path) -> None:
+    """Raise ValueError if the provenance of a table would go over a file that is none."""
+    place = provenance_path(path)
+    if Path(path).suffix != ".csv" or not place.exists():
+        return
+    try:
+        found = json.loads(place.read_text())
+        ours = isinstance(found, dict) and set(found) == FIELDS
+    except (OSError, ValueError):
+        ours = False
+    if not ours:
+        raise ValueError(
+            f"{str(place)!r} is where the parameters of {Path(path).name!r} go, and holds "
+            "something else: move it, or give another name"
+        )
+
+
+def check_new(path: str | Path, *, force: bool = False) -> None:
+    """Raise ValueError unless a result may be written to a path.
+
+    Parameters
+    ----------
+    path : path
+        Where a result is to go.
+    force : bool
+        Whether a file of that name may be replaced. A folder never is, nor a file beside a
+        ``.csv`` that holds no provenance.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise ValueError(f"{str(path)!r} is a folder: a result needs a file's name")
+    if len(path.name.encode()) > MOST_NAME_BYTES:
+        raise ValueError(f"a file's name has at most {MOST_NAME_BYTES} bytes, got {path.name!r}")
+    if not force and (path.exists() or path.is_symlink()):
+        raise ValueError(f"{str(path)!r} is there already: give another name, or --force")
+    check_provenance_place(path)
+
+
+def is_result(path: str | Path) -> bool:
+    """Whether a file is a table that carries provenance, so that a result may take its place."""
+    try:
+        return set(read_provenance(path)) == FIELDS
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def checksum(path: str | Path) -> str:
+    """Return the SHA-256 of a file's bytes, in hexadecimal."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def read_table(path: str | Path) -> pd.DataFrame:
+    """Read a ``.parquet`` or ``.csv`` table; raise one clear ValueError if that can't be done."""
+    import pandas as pd
+
+    path = path_of(path)
+    if not path.is_file():
+        raise ValueError(f"there is no table {str(path)!r}")
+    try:
+        check_table_memory(path)
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path)
+        if path.suffix == ".csv":
+            return pd.read_csv(path)
+    except NoMemoryError:
+        raise
+    except (OSError, ValueError, pd.errors.ParserError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {reason}") from error
+    raise ValueError(f"a table is read from .parquet or .csv, got {str(path)!r}")
+
+
+def read_provenance(path: str | Path) -> dict[str, Any]:
+    """Return the provenance that ``write_table`` stored with a table."""
+    import pyarrow.parquet as pq
+
+    path = Path(path)
+    if path.suffix == ".csv":
+        text = provenance_path(path).read_text()
+    else:
+        text = pq.read_schema(path).metadata[KEY]
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def check_writable(folder: str | Path) -> Path:
+    """Return a folder as an absolute path; ValueError if nothing can be written there.
+
+    It is made when something is.
+    """
+    folder = Path(os.path.abspath(folder))
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    try:
+        # Asking for rights tells nothing of a read-only or full disk: try.
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        raise ValueError(
+            f"the output folder {str(folder)!r} can't be written: {error.strerror}"
+        ) from error
+    return folder
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _write_parquet(table: pd.DataFrame, path: Path, text: str) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    data = pa.Table.from_pandas(table, preserve_index=False)
+    data = data.replace_schema_metadata({**data.schema.metadata, KEY: text.encode()})
+    pq.write_table(data, path, compression="zstd", compression_level=9)
+
+
+def _plain(value: Any) -> Any:
+    """Turn a parameter into what JSON holds."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {"kind": type(value).__name__, **{k: _plain(v) for k, v in asdict(value).items()}}
+    if isinstance(value, Path):
+        return value.name  # where a file lay says nothing about what is in it
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value if isinstance(value, (int, float, bool, type(None))) else str(value)

@@ -1,0 +1,1 @@
+"""A circuit as it is written: rows, courses, edits of rows, and files."""

@@ -1,0 +1,76 @@
+"""Motifs: nuclei with their pathways, which are added to a circuit by one name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, TypeVar
+
+from circuits.cells import Phase
+from circuits.declaration.rows import GABA, Population, Projection
+
+if TYPE_CHECKING:
+    from circuits.declaration.spec import Circuit
+
+Row = Population | Projection
+Given = TypeVar("Given")
+
+LIENARD = "Lienard & Girard 2014"
+FSI = f"rate {LIENARD}, macaque; CV, gain, cells, spread assumed"
+DRIVEN = f"cortex drives them, Mallet et al. 2005, rat; delay as ctx->D1, {LIENARD}; rest assumed"
+FEEDFORWARD = (
+    "inhibit D1 and D2, Koos & Tepper 1999, Planert et al. 2010, rats; D1 more than D2, "
+    "Gittis et al. 2010, mouse; strength, reach, delay, tau assumed"
+)
+TO_D1, TO_D2 = 0.15, 0.1
+"""Nats that a nat of all FSI takes from D1 and D2: assumed, more from D1 as in mice."""
+
+
+def striatal_fsi(circuit: Circuit) -> tuple[Row, ...]:
+    """Return the fast-spiking interneurons of striatum: cortex -> FSI -> D1 and D2.
+
+    At rest they fire at their baseline, the middle of what is printed for the macaque (8 to 14 Hz),
+    so that adding them leaves all other resting rates unchanged. Cells of a channel hear its cortex
+    and inhibit D1 and D2 of all channels alike, so they remove an input that all channels share.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        A circuit in nats with cortex ("ctx", its input), D1 and D2.
+
+    Raises
+    ------
+    ValueError
+        If the circuit has another unit: the strength of the pathways is in nats.
+    """
+    circuit.check_nats("striatal_FSI, whose weights are nats,")
+    cells = Population(
+        "FSI",
+        Phase(0.5),
+        baseline_hz=11.0,
+        gain_hz_per_nat=5.0,
+        transmitter=GABA,
+        neurons=300,
+        bias_nats=-circuit.drive_gain * circuit.rest_drive,
+        spread=0.3,
+        cite=FSI,
+    )
+    pathways = [Projection("ctx", "FSI", 1.0, delay_ms=7, tau_ms=4, cite=DRIVEN)]
+    for target, weight in (("D1", TO_D1), ("D2", TO_D2)):
+        one = -weight / circuit.channels
+        row = Projection("FSI", target, one, "diffuse", delay_ms=1, tau_ms=4, cite=FEEDFORWARD)
+        pathways.append(row)
+    return (cells, *pathways)
+
+
+MOTIFS: dict[str, Callable[[Circuit], tuple[Row, ...]]] = {"striatal_FSI": striatal_fsi}
+"""All motifs by name; each takes the circuit to which it is added."""
+
+
+def expanded(circuit: Circuit, rows: Iterable[Given]) -> Iterator[Given | Row]:
+    """Yield rows as they are given, and for the name of a motif its rows."""
+    for row in rows:
+        motif = MOTIFS.get(row.strip()) if isinstance(row, str) else None
+        if motif is None:
+            yield row
+        else:
+            yield from motif(circuit)

@@ -1,0 +1,280 @@
+"""Edits of a circuit as text: the same words in Python, in a file and at the terminal.
+
+A change names one field of one row, and a value of the type that the field declares::
+
+    STN.bias_nats=-2.3                  a field of a population
+    STN.cell.cv=0.2                     a constant of its cell
+    STN.cell=Phase                      another type of cell, with its constants as cell.NAME
+    STN->GPe.delay_ms=4                 a field of a pathway
+
+A new row is its name and its fields; what is not given is the default, or that of the row which
+it is like; a row with an amount is a course. A value with blanks needs quotes::
+
+    D1->GPe weight=-0.1 delay_ms=4      a pathway
+    D1->GPe like=D1->SNr weight=-0.1    a pathway like another, of the circuit or among those added
+    TRN like=STN bias_nats=-1           a population like another, without that one's lesions
+    TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20 cite="my data"
+    dopamine amount=0.5 to_ms=300       a course: of dopamine
+    STN amount=0.2 from_ms=100          or of the input of a population
+    striatal_FSI                        all rows of a motif of ``circuits.declaration.motifs``
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import MISSING, fields, replace
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+
+from circuits.cells import CELLS, Cell
+from circuits.declaration.courses import DOPAMINE, Course
+from circuits.declaration.motifs import MOTIFS, expanded
+from circuits.declaration.rows import WHOLE, Population, Projection
+
+if TYPE_CHECKING:
+    from circuits.declaration.spec import Circuit
+
+Row = Population | Projection
+Edited = TypeVar("Edited", Population, Projection, Cell)
+
+A_CHANGE = 'a change is ROW.FIELD=VALUE, such as "STN->GPe.delay_ms=4"'
+A_ROW = 'a new row is its name and FIELD=VALUE, such as "D1->GPe weight=-0.1 delay_ms=4"'
+NAMES = ("name", "source", "target")
+"""Fields that say which row it is: no edit changes them."""
+OF_CELL = "cell."
+OF_COURSES = ("amount", "from_ms", "to_ms", "rise_ms", "decay_ms")
+"""Fields by which a new row is told to be a course."""
+
+
+def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited:
+    """Return a row, or a cell, with some of its fields changed.
+
+    Parameters
+    ----------
+    row : Population, Projection or Cell
+        What is changed.
+    values : mapping
+        New values by field.
+    owner : str
+        What a message calls it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown field, with the names that there are, or a value without sense.
+    """
+    cell = type(row.cell) if isinstance(row, Population) else None
+    _check_names(values, _names(type(row)), owner, _names(type(row), cell))
+    new: Edited = _made(type(row), row, values, owner)
+    return new
+
+
+def changed_rows(circuit: Circuit, changes: Sequence[str]) -> list[Row]:
+    """Return the rows that changes in text name, as changed.
+
+    All changes of a row are made at once, so their order does not matter.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the change as it was written and what is allowed.
+    """
+    written: dict[str, list[str]] = {}
+    for text in changes:
+        with naming(text):
+            row = circuit.row(_change(text)[0])
+        written.setdefault(row.name, []).append(text)
+    return [_changed(circuit.row(name), texts) for name, texts in written.items()]
+
+
+def _changed(row: Row, texts: Sequence[str]) -> Row:
+    with naming(*texts):
+        changes = [_change(text) for text in texts]
+        given = {field: value for _, field, value in changes}
+        if len(given) < len(changes):
+            raise ValueError(f"one field of {row.name} is changed twice")
+        return _row(type(row), row, given, {})
+
+
+def new_rows(circuit: Circuit, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
+    """Return the rows that are added to a circuit, those that are text read.
+
+    A row in text may be like one of the circuit, or like one added with it, before or after. A
+    population like a lesioned one is whole. The name of a motif stands for all of its rows.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the row as it was written and what is allowed.
+    """
+    given = list(expanded(circuit, rows))
+    known: dict[str, Row] = {row.name: row for row in circuit.populations}
+    known |= {row.name: row for row in circuit.projections}
+    known |= {row.name: row for row in given if isinstance(row, (Population, Projection))}
+    texts = {k: row for k, row in enumerate(given) if isinstance(row, str)}
+    likes = {k: _like(text) for k, text in texts.items()}
+    read: dict[int, Row | Course] = {}
+    while waiting := [k for k in texts if k not in read]:
+        names = {_new(texts[k])[0] for k in waiting} - known.keys()
+        ready = [k for k in waiting if likes[k] not in names]
+        if not ready:
+            with naming(*(texts[k] for k in waiting)):
+                raise ValueError("rows that are like each other say nothing: give one its fields")
+        for k in ready:
+            row = read[k] = _read(circuit, known, texts[k])
+            if not isinstance(row, Course):
+                known[row.name] = row
+    return [read[k] if isinstance(row, str) else row for k, row in enumerate(given)]
+
+
+def _like(text: str) -> str:
+    """Return the name of the row that a new row in text is like; empty for none."""
+    with naming(text):
+        return _new(text)[1].get("like", "")
+
+
+def _read(circuit: Circuit, known: Mapping[str, Row], text: str) -> Row | Course:
+    """Return the row that a text is."""
+    with naming(text):
+        name, given = _new(text)
+        if name == DOPAMINE or any(field in OF_COURSES for field in given):
+            return _course(name, given)
+        if name in known:
+            raise ValueError(f"{name} is there already; {A_CHANGE}")
+        source, arrow, target = name.partition("->")
+        kind = Projection if arrow else Population
+        old = given.pop("like", None)
+        like = None if old is None else known[old] if old in known else circuit.row(old)
+        if like is not None and not isinstance(like, kind):
+            raise ValueError(f"{name} can't be like {like.name}: one of them is a pathway")
+        identity = {"source": source, "target": target} if arrow else {"name": name}
+        if like is not None:
+            given.setdefault("cite", _as(like, given))
+        if isinstance(like, Population):
+            like = replace(like, **WHOLE)
+        return _row(kind, like, given, identity)
+
+
+def _as(like: Row, given: Iterable[str]) -> str:
+    """Return the source of a row like another: that row, for what is not given."""
+    edited = ", ".join(given)
+    return f"as {like.name}" + (f"; assumed: {edited}" if edited else "")
+
+
+def _course(what: str, given: Mapping[str, str]) -> Course:
+    """Return the course of something from the texts of its fields."""
+    owner = f"a course of {what}"
+    _check_names(given, [f.name for f in fields(Course) if f.name != "what"], owner)
+    found: Course = _made(Course, None, {"what": what, **_typed(Course, given)}, owner)
+    return found
+
+
+@contextmanager
+def naming(*edits: str) -> Iterator[None]:
+    """Name edits, as they were written, in front of a ValueError about them."""
+    try:
+        yield
+    except ValueError as error:
+        said = ", ".join(map(repr, edits))
+        raise ValueError(f"{said}: {error}" if said else str(error)) from None
+
+
+def _tidied(text: str) -> str:
+    """Return an edit without blanks about "->" and "="."""
+    if not isinstance(text, str):
+        raise ValueError("an edit is text")
+    return re.sub(r"\s*(->|=)\s*", r"\1", text.strip())
+
+
+def _change(text: str) -> tuple[str, str, str]:
+    """Return row, field and value of a change."""
+    place, equals, value = _tidied(text).partition("=")
+    row, _, field = place.partition(".")
+    if not (row and field and equals) or " " in place:
+        raise ValueError(A_CHANGE)
+    return row, field, value
+
+
+def _new(text: str) -> tuple[str, dict[str, str]]:
+    """Return the name and the fields of a new row."""
+    name, *words = shlex.split(_tidied(text)) or [""]
+    pairs = [word.partition("=") for word in words]
+    given = {field: value for field, equals, value in pairs if equals}
+    if not name or "=" in name or len(given) < len(pairs):
+        raise ValueError(f"{A_ROW}, each field once; or one of {', '.join(MOTIFS)}")
+    return name, given
+
+
+def _row(
+    kind: type[Row], old: Row | None, given: Mapping[str, str], identity: Mapping[str, str]
+) -> Row:
+    """Return a row from the texts of its fields; the rest is the old row's, if there is one."""
+    owner = "->".join(identity.values()) or (old.name if old else "")
+    cell = type(old.cell) if isinstance(old, Population) else None
+    if kind is Population and "cell" in given:
+        cell = _cell_type(given["cell"], owner)
+    _check_names(given, _names(kind, cell), owner)
+    constants = {k.removeprefix(OF_CELL): v for k, v in given.items() if k.startswith(OF_CELL)}
+    own = {k: v for k, v in given.items() if k != "cell" and not k.startswith(OF_CELL)}
+    values = {**_typed(kind, own), **identity}
+    if cell:
+        kept = old.cell if isinstance(old, Population) and "cell" not in given else None
+        values["cell"] = _made(cell, kept, _typed(cell, constants), f"{owner}: the cell")
+    row: Row = _made(kind, old, values, owner)
+    return row
+
+
+def _made(kind: type, old: Any, values: Mapping[str, Any], owner: str) -> Any:
+    """Return a dataclass with these values; the rest is the old one's, or the default."""
+    if old is not None:
+        return replace(old, **values)
+    needed = [f.name for f in fields(kind) if f.default is MISSING and f.name not in values]
+    if needed:
+        hint = ", or like=ROW" if kind in get_args(Row) else ""
+        raise ValueError(f"{owner} needs {' and '.join(needed)}{hint}")
+    return kind(**values)
+
+
+def _cell_type(kind: str, owner: str) -> type[Cell]:
+    if kind not in CELLS:
+        raise ValueError(f"{owner}: cell must be one of {', '.join(CELLS)}, got {kind!r}")
+    return CELLS[kind]
+
+
+def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
+    """Return texts as values of the types that a dataclass declares.
+
+    A text that is no such value stays text: the dataclass refuses it and says what it takes.
+    """
+    # Where a text is read: importing it takes a tenth of a second.
+    from pydantic import TypeAdapter
+
+    types, values = get_type_hints(kind), dict[str, Any](given)
+    for name, text in given.items():
+        with suppress(ValueError):
+            values[name] = TypeAdapter(types[name]).validate_python(_parts(types[name], text))
+    return values
+
+
+def _parts(kind: type, text: str) -> object:
+    """Return a text as pydantic takes it: a tuple in parts, a whole number also as 1e3."""
+    if get_origin(kind) is tuple:
+        return text.split(",") if text else []
+    return float(text) if kind is int else text
+
+
+def _names(kind: type, cell: type | None = None) -> list[str]:
+    """Return the fields of a row that can be changed, and the constants of its cell."""
+    own = [f.name for f in fields(kind) if f.name not in NAMES]
+    return own + [OF_CELL + f.name for f in (fields(cell) if cell else ())]
+
+
+def _check_names(
+    given: Iterable[str], valid: Sequence[str], owner: str, shown: Sequence[str] = ()
+) -> None:
+    for name in given:
+        if name not in valid:
+            listed = ", ".join(shown or valid) or "there is none"
+            raise ValueError(f"{owner} has no {name!r}: {listed}")

@@ -1,0 +1,279 @@
+"""The rows of a circuit's two tables: populations and projections."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.cells import Cell
+from circuits.cells.cell import check_cell
+from circuits.checks import check_types
+from circuits.declaration import transfer
+
+GLUTAMATE, GABA = "glutamate", "GABA"
+SIGNS = {GLUTAMATE: 1, GABA: -1}
+MOST_DELAY_MS = 10_000.0
+"""Longest delay: engines remember every rate for so long."""
+MOST_NEURONS = 10**9
+"""Most neurons per channel: no nucleus of the basal ganglia has more in any species."""
+LEAST_MS, LONGEST_MS = 0.2, 10_000.0
+"""Range of time constants and delays, other than 0, beyond which a row is warned of. The fastest
+synaptic currents take a few tenths of a ms, and no trial lasts 10 s."""
+MOST_HZ, USUAL_HZ = 1000.0, 200.0
+"""Highest ``baseline_hz``: no cell fires at more than a spike per ms, its refractory period. Above
+the second a row is warned of: pallidal and nigral cells, the fastest, rest at 50 to 100 Hz."""
+RECEPTORS = {"": 0, "D1": 1, "D2": -1}
+WHOLE: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "replaced": False}
+"""The fields of a population by which it is lesioned, without any lesion."""
+
+
+def _one_to_one(targets: int, sources: int) -> npt.NDArray[np.float64]:
+    if 1 in (targets, sources):
+        return np.ones((targets, sources))
+    return np.eye(targets, sources)
+
+
+PATTERNS: dict[str, Callable[[int, int], npt.NDArray[np.float64]]] = {
+    "channel": _one_to_one,
+    "diffuse": lambda targets, sources: np.ones((targets, sources)),
+    "neighbour": lambda targets, sources: np.roll(_one_to_one(targets, sources), 1, axis=0),
+}
+"""Which channels reach which: to its own, the sum of all to all, to the wrong one."""
+
+
+@dataclass(frozen=True)
+class Population:
+    """A nucleus, or the part of one that plays one role.
+
+    Parameters
+    ----------
+    name : str
+        Standard abbreviation.
+    cell : Cell
+        Cell type with its constants.
+    baseline_hz, gain_hz_per_nat : float
+        The rate that stands for an activity of a nats: ``baseline_hz + gain_hz_per_nat * a``. The
+        first lies in 0 to ``MOST_HZ``; it is negative only where the cell's rate may be.
+    transmitter : str
+        "glutamate" or "GABA"; the sign of every projection from here.
+    neurons : int
+        Cells a channel.
+    pooled : bool
+        One channel for all alternatives, instead of one each.
+    transfer : str
+        The activity as a function of the input in nats, by name.
+    bias_nats : float
+        Constant input.
+    tau_ms : float
+        Time constant of the input's filter, ms; cells that hear nats have their own.
+    receptor : str
+        "D1" or "D2" where dopamine on the cells raises or lowers the cortical gain.
+    pivot_nats : float
+        The cortical input at which dopamine changes nothing: it steepens what is above.
+    spread : float
+        Standard deviation across cells of the cell's constants, as a fraction of each; their mean
+        in a channel is the row's.
+    intact, replaced : float, bool
+        The fraction that survives a lesion, and whether the lost output is replaced by its rest.
+    intact_by_channel : tuple of float
+        What ``intact`` is multiplied by in each channel; none means 1 in all.
+    cite : str
+        Where the numbers come from.
+    """
+
+    name: str
+    cell: Cell
+    baseline_hz: float = 0.0
+    gain_hz_per_nat: float = 1.0
+    transmitter: str = GLUTAMATE
+    neurons: int = 1
+    pooled: bool = False
+    transfer: str = "linear"
+    bias_nats: float = 0.0
+    tau_ms: float = 0.0
+    receptor: str = ""
+    pivot_nats: float = 0.0
+    spread: float = 0.0
+    intact: float = 1.0
+    replaced: bool = False
+    intact_by_channel: tuple[float, ...] = ()
+    cite: str = ""
+
+    def __post_init__(self) -> None:
+        _check_name(self.name)
+        check_types(self, self.name)
+        check_cell(self.name, self.cell)
+        transfer.named(self.transfer)
+        _one_of("transmitter", self.transmitter, SIGNS)
+        _one_of("receptor", self.receptor, RECEPTORS)
+        self._check_ranges()
+        if self.cell.hears == "nats" and self.tau_ms:
+            kind = type(self.cell).__name__
+            raise ValueError(
+                f"{self.name}: tau_ms is that of the {kind} cell, cell.tau_ms: leave it 0 here"
+            )
+
+    def _check_ranges(self) -> None:
+        if not 1 <= self.neurons <= MOST_NEURONS:
+            raise ValueError(
+                f"{self.name}: neurons must be a whole number from 1 to {MOST_NEURONS}, got "
+                f"{self.neurons}"
+            )
+        if not 0 < self.gain_hz_per_nat < math.inf:
+            raise ValueError(
+                f"{self.name}: gain_hz_per_nat must be > 0, got {self.gain_hz_per_nat}"
+            )
+        if not 0 <= self.tau_ms < math.inf:
+            raise ValueError(f"{self.name}: tau_ms must be >= 0, got {self.tau_ms}")
+        # Beyond, a good part of the cells would have constants of the wrong sign.
+        if not 0 <= self.spread <= 1:
+            raise ValueError(f"{self.name}: spread must lie in 0..1, got {self.spread:g}")
+        for name in ("baseline_hz", "bias_nats", "pivot_nats"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+        lowest_hz = min(0.0, self.cell.lowest_hz)
+        if not lowest_hz <= self.baseline_hz <= MOST_HZ:
+            raise ValueError(
+                f"{self.name}: baseline_hz must lie in {lowest_hz:g}..{MOST_HZ:g} Hz, a spike per "
+                f"ms, got {self.baseline_hz:g}"
+            )
+        if self.baseline_hz > USUAL_HZ:
+            warnings.warn(
+                f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
+                "than any nucleus of the basal ganglia fires at rest: look at its unit",
+                stacklevel=4,
+            )
+        _warn_of_times(self.name, tau_ms=self.tau_ms, cell_tau_ms=getattr(self.cell, "tau_ms", 0.0))
+        _check_intact(self)
+
+    @property
+    def spiking(self) -> bool:
+        """Whether its cells spike."""
+        return self.cell.spikes
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A pathway: what the source's activity adds to the target's input.
+
+    Parameters
+    ----------
+    source, target : str
+        Names of populations.
+    weight : float
+        Input to the target, nats, a unit of (transformed) source activity; negative from GABA.
+    pattern : str
+        Which channels reach which: a name in ``PATTERNS``.
+    delay_ms, tau_ms : float
+        Conduction delay and synaptic time constant, ms.
+    probability : float
+        Fraction of the source's cells that reach a target cell: a fixed in-degree.
+    factors : tuple of float
+        What the weight is multiplied by in each target channel; none means 1 in all.
+    transfer : str
+        What the target's dendrite makes of the summed, filtered activity, by name.
+    receptor : str
+        "D1" or "D2" where dopamine at its terminals raises or lowers the weight.
+    pivot_nats : float
+        What arrives at rest, before the weight: there dopamine changes nothing.
+    intact : float
+        The fraction of axons that survives a cut. What is lost is all that they carry, the tone of
+        the source's ``baseline_hz`` as well.
+    intact_by_channel : tuple of float
+        What ``intact`` is multiplied by in each target channel; none means 1 in all.
+    cite : str
+        Where the numbers come from.
+    """
+
+    source: str
+    target: str
+    weight: float
+    pattern: str = "channel"
+    delay_ms: float = 0.0
+    tau_ms: float = 0.0
+    probability: float = 1.0
+    factors: tuple[float, ...] = ()
+    transfer: str = "linear"
+    receptor: str = ""
+    pivot_nats: float = 0.0
+    intact: float = 1.0
+    intact_by_channel: tuple[float, ...] = ()
+    cite: str = ""
+
+    def __post_init__(self) -> None:
+        _check_name(self.source)
+        _check_name(self.target)
+        check_types(self, self.name)
+        transfer.named(self.transfer)
+        _one_of("pattern", self.pattern, PATTERNS)
+        _one_of("receptor", self.receptor, RECEPTORS)
+        for name in ("weight", "pivot_nats"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+        if not 0 <= self.tau_ms < math.inf:
+            raise ValueError(f"{self.name}: tau_ms must be >= 0, got {self.tau_ms}")
+        if not 0 <= self.delay_ms <= MOST_DELAY_MS:
+            raise ValueError(
+                f"{self.name}: delay_ms must lie in 0..{MOST_DELAY_MS:g}, got {self.delay_ms}"
+            )
+        _warn_of_times(self.name, tau_ms=self.tau_ms, delay_ms=self.delay_ms)
+        if not 0 < self.probability <= 1:
+            raise ValueError(f"{self.name}: probability must lie in 0..1, got {self.probability}")
+        if self.probability < 1 and self.transfer != "linear":
+            raise ValueError(f"{self.name}: connections of probability < 1 must be linear")
+        _check_intact(self)
+        if not all(0 <= factor < math.inf for factor in self.factors):
+            raise ValueError(f"{self.name}: factors must be >= 0, got {self.factors}")
+        if self.factors and self.transfer != "linear":
+            raise ValueError(
+                f"{self.name}: only a linear pathway can be scaled in one channel, this one is "
+                f"{self.transfer!r}"
+            )
+
+    @property
+    def name(self) -> str:
+        """``source->target``."""
+        return f"{self.source}->{self.target}"
+
+
+def _warn_of_times(owner: str, **times_ms: float) -> None:
+    """Warn of time constants and delays that no cell or synapse has, such as those in s."""
+    for name, time_ms in times_ms.items():
+        if time_ms and not LEAST_MS <= time_ms <= LONGEST_MS:
+            warnings.warn(
+                f"{owner}: {name} = {time_ms:g} lies outside {LEAST_MS:g}..{LONGEST_MS:g} ms, what "
+                "cells and synapses take: times are in ms, not in s",
+                stacklevel=5,
+            )
+
+
+def _check_intact(row: Population | Projection) -> None:
+    """Refuse surviving fractions out of range."""
+    if not 0 <= row.intact <= 1:
+        raise ValueError(f"{row.name}: intact must lie in 0..1, got {row.intact}")
+    if not all(0 <= part <= 1 for part in row.intact_by_channel):
+        raise ValueError(
+            f"{row.name}: intact_by_channel must lie in 0..1, got {row.intact_by_channel}"
+        )
+
+
+def _check_name(name: str) -> None:
+    """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", "a.b", nothing."""
+    if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\].=/>]+", name):
+        raise ValueError(
+            "a population's name is text without blanks, brackets, '.', '=', '/' and '>', got "
+            f"{name!r}"
+        )
+
+
+def _one_of(what: str, value: str, allowed: Iterable[str]) -> None:
+    if value not in allowed:
+        names = ", ".join(repr(name) for name in allowed)
+        raise ValueError(f"{what} must be one of {names}, got {value!r}")

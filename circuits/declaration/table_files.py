@@ -1,0 +1,179 @@
+"""Circuits as files: a table in columns, written as TOML; ``table_reader`` reads it back.
+
+A file holds one circuit for one number of alternatives: numbers of a table may depend on it. What
+is left out has its default. The cell of a population is the name of an entry of ``[cells]``, or of
+a cell type that needs no constants.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from circuits.cells import CELLS
+from circuits.checks import is_bool
+from circuits.declaration.spec import EDITED, NOT_WRITTEN, Circuit, Course, Population, Projection
+
+FORMAT = 1
+"""Version of the form of these files."""
+SUFFIX = ".toml"
+TABLES: dict[str, type[Population] | type[Projection] | type[Course]] = {
+    "populations": Population,
+    "projections": Projection,
+    "courses": Course,
+}
+SPARE = ("courses",)
+"""Tables that a file leaves out if they are empty."""
+LARGE = 1e15
+"""Floats from here on are not written as whole numbers."""
+TYPE = "type"
+"""The key of a cell that holds the name of its type."""
+
+
+def is_path(name: str | Path) -> bool:
+    """Whether a circuit's name is the path of a file."""
+    return Path(name).suffix == SUFFIX
+
+
+def plain(circuit: Circuit) -> dict[str, Any]:
+    """Return a circuit as plain data: of every row and cell what differs from its default."""
+    found = {"name": circuit.name, "channels": circuit.channels, **_changed(circuit)}
+    for table in TABLES:
+        rows = getattr(circuit, table)
+        if rows or table not in SPARE:
+            found[table] = [_plain_row(row) for row in rows]
+    return found
+
+
+def digest(circuit: Circuit) -> str:
+    """Return the SHA-256 of what a circuit holds, in hexadecimal: equal circuits have one."""
+    held = plain(circuit)
+    if circuit.about:  # the mark of an edit says no more than the rows
+        held["about"] = circuit.about.removeprefix(EDITED)
+    text = json.dumps(_canonical(held), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def text(circuit: Circuit) -> str:
+    """Return a circuit as the text of a file."""
+    data = plain(circuit)
+    data.setdefault("reference_nats", circuit.reference_nats)
+    tables = {name: data.pop(name) for name in TABLES if name in data}
+    lines = [
+        f"# The circuit {json.dumps(circuit.name)}, sha256 {digest(circuit)} when it was written.",
+        "# Each row stands under its columns; a column that is left out has its default.",
+        f"format = {FORMAT}",
+        *(f"{key} = {_value(value)}" for key, value in data.items()),
+    ]
+    labels = _labels(circuit)
+    if any(label not in CELLS for label in labels.values()):
+        lines += ["", "[cells]", *_cell_lines(labels)]
+    for row, given in zip(circuit.populations, tables["populations"], strict=True):
+        given["cell"] = labels[row.cell]
+    for name, given in tables.items():
+        lines += ["", f"[{name}]", *_columns(TABLES[name], given)]
+    return "\n".join(lines) + "\n"
+
+
+def write(circuit: Circuit, path: str | Path) -> Path:
+    """Write a circuit as a file, whole or not at all; ValueError unless it ends in .toml.
+
+    Folders that are not there are made.
+    """
+    path = Path(path)
+    if path.suffix != SUFFIX:
+        raise ValueError(f"a circuit is written as {SUFFIX}, got {str(path)!r}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{os.getpid()}.partial.{path.name}")
+    try:
+        beside.write_text(text(circuit), encoding="utf-8")
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+    return path
+
+
+def _changed(row: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass that differ from their defaults, or have none."""
+    written = (f for f in fields(row) if f.init and f.name not in NOT_WRITTEN)
+    values = ((f, getattr(row, f.name)) for f in written)
+    return {f.name: value for f, value in values if value != f.default}
+
+
+def _plain_row(row: Population | Projection | Course) -> dict[str, Any]:
+    found = _changed(row)
+    if isinstance(row, Population):
+        found["cell"] = {TYPE: type(row.cell).__name__, **_changed(row.cell)}
+    return found
+
+
+def _canonical(value: Any) -> Any:
+    """Return plain data with one form for each number: 5 and 5.0 are equal."""
+    if isinstance(value, Mapping):
+        return {key: _canonical(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_canonical(inner) for inner in value]
+    if is_bool(value):
+        return bool(value)
+    if isinstance(value, (str, int)):
+        return value
+    return int(value) if float(value).is_integer() else float(value)
+
+
+def _labels(circuit: Circuit) -> dict[Any, str]:
+    """Return what each cell is called: its type, or with constants its type and first nucleus."""
+    labels: dict[Any, str] = {}
+    for row in circuit.populations:
+        kind = type(row.cell).__name__
+        labels.setdefault(row.cell, f"{kind}_{row.name}" if _changed(row.cell) else kind)
+    return labels
+
+
+def _cell_lines(labels: Mapping[Any, str]) -> list[str]:
+    """Return the lines of ``[cells]``, one per cell that has constants."""
+    import tomlkit
+
+    named = {tomlkit.key(name).as_string(): cell for cell, name in labels.items()}
+    wide = max(map(len, named))
+    return [
+        f"{name:<{wide}} = {{ {TYPE} = {_value(type(cell).__name__)}"
+        + "".join(f", {key} = {_value(value)}" for key, value in _changed(cell).items())
+        + " }"
+        for name, cell in named.items()
+        if _changed(cell)
+    ]
+
+
+def _columns(kind: type, given: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the lines of a table: its columns, and its rows below them."""
+    known = {f.name: f.default for f in fields(kind)}
+    names = [name for name in known if any(name in row for row in given)]
+    cells = [[_value(name) for name in names]]
+    cells += [[_value(row.get(name, known[name])) for name in names] for row in given]
+    wide = [max(map(len, column)) + 2 for column in zip(*cells, strict=True)]
+    lines = [
+        "".join(f"{text + ',':<{w}}" for text, w in zip(row[:-1], wide, strict=False)) + row[-1]
+        for row in cells
+    ]
+    indent = " " * len("columns = ")
+    return [
+        f"columns = [{lines[0]}]",
+        "rows = [",
+        *(f"{indent}[{line}]," for line in lines[1:]),
+        "]",
+    ]
+
+
+def _value(value: Any) -> str:
+    """Return a value as TOML; a whole number without a point."""
+    import tomlkit
+
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_value, value))}]"
+    large = isinstance(value, float) and abs(value) >= LARGE
+    return str(tomlkit.item(float(value) if large else _canonical(value)).as_string())

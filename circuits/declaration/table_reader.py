@@ -1,0 +1,225 @@
+"""Circuits read from files, as ``table_files`` writes them or by hand; errors name the line."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+from circuits.cells import CELLS
+from circuits.declaration.spec import NOT_WRITTEN, Circuit, Course, Population
+from circuits.declaration.table_files import FORMAT, SPARE, TABLES, TYPE
+
+OWN_KEYS = (f.name for f in fields(Circuit) if f.init and f.name not in NOT_WRITTEN)
+KEYS = ("format", *OWN_KEYS, "cells")
+NEEDED = ("format", "channels", "reference_nats", *(name for name in TABLES if name not in SPARE))
+"""Keys that every file says for itself: another table's input at rest would mean nothing."""
+
+
+def read(path: str | Path, channels: int | None = None) -> Circuit:
+    """Read a circuit from a file.
+
+    Parameters
+    ----------
+    path : path
+        A file as ``table_files.write`` makes it, or by hand.
+    channels : int, optional
+        Number of alternatives that is asked for: that of the file, or none.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the file, the line, what was given and what is allowed.
+    """
+    path = Path(path)
+    try:
+        given = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{str(path)!r} can't be read as text: {error}") from None
+    except OSError as error:
+        raise ValueError(f"the circuit {str(path)!r} can't be read: {error.strerror}") from None
+    found = parse(given, path.name)
+    if channels not in (None, found.channels):
+        raise ValueError(
+            f"{path.name} holds a circuit for {found.channels} alternatives, not for {channels}: "
+            f"ask for {found.channels} channels"
+        )
+    return found
+
+
+def parse(given: str, file: str) -> Circuit:
+    """Return the circuit that the text of a file holds; ``file`` is its name in errors."""
+    try:
+        data = tomllib.loads(given)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{file} is no TOML: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{file} is nested too deeply") from None
+    return _Reader(given, file).circuit(data)
+
+
+class _Reader:
+    """The tables of one file, with the places that errors name."""
+
+    def __init__(self, given: str, file: str) -> None:
+        self.file, self.lines = file, _lines(given)
+        self.places: dict[str, str] = {}
+
+    def circuit(self, data: dict[str, Any]) -> Circuit:
+        """Return the circuit; raises ValueError with the first thing that is wrong."""
+        for key in data:
+            self._known(self._at("", key), "key", key, KEYS)
+        for key in NEEDED:
+            if key not in data:
+                raise ValueError(f"{self.file}: the key {key!r} is missing")
+        if (form := data.pop("format")) != FORMAT:
+            raise ValueError(f"{self._at('', 'format')}: the format must be {FORMAT}, got {form!r}")
+        cells = self._cells(data.pop("cells", {}))
+        tables = {name: self._rows(name, data.pop(name), cells) for name in TABLES if name in data}
+        self._check_ends(tables)
+        given = {key: _hashable(value) for key, value in data.items()}
+        try:
+            return Circuit(**{"name": Path(self.file).stem, **given, **tables})
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{self._named_in(str(error))}: {error}") from None
+
+    def _named_in(self, message: str) -> str:
+        """Return the place of the row or key that a message begins with, or else the file."""
+        for name in re.split(r": | must ", message)[:2]:
+            if name in self.places:
+                return self.places[name]
+            if ("", name) in self.lines:
+                return self._at("", name)
+        return self.file
+
+    def _cells(self, given: Any) -> dict[str, Any]:
+        """Return the cells by their names."""
+        if not isinstance(given, dict):
+            raise ValueError(f"{self._at('', 'cells')}: cells must be a table, got {given!r}")
+        return {name: self._cell(name, one) for name, one in given.items()}
+
+    def _cell(self, name: str, given: Any) -> Any:
+        where = self._at("cells", name)
+        if not isinstance(given, dict) or TYPE not in given:
+            raise ValueError(f'{where}: a cell is {{ type = "Phase", ... }}, got {given!r}')
+        values = {key: _hashable(value) for key, value in given.items()}
+        kind = values.pop(TYPE)
+        self._known(where, "cell type", kind, CELLS)
+        for key in values:
+            what = f"constant of a {kind} cell"
+            self._known(where, what, key, [f.name for f in fields(CELLS[kind]) if f.init])
+        if missing := _needed(CELLS[kind], *values):
+            raise ValueError(f"{where}: a {kind} cell needs {missing}")
+        with _placed(where):
+            return CELLS[kind](**values)
+
+    def _rows(self, table: str, given: Any, cells: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Return the rows of a table."""
+        where = self._at("", table)
+        if not isinstance(given, dict) or set(given) != {"columns", "rows"}:
+            raise ValueError(f"{where}: {table} must hold columns and rows, and nothing else")
+        kind, columns, rows = TABLES[table], given["columns"], given["rows"]
+        for name in ("columns", "rows"):
+            if not isinstance(given[name], list):
+                raise ValueError(f"{self._at(table, name)}: {name} must be a list in brackets")
+        self._check_columns(table, kind, columns)
+        if (table, len(rows)) in self.lines or (rows and (table, len(rows) - 1) not in self.lines):
+            # Rows are no lines here: they are counted instead.
+            self.lines = {key: n for key, n in self.lines.items() if isinstance(key[1], str)}
+        return tuple(
+            self._row(kind, columns, row, self._at(table, k), cells) for k, row in enumerate(rows)
+        )
+
+    def _check_columns(self, table: str, kind: type, columns: list[Any]) -> None:
+        where = self._at(table, "columns")
+        for name in columns:
+            self._known(where, f"column of {table}", name, [f.name for f in fields(kind)])
+            if columns.count(name) > 1:
+                raise ValueError(f"{where}: the column {name!r} of {table} stands there twice")
+        if missing := _needed(kind, *columns):
+            raise ValueError(f"{where}: {table} needs the columns {missing}")
+
+    def _row(
+        self, kind: type, columns: list[str], row: Any, where: str, cells: Mapping[str, Any]
+    ) -> Any:
+        if not isinstance(row, list) or len(row) != len(columns):
+            count = len(row) if isinstance(row, list) else "no list of"
+            raise ValueError(f"{where}: {len(columns)} columns, but {count} values")
+        values = {name: _hashable(value) for name, value in zip(columns, row, strict=True)}
+        if kind is Population:
+            values["cell"] = self._cell_of(values["cell"], cells, where)
+        with _placed(where):
+            found = kind(**values)
+        if found.name in self.places and kind is not Course:
+            raise ValueError(f"{where}: there is a row {found.name!r} already")
+        self.places[found.name] = where
+        return found
+
+    def _cell_of(self, name: Any, cells: Mapping[str, Any], where: str) -> Any:
+        """Return the cell that a row names: an entry of the file, or a type without constants."""
+        self._known(where, "cell", name, {**cells, **CELLS})
+        if name in cells:
+            return cells[name]
+        if needs := _needed(CELLS[name]):
+            raise ValueError(f"{where}: a {name} cell needs {needs}: name it under [cells]")
+        return CELLS[name]()
+
+    def _check_ends(self, tables: Mapping[str, Sequence[Any]]) -> None:
+        names = [row.name for row in tables["populations"]]
+        for p in tables["projections"]:
+            for end in (p.source, p.target):
+                self._known(f"{self.places[p.name]}: {p.name}", "nucleus", end, names)
+
+    @staticmethod
+    def _known(where: str, what: str, given: Any, known: Any) -> None:
+        """Raise ValueError if a name is none of those known."""
+        if not isinstance(given, str) or given not in known:
+            names = ", ".join(known)
+            raise ValueError(f"{where}: there is no {what} {given!r}; there are {names}")
+
+    def _at(self, table: str, what: str | int) -> str:
+        """Return the file and the line of a key, or of a row by its number."""
+        line = self.lines.get((table, what))
+        if line is not None:
+            return f"{self.file}, line {line}"
+        if isinstance(what, int):
+            return f"{self.file}, {table}, row {what + 1}"
+        return self.file
+
+
+def _needed(kind: type, *given: str) -> str:
+    """Return the fields of a dataclass without a default that are not given, for a message."""
+    bare = [f for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
+    return ", ".join(f.name for f in bare if f.init and f.name not in given)
+
+
+@contextmanager
+def _placed(where: str) -> Iterator[None]:
+    """Put a place before the message of an error."""
+    try:
+        yield
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(map(_hashable, value)) if isinstance(value, list) else value
+
+
+def _lines(given: str) -> dict[tuple[str, str | int], int]:
+    """Return the line of each key of a table, and of its rows where each has a line of its own."""
+    table, rows, found = "", 0, dict[tuple[str, str | int], int]()
+    for number, line in enumerate(map(str.strip, given.splitlines()), 1):
+        if header := re.match(r"\[\s*([\w.-]+)\s*\]", line):
+            table, rows = header[1], 0
+            found["", table] = number
+        elif re.match(r"""\[\s*["']""", line):
+            found[table, rows] = number
+            rows += 1
+        elif key := re.match(r"""["']?([\w -]+?)["']?\s*=""", line):
+            found[table, key[1]] = number
+    return found

@@ -1,0 +1,115 @@
+"""The fixed point of the table: rates at rest, and the state under a constant drive."""
+
+from __future__ import annotations
+
+from graphlib import TopologicalSorter
+
+import numpy as np
+
+from circuits.arrays import Array, Index
+from circuits.declaration.spec import Circuit
+from circuits.dynamics.wiring import Wiring, wire
+
+MOST_STEPS = 400
+TOLERANCE = 1e-9
+"""Error, nats, below which the step that follows, which squares it, is the last."""
+LARGEST_MOVE = 1.0
+MOST_DAMPING = 4.0
+PATIENCE, CAUTION = 100, 10.0
+"""Steps after which damping is so much stronger: with less, some circle between kinks for ever."""
+
+
+def wired(circuit: Circuit) -> Wiring:
+    """Return the circuit's wiring, replaced lesions at the rates of the intact circuit at rest."""
+    if not any(row.replaced for row in circuit.populations):
+        return wire(circuit)
+    return wire(circuit, rest_rates(wire(circuit.unlesioned)))
+
+
+def rest_rates(wiring: Wiring) -> Array:
+    """Return the rates (blocks,) at rest, Hz."""
+    return wiring.rates(rest(wiring))
+
+
+def rest(wiring: Wiring) -> Array:
+    """Return the state (blocks,) at rest, nats."""
+    return np.asarray(solve(wiring, np.zeros((1, wiring.circuit.channels)))[0])
+
+
+def solve(wiring: Wiring, drive: Array) -> Array:
+    """Return the state at the fixed point, (trials, blocks) nats, for a drive (trials, channels).
+
+    Populations are settled upstream first; only those in a loop need Newton's method.
+
+    Raises
+    ------
+    ValueError
+        If there is no fixed point.
+    """
+    outside = wiring.drive(drive)
+    x = outside + wiring.bias
+    for blocks, loop in parts(wiring):
+        if loop:
+            _newton(wiring, drive, outside, x, blocks)
+        else:
+            units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
+            x[:, blocks] = (outside + wiring.inputs(units))[:, blocks]
+    return x
+
+
+def parts(wiring: Wiring) -> list[tuple[Index, bool]]:
+    """Return the blocks that settle together, upstream first, and whether they are a loop."""
+    direct = (wiring.weight != 0) @ (wiring.deliver != 0)
+    target, source = (wiring.owner[blocks] for blocks in np.nonzero(direct))
+    rows = len(wiring.circuit.populations)
+    reach = np.eye(rows, dtype=np.bool_)
+    reach[target, source] = True
+    for _ in range(rows.bit_length()):  # paths twice as long each time
+        reach = reach @ reach
+    # Those that reach each other are one part, called by its first.
+    label = (reach & reach.T).argmax(axis=1)
+    order: TopologicalSorter[int] = TopologicalSorter({int(i): set() for i in label})
+    for t, s in zip(label[target], label[source], strict=True):
+        if t != s:
+            order.add(int(t), int(s))
+    looped = set(target[target == source])
+    result = []
+    for part in order.static_order():
+        members = np.flatnonzero(label == part)
+        loop = len(members) > 1 or members[0] in looped
+        result.append((np.flatnonzero(np.isin(wiring.owner, members)), loop))
+    return result
+
+
+def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Index) -> None:
+    """Settle the blocks of a loop in place.
+
+    Far from the end the steps are those of the damped dynamics (pseudo-transient continuation,
+    Kelley & Keyes 1998): they pass where rectified blocks are silent and Newton's are undefined.
+    No exponent moves by more than one nat a step, which keeps to the branch that starts from
+    silence.
+    """
+    within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
+    weight, deliver = wiring.weight[blocks][:, within], wiring.deliver[within][:, blocks]
+    slow = np.array([wiring.row(b).transfer == "exp" for b in blocks])
+    for step in range(MOST_STEPS):
+        here = x[:, blocks]
+        units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
+        error = (outside + wiring.inputs(units))[:, blocks] - here
+        size = np.abs(error).max(axis=1)
+        gain = weight * wiring.units_slope(units)[:, None, within]
+        jacobian = gain @ (deliver * wiring.rates_slope(x)[:, None, blocks]) - np.eye(len(blocks))
+        damping = (1.0 if step < PATIENCE else CAUTION) * np.minimum(size, MOST_DAMPING)
+        jacobian -= damping[:, None, None] * np.eye(len(blocks))
+        try:
+            move = np.linalg.solve(jacobian, -error[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            break
+        most = np.abs(move[:, slow]).max(axis=1, initial=0.0)
+        move *= np.minimum(1.0, LARGEST_MOVE / np.maximum(most, 1e-300))[:, None]
+        x[:, blocks] = here + move
+        if size.max() < TOLERANCE:
+            return
+    worst = int(np.nanargmax(np.where(np.isfinite(size), size, np.inf)))
+    given = np.array2string(drive[worst], precision=3, max_line_width=1000, threshold=8)
+    raise ValueError(f"{wiring.circuit.name} has no fixed point at drive {given}")

@@ -1,0 +1,221 @@
+"""The clock, and what one tick does: the scheme that the dynamic engines share.
+
+At tick k, with every rate of earlier ticks known:
+
+1. units: ``u = D u + (1 - D) deliver r[k - delay]``; the filtered activity is ``u + constant``;
+2. blocks: ``input = bias + factor weight g(u + constant) + drive + course``, then
+   ``x = A x + (1 - A) input``; a cell that hears nats filters in its membrane instead; the factor
+   is 1 and the course 0 but where the circuit has courses (``timed``);
+3. cells: populations without spikes pass ``r[k] = rates(x)`` on, spiking ones
+   ``r[k] = spikes / (neurons dt)``;
+4. read-out: ``o = R o + (1 - R) r[k]``.
+
+Cells are single precision, everything else double. What moves a cell is built of products and sums
+``a + b c``, each rounded to single precision once: a spike depends on the last bit of a potential,
+so an engine that rounded elsewhere would have other spikes. Double precision holds a product of
+singles to the last bit, so ``single(a + b*c)`` is what a processor's fused multiply-add gives.
+
+The population engine takes rates for straight lines from tick to tick instead, so that its filters
+have their own mean lag at any tick, and what it computes is of second order in it.
+
+A delay is at least one tick. Everything starts at the intact circuit's rest, or at its own where
+lesions are chronic; the evidence comes after a time to settle.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.arrays import Array, Index
+from circuits.cells.cell import Cell, Constants
+from circuits.checks import check_time, whole_ticks
+from circuits.declaration.spec import Circuit
+from circuits.dynamics import noise
+from circuits.dynamics.fixed_point import rest
+from circuits.dynamics.wiring import Wiring, wire
+
+SPIKE_BITS = 40
+"""Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""
+NO_SPREAD = np.ones(3)
+"""Factors of the constants of a cell that is its row's."""
+SPREAD_LEAST = 0.1
+"""No cell's constant falls below this fraction of its population's."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Times of a run, ms, and as ticks.
+
+    Parameters
+    ----------
+    steps : int
+        Readings of evidence.
+    step_ms : float
+        Time from one reading to the next; each is held until the next.
+    dt_ms : float
+        One tick.
+    sample_ms : float
+        Time from one recorded sample to the next.
+    settle_ms : float
+        Time at rest before the first reading; not recorded.
+
+    Raises
+    ------
+    ValueError
+        If a time is negative or no multiple of the tick.
+    """
+
+    steps: int
+    step_ms: float
+    dt_ms: float = 0.1
+    sample_ms: float = 1.0
+    settle_ms: float = 300.0
+
+    def __post_init__(self) -> None:
+        check_time("dt_ms", self.dt_ms)
+        for name in ("step_ms", "sample_ms", "settle_ms"):
+            value = getattr(self, name)
+            check_time(name, value, zero=name == "settle_ms")
+            whole_ticks(name, value, self.dt_ms)
+        if self.step_ticks % self.sample_ticks:
+            raise ValueError(
+                f"step_ms must be a multiple of sample_ms, got {self.step_ms} and {self.sample_ms}"
+            )
+
+    @property
+    def step_ticks(self) -> int:
+        """Ticks from reading to reading."""
+        return whole_ticks("step_ms", self.step_ms, self.dt_ms)
+
+    @property
+    def sample_ticks(self) -> int:
+        """Ticks from sample to sample."""
+        return whole_ticks("sample_ms", self.sample_ms, self.dt_ms)
+
+    @property
+    def settle_ticks(self) -> int:
+        """Ticks before the first reading."""
+        return whole_ticks("settle_ms", self.settle_ms, self.dt_ms)
+
+    @property
+    def ticks(self) -> int:
+        """Ticks of the whole run."""
+        return self.settle_ticks + self.steps * self.step_ticks
+
+    @property
+    def samples(self) -> int:
+        """Samples recorded."""
+        return self.steps * self.step_ticks // self.sample_ticks
+
+    @property
+    def time_ms(self) -> Array:
+        """Time of each sample, ms from the first reading: the end of what it sums up."""
+        return np.arange(1, self.samples + 1, dtype=np.float64) * self.sample_ms
+
+    def step_of(self, tick: int) -> int:
+        """Return the reading that holds at a tick, -1 before the first."""
+        late = tick - self.settle_ticks
+        return late // self.step_ticks if late >= 0 else -1
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A wiring at a given tick: the factors of the four lines above, and the start.
+
+    Parameters
+    ----------
+    wiring : Wiring
+        The circuit as arrays, lesions included.
+    dt_ms : float
+        One tick.
+    """
+
+    wiring: Wiring
+    dt_ms: float
+
+    @cached_property
+    def unit_decay(self) -> Array:
+        """D of each unit."""
+        w = self.wiring
+        return _decay(self.dt_ms, np.array([w.projection(u).tau_ms for u in range(w.units)]))
+
+    @cached_property
+    def unit_delay(self) -> Index:
+        """Delay of each unit, ticks, at least 1."""
+        rows = [self.wiring.projection(u) for u in range(self.wiring.units)]
+        delays = [whole_ticks(f"the delay of {p.name}", p.delay_ms, self.dt_ms) for p in rows]
+        return np.maximum(np.array(delays, dtype=np.intp), 1)
+
+    @cached_property
+    def block_decay(self) -> Array:
+        """A of each block's own filter; 0 where cells filter in their membrane."""
+        return _decay(self.dt_ms, self.wiring.column("tau_ms"))
+
+    @cached_property
+    def readout_decay(self) -> float:
+        """R of the read-out."""
+        return float(_decay(self.dt_ms, np.array([self.wiring.circuit.readout_tau_ms]))[0])
+
+    @cached_property
+    def start(self) -> tuple[Array, Array, Array]:
+        """Units (without constant), block states in nats, and rates in Hz where all starts."""
+        edited = self.wiring.circuit
+        if edited.chronic:
+            x = rest(self.wiring)
+            rates = self.wiring.rates(x)
+            return self.wiring.deliver @ rates, x, rates
+        intact = wire(edited.unlesioned)
+        x = rest(intact)
+        rates = intact.rates(x)
+        try:
+            if edited != edited.unlesioned:
+                rest(self.wiring)
+        except ValueError:
+            warnings.warn(
+                f"{edited.name} as edited has no state of rest: what it does depends "
+                "on the time it has to settle",
+                stacklevel=2,
+            )
+        return self.wiring.deliver @ rates, x, rates
+
+
+def cell_factors(circuit: Circuit, name: str, channel: int) -> Array:
+    """Return the factors (3, neurons) of each cell's constants; 1 where the spread is 0.
+
+    What each of the three multiplies is for ``Cell.constants`` to say. They belong to the
+    circuit's ``wiring_seed``, not to a trial. Their mean over a channel's cells is 1 (but for the
+    few that would fall below ``SPREAD_LEAST``): cells differ, channels hardly do. A channel of 300
+    would otherwise lie off the next by up to .03 nats of OUT for good, as a prior does. One cell
+    alone is the row's.
+    """
+    row = circuit.population(name)
+    key = noise.stream_key(circuit.wiring_seed, 0, f"{name}/{channel}")
+    draws = np.array([noise.bits32(key, noise.CELLS_TICK + i, row.neurons) for i in range(3)])
+    draws -= draws.mean(axis=1, keepdims=True)
+    return np.maximum(1 + row.spread * draws, SPREAD_LEAST)
+
+
+def spike_hz(neurons: Any, dt_ms: float) -> Any:
+    """Return the rate, Hz, that one spike in a tick gives to a population of so many neurons."""
+    mantissa, exponent = np.frexp(1000 / (np.maximum(neurons, 1) * dt_ms))
+    return np.ldexp(np.round(np.ldexp(mantissa, SPIKE_BITS)), exponent - SPIKE_BITS)
+
+
+def starting_state(
+    cell: Cell, constants: Constants, stream: int, neurons: int
+) -> tuple[npt.NDArray[np.float32], ...]:
+    """Return the first value of each of a cell type's variables, (neurons,) each."""
+    begin = cell.begin or cell.lacks("begin", "engines that spike")
+    begun = begin(noise.uniform(stream, noise.START_TICK, neurons), *constants.values())
+    return tuple(np.broadcast_to(np.float32(value), neurons).copy() for value in begun)
+
+
+def _decay(dt_ms: float, tau_ms: Array) -> Array:
+    safe = np.where(tau_ms > 0, tau_ms, 1.0)
+    return np.where(tau_ms > 0, np.exp(-dt_ms / safe), 0.0)

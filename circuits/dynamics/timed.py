@@ -1,0 +1,75 @@
+"""What courses do at each tick, the same for all engines: factors on pathways, and nats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circuits.arrays import Array, Index
+from circuits.declaration.courses import DOPAMINE
+from circuits.dynamics.ticks import Clock
+from circuits.dynamics.wiring import Wiring
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Tables of what changes from tick to tick; row 0 of each changes nothing.
+
+    Parameters
+    ----------
+    factors, nats : arrays (rows, ticks)
+        Factors on the weights of units, and what is added to the input of blocks.
+    of_unit, of_block : arrays (units,), (blocks,)
+        The row that each has.
+    """
+
+    factors: Array
+    nats: Array
+    of_unit: Index
+    of_block: Index
+
+    def at(self, tick: int) -> tuple[Array, Array]:
+        """Return the factors (units,) and the nats (blocks,) at a tick."""
+        # Without courses the tables are one tick long.
+        k = min(tick, self.factors.shape[1] - 1)
+        return self.factors[self.of_unit, k], self.nats[self.of_block, k]
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing changes."""
+        return not (self.of_unit.any() or self.of_block.any())
+
+
+def timed(wiring: Wiring, clock: Clock) -> Timed:
+    """Return the courses of a circuit, tick by tick of a run: their means in it."""
+    circuit = wiring.circuit
+    if not circuit.courses:
+        still = np.zeros(wiring.units, dtype=np.intp), np.zeros(wiring.blocks, dtype=np.intp)
+        return Timed(np.ones((1, 1)), np.zeros((1, 1)), *still)
+    late = clock.ticks - clock.settle_ticks
+    nats = {row.name: np.zeros(clock.ticks) for row in circuit.populations}
+    level = np.ones(clock.ticks)
+    for course in circuit.courses:
+        values = level if course.what == DOPAMINE else nats[course.what]
+        values[clock.settle_ticks :] += course.in_ticks(late, clock.dt_ms)
+    factors = {p.name: np.ones(clock.ticks) for p in circuit.projections}
+    if any(course.what == DOPAMINE for course in circuit.courses):
+        for p, change, added in circuit.dopamine_changes(level):
+            factors[p.name] = 1 + change
+            nats[p.target] += added
+    of_path, of_population = list(factors.values()), list(nats.values())
+    paths, path_rows = rows(of_path, np.ones(clock.ticks))
+    populations, population_rows = rows(of_population, np.zeros(clock.ticks))
+    return Timed(path_rows, population_rows, paths[wiring.path], populations[wiring.owner])
+
+
+def rows(values: list[Array], first: Array) -> tuple[Index, Array]:
+    """Return the row of a table for each, and the table: each row once, a given one first."""
+    found = {first.tobytes(): first}
+    for row in values:
+        # Adding 0 leaves one form of it.
+        found.setdefault((row + 0.0).tobytes(), row + 0.0)
+    places = {key: place for place, key in enumerate(found)}
+    of = np.array([places[(row + 0.0).tobytes()] for row in values], dtype=np.intp)
+    return of, np.array(list(found.values()))

@@ -1,0 +1,288 @@
+"""From the table to arrays: what every engine integrates, so that all integrate the same.
+
+A *block* is one channel of one population. A *unit* is one postsynaptic sum of one projection:
+channels with the same row in the projection's pattern share it, so a diffuse projection is one
+unit however many channels there are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.arrays import Array, Complex, Index, Truths
+from circuits.declaration import transfer
+from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.dynamics import noise
+
+Placed = list[tuple[transfer.Transfer, Truths]]
+"""Transfers, and where along an array's last axis each holds."""
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """A circuit as arrays. Build it with ``wire``.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table that it came from.
+    owner, channel : arrays (blocks,)
+        Index of each block's population, and its channel.
+    path : array (units,)
+        Index of each unit's projection.
+    deliver : array (units, blocks)
+        Nats that a unit receives from each Hz of a block, lesions included.
+    constant : array (units,)
+        Nats that a unit receives always: minus the baselines, plus replaced output.
+    weight : array (blocks, units)
+        Nats of input to a block a unit of transformed activity.
+    bias : array (blocks,)
+        Constant input, nats; at the input this holds the drive at rest.
+    """
+
+    circuit: Circuit
+    owner: Index
+    channel: Index
+    path: Index
+    deliver: Array
+    constant: Array
+    weight: Array
+    bias: Array
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.owner)
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return len(self.path)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """``GPe/0`` and so on: the keys of the blocks' noise."""
+        return [f"{self.row(b).name}/{self.channel[b]}" for b in range(self.blocks)]
+
+    def row(self, block: int) -> Population:
+        """Return the population of a block."""
+        return self.circuit.populations[int(self.owner[block])]
+
+    def projection(self, unit: int) -> Projection:
+        """Return the projection of a unit."""
+        return self.circuit.projections[int(self.path[unit])]
+
+    def blocks_of(self, name: str) -> Index:
+        """Return the blocks of a population, in the order of its channels."""
+        self.circuit.population(name)
+        return np.array([b for b in range(self.blocks) if self.row(b).name == name], dtype=np.intp)
+
+    def column(self, name: str) -> Array:
+        """Return a field of each block's population as an array."""
+        return np.array([getattr(self.row(b), name) for b in range(self.blocks)], dtype=np.float64)
+
+    @cached_property
+    def baseline_hz(self) -> Array:
+        """Baseline of each block, Hz."""
+        return self.column("baseline_hz")
+
+    @cached_property
+    def gain_hz_per_nat(self) -> Array:
+        """Gain of each block, Hz/nat."""
+        return self.column("gain_hz_per_nat")
+
+    @cached_property
+    def tau_ms(self) -> Array:
+        """Time constant with which each block's rate follows its input, ms: filter or membrane.
+
+        Raises ValueError for a cell type that has no single one.
+        """
+        membrane = [self.row(b).cell.membrane_ms() for b in range(self.blocks)]
+        return self.column("tau_ms") + np.array(membrane, dtype=np.float64)
+
+    @cached_property
+    def floor_hz(self) -> Array:
+        """Lowest rate of each block, Hz: 0, or none where the rate stands for a difference."""
+        return np.array([self.row(b).cell.lowest_hz for b in range(self.blocks)])
+
+    def drive(self, drive: Array) -> Array:
+        """Return the input (..., blocks) that a drive (..., channels) in nats adds."""
+        x = np.zeros((*drive.shape[:-1], self.blocks))
+        x[..., self.blocks_of(self.circuit.input)] = self.circuit.drive_gain * drive
+        return x
+
+    def inputs(self, units: Array, factors: Array | float = 1.0) -> Array:
+        """Return the input (..., blocks), nats, from the filtered activity (..., units).
+
+        Weights are multiplied by ``factors`` (units,).
+        """
+        passed = _applied(self._unit_transfers, units) * factors
+        return np.asarray(passed @ self.weight.T + self.bias)
+
+    def units_slope(self, units: Array) -> Array:
+        """Return the slope (..., units) of the units' transfer."""
+        return _applied(self._unit_transfers, units, "slope")
+
+    def units_curvature(self, units: Array) -> Array:
+        """Return the second derivative (..., units) of the units' transfer."""
+        return _applied(self._unit_transfers, units, "curvature")
+
+    def rates(self, x: Array) -> Array:
+        """Return the rates (..., blocks), Hz, that inputs (..., blocks) in nats stand for."""
+        activity = _applied(self._block_transfers, x)
+        return np.maximum(self.baseline_hz + self.gain_hz_per_nat * activity, self.floor_hz)
+
+    def block_rates(self, block: int, x: Array) -> Array:
+        """Return the rates, Hz, that inputs of any shape, nats, of one block stand for."""
+        activity = transfer.named(self.row(block).transfer)(x)
+        rates = self.baseline_hz[block] + self.gain_hz_per_nat[block] * activity
+        return np.asarray(np.maximum(rates, self.floor_hz[block]), dtype=np.float64)
+
+    def rates_slope(self, x: Array) -> Array:
+        """Return the slope (..., blocks) of ``rates``, Hz/nat."""
+        rate = self.baseline_hz + self.gain_hz_per_nat * _applied(self._block_transfers, x)
+        slope = _applied(self._block_transfers, x, "slope")
+        return self.gain_hz_per_nat * slope * (rate > self.floor_hz)
+
+    def rates_curvature(self, x: Array) -> Array:
+        """Return the second derivative (..., blocks) of ``rates``, Hz/nat^2."""
+        rate = self.baseline_hz + self.gain_hz_per_nat * _applied(self._block_transfers, x)
+        curvature = _applied(self._block_transfers, x, "curvature")
+        return self.gain_hz_per_nat * curvature * (rate > self.floor_hz)
+
+    def synapse(self, frequency_hz: Array) -> Complex:
+        """Return the answer (F, units) of each unit's delay and filter to a modulation."""
+        turn = 2j * np.pi * np.asarray(frequency_hz)[:, None] / 1000
+        paths = [self.projection(u) for u in range(self.units)]
+        delay, tau = (np.array([getattr(p, k) for p in paths]) for k in ("delay_ms", "tau_ms"))
+        return np.asarray(np.exp(-turn * delay) / (1 + turn * tau), dtype=np.complex128)
+
+    def activity(self, rates: Array, name: str) -> Array:
+        """Return the activity (..., channels), nats, that rates (..., channels) stand for."""
+        row = self.circuit.population(name)
+        return (rates - row.baseline_hz) / row.gain_hz_per_nat
+
+    @cached_property
+    def _unit_transfers(self) -> Placed:
+        return _places_of([self.projection(u).transfer for u in range(self.units)])
+
+    @cached_property
+    def _block_transfers(self) -> Placed:
+        return _places_of([self.row(b).transfer for b in range(self.blocks)])
+
+
+def _places_of(names: list[str]) -> Placed:
+    kinds = np.array(names, dtype=object)
+    return [(transfer.named(name), kinds == name) for name in dict.fromkeys(names)]
+
+
+def _applied(placed: Placed, values: Array, what: str = "function") -> Array:
+    result = np.empty_like(values)
+    for law, here in placed:
+        result[..., here] = getattr(law, what)(values[..., here])
+    return result
+
+
+def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
+    """Turn a circuit into arrays.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    rest_hz : array (blocks,), optional
+        Rates at rest of the intact circuit, Hz: what a replaced lesion delivers.
+    """
+    owner: list[int] = []
+    channel: list[int] = []
+    for i, row in enumerate(circuit.populations):
+        count = circuit.channels_of(row.name)
+        owner += [i] * count
+        channel += range(count)
+    rows = [circuit.populations[i] for i in owner]
+    start = {row.name: owner.index(i) for i, row in enumerate(circuit.populations)}
+    bias = np.array([row.bias_nats for row in rows], dtype=np.float64)
+    bias[[row.name == circuit.input for row in rows]] += circuit.drive_gain * circuit.rest_drive
+
+    path, deliver, constant, weights = [], [], [], []
+    for i, p in enumerate(circuit.projections):
+        pattern, alive, place = units_of(circuit, p)
+        source = circuit.population(p.source)
+        first, intact = start[p.source], circuit.intact_of(p.source)
+        kept = np.full(pattern.shape[1], -float(source.baseline_hz))
+        given = np.zeros(pattern.shape[1])
+        if source.replaced and rest_hz is not None:
+            given += (1 - intact) * rest_hz[first : first + pattern.shape[1]]
+        for k, row_ in enumerate(pattern):
+            path.append(i)
+            hz = np.zeros(len(owner))
+            hz[first : first + len(row_)] = intact * alive[k] / source.gain_hz_per_nat
+            deliver.append(hz)
+            always = float(row_ @ (kept + given) + (alive[k] - row_) @ given)
+            constant.append(always / source.gain_hz_per_nat)
+            column = np.zeros(len(owner))
+            targets = np.flatnonzero(place == k)
+            column[start[p.target] + targets] = p.weight
+            weights.append(column)
+    shape = (len(path), len(owner))
+    return Wiring(
+        circuit=circuit,
+        owner=np.array(owner, dtype=np.intp),
+        channel=np.array(channel, dtype=np.intp),
+        path=np.array(path, dtype=np.intp),
+        deliver=np.array(deliver).reshape(shape),
+        constant=np.array(constant),
+        weight=np.array(weights).reshape(shape).T,
+        bias=bias,
+    )
+
+
+def units_of(circuit: Circuit, p: Projection) -> tuple[Array, Array, Index]:
+    """Return what the units of a projection sum, and which unit each target channel has.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    p : Projection
+        One of its rows.
+
+    Returns
+    -------
+    whole, alive : arrays (units, source channels)
+        How much of each source channel arrives, and how much of it through axons that are left.
+    place : array (target channels,)
+        Number of each channel's unit.
+    """
+    whole, left = circuit.pattern(p), circuit.axons_of(p)[:, None]
+    both, place = np.unique(np.hstack([whole, left * whole]), axis=0, return_inverse=True)
+    sources = whole.shape[1]
+    return both[:, :sources], both[:, sources:], np.asarray(place.ravel(), dtype=np.intp)
+
+
+def fan_in(circuit: Circuit, p: Projection, target: int, source: int) -> npt.NDArray[np.int64]:
+    """Return which source cells reach each target cell, (target cells, in-degree).
+
+    The in-degree is ``probability`` times the number of source cells, the same for every target:
+    with a binomial one the rates would differ from cell to cell. Connections belong to the
+    circuit's ``wiring_seed``, not to a trial.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    p : Projection
+        One of its rows.
+    target, source : int
+        Channels.
+    """
+    sources = circuit.population(p.source).neurons
+    targets = circuit.population(p.target).neurons
+    degree = max(1, round(p.probability * sources))
+    key = noise.stream_key(circuit.wiring_seed, 0, f"{p.name}/{target}/{source}")
+    words = noise.words(key, noise.CONNECTIONS_TICK, sources * targets).reshape(targets, sources)
+    return np.sort(np.argsort(words, axis=1, kind="stable")[:, :degree], axis=1)

@@ -1,0 +1,104 @@
+"""Edits that a circuit must, or must not, stand: controls beside the table they start from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import fields, replace
+
+import numpy as np
+
+from circuits.cells import Phase, Rate
+from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.dynamics.fixed_point import rest_rates, wired
+
+OF_POPULATIONS = ("baseline_hz", "gain_hz_per_nat", "bias_nats", "tau_ms")
+OF_PROJECTIONS = ("weight", "delay_ms", "tau_ms")
+SPARE_NATS = 0.6
+
+
+def perturbed(circuit: Circuit, fraction: float = 0.2) -> dict[str, Circuit]:
+    """Return the circuit with one number changed by +-fraction, for every number of its tables.
+
+    Delays are rounded to whole ticks of .1 ms. Numbers that are 0 stay out, and so do those that
+    only say what they are: transmitters, names, numbers of cells.
+    """
+    changed: dict[str, Circuit] = {}
+
+    def put(row: object, edit: Callable[..., Circuit], names: Iterable[str], *ends: str) -> None:
+        for field in names:
+            value = getattr(row, field)
+            if not value or isinstance(value, bool):
+                continue
+            for sign in (1, -1):
+                new = value * (1 + sign * fraction)
+                new = round(new, 1) if field == "delay_ms" else new
+                key = f"{'->'.join(ends)} {field} {sign * fraction:+.0%}"
+                changed[key] = edit(*ends, **{field: new})
+
+    for row in circuit.populations:
+        put(row, circuit.with_population, OF_POPULATIONS, row.name)
+        put(row.cell, circuit.with_cell, [f.name for f in fields(row.cell)], row.name)
+    for p in circuit.projections:
+        put(p, circuit.with_projection, OF_PROJECTIONS, p.source, p.target)
+    for sign in (1, -1):
+        tau_ms = circuit.readout_tau_ms * (1 + sign * fraction)
+        key = f"read-out tau_ms {sign * fraction:+.0%}"
+        changed[key] = replace(circuit, readout_tau_ms=tau_ms)
+    return changed
+
+
+def correlated(
+    circuit: Circuit, noise_nats: float, *, cells: int = 20, tau_ms: float = 20
+) -> Circuit:
+    """Return the circuit with noise that all cortical cells of a channel share.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        One with cells.
+    noise_nats : float
+        Standard deviation of the shared input, nats.
+    cells, tau_ms : int, float
+        It comes from this many irregular cells (Phase, CV 1) of 20 Hz, filtered with this time
+        constant (ms); their mean input is taken off.
+    """
+    circuit.check_nats("noise in nats")
+    rate_hz, decay_hz = 20.0, 1000 / tau_ms
+    # Shot noise of a renewal process through an exponential filter (Cox 1962): ``passed`` is the
+    # transform of its intervals, inverse Gaussian, at the filter's decay.
+    passed = np.exp(1 - np.sqrt(1 + 2 * decay_hz / rate_hz))
+    variance = rate_hz * decay_hz / 2 * (1 + passed) / (1 - passed) - rate_hz**2
+    gain = np.sqrt(variance / cells) / noise_nats
+    shared = Population("shared", Phase(1.0), rate_hz, gain, neurons=cells, cite="assumed")
+    path = Projection("shared", circuit.input, 1, delay_ms=1, tau_ms=tau_ms, cite="assumed")
+    return circuit.add(shared, path)
+
+
+def linear_stn(circuit: Circuit) -> Circuit:
+    """Return the circuit whose STN is linear: its exponential's tangent at rest.
+
+    At rest a channel's activity is a, ``e^u``; there ``e^u`` is about ``a (u + 1 - ln a)``. The
+    slope a goes into the weights of what reaches STN, for a pathway of what it sends may bend. It
+    has no floor, for a line that stops at 0 is still convex, and no noise, which favours it. OUT is
+    then the average less the winner, as far as cortex is not silent. It falls further than -ln P:
+    SNr gets ``SPARE_NATS`` more tonic drive, or it would fall silent before a decision at .95.
+    """
+    circuit.check_nats("the tangent of an exponential STN")
+    wiring = wired(circuit)
+    rates = rest_rates(wiring)[wiring.blocks_of("STN")]
+    rest = float(wiring.activity(rates, "STN").mean())
+    bias = rest * (circuit.population("STN").bias_nats + 1 - float(np.log(rest)))
+    spare = circuit.population("SNr").bias_nats + SPARE_NATS
+    edited = circuit.with_population(
+        "STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias
+    )
+    for p in circuit.projections:
+        if p.target == "STN":
+            edited = edited.scale(p.source, "STN", rest)
+    return edited.with_population("SNr", bias_nats=spare)
+
+
+def shuffled_stn(circuit: Circuit) -> Circuit:
+    """Return the circuit where SNr hears N times the next channel's STN in place of STN's sum."""
+    weight = circuit.channels * circuit.projection("STN", "SNr").weight
+    return circuit.with_projection("STN", "SNr", pattern="neighbour", weight=weight)

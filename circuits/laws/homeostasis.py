@@ -1,0 +1,322 @@
+"""Homeostasis: each population's own rate at rest sets its bias, in closed form and as dynamics.
+
+The rule is slow and local. A population knows the mean rate of its own cells at rest and the rate
+that it had before; no evidence, no label and no other population has a say. It moves its bias until
+the two are equal (Turrigiano 2011)::
+
+    tau db/dt = W (r_reference - r) / gain
+
+with W the total weight of the population's afferents, at least 1: cells with strong synapses move
+in proportion. With W = 1 everywhere the rule would be as local, but a loop of three populations
+oscillates under it once its gain passes 8 (Harnack et al. 2015 on the stability of homeostasis):
+cortex, STN and the slow cells that inhibit cortex are such a loop.
+
+Where the rule ends needs no time: at the reference's rates all that arrives is known, so each
+bias is what the population needs less what it gets (``biases``). It mends offsets at rest and no
+slopes: what an edit does to the way in which OUT follows the evidence, stays. A loss of a part of
+STN is no such edit where STN's way to SNr and its loop with GPe lose alike: OUT is what it was.
+
+A population that the reference lacks keeps its bias and rests where the others, at their rates,
+take it.
+
+A population that is silent in the reference, or at its highest rate, tells the rule nothing as long
+as it stays so: its bias stays, or moves just far enough (as dynamics it may have been moved further
+on the way: its rate is the same). Rates are those of the table's lines. Cells
+that fire at the rate of their line have exactly these; Lif and AdEx cells, which have laws of their
+own, come as near as their line comes to their law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from circuits.arrays import Array, Truths
+from circuits.checks import check_number
+from circuits.declaration import transfer
+from circuits.dynamics.fixed_point import rest, rest_rates, solve, wired
+from circuits.dynamics.wiring import Wiring, wire
+
+if TYPE_CHECKING:
+    from circuits.declaration.spec import Circuit
+
+SAME_NATS = 1e-12
+"""What is nearer to its reference than this, in nats, is left as it is: rounding."""
+ALIKE_NATS = 1e-9
+"""How far the biases that a population's channels need may lie apart."""
+STEP_NATS = 1e-4
+"""How far all channels are driven alike for a slope."""
+SETTLED_NATS = 1e-6
+"""How near to their references the rates must come for the dynamics to have settled."""
+
+
+def balanced_weight(circuit: Circuit, source: str = "STN") -> float:
+    """Return the weight from a nucleus onto the read-out at which its mean does not follow cortex.
+
+    Use ``Circuit.balanced`` for the circuit that has it: arguments and errors are its own.
+
+    Notes
+    -----
+    Where an anti-Hebbian rule ends: the synapse is weakened while the read-out's mean over channels
+    rises with what all channels share, and strengthened while it falls. The read-out sends nothing
+    back, so its mean input is ``a + w b`` with neither a nor b depending on the weight w: at rest
+    and to first order ``w = - da / db``.
+    """
+    row = circuit.projection(source, circuit.readout)
+    if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
+        raise ValueError(f"{row.name} must be linear, diffuse and of a weight other than 0")
+    wiring = wired(circuit)
+    both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
+    units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
+    blocks = wiring.blocks_of(circuit.readout)
+    own = np.array([u for u in range(wiring.units) if wiring.projection(u) is row])
+    whole = float(np.diff(wiring.inputs(units)[:, blocks].mean(axis=1))[0])
+    carried = np.dot(units[:, own], wiring.weight[np.ix_(blocks, own)].T)
+    part = float(np.diff(carried.mean(axis=1))[0])
+    if abs(part) < SAME_NATS:
+        raise ValueError(f"{row.name} carries nothing of what all channels share: there is no rule")
+    return row.weight * (1 - whole / part)
+
+
+def biases(
+    circuit: Circuit,
+    reference: Circuit | None = None,
+    rebound_nats: Mapping[str, float] | None = None,
+) -> dict[str, float]:
+    """Return the bias of each population at which all rest at the rates of a reference, nats.
+
+    Use ``Circuit.compensate`` for the circuit that has them: arguments and errors are its own.
+
+    Notes
+    -----
+    A population that rests at r needs the input ``x = f^-1((r - baseline) / gain)``. With all at
+    the rates wanted, what arrives is ``W g(deliver r + constant)``. The bias is the difference.
+    """
+    goal = _goal(circuit, reference, rebound_nats)
+    wiring = goal.wiring
+    found = {}
+    now = wiring.inputs(wiring.deliver @ goal.rates_hz + wiring.constant)
+    change = goal.needed(now) - now
+    for row in circuit.populations:
+        own = change[wiring.blocks_of(row.name)]
+        if np.ptp(own) > ALIKE_NATS:
+            raise ValueError(
+                f"{row.name} gets another input at rest in each channel, and has one bias for all: "
+                "there is no closed form (circuits.laws.homeostasis.recovery runs the rule)"
+            )
+        found[row.name] = row.bias_nats + float(own.mean())
+    return found
+
+
+def recovery(
+    circuit: Circuit,
+    reference: Circuit | None = None,
+    *,
+    rebound_nats: Mapping[str, float] | None = None,
+    speed: Mapping[str, float] | None = None,
+    step: float = 0.1,
+    until: float = 100.0,
+) -> pd.DataFrame:
+    """Run the rule from the edited circuit on: the course of rates and biases.
+
+    Activity is taken to settle at once, for the rule takes hours.
+
+    Parameters
+    ----------
+    circuit, reference, rebound_nats :
+        As for ``Circuit.compensate``; channels that differ have their mean rate held.
+    speed : mapping from names to numbers, optional
+        Another factor W for some populations; 0 leaves the bias as it is.
+    step, until : float
+        Time of a step, and when it must have settled, in time constants tau of the rule.
+
+    Returns
+    -------
+    DataFrame
+        One row per time and population: time (in tau), population, rate_hz (the mean over
+        channels), bias_nats. It ends where all rates have settled.
+
+    Raises
+    ------
+    ValueError
+        If a state on the way has no fixed point, or the rates have not come to their references
+        in time: a population cannot fire at its rate, or the biases oscillate.
+    """
+    if not 0 < step <= until < np.inf:
+        raise ValueError(f"step must be > 0 and at most until, got {step} and {until}")
+    goal = _goal(circuit, reference, rebound_nats)
+    factors, mean = goal.factors(speed or {}), goal.mean_over_channels
+    rows, wiring = circuit.populations, goal.wiring
+    gains = np.array([row.gain_hz_per_nat for row in rows])
+    bias = np.array([row.bias_nats for row in rows])
+    moved = np.zeros(len(rows))
+    course = []
+    for k in range(round(until / step) + 1):
+        shifted = replace(wiring, bias=wiring.bias + moved[wiring.owner])
+        try:
+            hz = mean @ rest_rates(shifted)
+        except ValueError as error:
+            raise ValueError(f"{circuit.name} does not recover: on the way {error}") from None
+        course.append((k * step, hz, bias + moved))
+        pace = factors * (mean @ goal.rates_hz - hz) / gains
+        if np.abs(pace).max() < SETTLED_NATS:
+            return _table([row.name for row in rows], course)
+        moved = moved + step * pace
+    raise ValueError(
+        f"{circuit.name} does not recover: after {until:g} time constants "
+        f"{rows[int(np.abs(pace).argmax())].name} is not at its rate of rest; either it cannot "
+        "fire at that rate, or biases that move at these speeds oscillate"
+    )
+
+
+def _table(names: list[str], course: list[tuple[float, Array, Array]]) -> pd.DataFrame:
+    time, hz, bias = (np.array(values) for values in zip(*course, strict=True))
+    return pd.DataFrame(
+        {
+            "time": np.repeat(time, len(names)),
+            "population": names * len(time),
+            "rate_hz": hz.ravel(),
+            "bias_nats": bias.ravel(),
+        }
+    )
+
+
+@dataclass(frozen=True)
+class _Goal:
+    """Rates to recover, and the circuit that is to have them.
+
+    Parameters
+    ----------
+    wiring, before : Wiring
+        Of the edited circuit, and of the reference.
+    rates_hz : array (blocks,)
+        Rates at rest that are wanted, in the order of the edited circuit's blocks.
+    before_nats : array (blocks,)
+        The reference's inputs at rest; NaN where a population has another line, or a rebound.
+    """
+
+    wiring: Wiring
+    before: Wiring
+    rates_hz: Array
+    before_nats: Array
+
+    def needed(self, now: Array) -> Array:
+        """Return the input (blocks,) at which each block has its rate: the present one if it does.
+
+        Of a flat part it is the end that lies next to the rest of the line.
+        """
+        wiring, found = self.wiring, now.copy()
+        off = np.abs(wiring.rates(now) - self.rates_hz) / wiring.gain_hz_per_nat
+        for b in np.flatnonzero(off > SAME_NATS):
+            row = wiring.row(b)
+            activity = (self.rates_hz[b] - row.baseline_hz) / row.gain_hz_per_nat
+            inverse = transfer.named(row.transfer).inverse
+            found[b] = self.before_nats[b] if inverse is None else inverse(np.array([activity]))[0]
+        off = np.abs(wiring.rates(found) - self.rates_hz) / wiring.gain_hz_per_nat
+        if (wrong := np.flatnonzero(~(off < ALIKE_NATS))).size:
+            row = wiring.row(wrong[0])
+            raise ValueError(
+                f"{row.name} cannot rest at {self.rates_hz[wrong[0]]:.3g} Hz: no input to its "
+                f"transfer {row.transfer!r} is known that gives this rate"
+            )
+        return found
+
+    def with_held(self, held: Truths) -> Array:
+        """Return the rates (blocks,), Hz, at which the others settle while some are held."""
+        wiring = self.wiring
+        needed = self.needed(wiring.bias)
+        pinned = replace(
+            wiring,
+            weight=np.where(held[:, None], 0.0, wiring.weight),
+            bias=np.where(held, needed, wiring.bias),
+        )
+        return np.where(held, self.rates_hz, rest_rates(pinned))
+
+    @property
+    def mean_over_channels(self) -> Array:
+        """The matrix (populations, blocks) that takes the mean of each population."""
+        rows = np.arange(len(self.wiring.circuit.populations))
+        own = (self.wiring.owner == rows[:, None]).astype(np.float64)
+        return np.asarray(own / own.sum(axis=1, keepdims=True))
+
+    def factors(self, speed: Mapping[str, float]) -> Array:
+        """Return W of each population: the total weight of its afferents before, at least 1."""
+        wiring = self.before
+        each = np.abs(wiring.weight) @ (np.abs(wiring.deliver) * wiring.gain_hz_per_nat)
+        total = each.sum(axis=1)
+        rows = self.wiring.circuit.populations
+        known = {row.name for row in wiring.circuit.populations}
+        found = np.array(
+            [
+                max(1.0, total[wiring.blocks_of(row.name)].mean()) if row.name in known else 0.0
+                for row in rows
+            ]
+        )
+        for name, value in speed.items():
+            self.wiring.circuit.population(name)
+            check_number(f"the speed of {name}", value)
+            if not 0 <= value < np.inf:
+                raise ValueError(f"the speed of {name} must be >= 0 and finite, got {value}")
+            found[[row.name == name for row in rows]] = value
+        return found
+
+
+def _goal(
+    circuit: Circuit, reference: Circuit | None, rebound_nats: Mapping[str, float] | None
+) -> _Goal:
+    whole = _reference(circuit, reference)
+    before, wiring = wired(whole), wire(circuit)
+    x = rest(before)
+    hz, rates = before.rates(x), wiring.rates(wiring.bias)
+    inputs = np.full(wiring.blocks, np.nan)
+    line = ("transfer", "baseline_hz", "gain_hz_per_nat", "cell")
+    known = {row.name for row in whole.populations}
+    for row in circuit.populations:
+        if row.name not in known:
+            continue
+        old, blocks = whole.population(row.name), wiring.blocks_of(row.name)
+        rates[blocks] = hz[before.blocks_of(row.name)]
+        if all(getattr(row, name) == getattr(old, name) for name in line):
+            inputs[blocks] = x[before.blocks_of(row.name)]
+    for name, nats in (rebound_nats or {}).items():
+        blocks = wiring.blocks_of(name)
+        if name not in known:
+            raise ValueError(f"{name} is new: without an old rate it can't rebound above it")
+        check_number(f"the rebound of {name}", nats)
+        if not np.isfinite(nats):
+            raise ValueError(f"the rebound of {name} must be finite, got {nats}")
+        rates[blocks] += nats * wiring.gain_hz_per_nat[blocks]
+        inputs[blocks] = np.nan if nats else inputs[blocks]
+    goal = _Goal(wiring, before, rates, inputs)
+    held = np.array([wiring.row(b).name in known for b in range(wiring.blocks)])
+    return goal if held.all() else replace(goal, rates_hz=goal.with_held(held))
+
+
+def _reference(circuit: Circuit, reference: Circuit | None) -> Circuit:
+    """Return the circuit before the edits; ValueError where it is not known or does not fit."""
+    for row in circuit.populations:
+        if row.replaced:
+            raise ValueError(
+                f"{row.name}: its lost output is replaced, which leaves rates at rest what they "
+                "were: there is nothing to recover from"
+            )
+    if reference is None:
+        if circuit == circuit.unlesioned:
+            raise ValueError(
+                f"{circuit.name} has no lesion: recovered needs a reference, the circuit before "
+                "the edits"
+            )
+        return circuit.unlesioned
+    if reference.channels != circuit.channels:
+        raise ValueError(
+            f"the reference must have {circuit.channels} channels, got {reference.channels}"
+        )
+    for row in circuit.populations:
+        old = next((old for old in reference.populations if old.name == row.name), row)
+        if row.pooled != old.pooled:
+            raise ValueError(f"{row.name} is pooled in the circuit or in the reference alone")
+    return reference

@@ -1,0 +1,73 @@
+"""Motifs: rows that are added by one name, with sources, and what they do."""
+
+import numpy as np
+import pytest
+
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.evidence import separated_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.support.seeds import stream
+from circuits import anatomy
+from circuits.anatomy.printed_rates import MACAQUE, at_rest
+from circuits.declaration.motifs import MOTIFS
+from circuits.edit_lists import Edits
+from circuits.show import ASSUMED
+
+CORTEX = ("ctx", "ctx_inh")
+INTERNEURONS = "striatal_FSI"
+
+
+@pytest.mark.parametrize("name", ["macaque", "spiking_msprt", "appendix_b"])
+@pytest.mark.parametrize("channels", [2, 4])
+def test_adding_striatal_interneurons_leaves_all_rates_at_rest(name, channels):
+    table = anatomy.load_circuit(name, channels)
+    added = table.add(INTERNEURONS)
+    before, after = at_rest(table), at_rest(added)
+    assert {key: after[key] for key in before} == pytest.approx(before, abs=1e-6)
+    low, high = MACAQUE["FSI"]
+    assert low < after["FSI"] < high
+    new = {row.name for row in added.populations + added.projections}
+    new -= {row.name for row in table.populations + table.projections}
+    assert new == {"FSI", "ctx->FSI", "FSI->D1", "FSI->D2"}
+    for row in new:
+        assert added.row(row).cite not in ("", ASSUMED)
+
+
+def test_a_motif_is_added_by_its_name_as_by_its_rows():
+    table = anatomy.macaque(2)
+    added = table.add(INTERNEURONS)
+    assert added == table.add(*MOTIFS[INTERNEURONS](table))
+    assert added == Edits(add=(INTERNEURONS,)).apply(table)
+    assert added != table
+    like = table.add(INTERNEURONS, "other like=FSI", "ctx->other like=ctx->FSI")
+    assert like.population("other").baseline_hz == added.population("FSI").baseline_hz
+    for wrong in (added, anatomy.gpr(2)):
+        with pytest.raises(ValueError, match=INTERNEURONS):
+            wrong.add(INTERNEURONS)
+
+
+def test_a_loss_of_half_of_them_frees_d1_and_d2_and_leaves_cortex():
+    added = anatomy.macaque(2).add(INTERNEURONS)
+    before, after = at_rest(added), at_rest(added.lesion("FSI", 0.5))
+    assert after["D1"] > before["D1"] + 1
+    assert after["D2"] > before["D2"] + 0.1
+    for name in CORTEX:
+        assert after[name] == pytest.approx(before[name], abs=0.05)
+
+
+def test_with_them_the_circuit_still_decides_and_without_half_of_them_it_decides_too_early():
+    table = anatomy.macaque(2)
+    added = table.add(INTERNEURONS)
+    rng = stream(31, "motif")
+    evidence = separated_evidence(300, 40, 0.7, rng=rng, step_ms=50.0)
+    level = -np.log(0.82)
+    found = []
+    for circuit in (table, added, added.lesion("FSI", 0.5)):
+        model = BasalGanglia(circuit, "population", table.default_gain, seed=3).until(level)
+        decided = first_crossing(model.run(evidence), level)
+        found.append((np.mean(decided.choice == evidence.truth), decided.time_ms.mean()))
+    (accuracy, time_ms), (with_accuracy, with_ms), (less_accuracy, less_ms) = found
+    assert with_accuracy > accuracy - 0.02
+    assert 0.9 * time_ms < with_ms < 1.3 * time_ms
+    assert less_accuracy < with_accuracy - 0.02
+    assert less_ms < 0.8 * with_ms

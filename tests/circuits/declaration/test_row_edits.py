@@ -1,0 +1,290 @@
+"""Edits in text: they say what Python says, and what they name is there or is refused."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from circuits import anatomy
+from circuits.cells import Phase, Rate
+from circuits.declaration.courses import Course
+from circuits.declaration.spec import Population, Projection
+from circuits.engines import algebra
+
+TABLE = anatomy.spiking_msprt()
+TABLES = [anatomy.load_circuit(name) for name in anatomy.CIRCUITS]
+ROWS = [row.name for row in (*TABLE.populations, *TABLE.projections)]
+NAMES = st.text("abcDGNST_19", min_size=1, max_size=5)
+NUMBERS = st.floats(0, 1000).map(lambda x: round(x, 3))
+
+
+@st.composite
+def numbers_changed(draw):
+    """Return a circuit, a row, a field that holds a number, and another number for it."""
+    circuit = draw(st.sampled_from(TABLES))
+    row = draw(st.sampled_from([*circuit.populations, *circuit.projections]))
+    field = draw(st.sampled_from([f.name for f in fields(row) if f.type == "float"]))
+    value = draw(NUMBERS)
+    value = -value if getattr(row, field) < 0 else value
+    return circuit, row, field, value
+
+
+def circuit_or_refusal(edit):
+    try:
+        return edit()
+    except ValueError as error:
+        return str(error)
+
+
+def in_python(circuit, row, **values):
+    if isinstance(row, Projection):
+        return circuit.with_projection(row.source, row.target, **values)
+    return circuit.with_population(row.name, **values)
+
+
+@given(numbers_changed())
+def test_text_and_python_give_equal_circuits_or_the_same_refusal(drawn):
+    circuit, row, field, value = drawn
+    text = f"{row.name}.{field}={value!r}"
+    expected = circuit_or_refusal(lambda: in_python(circuit, row, **{field: value}))
+    found = circuit_or_refusal(lambda: circuit.edited(text))
+    if isinstance(expected, str):
+        assert found == f"{text!r}: {expected}"
+    else:
+        assert found == expected
+        assert found.exact <= circuit.exact
+
+
+@given(numbers_changed())
+def test_a_change_and_its_inverse_give_the_tables_back(drawn):
+    circuit, row, field, value = drawn
+    try:
+        edited = circuit.edited(f"{row.name}.{field}={value!r}")
+    except ValueError:
+        assume(False)
+    back = edited.edited(f"{row.name}.{field}={getattr(row, field)!r}")
+    marks = {name: getattr(circuit, name) for name in ("about", "exact", "most_lead_nats")}
+    assert replace(back, **marks) == circuit
+    assert back.exact == edited.exact
+
+
+@given(st.data())
+def test_constants_of_a_cell_are_changed_in_text_as_in_python_and_back(data):
+    row = data.draw(st.sampled_from([row for row in TABLE.populations if row.spiking]))
+    name = data.draw(st.sampled_from([f.name for f in fields(row.cell)]))
+    old = getattr(row.cell, name)
+    new = old * data.draw(st.sampled_from([0.9, 1.0, 1.1]))
+    edited = TABLE.edited(f"{row.name}.cell.{name}={new!r}")
+    assert edited == TABLE.with_cell(row.name, **{name: new})
+    assert edited.edited(f"{row.name}.cell.{name}={old!r}") == TABLE
+
+
+@given(NAMES, NAMES, NAMES)
+def test_unknown_names_raise_and_give_no_circuit(row, other, field):
+    own = {name for kind in (Population, Projection) for name in kind.__dataclass_fields__}
+    assume(row not in ROWS and f"{row}->{other}" not in ROWS and field not in own)
+    nuclei = ", ".join(p.name for p in TABLE.populations)
+    for text in (f"{row}.bias_nats=1", f"{row}.{field}=1", f"TRN like={row}"):
+        with pytest.raises(ValueError, match=f"has no nucleus '{row}': {nuclei}$"):
+            TABLE.add(text) if " " in text else TABLE.edited(text)
+    with pytest.raises(ValueError, match=f"has no pathway {row}->{other}: ctx->D1, "):
+        TABLE.edited(f"{row}->{other}.delay_ms=1")
+    for known in ROWS:
+        with pytest.raises(ValueError, match=f"{known} has no '{field}': (cell|weight), "):
+            TABLE.edited(f"{known}.{field}=1")
+    with pytest.raises(ValueError, match=f"STN has no 'cell.{field}': .*, cell.cv$"):
+        TABLE.edited(f"STN.cell.{field}=1")
+    with pytest.raises(ValueError, match=f"D1->GPe has no '{field}': weight, "):
+        TABLE.add(f"D1->GPe weight=-1 {field}=1")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("STN->GPe.delay_ms=4", TABLE.with_projection("STN", "GPe", delay_ms=4)),
+        (" STN -> GPe.delay_ms = 4 ", TABLE.with_projection("STN", "GPe", delay_ms=4)),
+        ("STN.neurons=1e3", TABLE.with_population("STN", neurons=1000)),
+        ("STN.cite=Kita & Kitai 1991", TABLE.with_population("STN", cite="Kita & Kitai 1991")),
+        ("common.pooled=true", TABLE),
+        ("ctx->D1.factors=1,0.9", TABLE.with_projection("ctx", "D1", factors=(1, 0.9))),
+        ("ctx->D1.factors=", TABLE),
+        ("STN.cell=Rate", TABLE.with_population("STN", cell=Rate())),
+        ("GPe.cell.tau_ms=12", TABLE.with_cell("GPe", tau_ms=12)),
+    ],
+)
+def test_a_change_is_read_by_the_type_of_its_field(text, expected):
+    assert TABLE.edited(text) == expected
+
+
+def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
+    sign = ["STN->GPe.weight=-0.5", "STN->SNr.weight=-1", "STN->common.weight=-1"]
+    changes = ["STN.transmitter=GABA", *sign, "STN.cell=Phase", "STN.cell.cv=0.1"]
+    edited = TABLE.edited(*changes)
+    assert edited == TABLE.edited(*reversed(changes))
+    assert edited.population("STN").cell == Phase(0.1)
+    with pytest.raises(ValueError, match="STN releases GABA, so the weight must be <= 0"):
+        TABLE.edited(changes[0])
+    lif = ("D1.cell.reset_mv=16", "D1.cell.threshold_mv=20")
+    assert TABLE.edited(*lif) == TABLE.with_cell("D1", reset_mv=16, threshold_mv=20)
+
+
+@pytest.mark.parametrize(
+    ("text", "row"),
+    [
+        (
+            "D1->GPe weight=-0.1 delay_ms=4",
+            Projection("D1", "GPe", -0.1, delay_ms=4),
+        ),
+        (
+            "D1 -> GPe like=D1->SNr weight=-0.1",
+            replace(
+                TABLE.projection("D1", "SNr"),
+                target="GPe",
+                weight=-0.1,
+                cite="as D1->SNr; assumed: weight",
+            ),
+        ),
+        (
+            "TRN like=STN bias_nats=-1 cell.cv=0.2 cite='my data'",
+            replace(
+                TABLE.population("STN"), name="TRN", bias_nats=-1, cell=Phase(0.2), cite="my data"
+            ),
+        ),
+        (
+            "TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20",
+            Population("TRN", Phase(0.2), gain_hz_per_nat=20),
+        ),
+        ("TRN cell=Rate transmitter=GABA", Population("TRN", Rate(), transmitter="GABA")),
+    ],
+)
+def test_a_row_in_text_is_the_row_in_python(text, row):
+    assert TABLE.add(text) == TABLE.add(row)
+
+
+def test_a_row_like_another_does_not_cite_its_source_for_numbers_that_are_new():
+    rows = ("TRN like=STN", "X like=GPe baseline_hz=10 cell.tau_ms=9", "Y like=GPe cite='my data'")
+    edited = TABLE.add(*rows)
+    cited = [edited.population(name).cite for name in ("TRN", "X", "Y")]
+    assert cited == ["as STN", "as GPe; assumed: baseline_hz, cell.tau_ms", "my data"]
+
+
+def test_a_row_of_dopamine_or_with_an_amount_is_a_course():
+    """No population can be called dopamine; an amount, in time, is of a course alone."""
+    drive, level = TABLE.add("STN amount=-0.2 to_ms=50", "dopamine amount=0.5").courses
+    assert drive == Course("STN", -0.2, to_ms=50)
+    assert level == Course("dopamine", 0.5)
+    with pytest.raises(ValueError, match="a course of dopamine has no 'weight'"):
+        TABLE.add("dopamine weight=1")
+
+
+def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
+    rows = ("TRN->SNr weight=0.1", "TRN like=STN", "ctx->TRN like=ctx->STN")
+    edited, other = TABLE.add(*rows), TABLE.add(*reversed(rows))
+    assert edited.populations == other.populations
+    assert set(edited.projections) == set(other.projections)
+    drive = np.zeros((1, 1, 2))
+    assert (algebra.run(edited, drive).output_nats > algebra.run(TABLE, drive).output_nats).all()
+
+
+def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
+    nucleus = "Arky cell=Rate transmitter=GABA"
+    paths = "Arky->D1 weight=-0.1 delay_ms=6", "Arky->D2 like=Arky->D1"
+    edited = TABLE.add(nucleus, "B like=Arky baseline_hz=3", *paths)
+    first, second = (edited.projection("Arky", name) for name in ("D1", "D2"))
+    assert replace(second, target="D1", cite=first.cite) == first
+    assert second.cite == "as Arky->D1"
+    assert edited.population("B").baseline_hz == 3
+    assert edited.population("B").transmitter == "GABA"
+    python = Projection("Arky", "D1", -0.1, delay_ms=6)
+    assert TABLE.add(nucleus, python, paths[1]).projection("Arky", "D2") == second
+    rows = (nucleus, "B like=Arky baseline_hz=3", "C like=B", *paths)
+    forth, back = TABLE.add(*rows), TABLE.add(*reversed(rows))
+    assert set(back.populations) == set(forth.populations)
+    assert set(back.projections) == set(forth.projections)
+    assert back.populations[-3:] == forth.populations[:-4:-1]  # as they were written
+    with pytest.raises(ValueError, match="rows that are like each other"):
+        TABLE.add("B like=C", "C like=B", nucleus)
+    with pytest.raises(ValueError, match="'Arky like=STN': Arky is there already"):
+        TABLE.add(nucleus, "Arky like=STN")
+
+
+@given(st.floats(0.01, 1), st.sampled_from([None, 0, 1]), st.booleans())
+def test_a_row_like_a_lesioned_one_is_like_the_intact_one(fraction, channel, replaced):
+    lesioned = TABLE.lesion("STN", fraction, channel=channel, replaced=replaced)
+    assert lesioned.add("PPN like=STN").row("PPN") == TABLE.add("PPN like=STN").row("PPN")
+    assert lesioned.add("PPN like=STN intact=0.3").population("PPN").intact == 0.3
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        (("STN->GPe",), "'STN->GPe': a change is ROW.FIELD=VALUE, such as"),
+        (("STN=0.5",), "'STN=0.5': a change is ROW.FIELD=VALUE"),
+        (("STN.bias_nats",), "'STN.bias_nats': a change is ROW.FIELD=VALUE"),
+        (("",), "'': a change is"),
+        ((3,), "3: an edit is text"),
+        (("D1->GPe weight=1",), "'D1->GPe weight=1': a change is"),
+        (("STN->GPe.delay_ms=fast",), "'STN->GPe.delay_ms=fast': STN->GPe: delay_ms must be a num"),
+        (("STN.bias_nats=",), "STN: bias_nats must be a number, got ''"),
+        (("STN.neurons=2.5",), "STN: neurons must be a whole number, got '2.5'"),
+        (("STN.pooled=maybe",), "STN: pooled must be true or false, got 'maybe'"),
+        (("ctx->D1.factors=1,x",), "ctx->D1: factors must be numbers, got '1,x'"),
+        (("STN.cell=adex",), "STN: cell must be one of AdEx, .*Rate, got 'adex'"),
+        (("STN.cell=Phase",), "STN: the cell needs cv"),
+        (("STN.cell.tau_ms=12",), "STN has no 'cell.tau_ms': cell, .*, cell.cv"),
+        (("GPe.tau_ms=12",), "GPe: tau_ms is that of the Lif cell, cell.tau_ms: leave it 0"),
+        (("STN->GPe.cell.cv=1",), "STN->GPe has no 'cell.cv': weight, "),
+        (("STN.name=X",), "STN has no 'name': cell, "),
+        (("STN.cv=1",), "STN has no 'cv': cell, .*, cell.cv"),
+        (("STN.receptor=D3",), "receptor must be one of '', 'D1', 'D2', got 'D3'"),
+        (("STN.cv=1", "STN.cv=2"), "'STN.cv=1', 'STN.cv=2': one field of STN is changed twice"),
+        (("D1->SNr.weight=1",), "'D1->SNr.weight=1': D1->SNr: D1 releases GABA"),
+    ],
+)
+def test_a_change_without_sense_is_named_as_it_was_written(changes, says):
+    with pytest.raises(ValueError, match=says):
+        TABLE.edited(*changes)
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ("D1->GPe", "'D1->GPe': D1->GPe needs weight, or like=ROW"),
+        ("D1->GPe weight", "'D1->GPe weight': a new row is its name and FIELD=VALUE"),
+        ("D1->GPe weight=-1 weight=-2", "each field once"),
+        ("", "a new row is its name"),
+        ("STN.bias_nats=1", "a new row is its name"),
+        ("D1->GPe weight=0.1", "'D1->GPe weight=0.1': D1->GPe: D1 releases GABA"),
+        ("D1->Thal weight=-1", "'D1->Thal weight=-1': spiking_msprt has no nucleus 'Thal': ctx"),
+        ("STN->GPe weight=1", "STN->GPe is there already; a change is"),
+        ("D1->GPe like=STN", "D1->GPe can't be like STN: one of them is a pathway"),
+        ("D1->GPe weight=-1 cell=Rate", "D1->GPe has no 'cell': weight"),
+        ("TRN neurons=3", "TRN needs cell, or like=ROW"),
+        ("TRN cell=Phase", "TRN: the cell needs cv"),
+        ("TRN cell.cv=0.2", r"TRN has no 'cell.cv': cell, "),
+        ("a.b like=STN", r"a population's name is text without blanks, brackets, '\.'"),
+        ("TRN like=STN cite='my", "No closing quotation"),
+    ],
+)
+def test_a_row_without_sense_is_named_as_it_was_written(row, says):
+    with pytest.raises(ValueError, match=says):
+        TABLE.add(row)
+
+
+def test_a_change_that_changes_nothing_returns_the_circuit():
+    for circuit in TABLES:
+        row = circuit.population("STN")
+        assert circuit.edited(f"STN.bias_nats={row.bias_nats!r}") is circuit
+        assert circuit.edited() is circuit
+        assert circuit.add() is circuit
+
+
+def test_fields_of_a_row_and_of_its_cell_are_told_apart_in_python_too():
+    with pytest.raises(ValueError, match=r"STN has no 'cv': cell, .*, cell\.cv$"):
+        TABLE.with_population("STN", cv=0.1)
+    with pytest.raises(ValueError, match=r"the cell of STN has no 'tau_ms': cv$"):
+        TABLE.with_cell("STN", tau_ms=0.1)
+    with pytest.raises(ValueError, match="STN has no 'name': cell, "):
+        TABLE.with_population("STN", **{"name": "GPi"})

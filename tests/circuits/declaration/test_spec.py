@@ -1,0 +1,485 @@
+"""The table: edits return new circuits, and what makes no sense is refused in one sentence."""
+
+import math
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.anatomy import CIRCUITS
+from circuits.anatomy import load_circuit as named
+from circuits.cells import Lif, Rate
+from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.table_files import digest
+from circuits.dynamics.fixed_point import rest_rates, wired
+from circuits.dynamics.wiring import wire
+from circuits.engines import algebra
+
+EDITS = {
+    "lesion": lambda c: c.lesion("STN", 0.3),
+    "replaced lesion": lambda c: c.lesion("GPe", replaced=True),
+    "weight": lambda c: c.scale("STN", "GPe", 0.5),
+    "axons": lambda c: c.cut("STN", "GPe", 0.5),
+    "axons of one channel": lambda c: c.cut("D1", "SNr", 0.5, channel=1),
+    "one channel": lambda c: c.scale("D1", "SNr", 0.5, channel=1),
+    "lesion in one channel": lambda c: c.lesion("STN", 0.3, channel=1),
+    "dopamine": lambda c: c.dopamine(0.8),
+    "delay": lambda c: c.with_projection("STN", "GPe", delay_ms=7),
+    "time constant": lambda c: (
+        c.with_cell("STN", tau_ms=7)
+        if c.population("STN").cell.hears == "nats"  # the membrane filters
+        else c.with_population("STN", tau_ms=7)
+    ),
+    "neurons": lambda c: c.with_population("STN", neurons=7),
+    "channels": lambda c: c.with_channels(5),
+    "row": lambda c: c.add(Population("TRN", c.population("STN").cell)),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS.values(), ids=list(EDITS))
+def test_an_edit_returns_a_new_circuit_and_leaves_the_old(circuit, edit):
+    before = repr(circuit)
+    edited = edit(circuit)
+    assert edited != circuit
+    assert repr(circuit) == before
+    assert edit(circuit) == edited
+
+
+def test_a_circuit_is_one_line_that_tells_two_apart():
+    one = anatomy.spiking_msprt()
+    said = repr(one)
+    assert said.startswith("Circuit(spiking_msprt: 2 channels in nats, 7 populations, 10 pathways")
+    assert f"1800 cells per channel, sha256 {digest(one)[:8]})" in said
+    assert len(said) < 150
+    assert repr(one.lesion("STN", 0.1)) != said
+    assert "0 cells per channel" in repr(anatomy.bogacz_gurney())
+
+
+def test_edits_that_change_nothing_return_the_circuit(circuit):
+    assert circuit.lesion("STN", 0) is circuit
+    assert circuit.scale("STN", "GPe", 1) is circuit
+    assert circuit.cut("STN", "GPe", 0) is circuit
+    assert circuit.cut("STN", "GPe", 0, channel=0) is circuit
+    assert circuit.scale("STN", "GPe", 1, channel=0) is circuit
+    assert circuit.dopamine(1) is circuit
+
+
+def test_fields_of_a_cell_are_edited_like_those_of_its_row():
+    circuit = anatomy.spiking_msprt()
+    edited = circuit.with_cell("STN", cv=0.1).with_population("STN", neurons=40)
+    assert (edited.population("STN").cell.cv, edited.population("STN").neurons) == (0.1, 40)
+    assert circuit.with_cell("GPe", tau_ms=20).population("GPe").cell.tau_ms == 20
+    small = circuit.with_neurons(7).with_spread(0.1).with_connections(0.25)
+    assert {row.neurons for row in small.populations if row.spiking} == {7}
+    assert {row.spread for row in small.populations} == {0.1, 0.0}
+    assert {p.probability for p in small.projections} == {0.25, 1.0}
+
+
+def test_one_channel_is_scaled_and_no_other(circuit):
+    """At the fixed point: each channel in turn is the whole, and factors multiply."""
+    drive = np.array([[[0.4, 0.1, -0.5]]])
+    three = circuit.with_channels(3)
+    each = three
+    for channel in range(3):
+        each = each.scale("D1", "SNr", 0.5, channel).scale("D1", "SNr", 1.8, channel)
+    assert each.projection("D1", "SNr").factors == (0.9, 0.9, 0.9)
+    out = {
+        name: algebra.run(c, drive).output_nats[0, 0]
+        for name, c in {
+            "as it is": three,
+            "one": three.scale("D1", "SNr", 0.9, channel=1),
+            "each": each,
+            "all": three.scale("D1", "SNr", 0.9),
+        }.items()
+    }
+    np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(out["one"][[0, 2]], out["as it is"][[0, 2]], rtol=0, atol=1e-12)
+    assert out["one"][1] == pytest.approx(out["all"][1], abs=1e-12)
+    assert not three.scale("D1", "SNr", 0.9, channel=1).exact
+
+
+def test_an_edit_that_one_channel_cannot_have_is_refused():
+    circuit = anatomy.spiking_msprt(2)
+    with pytest.raises(ValueError, match=r"ctx->D1: channel must lie in 0\.\.1, got 2"):
+        circuit.scale("ctx", "D1", 0.5, channel=2)
+    with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
+        circuit.scale("ctx", "D1", -1, channel=0)
+    with pytest.raises(ValueError, match=r"one number for each of 4 channels, got 2$"):
+        circuit.scale("ctx", "D1", 0.5, channel=0).with_channels(4)
+    with pytest.raises(ValueError, match="STN->GPe: only a linear pathway can be scaled in one"):
+        anatomy.bogacz_gurney().scale("STN", "GPe", 0.5, channel=0)
+    with pytest.raises(ValueError, match=r"factors must be >= 0, got \(-1, 1\)"):
+        circuit.with_projection("ctx", "D1", factors=(-1, 1))
+    silent = anatomy.bogacz_gurney().scale("D1", "SNr", 0, 0).scale("D1", "SNr", 0, 1)
+    with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
+        silent.lesion("STN")
+
+
+def test_lesions_multiply_and_can_be_undone(circuit):
+    twice = circuit.lesion("STN", 0.5).lesion("STN", 0.5)
+    assert twice.population("STN").intact == 0.25
+    assert twice.unlesioned.populations == circuit.populations
+
+
+def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
+    table = anatomy.macaque(3)
+    lost = table.lesion("GPe", 0.25, channel=1).lesion("GPe", 0.5, channel=1)
+    assert lost.intact_of("GPe").tolist() == [1, 0.375, 1]
+    assert lost.lesion("GPe", 0.5).intact_of("GPe").tolist() == [0.5, 0.1875, 0.5]
+    assert lost.unlesioned == table
+    whole, part = wire(table), wire(lost)
+    left = np.where(np.arange(whole.blocks) == whole.blocks_of("GPe")[1], 0.375, 1)
+    np.testing.assert_array_equal(part.deliver, whole.deliver * left)
+    np.testing.assert_array_equal(part.constant, whole.constant)
+    each = table
+    for channel in range(3):
+        each = each.lesion("GPe", 0.25, channel=channel)
+    np.testing.assert_array_equal(wire(each).deliver, wire(table.lesion("GPe", 0.25)).deliver)
+
+
+def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes():
+    table = anatomy.spiking_msprt(2)
+    lost = table.lesion("GPe", channel=0, replaced=True)
+    np.testing.assert_allclose(rest_rates(wired(lost)), rest_rates(wired(table)), atol=1e-9)
+    with pytest.raises(ValueError, match="GPe is lesioned already, its output replaced: True"):
+        lost.lesion("GPe", 0.5)
+    assert lost.lesion("GPe", channel=1, replaced=True).unlesioned == table
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda c: c.lesion("ctx_inh", 0.5, channel=0), "ctx_inh is pooled, one for all alter"),
+        (lambda c: c.lesion("GPe", 0.5, channel=2), r"GPe: channel must lie in 0\.\.1, got 2"),
+        (lambda c: c.lesion("SNr", 0.5, channel=0), "SNr is the read-out"),
+        (lambda c: c.lesion("GPe", 0.5, channel=0).with_channels(4), "4 channels, got 2$"),
+        (lambda c: c.edited("GPe.intact_by_channel=0.5"), "each of 2 channels, got 1$"),
+        (
+            lambda c: c.edited("GPe.intact_by_channel=0.5,2"),
+            r"intact_by_channel must lie in 0\.\.1",
+        ),
+        (
+            lambda c: c.lesion("GPe", 0.5, channel=0).compensate(),
+            "STN gets another input at rest in",
+        ),
+    ],
+)
+def test_a_lesion_that_one_channel_cannot_have_is_refused(edit, message):
+    with pytest.raises(ValueError, match=message):
+        edit(anatomy.macaque(2))
+
+
+def test_unknown_names_list_the_valid_ones(circuit):
+    nuclei = ", ".join(row.name for row in circuit.populations)
+    for edit in (
+        circuit.population,
+        circuit.lesion,
+        lambda name: circuit.with_population(name, neurons=2),
+    ):
+        with pytest.raises(ValueError, match=rf"no nucleus 'GPi': {nuclei}$"):
+            edit("GPi")
+    paths = ", ".join(p.name for p in circuit.projections)
+    with pytest.raises(ValueError, match=f"no pathway STN->GPi: {paths}$"):
+        circuit.scale("STN", "GPi", 2)
+    with pytest.raises(ValueError, match="no pathway STN->GPi: "):
+        circuit.with_projection("STN", "GPi", weight=2)
+    with pytest.raises(ValueError, match=r"STN has no 'tau': cell, baseline_hz"):
+        circuit.with_population("STN", tau=3)
+    with pytest.raises(ValueError, match="has no 'delay': weight, pattern"):
+        circuit.with_projection("STN", "GPe", delay=3)
+    with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gprx'"):
+        anatomy.load_circuit("gprx")
+    with pytest.raises(ValueError, match=r"transfer must be one of linear, .*got 'cubic'"):
+        circuit.with_population("STN", transfer="cubic")
+    with pytest.raises(ValueError, match=r"pattern must be one of 'channel', .*got 'random'"):
+        circuit.with_projection("STN", "GPe", pattern="random")
+
+
+def test_input_and_readout_cannot_be_lesioned(circuit):
+    with pytest.raises(ValueError, match="ctx is the input"):
+        circuit.lesion("ctx", 0.1)
+    with pytest.raises(ValueError, match="SNr is the read-out"):
+        circuit.lesion("SNr")
+    with pytest.raises(ValueError, match=r"fraction must lie in 0\.\.1, got 1.5"):
+        circuit.lesion("STN", 1.5)
+
+
+def test_lesions_that_cut_the_input_from_the_readout_are_refused():
+    exact = anatomy.bogacz_gurney()
+    for cut in (
+        lambda: exact.lesion("STN").lesion("D1"),
+        lambda: exact.lesion("STN").scale("D1", "SNr", 0),
+        lambda: exact.lesion("D1").scale("ctx", "STN", 0),
+    ):
+        with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
+            cut()
+    # With all pathways one is left, through D2 and GPe.
+    detour = anatomy.appendix_b().lesion("STN").lesion("D1")
+    assert detour.population("D2").intact == 1
+
+
+def edit(circuit, row, values):
+    """Change a pathway, a population, or a cell, written "GPe.cell"."""
+    if "->" in row:
+        return circuit.with_projection(*row.split("->"), **values)
+    name, _, cell = row.partition(".")
+    return circuit.with_cell(name, **values) if cell else circuit.with_population(name, **values)
+
+
+@pytest.mark.parametrize(
+    ("row", "values", "message"),
+    [
+        ("D1->SNr", {"weight": 1}, "D1 releases GABA, so the weight must be <= 0, got 1"),
+        ("STN->SNr", {"weight": -1}, "STN releases glutamate, so the weight must be >= 0, got -1"),
+        ("STN->SNr", {"weight": math.nan}, "weight must be finite"),
+        ("STN->SNr", {"delay_ms": -1}, "STN->SNr: delay_ms must lie in 0..10000, got -1"),
+        ("STN->SNr", {"delay_ms": math.inf}, "STN->SNr: delay_ms must lie in 0..10000, got inf"),
+        ("STN->SNr", {"tau_ms": -1}, "STN->SNr: tau_ms must be >= 0, got -1"),
+        ("STN->SNr", {"probability": 0}, r"probability must lie in 0\.\.1, got 0"),
+        ("STN->SNr", {"probability": 1.1}, r"probability must lie in 0\.\.1, got 1.1"),
+        ("STN", {"neurons": 0}, "STN: neurons must be a whole number from 1 to 1000000000, got 0"),
+        ("STN", {"neurons": 10**12}, "STN: neurons must be .* got 1000000000000"),
+        ("STN", {"neurons": 2.5}, "STN: neurons must be a whole number"),
+        ("STN", {"tau_ms": -1}, "STN: tau_ms must be >= 0, got -1"),
+        ("STN", {"spread": -0.1}, "STN: spread must lie in 0..1, got -0.1"),
+        ("STN", {"intact": 1.1}, r"STN: intact must lie in 0\.\.1"),
+        ("STN", {"gain_hz_per_nat": 0}, "STN: gain_hz_per_nat must be > 0, got 0"),
+        ("STN", {"bias_nats": math.nan}, "STN: bias_nats must be finite"),
+        ("STN.cell", {"cv": 1.5}, r"cv must lie in 0\.\.1, got 1.5"),
+        ("STN", {"transmitter": "glycine"}, "transmitter must be one of 'glutamate', 'GABA'"),
+        ("GPe.cell", {"tau_ms": 0}, "tau_ms of a Lif cell must be > 0, got 0"),
+        ("GPe.cell", {"noise_mv": -1}, "noise_mv of a Lif cell must be > 0"),
+        ("GPe.cell", {"refractory_ms": -1}, "refractory_ms must be >= 0, got -1"),
+        ("GPe.cell", {"reset_mv": 20}, "reset_mv must lie below threshold_mv, got 20 and 15"),
+        ("STN->GPe", {"delay_ms": "4"}, "STN->GPe: delay_ms must be a number, got '4'"),
+        ("STN->GPe", {"delay_ms": 1e9}, r"delay_ms must lie in 0..10000, got 1000000000.0"),
+        ("STN->GPe", {"weight": "x"}, "STN->GPe: weight must be a number, got 'x'"),
+        ("STN->GPe", {"weight": True}, "STN->GPe: weight must be a number, got True"),
+        ("ctx->D1", {"factors": "ab"}, "ctx->D1: factors must be numbers, got 'ab'"),
+        ("STN", {"bias_nats": "x"}, "STN: bias_nats must be a number, got 'x'"),
+        ("STN", {"neurons": "3"}, "STN: neurons must be a whole number, got '3'"),
+        ("STN", {"neurons": math.nan}, "STN: neurons must be a whole number, got nan"),
+        ("STN", {"spread": 5}, "STN: spread must lie in 0..1, got 5"),
+        ("STN", {"pooled": 1}, "STN: pooled must be true or false, got 1"),
+        ("STN", {"cell": "Lif"}, "STN: cell must be one of AdEx, .*got 'Lif'"),
+        ("STN", {"gain_hz_per_nat": "1"}, "STN: gain_hz_per_nat must be a number, got '1'"),
+        ("GPe.cell", {"tau_ms": "x"}, "a Lif cell: tau_ms must be a number, got 'x'"),
+    ],
+)
+def test_numbers_without_sense_are_refused(row, values, message):
+    with pytest.raises(ValueError, match=message):
+        edit(anatomy.spiking_msprt(), row, values)
+
+
+@pytest.mark.parametrize(
+    ("edit", "says"),
+    [
+        (lambda c: c.add("STN"), "'STN': STN is there already; a change is"),
+        (lambda c: c.add(None), "a row is a Population, a Projection, a Course or text, got"),
+        (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
+        (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
+        (lambda c: c.lesion("STN", "a"), "fraction must be a number, got 'a'"),
+        (lambda c: c.scale("STN", "GPe", "2"), "factor must be a number, got '2'"),
+        (lambda c: c.scale("STN", "GPe", math.inf), "factor must be >= 0, got inf"),
+        (lambda c: c.with_spread(5), "spread must lie in 0..1, got 5"),
+        (lambda c: c.with_neurons("3"), "neurons must be a whole number, got '3'"),
+        (lambda c: Population("", Rate()), "a population's name is text without blanks"),
+        (lambda c: Population("a->b", Rate()), "a population's name is text without blanks"),
+        (
+            lambda c: Population("x", Rate(), gain_hz_per_nat=0),
+            "gain_hz_per_nat must be > 0, got 0",
+        ),
+        (lambda c: replace(c, projections=("STN->GPe",)), "a row must be a Projection, got 'STN"),
+    ],
+)
+def test_edits_without_sense_are_refused(edit, says):
+    with pytest.raises(ValueError, match=says):
+        edit(anatomy.spiking_msprt())
+
+
+def test_tables_without_sense_are_refused():
+    circuit = anatomy.bogacz_gurney()
+    stn = circuit.population("STN")
+    with pytest.raises(ValueError, match="two populations have one name"):
+        circuit.add(stn)
+    with pytest.raises(ValueError, match="two projections join the same populations"):
+        circuit.add(circuit.projection("STN", "GPe"))
+    with pytest.raises(ValueError, match="no nucleus 'thalamus': ctx, D1"):
+        circuit.add(Projection("SNr", "thalamus", -1))
+    with pytest.raises(ValueError, match="channels must be a whole number >= 2, got 1"):
+        circuit.with_channels(1)
+    with pytest.raises(ValueError, match="ctx and SNr need a channel an alternative"):
+        circuit.with_population("SNr", pooled=True)
+    with pytest.raises(ValueError, match="readout_tau_ms must be >= 0"):
+        replace(circuit, readout_tau_ms=-1)
+    with pytest.raises(ValueError, match="reference_nats must be finite"):
+        replace(circuit, reference_nats=math.nan)
+    with pytest.raises(ValueError, match="STN: tau_ms is that of the Lif cell"):
+        replace(stn, cell=Lif(10, 3, 15, 5, 2, 0, 1))
+    with pytest.raises(ValueError, match="probability < 1 must be linear"):
+        circuit.with_projection("STN", "GPe", probability=0.5)
+    with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
+        circuit.scale("STN", "GPe", -1)
+    with pytest.raises(ValueError, match=r"dopamine level must lie in 0\.\.2, got 3"):
+        circuit.dopamine(3)
+    with pytest.raises(ValueError, match="slope must be > 0, got 0"):
+        anatomy.linear_gpe(slope=0)
+
+
+@pytest.mark.parametrize("name", ["appendix_b", "spiking_msprt"])
+def test_dopamine_raises_d1_and_lowers_d2(name):
+    circuit = anatomy.load_circuit(name)
+    for level in (0.9, 1.2):
+        changed = circuit.dopamine(level)
+        for p, old in zip(changed.projections, circuit.projections, strict=True):
+            factor = {"ctx->D1": level, "ctx->D2": 2 - level}.get(p.name, 1)
+            assert p.weight == pytest.approx(factor * old.weight, rel=1e-15), p.name
+
+
+@pytest.mark.parametrize("level", [0.0, 0.5, 1.7])
+def test_receptors_at_terminals_scale_their_pathway_and_keep_rest(level):
+    """D1: times the level, D2: times 2 less it; the rates at rest stay, bent pathways too."""
+    circuit = anatomy.macaque(3)
+    assert {p.name for p, row in circuit.receptors() if row is p} == {"STN->GPe", "GPe->STN"}
+    changed = circuit.dopamine(level)
+    for p, old in zip(changed.projections, circuit.projections, strict=True):
+        d2 = p.name in ("STN->GPe", "GPe->STN", "ctx->D2")
+        factor = 2 - level if d2 else level if p.name == "ctx->D1" else 1
+        assert p.weight == pytest.approx(factor * old.weight, rel=1e-14), p.name
+    rest, moved = (algebra.run(table, np.zeros((1, 1, 3))) for table in (circuit, changed))
+    for name, rates in rest.rates_hz.items():
+        np.testing.assert_allclose(moved.rates_hz[name], rates, atol=1e-9, err_msg=name)
+
+
+def test_receptors_of_a_pathway_go_before_those_of_the_cells_that_it_reaches():
+    circuit = anatomy.macaque().with_projection("ctx", "D1", receptor="D2")
+    weight = circuit.projection("ctx", "D1").weight
+    assert circuit.dopamine(0.5).projection("ctx", "D1").weight == 1.5 * weight
+
+
+def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away():
+    exact = anatomy.bogacz_gurney()
+    for same in (
+        exact.with_channels(7),
+        exact.with_population("STN", tau_ms=3, neurons=2),
+        exact.with_projection("STN", "GPe", delay_ms=3, tau_ms=2),
+        exact.dopamine(1),
+    ):
+        assert same.exact
+    for other in (
+        exact.lesion("STN", 0.1),
+        exact.scale("STN", "GPe", 0.5),
+        exact.dopamine(1.1),
+        exact.with_population("STN", transfer="linear"),
+        exact.with_projection("STN", "SNr", pattern="channel"),
+        exact.add(Population("TRN", exact.population("STN").cell)),
+        anatomy.linear_gpe(),
+    ):
+        assert not other.exact
+    assert not anatomy.spiking_msprt().exact
+
+
+def test_a_table_of_ones_own_takes_a_thousand_alternatives():
+    rows = Population("ctx", Rate()), Population("SNr", Rate(), transmitter="GABA")
+    table = Circuit("mine", rows, (Projection("ctx", "SNr", 1.0),), 1000)
+    with pytest.raises(ValueError, match="mine takes at most 1000 alternatives, got 1001"):
+        table.with_channels(1001)
+
+
+@pytest.mark.parametrize(("factor", "neurons"), [(0.5, 150), (2, 600), (1.004, 301), (1e-6, 1)])
+def test_a_multiple_of_the_cells_is_rounded_and_at_least_one(factor, neurons):
+    found = anatomy.spiking_msprt().with_neurons_times(factor)
+    assert {row.neurons for row in found.populations if row.spiking} == {neurons}
+    for silly in (0, -1, math.inf):
+        with pytest.raises(ValueError, match=f"factor must be > 0 and finite, got {silly}"):
+            found.with_neurons_times(silly)
+
+
+def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_cleared_by_others():
+    table = anatomy.macaque(2)
+    most = table.most_lead_nats
+    assert np.isfinite(most)
+    kept = [
+        table.lesion("GPe", 0.1),
+        table.scale("ctx", "D1", 1.1),
+        table.dopamine(0.9),
+        table.edited("STN.bias_nats=-2"),
+        table.add("D1->GPe weight=-0.1"),
+        table.with_neurons_times(2),
+        table.with_channels(2),
+    ]
+    assert {edited.most_lead_nats for edited in kept} == {most}
+    cleared = [
+        table.edited("STN->GPe.delay_ms=4"),
+        table.edited("GPe->STN.tau_ms=3"),
+        table.edited("GPe_ctx.tau_ms=500"),
+        table.with_channels(4),
+    ]
+    assert {edited.most_lead_nats for edited in cleared} == {np.inf}
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match="most_lead_nats must be > 0"):
+            replace(table, most_lead_nats=wrong)
+
+
+def test_a_circuit_is_a_mapping_of_its_rows():
+    table = anatomy.load_circuit("macaque")
+    assert table["STN"] == table.population("STN")
+    assert table["STN->GPe"] == table.projection("STN", "GPe")
+    assert [row.name for row in table.values()] == list(table)
+    assert len(table) == len(table.populations) + len(table.projections)
+    assert "STN" in table
+    assert "STN->D1" not in table
+    with pytest.raises(KeyError, match="GPe"):
+        table["GPE"]
+
+
+def test_a_circuit_is_equal_to_no_plain_mapping():
+    table = anatomy.load_circuit("macaque")
+    assert table == replace(table)
+    assert table != dict(table)
+    assert hash(table) == hash(replace(table))
+
+
+@pytest.mark.parametrize("baseline_hz", [-20, -1e-3, 1000.1, 1e6])
+def test_a_rate_that_no_cell_has_is_refused(baseline_hz):
+    table = named("macaque")
+    for edit in (
+        lambda: table.with_population("STN", baseline_hz=baseline_hz),
+        lambda: table.edited(f"STN.baseline_hz={baseline_hz}"),
+        lambda: table.add(f"TRN like=STN baseline_hz={baseline_hz}"),
+    ):
+        with pytest.raises(ValueError, match="baseline_hz"):
+            edit()
+
+
+def test_only_a_rate_that_is_a_difference_may_be_negative():
+    table = named("appendix_b")
+    assert table.with_population("GPe", baseline_hz=-20).population("GPe").baseline_hz == -20
+    with pytest.raises(ValueError, match="baseline_hz"):
+        table.with_population("SNr", baseline_hz=-20)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        "STN.tau_ms=0.02",
+        "STN->GPe.tau_ms=0.003",
+        "STN->GPe.delay_ms=0.004",
+        "GPe.cell.tau_ms=0.01",
+        "STN->GPe.tau_ms=20000",
+        "STN.baseline_hz=500",
+    ],
+)
+def test_numbers_far_outside_physiology_are_warned_of(edit):
+    name = edit.partition("=")[0].split(".", 1)[1].replace(".", "_")
+    with pytest.warns(UserWarning, match=name):
+        named("spiking_msprt").edited(edit)
+
+
+def test_no_shipped_table_is_outside_physiology():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name in CIRCUITS:
+            named(name, 3)

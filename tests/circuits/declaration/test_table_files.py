@@ -1,0 +1,334 @@
+"""A circuit as a file: written and read back it is the same, and what is wrong names its line."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circuits import anatomy
+from circuits.cells import CELLS, Lif, Phase, Rate
+from circuits.declaration import table_files, table_reader
+from circuits.declaration.spec import Population, Projection
+
+ALL = sorted(anatomy.CIRCUITS)
+NUMBERS = st.floats(-1e6, 1e6)
+SIZES = st.floats(0, 1e3)
+WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=30)
+NAMES = st.from_regex(r"[^\s\[\]=/>]{1,8}", fullmatch=True).filter(
+    lambda name: not any("\ud800" <= letter <= "\udfff" for letter in name)
+)
+EDITS = [
+    st.builds(lambda x: lambda c: c.lesion("STN", x), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.lesion("GPe", x, replaced=True), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.scale("D1", "SNr", x, 1), st.floats(0.01, 9)),
+    st.builds(lambda x: lambda c: c.cut("GPe", "STN", x), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.cut("D1", "SNr", x, 1), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.scale("ctx", "D1", x), st.floats(0.01, 9)),
+    st.builds(lambda x: lambda c: c.with_population("STN", bias_nats=x), NUMBERS),
+    st.builds(lambda x: lambda c: c.with_projection("STN", "GPe", delay_ms=x, cite="mine"), SIZES),
+    st.builds(
+        lambda x: lambda c: c.with_population("GPe", cell=Phase(x), tau_ms=1), st.floats(0, 1)
+    ),
+    st.builds(lambda x: lambda c: c.with_population("D1", cite=x), WORDS),
+    st.builds(lambda x: lambda c: replace(c, about=x, name=x), WORDS),
+    st.builds(lambda x: lambda c: replace(c, wiring_seed=x), st.integers()),
+    st.builds(lambda x: lambda c: replace(c, reach_nats=x), st.floats(1e-9, math.inf)),
+    st.builds(lambda x: lambda c: replace(c, default_gain=x), st.floats(1e-9, 1e9)),
+    st.builds(
+        lambda name, w: (
+            lambda c: c.add(Population(name, Rate(signed=True)), Projection(name, "STN", w))
+        ),
+        NAMES.filter(lambda name: name not in ("ctx", "common", "D1", "D2", "STN", "GPe", "SNr")),
+        SIZES,
+    ),
+]
+
+
+@pytest.mark.parametrize("channels", [2, 3, 12])
+@pytest.mark.parametrize("name", ALL)
+def test_every_table_comes_back_from_its_file(name, channels, tmp_path):
+    circuit = anatomy.load_circuit(name, channels)
+    path = table_files.write(circuit, tmp_path / "mine.toml")
+    assert table_reader.read(path) == table_reader.read(path, channels) == circuit
+    assert anatomy.load_circuit(path) == anatomy.load_circuit(str(path), channels) == circuit
+    assert [found.name for found in tmp_path.iterdir()] == ["mine.toml"]
+
+
+@settings(max_examples=150)
+@given(st.sampled_from(ALL), st.integers(2, 5), st.lists(st.one_of(EDITS), max_size=4, unique=True))
+def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
+    circuit = anatomy.load_circuit(name, channels)
+    for edit in edits:
+        try:
+            circuit = edit(circuit)
+        except ValueError:  # two of a name, or a lesion of another kind
+            continue
+    found = table_reader.parse(table_files.text(circuit), "mine.toml")
+    assert found == circuit
+    assert table_files.digest(found) == table_files.digest(circuit)
+
+
+def test_a_table_is_one_line_per_row_and_says_only_what_differs():
+    lines = table_files.text(anatomy.spiking_msprt(4)).splitlines()
+    rows = [line for line in lines if line.lstrip().startswith('["')]
+    assert len(rows) == 7 + 10
+    assert len(lines) < 50
+    assert "probability" not in "".join(lines)
+    assert table_files.digest(anatomy.spiking_msprt(4)) in lines[0]
+
+
+def test_equal_circuits_have_one_hash_and_others_another():
+    circuit = anatomy.spiking_msprt()
+    written = circuit.with_population("STN", tau_ms=np.float64(5), neurons=300.0, pooled=np.False_)
+    assert written == circuit
+    assert table_files.digest(written) == table_files.digest(circuit)
+    for other in (
+        circuit.with_population("STN", tau_ms=5.1),
+        circuit.with_cell("STN", cv=0.31),
+        circuit.with_projection("STN", "GPe", cite="mine"),
+        replace(circuit, unit="salience"),
+        anatomy.spiking_msprt(3),
+    ):
+        assert table_files.digest(other) != table_files.digest(circuit)
+
+
+EDITED = {
+    "lesion": lambda c: c.lesion("STN", 0.1),
+    "scale": lambda c: c.scale("STN", "SNr", 0.5),
+    "channel": lambda c: c.scale("STN", "SNr", 0.5, 0),
+    "bias": lambda c: c.edited("STN.bias_nats=7"),
+    "delay": lambda c: c.edited("STN->GPe.delay_ms=40"),
+    "row": lambda c: c.add("D2->SNr weight=-0.1"),
+    "course": lambda c: c.add("STN amount=0.5"),
+    "dopamine": lambda c: c.dopamine(0.8),
+    "cells": lambda c: c.with_neurons(3),
+    "more cells": lambda c: c.with_neurons_times(0.1),
+    "sparse": lambda c: c.with_connections(0.05),
+    "spread": lambda c: c.with_spread(0.5),
+}
+
+
+@pytest.mark.parametrize("edit", EDITED)
+def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_path):
+    """For example that it decides as the MSPRT does. The hash depends on the rows alone."""
+    circuit = anatomy.macaque()
+    edited = EDITED[edit](circuit)
+    assert edited.about == "edited from: " + circuit.about
+    assert edited.lesion("D1", 0.5).about == edited.about
+    found = table_reader.read(table_files.write(edited, tmp_path / "mine.toml"))
+    assert found.about == edited.about
+    unmarked = replace(edited, about=circuit.about)
+    assert edited == unmarked
+    assert table_files.digest(edited) == table_files.digest(unmarked)
+
+
+def test_an_edit_that_changes_nothing_leaves_the_description():
+    circuit = anatomy.macaque()
+    row = circuit.population("STN")
+    for same in (circuit.lesion("STN", 0.0), circuit.dopamine(1.0), circuit.with_channels(2)):
+        assert same.about == circuit.about
+    assert circuit.edited(f"STN.neurons={row.neurons}").about == circuit.about
+
+
+def test_a_file_of_ones_own_needs_no_more_than_what_differs():
+    text = """
+        format = 1
+        channels = 2
+        reference_nats = 3
+        [cells]
+        source = { type = "Phase", cv = 0.5 }
+        [populations]
+        columns = ["name", "cell", "transmitter", "cite"]
+        rows = [
+            ["ctx", "source", "glutamate", "mine"],
+            ["D1",  "Rate",   "GABA",      "mine"], ["SNr", "Rate", "GABA", "mine"],
+        ]
+        [projections]
+        columns = ["source", "target", "weight"]
+        rows = [["ctx", "D1", 1], ["D1", "SNr", -1]]
+    """
+    circuit = table_reader.parse(text, "mine.toml")
+    assert circuit.name == "mine"
+    assert circuit.population("ctx") == Population("ctx", Phase(0.5), cite="mine")
+    assert circuit.projection("D1", "SNr") == Projection("D1", "SNr", -1)
+    # Where rows share lines they are counted.
+    with pytest.raises(ValueError, match=r"^mine\.toml, populations, row 3: transmitter must"):
+        table_reader.parse(text.replace('"Rate", "GABA"', '"Rate", "gaba"'), "mine.toml")
+    other = text.replace('"mine"],\n', '"mine"],', 1).replace('["SNr",', '\n["SNr",')
+    other = other.replace('"D1",  "Rate"', '"D1", "Rat"')
+    with pytest.raises(
+        ValueError, match=r"^mine\.toml, populations, row 2: there is no cell 'Rat'"
+    ):
+        table_reader.parse(other, "mine.toml")
+
+
+TEXT = table_files.text(anatomy.spiking_msprt(2))
+
+
+def line_of(start, text=TEXT):
+    return next(k for k, line in enumerate(text.splitlines(), 1) if line.strip().startswith(start))
+
+
+STN = line_of('["STN",    "Phase')
+PATH = line_of('["STN",    "GPe"')
+CTX = line_of('["ctx",    "Phase')
+COLUMNS = line_of('columns = ["name"')
+OF_PATHS = line_of('columns = ["source"')
+LIF = line_of("Lif_GPe")
+REFERENCE = TEXT.splitlines(keepends=True)[line_of("reference_nats") - 1]
+# fmt: off
+WRONG = [
+    ('"bias_nats"', '"bias"', COLUMNS, "no column of populations 'bias'; there are name, cell"),
+    ('"pooled"', '"tau_ms"', COLUMNS, "the column 'tau_ms' of populations stands there twice"),
+    ('"delay_ms"', '"delay"', OF_PATHS, "no column of projections 'delay'; there are source"),
+    ('"weight"', '"tau_ms"', OF_PATHS, "the column 'tau_ms' of projections stands there twice"),
+    ('"Phase_STN",', '"Phase_STM",', STN, "there is no cell 'Phase_STM'; there are Phase_ctx"),
+    ('"Phase_STN",', "3,", STN, "there is no cell 3; there are"),
+    ('"Phase_STN",', '"Phase",', STN, "a Phase cell needs cv: name it under [cells]"),
+    ('"exp"', '"cubic"', STN, "transfer must be one of linear, rectified"),
+    ('"exp"', "7", STN, "STN: transfer must be text, got 7"),
+    ("21.8,", '"fast",', STN, "STN: gain_hz_per_nat must be a number, got 'fast'"),
+    ("21.8,", "true,", STN, "STN: gain_hz_per_nat must be a number, got True"),
+    ("21.8,", "2020-01-01,", STN, "must be a number, got datetime.date(2020, 1, 1)"),
+    ("21.8,", "", STN, "13 columns, but 12 values"),
+    ('["STN",    "Phase', '["GPe",    "Phase', STN + 1, "there is a row 'GPe' already"),
+    ('["STN",    "GPe"', '["STN",    "SNr"', PATH + 1, "a row 'STN->SNr' already"),
+    ('["STN",    "GPe"', '["STN",    "GPi"', PATH, "STN->GPi: there is no nucleus 'GPi'; there"),
+    ('["STN",    "GPe"', '["TRN",    "GPe"', PATH, "TRN->GPe: there is no nucleus 'TRN'; there"),
+    ('"GPe",    0.5', '"GPe",    -0.5', PATH, "STN->GPe: STN releases glutamate, so the weight"),
+    ('4545454, "diffuse"', '4545454, "all"', PATH, "pattern must be one of 'channel', 'diffuse'"),
+    ('"glutamate",', '"glutamat",', CTX, "transmitter must be one of 'glutamate', 'GABA', got"),
+    ('"Lif", tau_ms = 10', '"Lief", tau_ms = 10', LIF, "no cell type 'Lief'; there are AdEx"),
+    ("Lif_GPe   = {", "Lif_GPe   = { speed = 1,", LIF, "no constant of a Lif cell 'speed'; there"),
+    ('"Lif", tau_ms = 10,', '"Lif",', LIF, "a Lif cell needs tau_ms"),
+    ('"Lif", tau_ms = 10,', '"Lif", tau_ms = 0,', LIF, "tau_ms of a Lif cell must be > 0"),
+    ("range_nats = [1,", "range_nats = [nan,", line_of("range_nats"), "must be two numbers, got"),
+    ("channels = 2", "channels = 1", 5, "channels must be a whole number >= 2, got 1"),
+    ("channels = 2", 'channels = "two"', 5, "channels must be a whole number, got 'two'"),
+    ("channels = 2", 'channels = 2\nunit = "bits"', 6, "unit must be one of nats, salience, got"),
+    ("channels = 2", "channels = 2\ngane = 1", 6, "no key 'gane'; there are format, name"),
+    ("range_nats = [1, 12]", "range_nats = [12, 1]", line_of("range_nats"), "must rise, got"),
+    ("range_nats = [1, 12]", "range_nats = [1]", line_of("range_nats"), "must be two numbers"),
+    ("format = 1", "format = 2", 3, "the format must be 1, got 2"),
+]
+# fmt: on
+
+
+@pytest.mark.parametrize(("old", "new", "line", "says"), WRONG)
+def test_what_is_wrong_is_said_with_its_line(old, new, line, says):
+    assert old in TEXT
+    wrong = TEXT.replace(old, new, 1)
+    with pytest.raises(ValueError, match=rf"^mine\.toml, line {line}: ") as caught:
+        table_reader.parse(wrong, "mine.toml")
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("format = 1\n", "", "mine.toml: the key 'format' is missing"),
+        ("channels = 2\n", "", "mine.toml: the key 'channels' is missing"),
+        (REFERENCE, "", "mine.toml: the key 'reference_nats' is missing"),
+        ('"name",  ', '"cite",  ', "the column 'cite' of populations stands there twice"),
+        ('columns = ["source", "target",', 'columns = ["source",', "needs the columns target"),
+        (
+            "channels = 2",
+            "channels = = 2",
+            "mine.toml is no TOML: Invalid value (at line 5, column",
+        ),
+        ("channels = 2", "channels = 2\ncells = 3", "mine.toml is no TOML"),
+        (
+            "[populations]",
+            "[populations]\nmore = 1",
+            "must hold columns and rows, and nothing else",
+        ),
+        ("rows = [", "rows = 3\n[spare]\nrows = [", "there is no key 'spare'; there are format"),
+    ],
+)
+def test_what_is_missing_or_no_toml_is_said(old, new, says):
+    wrong = TEXT.replace(old, new, 1)
+    assert wrong != TEXT
+    with pytest.raises(ValueError, match=r"^mine\.toml") as caught:
+        table_reader.parse(wrong, "mine.toml")
+    assert says in str(caught.value)
+
+
+@settings(max_examples=400)
+@given(
+    st.integers(0, len(TEXT)),
+    st.integers(0, 40),
+    st.sampled_from(
+        [
+            "",
+            "#",
+            "1",
+            "-1e400",
+            "nan",
+            "true",
+            '"',
+            '"x"',
+            "[",
+            "]",
+            "[]",
+            "{}",
+            "=",
+            ",",
+            "1979-05-27",
+        ]
+    ),
+)
+def test_a_mangled_file_gives_a_circuit_or_one_sentence(start, length, put):
+    mangled = TEXT[:start] + put + TEXT[start + length :]
+    circuit, said = circuit_or_sentence(mangled)
+    if circuit is None:
+        assert said.startswith("mine.toml")
+        assert "\n" not in said
+    else:
+        assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit
+
+
+def circuit_or_sentence(text):
+    try:
+        return table_reader.parse(text, "mine.toml"), ""
+    except ValueError as error:
+        return None, str(error)
+
+
+def test_a_file_that_cannot_be_read_is_said(tmp_path):
+    with pytest.raises(ValueError, match=r"mine.toml' can't be read: No such file"):
+        anatomy.load_circuit(tmp_path / "mine.toml")
+    (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match=r"mine.toml' can't be read as text"):
+        anatomy.load_circuit(tmp_path / "mine.toml")
+    (tmp_path / "mine.toml").write_text("a = " + "[" * 100_000)
+    with pytest.raises(ValueError, match=r"^mine\.toml is n"):
+        anatomy.load_circuit(tmp_path / "mine.toml")
+    with pytest.raises(ValueError, match=r"a circuit is written as \.toml, got 'mine\.csv'"):
+        table_files.write(anatomy.gpr(), "mine.csv")
+
+
+def test_a_file_is_for_one_number_of_alternatives(tmp_path):
+    path = table_files.write(anatomy.spiking_msprt(4), tmp_path / "mine.toml")
+    with pytest.raises(
+        ValueError,
+        match=r"^mine\.toml holds a circuit for 4 alternatives, not for 2: ask for 4 channels$",
+    ):
+        anatomy.load_circuit(path, 2)
+
+
+def test_all_cell_types_have_their_name_in_files():
+    assert {"Rate", "Lif", "Phase"} <= set(CELLS)
+    assert CELLS["Lif"] is Lif
+
+
+@pytest.mark.parametrize(
+    ("nats", "written"), [(9e14, "900000000000000"), (1.1e15, "1100000000000000.0")]
+)
+def test_a_float_is_written_as_a_whole_number_below_ten_to_the_fifteenth(nats, written):
+    circuit = replace(anatomy.spiking_msprt(), reach_nats=nats)
+    assert f"reach_nats = {written}\n" in table_files.text(circuit)
+    assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit

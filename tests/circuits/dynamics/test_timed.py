@@ -1,0 +1,214 @@
+"""What courses do to a circuit: held to fixed points and to closed forms of a linear filter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.cells import Rate
+from circuits.declaration.spec import Circuit, Course, Population, Projection
+from circuits.dynamics.ticks import Clock
+from circuits.dynamics.timed import timed
+from circuits.dynamics.wiring import wire
+from circuits.engines import ENGINES, NOISY, SPIKING, run
+from circuits.laws.spectra import out_variance
+from circuits.laws.stability import growth, ringing
+
+TABLES = {name: anatomy.load_circuit(name, 3) for name in ("spiking_msprt", "macaque")}
+SPREAD = np.array([0.5, 0.1, -0.6])
+HELD = np.tile(SPREAD, (1, 8, 1))
+SINGLE = 2e-4
+"""Single precision and what is left of settling, nats."""
+
+
+def settled(circuit, drive=HELD, step_ms=1000.0, **options):
+    """Return OUT and rates at the end of a run without noise."""
+    found = run(circuit, drive, engine="rate", step_ms=step_ms, **options)
+    return found.output_nats[0, -1], {k: v[0, -1] for k, v in found.rates_hz.items()}
+
+
+def agree(found, expected, atol=SINGLE):
+    np.testing.assert_allclose(found[0], expected[0], atol=atol, rtol=0)
+    for name, rates in expected[1].items():
+        np.testing.assert_allclose(found[1][name], rates, atol=50 * atol, rtol=0, err_msg=name)
+
+
+@pytest.mark.parametrize("amount", [-0.15, 0.15])
+@pytest.mark.parametrize("table", TABLES.values(), ids=list(TABLES))
+def test_a_level_that_is_held_settles_at_the_fixed_point_of_that_level(table, amount):
+    found = settled(table.add(Course("dopamine", amount)))
+    level = table.dopamine(1 + amount)
+    exact = run(level, HELD[:, :1], engine="algebra", step_ms=1)
+    agree(found, (exact.output_nats[0, 0], {k: v[0, 0] for k, v in exact.rates_hz.items()}))
+    agree(found, settled(level))
+
+
+def test_a_course_of_dopamine_is_relative_to_the_level_of_the_edited_circuit():
+    table = TABLES["macaque"]
+    before = table.add(Course("dopamine", 0.1)).dopamine(1.1)
+    after = table.dopamine(1.1).add(Course("dopamine", 0.1))
+    assert before == after
+    agree(settled(before), settled(table.dopamine(1.1).dopamine(1.1)))
+
+
+@pytest.mark.parametrize("name", ["common", "GPe", "D1"])
+def test_a_drive_that_is_held_settles_where_a_bias_does(name):
+    table = TABLES["spiking_msprt"]
+    bias = table.population(name).bias_nats + 0.1
+    exact = settled(table.with_population(name, bias_nats=bias))
+    agree(settled(table.add(Course(name, 0.1))), exact)
+
+
+@pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
+def test_a_course_of_the_input_is_a_drive_of_all_channels(engine):
+    table = TABLES["macaque"].with_neurons(30)
+    drive = np.tile(SPREAD, (1, 3, 1))
+    given = {"engine": engine, "step_ms": 20.0, "settle_ms": 10.0}
+    given |= {"seed": 4} if engine in NOISY else {}
+    pushed = drive + np.array([0, 0.3, 0])[:, None] / table.drive_gain
+    expected = run(table, pushed, **given).output_nats
+    found = run(table.add(Course(table.input, 0.3, 20, 40)), drive, **given).output_nats
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 if engine in SPIKING else 1e-4)
+
+
+def relay(tau_ms=20.0, **path):
+    """Return a population without noise that follows a source through a linear filter."""
+    rows = (
+        Population("ctx", Rate(signed=True), 0.0, 10.0),
+        Population("SNr", Rate(signed=True), 0.0, 10.0, "GABA", tau_ms=tau_ms, receptor="D1"),
+    )
+    projection = Projection("ctx", "SNr", 0.8, **path)
+    return Circuit("relay", rows, (projection,), reference_nats=1.5 + np.log(2))
+
+
+def response(time_ms, course, tau):
+    """Return a linear filter's response to a course: tau dx/dt = course - x."""
+    rise, decay = course.rise_ms, course.decay_ms
+    last = course.to_ms - course.from_ms
+
+    def filtered(since, own):
+        """Return the filter's response to exp(-t / own), at rest before."""
+        fade = np.exp(-since / own) if own else 0 * since
+        return own * (fade - np.exp(-since / tau)) / (own - tau)
+
+    def on(since):
+        step = 1 - np.exp(-since / tau)
+        return course.amount * (step - (filtered(since, rise) if rise else 0))
+
+    since = np.clip(time_ms - course.from_ms, 0, last)
+    later = np.clip(time_ms - course.to_ms, 0, None)
+    fall = course.reached * filtered(later, decay) if decay else 0
+    return np.where(later > 0, on(last) * np.exp(-later / tau) + fall, on(since))
+
+
+PULSES = [
+    Course("SNr", 0.7, 30, 90),
+    Course("SNr", 0.7, 30, 90, rise_ms=8, decay_ms=15),
+    Course("SNr", -0.4, 12.3, 47.7, rise_ms=60),
+    Course("SNr", 0.5, 0, 40, decay_ms=150),
+]
+
+
+@pytest.mark.parametrize("course", PULSES)
+@pytest.mark.parametrize("engine", ["plain", "rate"])
+def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course):
+    given = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.1, "settle_ms": 20.0}
+    given |= {"seed": 1} if engine == "plain" else {}
+    silence = np.zeros((1, 1, 2))
+    base = run(relay(), silence, engine=engine, **given).rates_hz["SNr"]
+    ran = run(relay().add(course), silence, engine=engine, **given)
+    found = (ran.rates_hz["SNr"] - base)[0] / 10
+    expected = response(ran.time_ms, course, 20.0)
+    np.testing.assert_allclose(found, np.tile(expected[:, None], 2), atol=2e-5, rtol=0)
+
+
+@pytest.mark.parametrize("course", PULSES)
+@pytest.mark.parametrize("engine", ["plain", "rate"])
+def test_a_pulse_of_dopamine_has_the_closed_form_of_what_the_pathway_adds(engine, course):
+    """The source is at 1.5 nats, its weight .8, so that a level of 1 + a adds 1.2 a."""
+    given = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.1, "settle_ms": 20.0}
+    given |= {"seed": 1} if engine == "plain" else {}
+    silence = np.zeros((1, 1, 2))
+    ran = run(relay().add(replace(course, what="dopamine")), silence, engine=engine, **given)
+    found = ran.rates_hz["SNr"][0] / 10 - 1.2
+    expected = 1.2 * response(ran.time_ms, course, 20.0)
+    np.testing.assert_allclose(found, np.tile(expected[:, None], 2), atol=4e-5, rtol=0)
+
+
+@pytest.mark.parametrize("what", ["SNr", "dopamine"])
+def test_the_error_of_a_pulse_is_of_second_order_in_the_tick(what):
+    course = Course("SNr", 0.7, 30, 90, rise_ms=8, decay_ms=15)
+    error = []
+    for dt in (1.0, 0.5):
+        given = {"step_ms": 200.0, "dt_ms": dt, "sample_ms": 1.0, "engine": "rate"}
+        ran = run(relay().add(replace(course, what=what)), np.zeros((1, 1, 2)), **given)
+        scale = 1.2 if what == "dopamine" else 1.0
+        ends = ran.decoded_nats("SNr")[0, :, 0] - 1.2
+        of = np.arange(dt, 200 + dt / 2, dt)
+        expected = scale * response(of, course, 20.0).reshape(200, -1).mean(axis=1)
+        error.append(np.abs(ends - expected).max())
+    assert error[1] < 0.3 * error[0] or error[0] < 5e-5
+
+
+def test_a_pivot_stays_where_it_is_while_dopamine_turns_the_gain():
+    """A source at its pivot adds what it added."""
+    circuit = relay().with_population("SNr", pivot_nats=1.5).add("dopamine amount=0.8")
+    ran = run(circuit, np.zeros((1, 1, 2)), engine="rate", step_ms=200.0)
+    np.testing.assert_allclose(ran.decoded_nats("SNr"), 1.2, atol=1e-5)
+
+
+def test_courses_add():
+    table = TABLES["macaque"]
+    clock = Clock(4, 50)
+    whole = [Course("dopamine", 0.6, 10, 90, 5, 20), Course("STN", 0.4, 0, 50, 30)]
+    parts = [replace(row, amount=row.amount / 2) for row in whole for _ in range(2)]
+    one, two = (timed(wire(table.add(*rows)), clock) for rows in (whole, parts))
+    np.testing.assert_allclose(one.factors[one.of_unit], two.factors[two.of_unit], atol=1e-14)
+    np.testing.assert_allclose(one.nats[one.of_block], two.nats[two.of_block], atol=1e-14)
+
+
+def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
+    table = TABLES["macaque"].add("dopamine amount=0.25 from_ms=10 to_ms=30")
+    clock = Clock(2, 50, settle_ms=40)
+    found = timed(wire(table), clock)
+    times = (np.arange(clock.ticks) + 0.5) * clock.dt_ms - 40
+    on = (times > 10) & (times < 30)
+    factors = found.factors[found.of_unit]
+    level = {p.name: c for p, c, _ in table.dopamine_changes(1.25)}
+    wiring = wire(table)
+    for unit, path in enumerate(wiring.path):
+        change = level.get(table.projections[path].name, 0.0)
+        np.testing.assert_array_equal(factors[unit], np.where(on, 1 + change, 1.0))
+    nats = found.nats[found.of_block]
+    held, base = wire(table.dopamine(1.25)), wire(table)
+    np.testing.assert_allclose(nats[:, on].T, np.tile(held.bias - base.bias, (on.sum(), 1)),
+                               atol=1e-14)  # fmt: skip
+    assert not nats[:, ~on].any()
+
+
+@pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
+def test_a_course_of_nothing_changes_no_byte(engine):
+    table = TABLES["macaque"].with_neurons(20)
+    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0}
+    given |= {"seed": 4} if engine in NOISY else {}
+    nothing = table.add("dopamine amount=0 to_ms=9", "STN amount=-0.0", "GPe amount=0")
+    one, two = (run(circuit, HELD[:, :2], **given) for circuit in (table, nothing))
+    np.testing.assert_array_equal(one.output_nats, two.output_nats)
+    for name, rates in one.rates_hz.items():
+        np.testing.assert_array_equal(rates, two.rates_hz[name])
+
+
+def test_what_knows_no_time_refuses_courses():
+    table = TABLES["spiking_msprt"]
+    circuit = table.add("STN amount=0.1")
+    silence = np.zeros((1, 1, 3))
+    for call, what in (
+        (lambda: run(circuit, silence, engine="algebra", step_ms=1), "the algebra engine"),
+        (lambda: growth(circuit), "stability"),
+        (lambda: ringing(circuit), "stability"),
+        (lambda: out_variance(circuit), "its noise in closed form"),
+    ):
+        with pytest.raises(ValueError, match=f"spiking_msprt has courses, and {what} knows no"):
+            call()
+    assert growth(circuit.steady) == growth(table)

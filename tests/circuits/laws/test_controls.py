@@ -1,0 +1,72 @@
+"""Circuits changed at random: each number once, and noise of a stated size."""
+
+import numpy as np
+import pytest
+
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.anatomy import load_circuit
+from circuits.engines import run
+from circuits.laws.controls import correlated, linear_stn, perturbed
+from circuits.laws.response import phase_spectrum
+
+SEED = 51
+TABLE = load_circuit("spiking_msprt", 4)
+
+
+def test_every_number_is_varied_once_each_way():
+    made = perturbed(TABLE, 0.2)
+    assert len({str(table) for table in made.values()} | {str(TABLE)}) == len(made) + 1
+    assert perturbed(TABLE) == made  # a fifth unless told otherwise
+    assert made["STN cv +20%"].population("STN").cell.cv == pytest.approx(0.36)
+    assert made["ctx->STN delay_ms -20%"].projection("ctx", "STN").delay_ms == 2.0
+    assert made["GPe tau_ms +20%"].population("GPe").cell.tau_ms == pytest.approx(12)
+    assert made["read-out tau_ms -20%"].readout_tau_ms == pytest.approx(22.4)
+
+
+def test_shared_noise_has_the_size_that_was_asked():
+    noisy = correlated(TABLE, 0.2)
+    assert noisy.population("shared").baseline_hz == 20.0
+    silence = np.zeros((40, 10, 4))
+    sd = []
+    for table in (TABLE, noisy):
+        y = BasalGanglia(table, "ensemble", seed=SEED).run_drive(silence, 50.0).decoded_nats("ctx")
+        # Over 20 ms, the time of the shared noise.
+        sd.append(y.reshape(40, 25, 20, 4).mean(axis=2).std())
+    assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(
+        0.2 * np.sqrt(2 * np.exp(-1)), rel=0.25
+    )
+
+
+@pytest.mark.parametrize(("given", "cells", "tau_ms"), [({}, 20, 20.0), ({"cells": 5}, 5, 20.0),
+                                                         ({"tau_ms": 50.0}, 20, 50.0)])  # fmt: skip
+def test_shared_noise_has_its_size_in_closed_form(given, cells, tau_ms):
+    """Power of renewal spikes through an exponential filter, summed over all frequencies."""
+    noisy = correlated(TABLE, 0.2, **given)
+    row, path = noisy.population("shared"), noisy.projection("shared", "ctx")
+    assert (row.neurons, path.tau_ms, path.delay_ms) == (cells, tau_ms, 1)
+    frequency = np.concatenate([[0.0], np.geomspace(1e-3, 1e5, 4000)]) + 1e-6
+    power = phase_spectrum(row.cell, [row.baseline_hz], frequency)[0] / cells
+    power = power * (path.weight / row.gain_hz_per_nat) ** 2
+    passed = power / (1 + (2 * np.pi * frequency * tau_ms / 1e3) ** 2)
+    assert np.sqrt(2 * np.trapezoid(passed, frequency)) == pytest.approx(0.2, rel=1e-4)
+
+
+@pytest.mark.parametrize("channels", [2, 3, 8])
+def test_with_a_linear_stn_out_is_the_mean_over_channels_less_each(channels):
+    """A tangent at rest: all but SNr, which gets .6 nats more, rests as it did, to rounding.
+
+    STN's pathway to GPe bends, so a slope put into its weight would move GPe. Away from rest what
+    is left is the leak of the inhibition that cancels what channels share.
+    """
+    table = load_circuit("macaque", channels)
+    drive = np.zeros((2, 1, channels))
+    drive[1, 0, :2] = 0.3, -0.2
+    found, intact = (
+        run(x, drive, engine="algebra", step_ms=50) for x in (linear_stn(table), table)
+    )
+    for name, rates in found.rates_hz.items():
+        if name != "SNr":
+            np.testing.assert_allclose(rates[0], intact.rates_hz[name][0], rtol=1e-9)
+    rest, moved = found.output_nats[:, -1]
+    np.testing.assert_allclose(rest, intact.output_nats[0, -1] + 0.6, rtol=1e-9)
+    np.testing.assert_allclose(moved - rest, drive[1, 0].mean() - drive[1, 0], atol=1e-5)

@@ -1,0 +1,156 @@
+"""Measures of behaviour against their oracles: weights, EZ diffusion."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel import stream
+from bgmodel.deciding.measures import (
+    DIFFUSION_S,
+    OF_DIFFUSION,
+    ez_diffusion,
+    mean,
+    median,
+)
+from tests.helpers import behaving
+
+
+@given(st.integers(0, 2**31), st.integers(1, 12))
+def test_weights_stand_for_repeated_trials(seed, trials):
+    """Mean and median of weighted trials are NumPy's of trials written out."""
+    rng = np.random.default_rng(seed)
+    values = rng.integers(0, 6, trials).astype(float)
+    among = rng.random(trials) < 0.8
+    weights = np.concatenate([np.ones((1, trials)), rng.integers(0, 3, (3, trials))])
+    for row, m, mid in zip(
+        weights, mean(values, among, weights), median(values, among, weights), strict=True
+    ):
+        written = np.repeat(values, (row * among).astype(int))
+        if len(written):
+            assert (m, mid) == (pytest.approx(written.mean()), np.median(written))
+        else:
+            assert np.isnan([m, mid]).all()
+
+
+def test_ez_is_that_of_its_paper():
+    """Wagenmakers, van der Maas & Grasman 2007: P .802, VRT .112, MRT .723."""
+    found = ez_diffusion(0.802, 0.723, 0.112, 1000)
+    np.testing.assert_allclose(found, (0.0999, 0.1400, 0.3000), atol=5e-5)
+
+
+@given(st.floats(-0.4, 0.4), st.floats(0.05, 0.3), st.floats(0, 0.6))
+def test_ez_inverts_the_exact_moments(drift, bound, other_s):
+    """Accuracy, mean and variance of a diffusion in closed form give its parameters back."""
+    if abs(drift) < 0.01:
+        return
+    y = -drift * bound / DIFFUSION_S**2
+    accuracy = 1 / (1 + np.exp(y))
+    mean_s = bound / (2 * drift) * (1 - np.exp(y)) / (1 + np.exp(y)) + other_s
+    shape = 2 * y * np.exp(y) - np.exp(2 * y) + 1
+    variance = bound * DIFFUSION_S**2 / (2 * drift**3) * shape / (np.exp(y) + 1) ** 2
+    found = ez_diffusion(accuracy, mean_s, variance, 1e12)
+    np.testing.assert_allclose(found, (drift, bound, other_s), rtol=1e-3, atol=1e-4)
+
+
+def test_ez_recovers_a_simulated_diffusion():
+    """A walk in steps of .5 ms; its bounds, crossed between steps, lie .5826 steps further out."""
+    drift, bound, other_s, dt = 0.15, 0.12, 0.3, 5e-4
+    rng = stream(8, "ez")
+    sd = DIFFUSION_S * np.sqrt(dt)
+    edge = bound / 2 - 0.5826 * sd
+    at, alive = np.zeros(5000), np.ones(5000, dtype=bool)
+    time_s, right = np.zeros(5000), np.zeros(5000, dtype=bool)
+    for step in range(1, 20_000):
+        at[alive] += drift * dt + sd * rng.standard_normal(alive.sum())
+        out = alive & (np.abs(at) >= edge)
+        time_s[out], right[out] = step * dt, at[out] > 0
+        alive &= ~out
+    assert not alive.any()
+    times = time_s[right] + other_s
+    found = ez_diffusion(right.mean(), times.mean(), times.var(), 5000)
+    np.testing.assert_allclose(found, (drift, bound, other_s), rtol=0.05)
+
+
+def test_ez_at_the_edges_is_moved_by_half_a_trial():
+    for accuracy, moved in ((1, 1 - 1 / 200), (0, 1 / 200), (0.5, 0.5 + 1 / 200)):
+        found = ez_diffusion(accuracy, 0.7, 0.1, 100)
+        np.testing.assert_allclose(found, ez_diffusion(moved, 0.7, 0.1, 100))
+        assert np.isfinite(found).all()
+    assert np.isnan(ez_diffusion(0.9, 0.7, 0.0, 100)).all()
+
+
+def test_a_diffusion_is_withheld_where_the_deadline_cuts_off_more_than_a_few():
+    """A hundredth of the trials is a few, one more is not; other measures stay."""
+    truth = np.arange(1000) % 2
+    choice = np.where(np.arange(1000) < 100, 1 - truth, truth)
+    times = 300 + 10.0 * (np.arange(1000) % 37)
+    for missed, few in ((1, True), (10, True), (11, False)):
+        found = behaving(choice, times, truth, missed).measures(np.ones((1, 1000)))
+        known = [np.isfinite(found[name]).all() for name in OF_DIFFUSION]
+        assert known == [few] * 3
+        assert np.isfinite(found["accuracy"]).all()
+
+
+def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
+    """Times 400 ms later move its non-decision time alone; times twice as long scale all three."""
+    truth, weights = np.arange(500) % 2, np.ones((1, 500))
+    choice = np.where(np.arange(500) % 10 < 2, 1 - truth, truth)
+    times = 900 + 200 * stream(3, "times").standard_gamma(2.0, 500)
+    right = times[choice == truth] / 1000
+    want = ez_diffusion(0.8, right.mean(), right.var(), 500)
+    found, later, slower, wrong_later = (
+        behaving(choice, t, truth).measures(weights)
+        for t in (times, times + 400, 2 * times, times + 400 * (choice != truth))
+    )
+    assert (found["accuracy"], found["decided"]) == (pytest.approx([0.8]), [500])
+    assert (found["drift"][0], found["bound"][0]) == pytest.approx(want[:2])
+    assert found["non_decision_ms"][0] == pytest.approx(1000 * want[2])
+    assert later["non_decision_ms"][0] == pytest.approx(found["non_decision_ms"][0] + 400)
+    assert slower["non_decision_ms"][0] == pytest.approx(2 * found["non_decision_ms"][0])
+    for name, other in (("drift", 0.5**0.5), ("bound", 2**0.5)):
+        assert later[name] == pytest.approx(found[name])
+        assert wrong_later[name] == pytest.approx(found[name])
+        assert slower[name] == pytest.approx(other * found[name])
+
+
+def test_a_diffusion_with_a_time_below_0_is_withheld_whatever_the_resample():
+    """Times that vary as much as they are long: no unbiased diffusion has them."""
+    truth = np.arange(200) % 2
+    choice = np.where(np.arange(200) % 5 == 0, 1 - truth, truth)
+    scattered = np.where(np.arange(200) % 4 < 2, 50.0, 1500.0)
+    weights = np.concatenate([np.ones((1, 200)), stream(2, "w").integers(0, 3, (50, 200))])
+    found = behaving(choice, scattered, truth).measures(weights)
+    assert all(np.isnan(found[name]).all() for name in OF_DIFFUSION)
+    assert np.isfinite(found["mean_ms"]).all()
+    # Without the first row too: a sweep asks for its resamples in parts.
+    assert np.isnan(behaving(choice, scattered, truth).measures(weights[1:])["drift"]).all()
+    later = behaving(choice, scattered + 1000, truth).measures(weights)
+    assert all(np.isfinite(later[name]).all() for name in OF_DIFFUSION)
+    assert later["non_decision_ms"][0] > 0
+
+
+def test_the_share_of_the_first_alternative_is_of_those_decided():
+    truth = np.arange(200) % 2
+    choice = np.where(np.arange(200) < 150, 0, 1)
+    found = behaving(choice, 300 + 10.0 * np.arange(200), truth, missed=40)
+    assert found.measures(np.ones((1, 200)))["choice_0"][0] == 150 / 160
+    weights = np.where(np.arange(200) < 10, 1.0, 0.0)[None]
+    assert found.measures(weights)["choice_0"][0] == 1
+
+
+@given(st.integers(0, 2**31), st.integers(0, 40))
+def test_all_trials_count_with_what_missed_ones_can_make_of_them(seed, missed):
+    """Errors at the least, correct at the most, and the time of the deadline."""
+    rng = stream(seed, "all")
+    truth, choice = np.arange(40) % 2, rng.integers(0, 2, 40)
+    times = 300 + 10.0 * rng.integers(0, 90, 40)
+    times[40 - missed :] = 1250.0
+    weights = rng.integers(0, 3, (3, 40)).astype(float) + (np.arange(40) == 0)
+    found = behaving(choice, times, truth, missed).measures(weights)
+    decided = np.arange(40) < 40 - missed
+    right, total = decided & (choice == truth), weights.sum(axis=1)
+    np.testing.assert_allclose(found["accuracy_all"], weights @ right / total)
+    np.testing.assert_allclose(found["accuracy_best"], weights @ (right | ~decided) / total)
+    np.testing.assert_allclose(found["mean_all_ms"], weights @ times / total)
+    np.testing.assert_allclose(found["accuracy_best"] - found["accuracy_all"], found["missed"])

@@ -1,0 +1,147 @@
+"""Dopamine: levels against closed forms, and what cannot be a level."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel import first_crossing
+from bgmodel.deciding.decision import any_crossing
+from bgmodel.evidence import separated_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.learning.dopamine import (
+    THRESHOLD_NATS,
+    criterion,
+    decide_at_levels,
+    decided_out,
+    levels_between,
+    usable_range,
+    working_range,
+)
+from circuits.anatomy import load_circuit
+from tests.levels import GAIN, LEVELS, MODEL, SEED
+
+
+@pytest.mark.parametrize("channels", [2, 5])
+@pytest.mark.parametrize("level", [0.7, 1.0, 1.3])
+def test_a_level_shifts_out_by_the_gain_times_the_drive(channels, level):
+    """In the exact circuit OUT = S - k y, as long as that is a rate: not below 0."""
+    table = load_circuit("bogacz_gurney", channels)
+    odds = 1.5
+    y = table.reference_nats - np.log(channels) + odds * (1 - 1 / channels)
+    s = y + np.log1p((channels - 1) * np.exp(-odds))
+    assert decided_out(table, level, odds) == pytest.approx(max(s - level * y, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_normal_dopamine_decides_at_the_posterior_of_the_threshold(channels):
+    """At level 1 OUT = -ln softmax(kappa L): its inverse, all other alternatives equal."""
+    table = load_circuit("bogacz_gurney", channels)
+    p = np.exp(-0.3)
+    odds = np.log(p * (channels - 1) / (1 - p)) / GAIN
+    expected = 1 / (1 + (channels - 1) * np.exp(-odds))
+    assert criterion(table, 1.0, 0.3, GAIN) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
+@pytest.mark.parametrize(
+    ("channels", "threshold"), [(2, THRESHOLD_NATS), (4, THRESHOLD_NATS), (4, 0.34)]
+)
+def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshold):
+    table = load_circuit(name, channels)
+    gain = GAIN if name == "spiking_msprt" else gain_of(table)
+    low, high = working_range(table, threshold)
+    found = [
+        criterion(table, level, threshold, gain)
+        for level in levels_between(1.01 * low, 0.99 * high, 12)
+    ]
+    assert np.all(np.diff(found) < 0)
+    assert found[-1] < 0.75
+    assert found[0] > 0.99
+    # The edges are where they are said to be.
+    most = table.reach_nats if table.centred else table.reference_nats
+    lowest = decided_out(table, low, np.linspace(0, most, 500)).min()
+    assert lowest == pytest.approx(threshold, abs=1e-3)
+    if high < 2:
+        assert decided_out(table, high, 0.0) == pytest.approx(threshold, abs=1e-3)
+
+
+def test_more_evidence_tells_the_default_circuit_next_to_nothing_once_its_rivals_are_silent():
+    """Below its lowest level the fixed point never decides, however far the leader is ahead."""
+    table = load_circuit("macaque")
+    low, _ = working_range(table, THRESHOLD_NATS)
+    far = table.reference_nats * np.array([1.0, 1.5, 2.0, 3.0])
+    out = decided_out(table, 0.95 * low, far)
+    assert np.all(out > THRESHOLD_NATS)
+    assert out == pytest.approx(out[0], abs=4e-3)
+    with pytest.raises(ValueError, match=r"macaque decides by evidence at levels 0\.68 to 2\.00"):
+        criterion(table, 0.5, THRESHOLD_NATS, gain_of(table))
+
+
+def test_a_learner_plays_what_evidence_decides_and_less_of_it_in_spikes():
+    low, high = working_range(MODEL.circuit, THRESHOLD_NATS)
+    assert usable_range(MODEL, THRESHOLD_NATS) == pytest.approx((1.02 * low, 0.98 * high))
+    silence = np.zeros((1, 1, 2))
+    for level in LEVELS[[0, -1]]:
+        model = replace(MODEL, circuit=MODEL.circuit.dopamine(level))
+        assert model.run_drive(silence, step_ms=500.0).output_nats.min() > THRESHOLD_NATS
+    table = MODEL.circuit.with_neurons(100)
+    spikes = replace(MODEL, circuit=table, engine="ensemble", seed=SEED, options={})
+    least, most = usable_range(spikes, THRESHOLD_NATS)
+    assert least == pytest.approx(1.02 * low)
+    assert 1.1 < most < 0.9 * high
+    # Fresh noise at the edge finds what was asked for.
+    edge = replace(spikes, circuit=table.dopamine(most), seed=SEED + 1)
+    assert any_crossing(edge.out_at_rest(400), THRESHOLD_NATS).mean() < 0.06
+    # Fewer cells make more noise.
+    few = replace(spikes, circuit=table.with_neurons(40))
+    assert usable_range(few, THRESHOLD_NATS)[1] < most - 0.05
+    with pytest.raises(ValueError, match="no level of dopamine takes spiking_msprt to"):
+        usable_range(replace(few, circuit=few.circuit.with_neurons(5)), THRESHOLD_NATS)
+
+
+def test_out_may_fall_and_rise_again_with_the_evidence():
+    """In the exact circuit (1 - k) y grows with the odds: the lowest OUT lies between."""
+    table = load_circuit("bogacz_gurney")
+    low, _ = working_range(table, 0.3)
+    out = decided_out(table, 0.96, np.linspace(0, 5, 50))
+    assert out.min() < 0.3 < out[-1] + 0.2
+    assert low < 0.96
+    assert 0.5 < criterion(table, 0.96, 0.3, 1.0) < 1
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: working_range(MODEL.circuit, 3.0), "reads OUT between 0.0539 and 0.65 nats"),
+        (lambda: working_range(MODEL.circuit, 0.0), "the threshold is 0"),
+        (lambda: criterion(MODEL.circuit, 1.9, 0.3, 0.5), r"levels 0\.8. to 1\.7., got 1\.9"),
+        (lambda: decide_at_levels(MODEL, None, [], 0.3), "levels must be one or more numbers"),
+        (lambda: decide_at_levels(MODEL, None, [1.0, 1.0], 0.3), "each once"),
+        (lambda: decide_at_levels(MODEL, None, [1.0, -0.5], 0.3), r"levels must lie in 0\.\.2"),
+        (
+            lambda: MODEL.circuit.scale("ctx", "D1", 1.2, channel=0).dopamine(1.1),
+            "ctx->D1 differs from channel to channel",
+        ),
+    ],
+)
+def test_levels_and_thresholds_that_cannot_be_are_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+def test_a_sweep_of_levels_is_the_circuit_at_each_level(swept, level_evidence):
+    assert np.all(np.diff(swept.settings) < 0)
+    level = float(swept.settings[2])
+    changed = BasalGanglia(MODEL.circuit.dopamine(level), "rate", GAIN, options=MODEL.options)
+    alone = first_crossing(changed.run(level_evidence), THRESHOLD_NATS)
+    assert np.array_equal(alone.choice, swept.choice[2])
+    assert np.array_equal(alone.time_ms, swept.time_ms[2])
+
+
+def test_a_level_at_which_a_circuit_decides_against_the_evidence_is_warned_of():
+    evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
+    model = BasalGanglia("macaque", "rate", options={"rates": False})
+    with pytest.warns(UserWarning, match="at a level of 0 choices go against the evidence"):
+        found = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)
+    assert (found.choice[1] == evidence.truth).mean() < 0.2

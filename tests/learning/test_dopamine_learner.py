@@ -1,0 +1,316 @@
+"""Learning of a level of dopamine, with controls that must fail."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chisquare, norm
+
+from bgmodel import stream
+from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.integrators.basal_ganglia import gain_of
+from bgmodel.learning import dopamine_learner as level
+from bgmodel.learning.dopamine import playable_levels
+from bgmodel.learning.dopamine_learner import (
+    after_errors,
+    check_decided,
+    learn_level,
+    level_outcomes,
+    regret,
+    scored_runs,
+)
+from bgmodel.learning.policies import GaussianPolicy
+from bgmodel.learning.reinforce import Learned, Learner, learn
+from bgmodel.learning.worlds import LevelOutcomes
+from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from circuits.anatomy import DEFAULT, load_circuit
+from tests.levels import LEVELS, MODEL, PLAYED, SEED, XI, synthetic
+
+
+def test_a_run_is_scored_where_fresh_trials_know_its_level_and_nowhere_else():
+    made = synthetic()
+    some = LevelOutcomes(made.levels[5:20], made.correct[5:20], made.steps[5:20], made.forced[5:20])
+    ends = [made.levels[4], made.levels[10], made.levels[19]]
+    table = scored_runs(ends, some, xi=XI, start_level=made.levels[0], first=made)
+    assert np.isnan(table.loc[0, ["regret", "reward"]].to_numpy(float)).all()
+    assert table["reward"][2] == pytest.approx(some.expected(ends[2], XI))
+    wanted = (table["best_reward"] - table["reward"]) / table["best_reward"].abs()
+    np.testing.assert_allclose(table["regret"], wanted)
+    assert table["start_regret"].eq(float(regret(made.levels[0], made, XI))).all()
+
+
+def test_a_level_that_was_not_run_has_no_reward():
+    made = synthetic()
+    beyond = [made.levels[0] - 1e-3, made.levels[-1] + 1e-3, 100.0]
+    assert np.isnan(regret(beyond, made, XI)).all()
+    assert np.isfinite(regret(made.levels, made, XI)).all()
+
+
+def test_the_deadline_is_warned_of_where_it_decides_more_than_half_of_the_trials(recwarn):
+    def outcomes(*forced):
+        many = len(forced), 4
+        return LevelOutcomes(np.arange(len(forced)), *np.ones((2, *many)), np.array(forced))
+
+    check_decided(outcomes(0.5, 0.45))
+    assert not recwarn
+    with pytest.warns(UserWarning, match="2 of 3 levels"):
+        check_decided(outcomes(0.55, 0.5, 0.51))
+    with pytest.raises(ValueError, match="at every level"):
+        check_decided(outcomes(0.55, 0.51))
+
+
+def test_outcomes_that_nothing_can_be_learned_from_are_refused():
+    short, long = (separated_evidence(20, steps, 0.5, rng=1, step_ms=50) for steps in (1, 40))
+    with pytest.raises(ValueError, match="deadline"):
+        level_outcomes(MODEL, short, [0.95, 1.0])
+    with pytest.raises(ValueError, match="without evidence"):  # OUT at rest is ln 2
+        level_outcomes(MODEL, long, [0.95, 1.0], 0.9)
+
+
+def test_level_outcomes_return_the_mean_reward_between_its_levels():
+    made = synthetic()
+    runs = 20_000
+    rngs = [stream(SEED, "mean")] * runs
+    world = made.environment(XI, rngs)
+    for played in (0.76, 1.2, 1.713):
+        found = world(0, np.full(runs, played))
+        assert abs(found.mean() - made.expected(played, XI)) < 5 * found.std() / np.sqrt(runs)
+    assert made.best(XI)[0] == pytest.approx(1.2, abs=0.03)
+    wrong = LevelOutcomes(made.levels, ~made.correct, made.steps, made.forced)
+    assert wrong.rewards(XI) == pytest.approx(made.rewards(XI) - XI)
+
+
+def test_the_trial_and_the_level_are_drawn_by_chances_of_their_own():
+    """A level halfway between two is either, whichever trial is drawn."""
+    trials, runs = 100, 20_000
+    steps = np.arange(2.0 * trials).reshape(2, trials)
+    made = LevelOutcomes(np.array([1.0, 1.5]), np.ones((2, trials), bool), steps, np.zeros(2))
+    world = made.environment(XI, [stream(SEED, "chances")] * runs)
+    row, trial = np.divmod(-world(0, np.full(runs, 1.25)), trials)
+    expected = np.bincount((10 * row + trial // 10).astype(int), minlength=20)
+    assert chisquare(expected).pvalue > 1e-4
+    assert abs(np.corrcoef(row, trial)[0, 1]) < 4 / np.sqrt(runs)
+
+
+def test_trials_and_exploration_have_streams_of_their_own(monkeypatch):
+    asked = []
+
+    def recorded(*names):
+        asked.append(names)
+        return stream(*names)
+
+    monkeypatch.setattr(level, "stream", recorded)
+    short(runs=3)
+    assert len(asked) == len(set(asked)) == 6
+    assert short(runs=1).learned.shape == (1,)
+
+
+@pytest.mark.parametrize("mean", [0.95, 1.6])
+def test_the_gradient_of_the_level_agrees_with_the_finite_difference(mean):
+    made = synthetic()
+    policy = GaussianPolicy(bounds=PLAYED, first_share=0.06)
+    runs = 40_000
+    sd = policy.sd(0)
+    rng = stream(SEED, "gradient", mean)
+    played, gradient = policy.sample(policy.start(runs, mean), rng.standard_normal((runs, 1)), 0)
+    r = made.environment(XI, [rng] * runs)(0, played)
+    estimate = (r - r.mean()) * gradient[:, 0]
+    x = np.linspace(mean - 6 * sd, mean + 6 * sd, 4001)
+
+    def smoothed(mu):
+        weights = norm.pdf(x, mu, sd)
+        return (made.expected(np.clip(x, *PLAYED), XI) * weights).sum() / weights.sum()
+
+    h = 1e-3
+    exact = (smoothed(mean + h) - smoothed(mean - h)) / (2 * h)
+    assert abs(exact) > 2
+    assert abs(estimate.mean() - exact) < 4 * estimate.std() / np.sqrt(runs)
+
+
+SHORT = Learner(episodes=6000)
+
+
+@pytest.mark.parametrize("start", [0.8, 1.9])
+def test_reward_finds_the_best_level_and_its_opposite_the_worst(start):
+    made = synthetic()
+    options = {"xi": XI, "start_level": start, "runs": 8, "seed": SEED, "name": start}
+    learned = learn_level(made, learner=SHORT, **options)
+    assert regret(start, made, XI) > 0.09
+    assert regret(learned.learned, made, XI).max() < 0.03
+    # Dopamine with the wrong sign: a rise for what was worse than expected.
+    rngs = [stream(SEED, "flipped", run) for run in range(8)]
+    world = made.environment(XI, rngs)
+    flipped = learn(
+        lambda k, played: -world(k, played) - 20,
+        start,
+        rngs=rngs,
+        policy=GaussianPolicy(bounds=PLAYED),
+        learner=SHORT,
+    )
+    assert regret(flipped.learned, made, XI).min() > 0.09
+
+
+def test_credit_to_a_foreign_perturbation_teaches_nothing():
+    """Each run is paid for what its neighbour played."""
+    made, runs, start = synthetic(), 40, 1.8
+    rngs = [stream(SEED, "shuffled", run) for run in range(runs)]
+    world = made.environment(XI, rngs)
+    learned = learn(
+        lambda k, played: world(k, np.roll(played, 1)),
+        start,
+        rngs=[stream(SEED, "explored", run) for run in range(runs)],
+        policy=GaussianPolicy(bounds=PLAYED),
+        learner=Learner(episodes=2000, rate=0.01),
+    )
+    moved = learned.learned - start
+    assert abs(moved.mean()) < 4 * moved.std() / np.sqrt(runs) + 0.02
+    assert np.median(regret(learned.learned, made, XI)) > 0.3
+
+
+def touched(model, levels):
+    readings = source(held_out_taps(), SameDifferent(), period_mm=1.5, fold=0)
+    drawn = readings.draw(1500, 30, rng=stream(SEED, "tactile"), step_ms=50.0)
+    model = replace(model, options={"dt_ms": 0.5, "sample_ms": 5.0})
+    return level_outcomes(model, drawn, levels)
+
+
+@pytest.fixture(scope="module")
+def tactile():
+    return touched(MODEL, LEVELS)
+
+
+@pytest.fixture(scope="module")
+def tactile_default():
+    """Return the outcomes of the default circuit, each channel with its own evidence."""
+    table = load_circuit(DEFAULT)
+    model = replace(MODEL, circuit=table, gain=gain_of(table))
+    return touched(model, playable_levels(model, 9))
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "start"),
+    [("tactile", 0.86), ("tactile", 1.69), ("tactile_default", 0.75), ("tactile_default", 1.1)],
+)
+def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, start):
+    tactile = request.getfixturevalue(outcomes)
+    learned = learn_level(
+        tactile,
+        xi=XI,
+        start_level=start,
+        runs=3,
+        seed=SEED,
+        name="tactile",
+    )
+    assert regret(start, tactile, XI) > 0.1
+    assert regret(learned.learned, tactile, XI).max() < 0.05
+    # Tonic and phasic are two quantities: one has settled, the other has not.
+    late = slice(-1000, None)
+    assert learned.mean_played[:, late].std(axis=1).max() < 0.1
+    assert learned.prediction_error[:, late].std(axis=1).min() > 1
+
+
+def test_what_the_last_error_carries_over_slows_the_next_trial(tactile):
+    """An error makes dopamine dip; a dip that lasts takes the next trial's level down."""
+    found = {}
+    for carried in (0.0, 0.5):
+        learned = learn_level(
+            tactile,
+            xi=XI,
+            start_level=1.5,
+            runs=8,
+            seed=SEED,
+            name=carried,
+            learner=Learner(episodes=8000, rate=0.001, half_episodes=np.inf, carried=carried),
+        )
+        found[carried] = after_errors(learned, XI)["slower"]
+    error = found[0.0].std() / np.sqrt(8)
+    assert abs(found[0.0].mean()) < 4 * error + 0.05
+    assert found[0.5].min() > found[0.0].max()
+
+
+def test_after_errors_takes_slow_drifts_off_and_nothing_else():
+    rng = stream(SEED, "drift")
+    steps = np.linspace(5, 25, 4000) + rng.normal(0, 1, (2, 4000))
+    wrong = rng.random((2, 4000)) < 0.2
+    steps += 5.0 * wrong  # errors are slow themselves: no reason for the next to be
+    for slower in (0.0, 2.0):
+        steps[:, 1:] += slower * wrong[:, :-1]
+        learned = Learned(*[steps] * 2, -steps - XI * wrong, steps, steps[:, 0])
+        found = after_errors(learned, XI)["slower"].to_numpy()
+        assert found == pytest.approx(slower, abs=0.25)
+    with pytest.raises(ValueError, match="xi must be longer than any trial"):
+        after_errors(learned, 20.0)
+
+
+def test_reward_needs_the_truth(swept, level_evidence):
+    with pytest.raises(ValueError, match="reward needs the truth"):
+        LevelOutcomes.of(swept, Evidence(level_evidence.log_likelihood))
+
+
+def short(start_level=1.0, runs=2, **options):
+    learner = Learner(episodes=600)
+    options |= {"xi": XI, "seed": SEED, "name": "short", "learner": learner}
+    return learn_level(synthetic(10), start_level=start_level, runs=runs, **options)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: synthetic(10).rewards(0.0), "xi must be > 0 readings"),
+        (lambda: short(start_level=3.0), r"start_level must lie in 0\.750\.\.2\.000, got 3"),
+        (lambda: short(start_level=np.nan), "got nan"),
+        (lambda: short(policy=GaussianPolicy()), r"what is played must lie in 0\.750\.\.2\.000"),
+        (lambda: short(runs=0), "runs must be >= 1"),
+    ],
+)
+def test_learning_of_a_level_without_sense_is_refused(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "refused"),
+    [(0.85, 0.85, False), (0.95, 0.5, True), (0.5, 0.95, True), (0.5, 0.5, False)],
+)
+def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cost(
+    right, wrong, refused
+):
+    """Of times as shares of xi, the longest of right choices and of errors."""
+    steps = np.full((1, 400), 0.3 * XI)
+    error = np.zeros((1, 400), bool)
+    error[0, ::7] = True
+    steps[0, 302], steps[0, 350] = right * XI, wrong * XI
+    assert error[0, 350]
+    assert not error[0, 302]
+    learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
+    if refused:
+        with pytest.raises(ValueError, match="xi must be longer than any trial"):
+            after_errors(learned, XI)
+    else:
+        assert after_errors(learned, XI)["errors"].item() == error[0, 200:].mean()
+
+
+def test_a_learner_of_levels_ends_with_an_exploration_of_a_twelfth_of_their_range(monkeypatch):
+    """The share is .08: with .05, as for gaps, an optimum near an edge is reached late."""
+    asked = []
+    monkeypatch.setattr(level, "learn", lambda *a, policy, **k: asked.append(policy))
+    short()
+    (policy,) = asked
+    assert policy.bounds == PLAYED
+    assert policy.sd(10**12) == pytest.approx(0.08 * (PLAYED[1] - PLAYED[0]))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_trial_after_an_error_is_held_to_the_25_on_either_side_without_the_error(side):
+    """One long trial 25 away is one of the 49 that the trial after the error is held to."""
+    found = {}
+    for away in (25, 26):
+        steps, error = np.zeros((1, 400)), np.zeros((1, 400), bool)
+        after = 300
+        steps[0, after + side * 26] = 9.0
+        after += side * (26 - away)
+        error[0, after - 1] = True
+        learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
+        found[away] = after_errors(learned, XI)["slower"].item()
+    # The other 198 trials after a right choice have one more or less of these.
+    assert found[25] - found[26] == pytest.approx(-9 / 49 * (1 + 1 / 198))

@@ -1,0 +1,218 @@
+"""What a user gives is a value of the kind that is asked for, or one sentence, never a crash."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
+from bgmodel.deciding.reward import reward
+from bgmodel.deciding.tradeoff import tradeoff
+from bgmodel.evidence import expecting, separated_evidence
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.integrators.deciding import decide_at_thresholds
+from bgmodel.integrators.recursive import RecursiveMsprt
+from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe
+from bgmodel.integrators.sprt import (
+    Stream,
+    criterion_from_posterior,
+    tally_sprt,
+    threshold_from_gap,
+)
+from bgmodel.learning.dopamine import criterion, working_range
+from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
+from bgmodel.support.files import read_table
+from bgmodel.tables.choices import read_choices
+from bgmodel.tables.evidence import read_evidence_table
+from bgmodel.tables.trials import Trials, trial_table
+from circuits import engines
+from circuits.anatomy import CIRCUITS, load_circuit
+from tests.helpers import some_evidence
+
+READINGS = some_evidence(trials=4, steps=3, hypotheses=2).log_likelihood
+EVIDENCE = Evidence(READINGS, np.array([0, 1, 0, 1]), step_ms=50.0, baseline=0.0)
+TABLE = load_circuit("macaque")
+ODD = ["0.5", "abc", None, 1j, [], {}, object()]
+
+
+@given(st.one_of(st.integers(), st.floats(), st.booleans(), st.text(), st.none()))
+def test_a_number_is_one_and_a_whole_number_is_a_number(value):
+    assert is_number(value) == (type(value) in (int, float))
+    assert is_whole(value) == (is_number(value) and value == value // 1)
+
+
+@given(st.integers(-5, 5), st.integers(0, 3), st.sampled_from([int, float, np.int32, np.float32]))
+def test_a_whole_number_of_any_type_is_the_same_int(value, least, kind):
+    if value >= least:
+        found = whole("n", kind(value), least)
+        assert type(found) is int
+        assert found == value
+    else:
+        with pytest.raises(ValueError, match=r"^n must be"):
+            whole("n", kind(value), least)
+
+
+@pytest.mark.parametrize("kind", ["f2", ">f4", ">f8", "g", "i1", "u8", "?", "O"])
+def test_numbers_of_any_type_become_those_that_compiled_loops_take(kind):
+    values = np.array([0, 1, 1]).astype(kind)
+    found = reals("x", values)
+    assert found.dtype == np.float64
+    assert found.tolist() == [0, 1, 1]
+    assert reals("x", found) is found
+
+
+@pytest.mark.parametrize("values", ["a", [1, [2]], 1j, ["1"], [None, "x"], np.array("2020", "M8")])
+def test_what_holds_no_numbers_is_refused_by_name(values):
+    with pytest.raises(ValueError, match=r"^x must be an array of real numbers"):
+        reals("x", values)
+
+
+@pytest.mark.parametrize("kind", [">i8", "u8", "i1"])
+def test_whole_numbers_per_trial_come_in_the_machines_order(kind):
+    found = one_per_trial("x", np.arange(3).astype(kind), 3)
+    assert found.dtype.isnative
+    assert found.tolist() == [0, 1, 2]
+
+
+CALLS = {
+    "step_ms": lambda odd: Evidence(READINGS, step_ms=odd),
+    "onset_ms": lambda odd: Evidence(READINGS, onset_ms=odd),
+    "log_likelihood": Evidence,
+    "gain": Msprt,
+    "gain of a circuit": lambda odd: BasalGanglia(TABLE, gain=odd),
+    "circuit": BasalGanglia,
+    "engine": lambda odd: BasalGanglia(TABLE, odd),
+    "circuit by name": load_circuit,
+    "leak": Lca,
+    "slope": lambda odd: LinearGpe(slope=odd),
+    "separation": lambda odd: separated_evidence(2, 3, odd, rng=1),
+    "conflict": lambda odd: separated_evidence(2, 3, 0.5, rng=1, conflict=odd),
+    "trials": lambda odd: separated_evidence(odd, 3, 0.5, rng=1),
+    "rng": lambda odd: separated_evidence(2, 3, 0.5, rng=odd),
+    "foreperiod": lambda odd: expecting(EVIDENCE, 1.0, odd, rng=1),
+    "posterior": criterion_from_posterior,
+    "hypotheses": lambda odd: criterion_from_posterior(0.9, odd),
+    "gap": threshold_from_gap,
+    "thresholds": lambda odd: tally_sprt(EVIDENCE, odd),
+    "test of a stream": lambda odd: Stream(odd, 0.2),
+    "threshold of a stream": lambda odd: Stream(Msprt(), odd),
+    "nucleus": TABLE.lesion,
+    "row": TABLE.row,
+    "evidence": lambda odd: compare("macaque", odd, seed=1),
+    "compared circuit": lambda odd: compare(odd, some_evidence(hypotheses=2), seed=1),
+    "accuracies": lambda odd: compare(
+        "macaque", some_evidence(hypotheses=2, baseline=0.0), seed=1, accuracies=odd
+    ),
+    "resamples": lambda odd: compare(
+        "macaque", some_evidence(hypotheses=2, baseline=0.0), seed=1, engine="algebra",
+        accuracies=0.7, resamples=odd,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", CALLS)
+@pytest.mark.filterwarnings("ignore")
+def test_what_is_of_the_wrong_kind_is_one_sentence(what):
+    for odd in ODD:
+        if what == "gain of a circuit" and odd is None:
+            continue  # the default of the table
+        with pytest.raises(ValueError, match=r".") as caught:
+            CALLS[what](odd)
+        assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "integrator",
+    [Sprt(), Msprt(), RecursiveMsprt(), BasalGanglia(TABLE), *(kind() for kind in RIVALS.values())],
+    ids=lambda one: type(one).__name__,
+)
+def test_an_integrator_is_given_evidence_and_no_bare_array(integrator):
+    for odd in (READINGS, READINGS.tolist(), "mine.csv", None):
+        with pytest.raises(ValueError, match=r"^evidence must be an Evidence"):
+            integrator.run(odd)
+    assert integrator.run(EVIDENCE).out_nats.shape == (4, 4, 2)
+
+
+@pytest.mark.parametrize("name", CIRCUITS)
+def test_a_whole_number_of_channels_may_be_written_as_a_float(name):
+    assert load_circuit(name, 3.0) == load_circuit(name, 3)
+    assert type(load_circuit(name, 3.0).channels) is int
+    assert load_circuit(name, 3).with_channels(2.0).channels == 2
+
+
+def test_a_circuit_may_be_named():
+    assert BasalGanglia("macaque").circuit == TABLE
+    with pytest.raises(ValueError, match=r"load_circuit\(\.\.\., 3\)"):
+        BasalGanglia("macaque").run(some_evidence(hypotheses=3, baseline=0.0))
+
+
+def test_a_seed_in_place_of_a_generator_is_that_of_its_stream():
+    one, other = (separated_evidence(3, 4, 0.5, rng=rng) for rng in (7, stream(7)))
+    assert np.array_equal(one.log_likelihood, other.log_likelihood)
+    with pytest.raises(ValueError, match="seed"):
+        separated_evidence(3, 4, 0.5, rng=-1)
+
+
+def test_one_accuracy_is_a_list_of_one():
+    evidence = separated_evidence(120, 30, 0.5, rng=3, step_ms=50.0)
+    given = {"seed": 1, "engine": "algebra", "resamples": 20}
+    one, listed = (compare("macaque", evidence, accuracies=a, **given) for a in (0.8, [0.8]))
+    assert one.equals(listed)
+
+
+def test_parts_that_belong_to_other_trials_are_refused():
+    """Shapes that only happen to fit gave numbers without meaning."""
+    evidence = some_evidence(hypotheses=2, baseline=0.0)
+    trace = Msprt().run(evidence)
+    decision = first_crossing(trace, 0.3)
+    low = BasalGanglia(TABLE).circuit.readable_nats[0] / 2
+    for call in (
+        lambda: tradeoff(trace, some_evidence(hypotheses=4)),
+        lambda: tradeoff(trace, evidence[:10]),
+        lambda: tradeoff(trace.out_nats, evidence),
+        lambda: criterion("maca", 1.0, 0.3, 0.5),
+        lambda: working_range(3, 0.3),
+        lambda: working_range(TABLE, "0.3"),
+        lambda: tradeoff(trace, evidence, 0.3),
+        lambda: tradeoff(trace, evidence, [[0.3, 0.2]]),
+        lambda: reward(decision, evidence.truth[:3], 5.0),
+        lambda: first_crossing(trace, [0.3, 0.2]).plot(truth=evidence.truth[:3]),
+        lambda: Trials(evidence, ["a"]),
+        lambda: trial_table(decision, Trials(evidence[:5], ["a", "b"]), model="m"),
+        lambda: trial_table(decision, evidence, model="m"),
+        lambda: decide_at_thresholds(BasalGanglia(TABLE), evidence, [low]),
+        lambda: compare(TABLE, evidence, seed=1, engine="algebra", intact="macaque"),
+        lambda: BasalGanglia(TABLE).decide(evidence, 0.3, rates="a"),
+        lambda: criterion(TABLE, 1.0, 0.3, -1.0),
+        lambda: engines.run("macaque", np.zeros((1, 1, 2)), engine="algebra", step_ms=1.0),
+    ):
+        with pytest.raises(ValueError, match=r"must|not of|reads no OUT|equals"):
+            call()
+
+
+@pytest.mark.parametrize(
+    "read", [read_table, read_evidence_table, read_choices, Experiment.from_toml]
+)
+def test_a_file_is_given_by_its_path(read):
+    for odd in (None, 3, [], EVIDENCE):
+        with pytest.raises(ValueError, match=r"given by its path"):
+            read(odd)
+
+
+@pytest.mark.parametrize(
+    "index", [999, -999, [0, 999], "a", 1.5, (0, 1), None, np.array([[0]]), np.array([True])]
+)
+def test_trials_that_are_not_there_are_an_index_error(index):
+    with pytest.raises(IndexError, match=r"^trials must be"):
+        EVIDENCE[index]
+
+
+def test_one_trial_by_its_number_is_evidence_of_that_trial():
+    for index, number in ((0, 0), (-1, 3), (np.int64(2), 2)):
+        one = EVIDENCE[index]
+        assert one.trials == 1
+        assert one.trial_numbers.tolist() == [number]
+        assert np.array_equal(one.log_likelihood[0], READINGS[number])
+    assert [one.trial_numbers[0] for one in EVIDENCE] == [0, 1, 2, 3]
+    with pytest.raises(ValueError, match=r"got none of 4"):
+        EVIDENCE[2:2]

@@ -1,0 +1,120 @@
+"""Files of results: whole or absent, with their provenance beside them."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.evidence import separated_evidence
+from bgmodel.support.files import check_new, provenance, read_provenance, read_table, write_table
+from bgmodel.support.seeds import stream
+from tests.helpers import long_table
+
+
+@pytest.mark.parametrize("ending", ["parquet", "csv"])
+def test_a_table_reads_back_with_its_provenance(tmp_path, decided_trials, ending):
+    path = write_table(
+        decided_trials, tmp_path / f"t.{ending}", seed=1, delta=np.float64(2), gaps=(1, 2)
+    )
+    about = read_provenance(path)
+    assert about["seed"] == 1
+    assert about["parameters"] == {"delta": 2.0, "gaps": [1, 2]}
+    assert {"bgmodel", "numpy", "python"} <= set(about["versions"])
+    back = read_table(path)
+    assert back["rt"].equals(decided_trials["rt"])
+    first = path.read_bytes()
+    write_table(decided_trials, path, seed=1, delta=np.float64(2), gaps=(1, 2))
+    assert path.read_bytes() == first
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_types_that_only_pandas_knows_come_back(tmp_path):
+    table = pd.DataFrame({"count": pd.array([1, None], dtype="Int64"), "half": [0.5, 1.5]})
+    back = read_table(write_table(table, tmp_path / "t.parquet"))
+    pd.testing.assert_frame_equal(back, table)
+
+
+@dataclass(frozen=True)
+class Asked:
+    level: np.float64
+    place: Path
+
+
+def test_parameters_of_any_kind_are_kept_as_plain_values_and_files_by_name():
+    asked = Asked(np.float64(0.5), Path("/somewhere/mine.csv"))
+    found = provenance(
+        of=asked,
+        more={1: (True, None), "kind": Asked},
+        line=np.array([1, 2]),
+        path=asked.place,
+        whole=np.int64(3),
+    )["parameters"]
+    assert found["of"] == {"kind": "Asked", "level": 0.5, "place": "mine.csv"}
+    assert found["more"] == {"1": [True, None], "kind": str(Asked)}
+    assert (found["line"], found["path"], found["whole"]) == ([1, 2], "mine.csv", 3)
+    assert json.loads(json.dumps(found)) == found
+
+
+def test_a_place_is_taken_by_a_file_or_a_link_to_nothing_unless_by_force(tmp_path):
+    file, link = tmp_path / "file.csv", tmp_path / "link.csv"
+    file.write_text("mine")
+    link.symlink_to(tmp_path / "nothing")
+    for path in (file, link):
+        with pytest.raises(ValueError, match="is there already"):
+            check_new(path)
+        check_new(path, force=True)
+    check_new(tmp_path / "free.csv")
+    check_new(tmp_path / ("y" * 196 + ".csv"))
+    with pytest.raises(ValueError, match="has at most 200 bytes"):
+        check_new(tmp_path / ("y" * 197 + ".csv"))
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, decided_trials, monkeypatch):
+    path = write_table(decided_trials, tmp_path / "t.parquet")
+    before = path.read_bytes()
+    monkeypatch.setattr("pyarrow.parquet.write_table", lambda *a, **k: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_table(decided_trials.head(1), path)
+    assert path.read_bytes() == before
+
+    def half(table, partial, **given):
+        partial.write_text("half")
+        raise OSError("no space")
+
+    monkeypatch.setattr(pd.DataFrame, "to_csv", half)
+    with pytest.raises(OSError, match="no space"):
+        write_table(decided_trials, tmp_path / "u.csv")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["t.parquet"]
+
+
+def test_files_that_are_no_tables_get_one_clear_sentence(tmp_path):
+    good = long_table(separated_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    with pytest.raises(ValueError, match="there is no table"):
+        read_table(tmp_path / "absent.csv")
+    (tmp_path / "cut.parquet").write_bytes(b"PAR1 and no more")
+    with pytest.raises(ValueError, match="can't be read as"):
+        read_table(tmp_path / "cut.parquet")
+    with pytest.raises(ValueError, match=r"\.parquet or \.csv"):
+        write_table(good, tmp_path / "t.xlsx")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match="output folder"):
+        write_table(good, tmp_path / "file" / "t.csv")
+
+
+def test_provenance_never_goes_over_a_file_that_is_none(tmp_path, decided_trials):
+    own = tmp_path / "t.csv.json"
+    for text in ('{"mine": 1}', "no JSON", "[]"):
+        own.write_text(text)
+        with pytest.raises(ValueError, match="holds something else"):
+            write_table(decided_trials, tmp_path / "t.csv")
+        assert own.read_text() == text
+        assert not (tmp_path / "t.csv").exists()
+    own.unlink()
+    (tmp_path / "t.json").write_text("mine too")
+    write_table(decided_trials, tmp_path / "t.csv")
+    write_table(decided_trials, tmp_path / "t.csv", other=1)
+    assert (tmp_path / "t.json").read_text() == "mine too"
+    assert read_provenance(tmp_path / "t.csv")["parameters"] == {"other": 1}

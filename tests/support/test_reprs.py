@@ -1,0 +1,165 @@
+"""What repr and a notebook show of records, and the Axes that their plots return."""
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing, tally
+from bgmodel.deciding.decision import Decision
+from bgmodel.deciding.tradeoff import tradeoff
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.support.reprs import Facts, span
+from circuits.anatomy import load_circuit
+from tests.helpers import some_evidence
+
+EVIDENCE = some_evidence(trials=120, prior=[0.5, 0.3, 0.2], onset_ms=100.0, step_ms=50.0)
+TRACE = Msprt().run(EVIDENCE)
+THRESHOLDS = np.linspace(0.1, 0.6, 5)
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    experiment = replace(Experiment.from_toml("accuracy_threshold"), engine="algebra")
+    return replace(experiment, task=replace(experiment.task, trials=120)).run()
+
+
+@pytest.fixture
+def records(outcome):
+    return [
+        EVIDENCE,
+        TRACE,
+        first_crossing(TRACE, 0.1),
+        first_crossing(TRACE, THRESHOLDS, forced=False),
+        first_crossing(TRACE, 1e-9, forced=False, checked=False),
+        tally(TRACE, EVIDENCE.truth, THRESHOLDS),
+        tradeoff(TRACE, EVIDENCE),
+        BasalGanglia(load_circuit("spiking_msprt"), "ensemble", 0.7, 3, {"workers": 2}),
+        outcome,
+    ]
+
+
+def test_a_record_is_one_short_line_and_a_table_of_the_same_facts(records):
+    for record in records:
+        said, page = repr(record), record._repr_html_()
+        assert len(said) < 260
+        assert "\n" not in said
+        assert "array(" not in said
+        assert page.count("<tr>") == len(record.facts())
+        for name, value in record.facts().items():
+            assert f"{name} {value}" in said
+
+
+def test_of_many_thresholds_trials_are_counted_at_each():
+    decision = first_crossing(TRACE, THRESHOLDS, forced=False)
+    facts = decision.facts()
+    assert facts["thresholds"] == str(len(THRESHOLDS))
+    assert facts["trials"] == str(EVIDENCE.trials)
+    counts = {
+        "undecided": (decision.choice == -1).sum(axis=1),
+        "premature": decision.premature.sum(axis=1),
+        "forced": first_crossing(TRACE, THRESHOLDS).forced.sum(axis=1),
+    }
+    facts["forced"] = first_crossing(TRACE, THRESHOLDS).facts()["forced"]
+    assert counts["forced"].any()
+    for name, count in counts.items():
+        assert facts[name] == span(count, ".0f")
+
+
+def test_what_is_not_known_is_said_and_nothing_is_warned_of(recwarn):
+    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False)
+    assert "mean_time_ms unknown" in repr(blank)
+    assert f"undecided {EVIDENCE.trials}" in repr(blank)
+    assert "truth unknown" in repr(Evidence(np.zeros((2, 3, 2))))
+    assert not recwarn.list
+
+
+def test_evidence_says_by_how_much_the_truth_is_favoured():
+    values = np.zeros((2, 4, 3))
+    values[:, :2, 1] = 0.6
+    drawn = Evidence(values, np.array([1, 1]), lengths=np.array([2, 2]))
+    assert "truth known, favoured by 0.6 nats per reading" in repr(drawn)
+    assert "readings up to 4" in repr(drawn)
+
+
+def test_a_table_of_facts_is_escaped():
+    class Odd(Facts):
+        def facts(self):
+            return {"<b>": "a & b"}
+
+    assert "<th>&lt;b&gt;</th><td>a &amp; b</td>" in Odd()._repr_html_()
+    assert span([np.nan, 2, 1]) == "1 to 2"
+    assert span([3.0, 3.0]) == "3"
+
+
+def test_a_trace_is_drawn_up_to_the_end_of_its_trial():
+    ax = Figure().subplots()
+    short = replace(TRACE, ends=np.full(EVIDENCE.trials, 7))
+    assert short.plot(3, ax) is ax
+    assert len(ax.lines) == 4
+    assert (ax.lines[1].get_ydata() == TRACE.out_nats[3, :7, 1]).all()
+    assert ax.lines[1].get_xdata()[0] == TRACE.time_ms[0] - 100
+    with pytest.raises(ValueError, match=r"trial must lie in 0\.\.119, got 120"):
+        TRACE.plot(120)
+
+
+def test_times_are_drawn_by_choice_and_every_decided_trial_counts():
+    decision = first_crossing(TRACE, 0.05, forced=False)
+    left = int((decision.choice < 0).sum())
+    assert 0 < left < EVIDENCE.trials
+    ax = decision.plot(Figure().subplots())
+    top = ax.containers[-1]
+    height = sum(bar.get_y() + bar.get_height() for bar in top)
+    assert height == EVIDENCE.trials - left
+    assert ax.get_title() == f"{left} of {EVIDENCE.trials} undecided"
+    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False).plot(Figure().subplots())
+    assert blank.get_title() == "120 of 120 undecided"
+
+
+def test_several_thresholds_are_drawn_as_speed_and_accuracy():
+    decision = first_crossing(TRACE, THRESHOLDS)
+    ax = decision.plot(Figure().subplots(), EVIDENCE.truth)
+    counts = tally(TRACE, EVIDENCE.truth, THRESHOLDS)
+    assert ax.lines[0].get_ydata() == pytest.approx(counts.accuracy)
+    assert ax.lines[0].get_xdata() == pytest.approx(counts.mean_steps)
+    with pytest.raises(ValueError, match="several thresholds need the truth"):
+        decision.plot()
+
+
+def test_speed_and_accuracy_are_those_of_decided_trials():
+    """Three thresholds: two of three trials decided, none of them, one alone."""
+    nan = np.nan
+    decision = Decision(
+        choice=np.array([[0, 1, -1], [-1, -1, -1], [0, -1, -1]]),
+        time_ms=np.array([[20.0, 40.0, nan], [nan, nan, nan], [10.0, nan, nan]]),
+        forced=np.zeros((3, 3), bool),
+        premature=np.zeros((3, 3), bool),
+        step_ms=10.0,
+        deadline_ms=np.full(3, 50.0),
+    )
+    line = decision.plot(Figure().subplots(), np.zeros(3, int)).lines[0]
+    assert line.get_xdata().tolist() == [3, 1]
+    assert line.get_ydata().tolist() == [0.5, 1]
+    found = decision.facts()
+    assert (found["thresholds"], found["trials"]) == ("3", "3")
+    assert (found["mean_time_ms"], found["undecided"]) == ("10 to 30", "1 to 3")
+
+
+def test_an_outcome_is_drawn_a_panel_per_measure(outcome):
+    axes = outcome.plot()
+    shown = outcome.measures[outcome.measures["condition"] != "change"]
+    known = shown[shown["value"].notna()]["measure"].unique()
+    assert [ax.get_xlabel() for ax in axes] == list(known)
+    assert all(isinstance(ax, Axes) for ax in axes)
+    labels = [label.get_text() for label in axes[0].get_yticklabels()]
+    assert labels == ["control", "manipulation"]
+    plt.close(axes[0].figure)
+
+
+def test_a_plot_makes_a_figure_of_its_own_where_no_axes_are_given():
+    ax = TRACE.plot()
+    assert ax.figure in map(plt.figure, plt.get_fignums())
+    plt.close(ax.figure)
