@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from circuits.activity import Activity
-from circuits.declaration.spec import NOT_WRITTEN
+from circuits.declaration.table import NOT_WRITTEN
 from circuits.show import text
 
 COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}

@@ -174,7 +174,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     from bgmodel.comparison.compare import checked_accuracies
     from bgmodel.comparison.with_msprt import model_of
     from circuits.anatomy import load_circuit
-    from circuits.declaration.spec import NATS
+    from circuits.declaration.table import NATS
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")

@@ -47,7 +47,8 @@ from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
 from bgmodel.support.seeds import stream
-from circuits.declaration.spec import NATS, Circuit
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
 
 INTACT, AS_EDITED = "intact", "as edited"
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"

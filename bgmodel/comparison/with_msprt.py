@@ -19,7 +19,7 @@ from bgmodel.integrators.basal_ganglia import (
     gain_of,
 )
 from bgmodel.integrators.rivals import RIVALS
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.engines import DROPPING, THREADED
 
 

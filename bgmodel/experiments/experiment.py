@@ -45,7 +45,7 @@ from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.edit_lists import Edits
 from circuits.engines import THREADED
 

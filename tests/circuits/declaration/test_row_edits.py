@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.declaration.courses import Course
-from circuits.declaration.spec import Population, Projection
+from circuits.declaration.rows import Population, Projection
 from circuits.engines import algebra
 
 TABLE = anatomy.spiking_msprt()

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuits import anatomy
+from circuits import anatomy, table_reader
 from circuits.cells import CELLS, Lif, Phase, Rate
-from circuits.declaration import table_files, table_reader
-from circuits.declaration.spec import Population, Projection
+from circuits.declaration import table_files
+from circuits.declaration.rows import Population, Projection
 
 ALL = sorted(anatomy.CIRCUITS)
 NUMBERS = st.floats(-1e6, 1e6)
