@@ -23,8 +23,9 @@ class Circuit(EditableTable):
     """A whole circuit; every engine reads this and nothing else.
 
     It is a mapping of its rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]``
-    a projection. Its fields are those of ``circuits.declaration.table.CircuitTable``, each
-    documented there; every edit is a method that returns a new circuit.
+    a projection. Its fields, each with a description, are those of
+    ``circuits.declaration.table.CircuitTable``. Every edit is a method that returns a new circuit:
+    ``lesion``, ``cut``, ``scale``, ``dopamine``, ``add``, ``edited``, ``compensate`` and others.
     """
 
     def __repr__(self) -> str:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from circuits.cells import Phase
 from circuits.declaration.rows import GABA, Population, Projection
-
-if TYPE_CHECKING:
-    from circuits.declaration.table import CircuitTable
+from circuits.declaration.table import CircuitTable
 
 Row = Population | Projection
 Given = TypeVar("Given")

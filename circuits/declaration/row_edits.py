@@ -26,15 +26,13 @@ import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields, replace
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from circuits.cells import CELLS, Cell
 from circuits.declaration.courses import DOPAMINE, Course
 from circuits.declaration.motifs import MOTIFS, expanded
 from circuits.declaration.rows import WHOLE, Population, Projection
-
-if TYPE_CHECKING:
-    from circuits.declaration.table import CircuitTable
+from circuits.declaration.table import CircuitTable
 
 Row = Population | Projection
 Edited = TypeVar("Edited", Population, Projection, Cell)

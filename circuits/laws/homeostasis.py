@@ -33,16 +33,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from circuits.arrays import Array, Truths
 from circuits.checks import check_number
 from circuits.declaration import transfer
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import rest, rest_rates, solve, wired
 from circuits.dynamics.wiring import Wiring, wire
 
 if TYPE_CHECKING:
-    from circuits.declaration.table import CircuitTable
+    import pandas as pd
 
 SAME_NATS = 1e-12
 """What is nearer to its reference than this, in nats, is left as it is: rounding."""
@@ -174,6 +174,8 @@ def recovery(
 
 
 def _table(names: list[str], course: list[tuple[float, Array, Array]]) -> pd.DataFrame:
+    import pandas as pd  # every circuit imports this module, and few ask for the course
+
     time, hz, bias = (np.array(values) for values in zip(*course, strict=True))
     return pd.DataFrame(
         {
