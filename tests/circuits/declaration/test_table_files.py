@@ -95,6 +95,15 @@ def test_equal_circuits_have_one_hash_and_others_another():
         assert table_files.digest(other) != table_files.digest(circuit)
 
 
+def test_published_rates_are_in_the_file_and_in_no_hash():
+    circuit = anatomy.macaque()
+    bare = [replace(row, published_hz=()) for row in circuit.populations]
+    found = table_reader.parse(table_files.text(circuit), "mine.toml")
+    assert found == circuit
+    assert found.population("STN").published_hz == (15.2, 22.8)
+    assert table_files.digest(replace(circuit, populations=tuple(bare))) == table_files.digest(found)
+
+
 EDITED = {
     "lesion": lambda c: c.lesion("STN", 0.1),
     "scale": lambda c: c.scale("STN", "SNr", 0.5),
