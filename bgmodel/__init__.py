@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
     from circuits.anatomy import load_circuit
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
-    "Circuit": "circuits.declaration.spec",
+    "Circuit": "circuits.circuit",
     "Experiment": "bgmodel.experiments.experiment",
     "Sweep": "bgmodel.sweeps.sweep",
     "compare": "bgmodel.comparison.compare",

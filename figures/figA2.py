@@ -20,8 +20,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.dynamics.fixed_point import resting_hz
 from figures.common import BRIEF, Settings, letter, run
 
 CHANNELS, CONFLICT = 4, 0.9
@@ -156,7 +156,7 @@ def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
     table, trials = load_circuit(DEFAULT, CHANNELS), 2 * settings.circuit_trials
     share = -table.projection("GPe", "STN").weight
     stn = table.population("STN").gain_hz_per_nat
-    rest = CHANNELS * at_rest(table)["STN"] / stn
+    rest = CHANNELS * resting_hz(table)["STN"] / stn
     sigma = np.linspace(0.01, 20 * rest, 20_000)
     needed = np.log(sigma) + share * (sigma - np.log(sigma))
     needed -= np.interp(rest, sigma, needed)

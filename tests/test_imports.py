@@ -95,8 +95,8 @@ SHOW = "import sys, bgmodel.cli\nbgmodel.cli.main(['circuit', 'show'])"
 @pytest.mark.parametrize(
     ("code", "heavy"),
     [
-        ("import sys, bgmodel", HEAVY | {"pandas", "pyarrow", "tyro", "circuits.declaration.spec"}),
-        (HELP, HEAVY | {"pandas", "pyarrow", "circuits.declaration.spec"}),
+        ("import sys, bgmodel", HEAVY | {"pandas", "pyarrow", "tyro", "circuits.circuit"}),
+        (HELP, HEAVY | {"pandas", "pyarrow", "circuits.circuit"}),
         (SHOW, HEAVY),
     ],
     ids=["import bgmodel", "bgmodel --help", "bgmodel circuit show"],

@@ -37,7 +37,7 @@ from bgmodel.tactile.task import (
     held_out_taps,
 )
 from circuits.anatomy import load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 SCORING_SEED = 40_001
 GAIN = 0.5

@@ -23,7 +23,7 @@ from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.engines import NOISY
 
 TIMES = 6

@@ -30,7 +30,8 @@ from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, is_noisy
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import NATS, Circuit
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
 
 SCORING_SEED, TUNING_SEED = 76_001, 76_002
 """Of the trials, and of those on which gains are chosen."""

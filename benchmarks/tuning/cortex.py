@@ -25,7 +25,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 TIMES = 6
 CODES = ((1.6, 27), (1.9, 27), (2.2, 20), (2.2, 30), (2.5, 25))

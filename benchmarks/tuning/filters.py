@@ -29,7 +29,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import thresholds_about
 from circuits.anatomy import load_circuit
 from circuits.arrays import Array
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 ACCURACIES = tuple(np.arange(0.885, 0.98, 0.01).round(3))
 

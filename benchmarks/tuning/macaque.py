@@ -23,7 +23,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import macaque
 from circuits.cells import Phase
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 KERNELS_MS = (16.0, 20.0, 28.0, 32.0)
 READ_OUTS_MS = (20.0, 40.0)

@@ -23,8 +23,8 @@ from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
-from circuits.declaration.spec import Circuit
-from circuits.laws.firing import fit_current
+from circuits.cells.membrane import fit_current
+from circuits.circuit import Circuit
 
 TUNING_SEEDS = (1001, 1002, 1003)
 ACCURACIES = (0.90, 0.93, 0.95, 0.97)

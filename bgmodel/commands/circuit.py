@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.activity import Activity
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 DEFAULT_POSTERIOR = 0.9
 
@@ -74,7 +74,7 @@ class CircuitShow(Writes):
         table = self.edits.apply(load_circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
-            from circuits.show import draw
+            from circuits.plots import draw
 
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
             import matplotlib.pyplot as plt

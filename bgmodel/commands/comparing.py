@@ -175,7 +175,7 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     from bgmodel.comparison.matched import checked_accuracies
     from bgmodel.conditions import Setup
     from bgmodel.integrators.deciding import sample_ms
-    from circuits.declaration.spec import NATS
+    from circuits.declaration.table import NATS
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")

@@ -22,7 +22,7 @@ from bgmodel.support import files
 from circuits.edit_lists import Edits
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 MACAQUE = CircuitName("macaque")
 POPULATION = EngineName("population")
@@ -104,7 +104,7 @@ class CircuitDesigned(Shows):
 
     def _gain(self, table: Circuit) -> float | None:
         """Return the gain, where it counts, and else any."""
-        from circuits.declaration.spec import NATS
+        from circuits.declaration.table import NATS
 
         if self.gain is None and table.default_gain is None and table.unit == NATS:
             return 1.0

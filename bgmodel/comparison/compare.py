@@ -43,7 +43,7 @@ from bgmodel.integrators.deciding import (
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -42,7 +42,7 @@ from bgmodel.integrators.deciding import (
     silent_nats,
 )
 from bgmodel.support.seeds import stream
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 INTACT, AS_EDITED = "intact", "as edited"
 

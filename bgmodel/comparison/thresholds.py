@@ -30,7 +30,8 @@ from bgmodel.integrators.deciding import (
 )
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
-from circuits.declaration.spec import NATS, Circuit
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
 
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 

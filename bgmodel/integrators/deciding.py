@@ -23,7 +23,8 @@ from bgmodel.integrators.basal_ganglia import (
 )
 from bgmodel.integrators.decoder import decoded
 from bgmodel.support.progress import advance
-from circuits.declaration.spec import NATS, Circuit
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
 from circuits.engines import NOISY, THREADED
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"

@@ -9,10 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.integrators.basal_ganglia import (
-    BasalGanglia,
-)
-from circuits.declaration.spec import Circuit
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from circuits.circuit import Circuit
 
 SETTLE_MS = 1500
 """Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""

@@ -23,7 +23,7 @@ from bgmodel.learning.dopamine import (
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 STEPS = {2: 120, 4: 160}
 """Alternatives that are run, and most readings in a trial."""

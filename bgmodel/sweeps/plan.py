@@ -26,8 +26,8 @@ from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
 from circuits.anatomy import load_circuit
+from circuits.circuit import Circuit
 from circuits.declaration.motifs import expanded
-from circuits.declaration.spec import Circuit
 from circuits.edit_lists import ROWS, Edits, with_edits, written
 
 BLOCK = 10_000

@@ -57,11 +57,11 @@ def test_the_package_offers_its_lazy_names_and_loads_them_where_they_are_used():
     assert {"compare", "BasalGanglia"} <= set(bgmodel.__all__) <= set(dir(bgmodel))
     code = (
         "import sys, bgmodel\n"
-        "assert 'pandas' not in sys.modules and 'circuits.declaration.spec' not in sys.modules\n"
+        "assert 'pandas' not in sys.modules and 'circuits.circuit' not in sys.modules\n"
         "dir(bgmodel)\n"
         "assert 'pandas' not in sys.modules\n"
         "from bgmodel import BasalGanglia\n"
-        "assert 'circuits.declaration.spec' in sys.modules\n"
+        "assert 'circuits.circuit' in sys.modules\n"
         "assert not hasattr(bgmodel, 'nothing')\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
