@@ -128,3 +128,17 @@ def test_what_cannot_be_drawn_is_said(activity):
         replace(activity, rates_hz={}).plot(0)
     with pytest.raises(ValueError, match="ax must be 7 Axes, one per panel, got 1"):
         activity.plot(0, Figure().subplots())
+
+
+def test_labelled_arrays_hold_what_the_activity_holds():
+    circuit = anatomy.spiking_msprt(3)
+    activity = run_rate(circuit, evidence(3)[:2, None], step_ms=20.0)
+    found = activity.to_xarray()
+    assert np.array_equal(found.output, activity.output_nats)
+    one = found.rate_hz.sel(nucleus="STN", channel=2, trial=1)
+    assert np.array_equal(one, activity.rates_hz["STN"][1, :, 2])
+    pooled = next(row.name for row in circuit.populations if row.pooled)
+    for channel in range(3):
+        rate = found.rate_hz.sel(nucleus=pooled, channel=channel)
+        assert np.array_equal(rate, activity.rates_hz[pooled][:, :, 0])
+    assert "rate_hz" not in replace(activity, rates_hz={}).to_xarray()
