@@ -23,6 +23,7 @@ from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import load_circuit
 from circuits.declaration.spec import Circuit
+from circuits.engines import Ensemble
 from circuits.laws.firing import fit_current
 
 TUNING_SEEDS = (1001, 1002, 1003)
@@ -104,7 +105,7 @@ def main() -> None:
         print(f"{name}, at rest:\n{at.to_string(index=False, float_format='{:.2f}'.format)}")
     for seed in TUNING_SEEDS:
         evidence = tuning_evidence(given.trials, given.channels, given.d_prime, seed)
-        model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
+        model = BasalGanglia(table, Ensemble(workers=2), gain, seed)
         found = compare_edits(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
         print(f"\nseed {seed}, N = {given.channels}, d' {given.d_prime:g}, {given.trials} trials")
         print(page(found[found["kind"] == "value"].drop(columns="kind")))

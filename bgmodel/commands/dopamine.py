@@ -128,15 +128,14 @@ class CircuitLearn(Writes):
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-        from bgmodel.learning.dopamine import COARSE
         from circuits.anatomy import load_circuit
+        from circuits.engines import engine_of
 
         table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
         say_of_edits(self.edits)
         table.check_nats("a criterion that dopamine sets")
-        options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
-        gain = gain_of(table, self.gain)
-        model = BasalGanglia(table, self.engine, gain, self.seed, options)
+        engine = engine_of(self.engine).coarse()
+        model = BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
         model.warn_beyond_range(evidence)
         return model
 

@@ -53,8 +53,10 @@ class TimedEngineName(EngineName):
 
     @classmethod
     def known(cls) -> tuple[str, ...]:
-        """Return the engines that there are but the algebra."""
-        return tuple(name for name in super().known() if name != "algebra")
+        """Return the engines in which time passes."""
+        from circuits.engines import ENGINES
+
+        return tuple(name for name, kind in ENGINES.items() if kind.timed)
 
 
 MACAQUE = CircuitName("macaque")

@@ -48,6 +48,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
 from bgmodel.support.seeds import stream
 from circuits.declaration.spec import NATS, Circuit
+from circuits.engines import Ensemble
 
 INTACT, AS_EDITED = "intact", "as edited"
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
@@ -452,7 +453,7 @@ def at_rest(circuit: Circuit, *, seed: int, trials: int = 4, seconds: int = 5) -
         cell's inter-spike intervals, mean over cells with ten or more in a trial (NaN without).
     """
     names = tuple(row.name for row in circuit.populations if row.spiking)
-    model = BasalGanglia(circuit, "ensemble", seed=seed, options={"spikes": names})
+    model = BasalGanglia(circuit, Ensemble(spikes=names), seed=seed)
     # The first second is left out: the circuit settles.
     found = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
     rows = []

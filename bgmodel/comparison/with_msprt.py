@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy.typing as npt
 import pandas as pd
@@ -14,13 +13,12 @@ from bgmodel.comparison.compare import ACCURACIES
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
-    check_engine,
     checked_circuit,
     gain_of,
 )
 from bgmodel.integrators.rivals import RIVALS
 from circuits.declaration.spec import Circuit
-from circuits.engines import DROPPING, THREADED
+from circuits.engines import engine_of
 
 
 def compare(
@@ -127,8 +125,5 @@ def model_of(
     engine, gain, seed, workers :
         As for ``compare``.
     """
-    check_engine(engine)
-    options: dict[str, Any] = {"workers": workers} if engine in THREADED else {}
-    if engine in DROPPING:
-        options["sample_ms"] = sample_ms(evidence.step_ms)
-    return BasalGanglia(circuit, engine, gain_of(circuit, gain), seed, options)
+    chosen = engine_of(engine).threads(workers).sampled(sample_ms(evidence.step_ms))
+    return BasalGanglia(circuit, chosen, gain_of(circuit, gain), seed)

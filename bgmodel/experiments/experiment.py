@@ -32,7 +32,6 @@ from bgmodel.integrators.basal_ganglia import (
     BATCH,
     BasalGanglia,
     check_conditions,
-    check_engine,
     check_foreperiod,
     gain_of,
 )
@@ -47,7 +46,7 @@ from bgmodel.tables.trials import Trials, trial_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.declaration.spec import Circuit
 from circuits.edit_lists import Edits
-from circuits.engines import THREADED
+from circuits.engines import engine_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -116,7 +115,7 @@ class Experiment:
         told = [(effect.measure, effect.unit) for effect in self.effects]
         if len(set(told)) < len(told):
             raise ValueError("effects must give a measure in one unit once, got it twice")
-        check_engine(self.engine)
+        engine_of(self.engine)
         check_foreperiod(self.foreperiod_ms)
         self.task.check()
         for condition in (self.control, self.manipulation):
@@ -199,10 +198,7 @@ class Experiment:
         """Return a condition's circuit, with the noise that both have."""
         table = self.table(condition, channels)
         gain = gain_of(table, self.gain)
-        options: dict[str, Any] = {}
-        if self.engine in THREADED:
-            options = {"workers": workers, "rates": False}
-        return BasalGanglia(table, self.engine, gain, self.seed, options)
+        return BasalGanglia(table, engine_of(self.engine).brief(workers), gain, self.seed)
 
     def run(self, *, workers: int = 1, given: Trials | None = None) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
@@ -309,7 +305,7 @@ class Outcome(Facts):
         found = {
             "trials": f"{self.given.evidence.trials} per condition",
             "circuit": model.circuit.name,
-            "engine": model.engine,
+            "engine": model.engine.id,
             "gain": f"{model.gain:g}",
             "posterior": self.experiment.posterior_text(),
             "seed": f"{self.experiment.seed}",

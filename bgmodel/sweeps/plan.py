@@ -18,7 +18,6 @@ from bgmodel.deciding.measures import MEASURES
 from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
     check_conditions,
-    check_engine,
     check_foreperiod,
     gain_of,
     identity,
@@ -33,7 +32,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.declaration.motifs import expanded
 from circuits.declaration.spec import Circuit
 from circuits.edit_lists import ROWS, Edits, with_edits, written
-from circuits.engines import NOISY, THREADED
+from circuits.engines import engine_of
 
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
@@ -67,7 +66,7 @@ class Setting:
     """Of evidence and noise: points with one seed are given the same."""
 
     def __post_init__(self) -> None:
-        check_engine(self.engine)
+        engine_of(self.engine)
         check_foreperiod(self.foreperiod_ms)
         if self.seed < 0:
             raise ValueError(f"seed must be at least 0, got {self.seed}")
@@ -116,9 +115,9 @@ class Setting:
 
     def model(self, seed: int) -> BasalGanglia:
         """Return the circuit with its engine, its gain and the noise of a seed."""
-        options: dict[str, Any] = {"rates": False} if self.engine in THREADED else {}
-        own = seed if self.engine in NOISY else None
-        return BasalGanglia(self.table, self.engine, gain_of(self.table, self.gain), own, options)
+        engine = engine_of(self.engine).brief()
+        own = seed if engine.noisy else None
+        return BasalGanglia(self.table, engine, gain_of(self.table, self.gain), own)
 
     def given(self, first: int, trials: int) -> Trials:
         """Return the trials of a block."""
