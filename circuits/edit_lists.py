@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from circuits.edit_places import RowEdit, channel_of, overlapping, tidied
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
     from circuits.engines import Engine
 
 CUT = "cut "

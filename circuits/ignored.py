@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
-from circuits.declaration.spec import Circuit, Population
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population
 from circuits.engines import Engine
 
 

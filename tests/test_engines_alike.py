@@ -10,7 +10,7 @@ from scipy.special import log_softmax, logsumexp
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.spec import Projection
+from circuits.declaration.rows import Projection
 from circuits.dynamics.ticks import Clock
 from circuits.engines import ENGINES, engine_of, run
 

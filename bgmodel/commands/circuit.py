@@ -21,9 +21,9 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.deciding.decision import Decision
 from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.activity import Activity
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 DEFAULT_POSTERIOR = 0.9
 
@@ -74,7 +74,7 @@ class CircuitShow(Writes):
         table = self.edits.apply(load_circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
-            from circuits.show import draw
+            from circuits.plots import draw
 
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
             import matplotlib.pyplot as plt
@@ -90,10 +90,10 @@ class CircuitShow(Writes):
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthere are no cells that spike")
         elif self.rest:
-            from bgmodel.comparison.circuits import at_rest
+            from bgmodel.integrators.steady import resting_activity
 
             print("\nwithout evidence, 4 trials of 5 s:")
-            found = at_rest(table, seed=0)
+            found = resting_activity(table, seed=0)
             print(found.to_string(index=False, float_format="{:.2f}".format))
         if scatter is not None:
             print(f"\n{scatter}")
@@ -220,7 +220,7 @@ class CircuitRun(Writes):
 
         table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
         say_of_edits(self.edits)
-        engine = engine_of(self.engine).threads(self.workers)
+        engine = engine_of(self.engine).tuned(workers=self.workers)
         return BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
 
     def _say_decided(
@@ -249,6 +249,7 @@ class CircuitRun(Writes):
         check_ending("output", self.output, ".parquet", ".csv")
         self.edits.check_engine(self.engine)
         self.stimuli.check()
+        self.stimuli.check_idle(Stimuli())
         check_whole(workers=self.workers)
         if self.threshold is not None and self.posterior is not None:
             raise ValueError("give posterior or threshold, not both")

@@ -33,7 +33,7 @@ from bgmodel.support.checks import is_whole
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 from circuits.engines import engine_of
 
 __all__ = ["CRITERIA", "NONE", "Axis", "CircuitModel", "Criterion"]
@@ -92,7 +92,7 @@ class CircuitModel:
             raise ValueError(
                 f"choices and times are fitted with two channels, got {self.circuit.channels}"
             )
-        from circuits.declaration.spec import NATS
+        from circuits.declaration.table import NATS
 
         if self.circuit.unit != NATS:
             raise ValueError(
@@ -246,7 +246,7 @@ class CircuitModel:
         """
         model = BasalGanglia(self.at(point), self.engine, seed=self.seed)
         model = model.until(lowest_nats - ROUNDING_NATS)
-        model = replace(model, engine=model.engine.brief(workers=2))
+        model = replace(model, engine=model.engine.tuned(workers=2, rates=False))
         # What takes no time answers a reading at once, and the reading is there at its end.
         late_ms = 0.0 if model.engine.timed else 1000 * BIN_S
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy.typing as npt
 
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.engines.engine import CompiledEngine, Engine, SpikingEngine, TimedEngine
 from circuits.engines.registry import ENGINES, EngineOrName, engine_of, register
 from circuits.engines.shipped import Algebra, Brian2, Ensemble, Plain, Population, Rate

@@ -14,7 +14,7 @@ from circuits.checks import check_time, check_types, is_whole
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 OF_CELLS = ("neurons", "probability", "spread")
 """Fields of rows that act through the number of cells, their connections and their differences."""
@@ -119,16 +119,17 @@ class Engine:
 
     # ---- the same engine with other options; an engine without the option returns itself
 
-    def threads(self, workers: int) -> Self:
-        """Return the engine with so many threads."""
-        return self
+    def tuned(
+        self,
+        *,
+        workers: int | None = None,
+        rates: bool | None = None,
+        sample_ms: float | None = None,
+    ) -> Self:
+        """Return the engine set for many trials: threads, whether rates are kept, and samples.
 
-    def brief(self, workers: int | None = None) -> Self:
-        """Return the engine that keeps no rates, with so many threads if they are given."""
-        return self
-
-    def sampled(self, sample_ms: float) -> Self:
-        """Return the engine that samples OUT at this interval, ms, if it runs many trials."""
+        What is None stays. An engine that is not made for many trials returns itself.
+        """
         return self
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
@@ -252,17 +253,20 @@ class CompiledEngine(TimedEngine):
         if self.drop_below is not None and self.drop_below != self.drop_below:
             raise ValueError("drop_below must be a number, got nan")
 
-    def threads(self, workers: int) -> Self:
-        """Return the engine with so many threads."""
-        return replace(self, workers=workers)
-
-    def brief(self, workers: int | None = None) -> Self:
-        """Return the engine that keeps no rates, with so many threads if they are given."""
-        return replace(self, rates=False, workers=self.workers if workers is None else workers)
-
-    def sampled(self, sample_ms: float) -> Self:
-        """Return the engine that samples OUT at this interval, ms."""
-        return replace(self, sample_ms=sample_ms)
+    def tuned(
+        self,
+        *,
+        workers: int | None = None,
+        rates: bool | None = None,
+        sample_ms: float | None = None,
+    ) -> Self:
+        """Return the engine set for many trials; what is None stays."""
+        return replace(
+            self,
+            workers=self.workers if workers is None else workers,
+            rates=self.rates if rates is None else rates,
+            sample_ms=self.sample_ms if sample_ms is None else sample_ms,
+        )
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
         """Return the engine that drops a trial once its OUT is below a level, nats."""

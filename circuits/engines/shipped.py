@@ -16,7 +16,7 @@ from circuits.engines.engine import (
 from circuits.engines.registry import register
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 LAWS_AT_REST = ("table", "cells", "finite")
 LAWS_OF_RATES = ("lines", "cells")

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme

@@ -18,7 +18,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock

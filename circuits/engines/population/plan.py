@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.declaration.spec import Population
+from circuits.declaration.rows import Population
 from circuits.declaration.transfer import named
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.timed import Timed, timed

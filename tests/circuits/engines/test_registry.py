@@ -114,7 +114,12 @@ def test_what_is_no_engine_is_not_registered(kind, says):
 
 def test_engines_without_an_option_return_themselves():
     engine = Algebra()
-    same = [engine.threads(2), engine.brief(2), engine.sampled(5.0), engine.until(0.1)]
+    same = [
+        engine.tuned(workers=2),
+        engine.tuned(workers=2, rates=False),
+        engine.tuned(sample_ms=5.0),
+        engine.until(0.1),
+    ]
     same += [engine.recording(("STN",)), engine.coarse(), engine.at_rest()]
     assert all(other is engine for other in same)
 

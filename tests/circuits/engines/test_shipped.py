@@ -22,12 +22,12 @@ def test_memory_of_engines_without_cells_is_that_of_what_they_return(name):
     whole = found.output_nats.nbytes + rates * (1 if engine.timed else 1.5)
     assert engine.memory_bytes(TABLE, 3, samples) == whole
     out = found.output_nats.nbytes if engine.drops else whole
-    assert engine.brief(2).memory_bytes(TABLE, 3, samples) == out
+    assert engine.tuned(workers=2, rates=False).memory_bytes(TABLE, 3, samples) == out
 
 
 def test_memory_of_cells_is_that_of_what_each_thread_or_trial_works_in():
     of = {
-        (name, workers): engine_of(name).threads(workers).memory_bytes(TABLE, 10, 50)
+        (name, workers): engine_of(name).tuned(workers=workers).memory_bytes(TABLE, 10, 50)
         for name in ("ensemble", "brian2", "plain", "population")
         for workers in (1, 2)
     }

@@ -7,7 +7,8 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population, Projection
 from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, swept
 from circuits.laws.spectra import out_variance
 from tests.circuits.helpers import creeping, run_algebra, run_ensemble, state

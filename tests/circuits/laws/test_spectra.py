@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.laws.response import phase_spectrum
+from circuits.cells.phase import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
 from tests.circuits.helpers import run_ensemble, state
 

@@ -11,7 +11,8 @@ from scipy.special import log_softmax
 
 from circuits import anatomy
 from circuits.cells import Lif, Phase, Rate
-from circuits.declaration.spec import GABA, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, Population, Projection
 from tests.circuits.helpers import run_brian2, run_plain
 
 # Brian2 2.9 calls pyparsing by its old names.
