@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
@@ -202,7 +202,7 @@ def frontier(settings: Settings, *, output: Path) -> None:
             levels = thresholds_about(test, 0.95)
             own = decide_at_thresholds(model, shown, levels, decoder_tau_ms=None)[CIRCUIT]
             rng = stream(settings.seed, "bootstrap")
-            found = compare(test, own, rng=rng, accuracies=(AT,)).set_index("measure")
+            found = matched_measures(test, own, rng=rng, accuracies=(AT,)).set_index("measure")
             row = found.loc["pearson_r", ["value", "low", "high"]]
             rows.append((gain, channels, "pearson_r", *row))
     table = pd.DataFrame(rows, columns=["gain", "channels", "measure", "value", "low", "high"])

@@ -90,10 +90,10 @@ class CircuitShow(Writes):
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthere are no cells that spike")
         elif self.rest:
-            from bgmodel.comparison.circuits import at_rest
+            from bgmodel.integrators.steady import resting_activity
 
             print("\nwithout evidence, 4 trials of 5 s:")
-            found = at_rest(table, seed=0)
+            found = resting_activity(table, seed=0)
             print(found.to_string(index=False, float_format="{:.2f}".format))
         if scatter is not None:
             print(f"\n{scatter}")

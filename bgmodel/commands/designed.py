@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,25 +66,27 @@ class CircuitDesigned(Shows):
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.comparison import designed
-        from bgmodel.comparison.with_msprt import model_of
+        from bgmodel.conditions import Setup
         from bgmodel.integrators.basal_ganglia import identity
-        from circuits.anatomy import load_circuit
+        from bgmodel.integrators.deciding import sample_ms
 
         self._check()
         channels = self.channels
         if channels is None and not self.circuit.endswith(".toml"):
             channels = CHANNELS
-        table = self.edits.apply(load_circuit(self.circuit, channels))
-        say_of_edits(self.edits)
-        every = designed.designs(table.channels)
-        model = model_of(
-            table,
-            every[0].evidence(1),
+        setup = Setup(
+            circuit=self.circuit,
+            edits=self.edits,
             engine=self.engine,
-            gain=self._gain(table),
+            gain=self.gain,
             seed=self.seed,
-            workers=self.workers,
         )
+        table = setup.table(channels)
+        say_of_edits(self.edits)
+        setup = replace(setup, gain=self._gain(table))
+        every = designed.designs(table.channels)
+        step_ms = every[0].evidence(1).step_ms
+        model = setup.model(channels, workers=self.workers, sample_ms=sample_ms(step_ms))
         trials, readings = designed.size(model, self.thresholds, self.trials)
         given = every[0].evidence(readings, trials=trials)
         say_before("designed trials:", model.until(0.0), given, runs=len(every))

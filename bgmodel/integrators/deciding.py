@@ -37,6 +37,11 @@ BELOW_NATS = 0.04
 """How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
 
 
+def sample_ms(step_ms: float) -> float:
+    """Return the time between samples of OUT: 1 ms, or a fiftieth of slow readings."""
+    return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
+
+
 def thresholds_about(
     test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
 ) -> npt.NDArray[np.float64]:

@@ -101,7 +101,9 @@ def test_published_rates_are_in_the_file_and_in_no_hash():
     found = table_reader.parse(table_files.text(circuit), "mine.toml")
     assert found == circuit
     assert found.population("STN").published_hz == (15.2, 22.8)
-    assert table_files.digest(replace(circuit, populations=tuple(bare))) == table_files.digest(found)
+    assert table_files.digest(replace(circuit, populations=tuple(bare))) == table_files.digest(
+        found
+    )
 
 
 EDITED = {
