@@ -104,7 +104,7 @@ def test_a_table_of_evidence_is_read(tmp_path):
         (lambda: Edits(without="STN=0.1"), r'without is a list of edits, such as \["STN=0.1"\]'),
         (lambda: bg.load_circuit("monkey"), "macaque"),
         (lambda: bg.load_circuit(3), "circuit"),
-        (lambda: bg.BasalGanglia("monkey"), "macaque"),
+        (lambda: bg.BasalGanglia("monkey", "algebra"), "macaque"),
         (lambda: bg.Msprt().decide("a", posterior=0.9), "vidence"),
         (lambda: bg.Msprt().decide(bg.gaussian_evidence(5, seed=1), posterior=2.0), "posterior"),
         (lambda: bg.Msprt(gain=0), "gain"),

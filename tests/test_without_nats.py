@@ -28,7 +28,7 @@ def test_what_needs_nats_is_refused_without_them():
         lambda: dopamine.decided_out(circuit, 1.0, 1.0),
         lambda: dopamine.working_range(circuit, 0.1),
         lambda: dopamine.criterion(circuit, 1.0, 0.1, 1.0),
-        lambda: dopamine.usable_range(BasalGanglia(circuit), 0.1),
+        lambda: dopamine.usable_range(BasalGanglia(circuit, "algebra", 1.0), 0.1),
     ):
         with pytest.raises(ValueError, match=r"gpr works in salience, not nats: .* has no meaning"):
             refused()

@@ -120,7 +120,7 @@ def test_a_posterior_is_the_threshold_that_it_stands_for(posterior):
 
 def test_a_posterior_needs_an_out_that_stands_for_one():
     trace = TRACES["MSPRT"]
-    salience = BasalGanglia("gpr").run(EVIDENCE)
+    salience = BasalGanglia("gpr", "algebra", 1.0).run(EVIDENCE)
     for call in (
         lambda: first_crossing(trace),
         lambda: first_crossing(trace, 0.2, posterior=0.9),
