@@ -20,6 +20,7 @@ from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, outcomes
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, PERCENT, WITHOUT
 from bgmodel.support.files import read_table, write_table
+from circuits.engines import engine_of
 from figures.common import FULL, Settings, run, say_if_older
 
 AGREE, NOT = "C2", "C1"
@@ -113,7 +114,7 @@ def _at(ax: plt.Axes, side: str, **more) -> dict:
 
 def _marks(ax: plt.Axes, k: int, row: dict) -> None:
     """Draw the published number at the top of a row, the model's below it."""
-    spikes = row["engine"] == "ensemble"
+    spikes = engine_of(row["engine"]).spiking
     if not spikes and np.isfinite(row["published"]):
         _interval(ax, k - 0.22, row, "published", color="k", marker="s")
     colour = COLOUR.get(row["comparison"], "0.45")

@@ -81,5 +81,5 @@ def test_a_recipe_works_as_it_stands(recipe, tmp_path):
 
 
 def test_every_kind_of_thing_has_its_recipe():
-    kinds = ("law of cells", "transfer", "table", "rival", "task", "experiment", "figure")
-    assert list(RECIPES) == [f"A{'n' if kind == 'experiment' else ''} {kind}" for kind in kinds]
+    kinds = ("law of cells", "transfer", "engine", "table", "rival", "task", "experiment", "figure")
+    assert list(RECIPES) == [f"A{'n' if kind[0] == 'e' else ''} {kind}" for kind in kinds]

@@ -35,8 +35,7 @@ try:
     from circuits.activity import RateMeans, checked_drive, warn_beyond_range
     from circuits.anatomy import load_circuit as named
     from circuits.circuit import Circuit
-    from circuits.engines import EngineOrName
-    from circuits.engines import run as run_engine
+    from circuits.engines import Algebra, EngineOrName
     from circuits.ignored import ignored_edits
 except ImportError as error:
     raise explained(error) from error
@@ -51,8 +50,6 @@ WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
 """
 ROUNDING_NATS = 0.01
 """How far below its threshold a trial is dropped."""
-SETTLE_MS = 300.0
-"""Time at rest before each trial in the engines that need it, ms, unless an option says so."""
 LEAD_MS = 100.0
 """Time per which a circuit states the largest lead that it follows, ms."""
 REFUSED_TIMES = 8.0
@@ -492,7 +489,7 @@ def rest_out(circuit: Circuit) -> float:
     """
     try:
         silence = np.zeros((1, 1, circuit.channels))
-        found = run_engine(circuit.steady, silence, engine="algebra", step_ms=1.0).output_nats.min()
+        found = Algebra().run(circuit.steady, silence, step_ms=1.0).output_nats.min()
     except ValueError:
         return np.inf  # Without a state of rest there is nothing to compare with.
     return float(found)
