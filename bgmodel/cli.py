@@ -33,6 +33,7 @@ from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.support.import_guard import explained
 from bgmodel.version import __version__
+from circuits.declaration.edits import Edits
 
 ABOUT = (
     "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw. "
@@ -101,7 +102,10 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
 
     Asking for help ends the program, as tyro does it.
     """
-    _check_named(sys.argv[1:] if arguments is None else arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    _check_named(given)
+    if [word.partition("=")[0] for word in given].count("--edit") > 1:
+        raise ValueError("--edit is given twice: write all edits after one --edit")
     printed = io.StringIO()
     try:
         with redirect_stderr(printed):
@@ -139,7 +143,7 @@ def _check_named(arguments: Sequence[str]) -> None:
 
 
 def _registry() -> ConstructorRegistry:
-    """Return tyro's rules and two more: a whole number may be written 1e5; names are listed."""
+    """Return tyro's rules and more: of whole numbers such as 1e5, of names, and of edits."""
     registry = ConstructorRegistry()
 
     @registry.primitive_rule
@@ -165,6 +169,18 @@ def _registry() -> ConstructorRegistry:
             instance_from_str=lambda given: kind.parse(given[0]),
             is_instance=lambda value: isinstance(value, str),
             str_from_instance=lambda value: [str(value)],
+        )
+
+    @registry.primitive_rule
+    def edits(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Edits] | None:
+        if info.type is not Edits:
+            return None
+        return PrimitiveConstructorSpec(
+            nargs="*",
+            metavar="EDIT [EDIT ...]",
+            instance_from_str=Edits,
+            is_instance=lambda value: isinstance(value, Edits),
+            str_from_instance=list,
         )
 
     return registry

@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from circuits.cells import CELLS
+from circuits.declaration.edits import VERBS, Edits
 from circuits.declaration.spec import Circuit, Population
 from circuits.engines import NOISY
 
@@ -23,6 +24,16 @@ def ignores(engine: str, field: str) -> bool:
     of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
     of_cells = field.startswith("cell.") and field not in of_rates
     return of_cells or field in OF_SPIKES or (engine == "algebra" and field in OF_TIME)
+
+
+def check_edits(edits: Edits, engine: str) -> None:
+    """Raise ValueError for the edit of a field that an engine makes no use of."""
+    for edit in edits.parsed():
+        if ignores(engine, edit.field or VERBS[edit.verb].changes):
+            raise ValueError(
+                f"{edit.text!r} says nothing to the {engine} engine: take another engine, such as "
+                "population"
+            )
 
 
 def ignored_edits(circuit: Circuit, engine: str) -> list[str]:

@@ -53,7 +53,7 @@ def driven_alike(engine: str, settings: Settings) -> pd.DataFrame:
         Columns what (the engine), s_nats, sigma_nats, gpe_nats, heard_nats (what SNr hears of STN
         and GPe), all above rest but Sigma, and their standard errors over trials.
     """
-    held = CIRCUIT.lesion("GPe_ctx", replaced=True).lesion("D2", replaced=True)
+    held = CIRCUIT.clamp("GPe_ctx").clamp("D2")
     drive = np.repeat(COMMON_NATS[:, None, None], HELD_S, axis=1) * np.ones(CIRCUIT.channels)
     trials = settings.repeats if engine == "ensemble" else 1
     given = {"seed": settings.seed} if engine == "ensemble" else {}

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import tyro
+from circuits.edit_lists import Edits
 
 import bgmodel
 from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.cli import CIRCUIT, COMMANDS, choices, main, parsed
 from bgmodel.support.files import read_provenance, read_table
-from circuits.edit_lists import Edits
 from tests.helpers import run
 
 

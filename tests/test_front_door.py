@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from circuits.edit_lists import Edits
 
 import bgmodel as bg
 from bgmodel.stimuli import Stimuli
-from circuits.edit_lists import Edits
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 

@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from circuits.edit_lists import Edits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,7 +17,6 @@ from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import digest
-from circuits.edit_lists import Edits
 
 FRACTIONS = st.sampled_from([0, 0.1, 0.25, 0.5])
 FACTORS = st.sampled_from([0, 0.5, 0.9, 1, 1.2])

@@ -7,7 +7,7 @@ and, before anything is run, which measure goes which way by how much at least.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -45,9 +45,10 @@ from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.edits import Edits
 from circuits.declaration.spec import Circuit
-from circuits.edit_lists import Edits
 from circuits.engines import THREADED
+from circuits.ignored import check_edits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,9 +70,13 @@ RENAMED = {
 
 
 @dataclass(frozen=True)
-class Condition(Edits):
-    """What a condition edits; nothing unless it is said."""
+class Condition:
+    """What differs from the table, and the instruction; nothing unless it is given."""
 
+    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
+
+    edits: Edits = field(default_factory=Edits)
+    """Differences from the table, one line each."""
     posterior: float | None = None
     """Posterior at which it decides, if it is another one: an instruction."""
 
@@ -120,7 +125,7 @@ class Experiment:
         check_foreperiod(self.foreperiod_ms)
         self.task.check()
         for condition in (self.control, self.manipulation):
-            condition.check_engine(self.engine)
+            check_edits(condition.edits, self.engine)
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
             for condition in (self.control, self.manipulation):
@@ -191,7 +196,7 @@ class Experiment:
 
     def table(self, condition: Condition, channels: int) -> Circuit:
         """Return a condition's circuit, for so many alternatives."""
-        table = condition.apply(load_circuit(self.circuit, channels))
+        table = load_circuit(self.circuit, channels).edited(*condition.edits)
         table.check_nats("an experiment's criterion at a posterior")
         return table
 

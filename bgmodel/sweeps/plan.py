@@ -30,10 +30,10 @@ from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.motifs import expanded
+from circuits.declaration.edits import VERBS, Edits, parsed
 from circuits.declaration.spec import Circuit
-from circuits.edit_lists import ROWS, Edits, with_edits, written
 from circuits.engines import NOISY, THREADED
+from circuits.ignored import check_edits
 
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
@@ -52,7 +52,7 @@ class Setting:
     task: Stimuli = field(default_factory=lambda: Stimuli(trials=1000))
     """What is decided; `trials` at each point."""
     edits: Edits = field(default_factory=Edits)
-    """Differences from the table."""
+    """Differences from the table, one line each."""
     circuit: str = DEFAULT
     """Name of the table, or the path of a .toml file, as seen from the sweep's."""
     engine: str = "population"
@@ -72,7 +72,7 @@ class Setting:
         if self.seed < 0:
             raise ValueError(f"seed must be at least 0, got {self.seed}")
         self.task.check(Stimuli(trials=self.task.trials))
-        self.edits.check_engine(self.engine)
+        check_edits(self.edits, self.engine)
 
     @property
     def hypotheses(self) -> int:
@@ -101,7 +101,7 @@ class Setting:
     @cached_property
     def table(self) -> Circuit:
         """The circuit as edited."""
-        table = self.edits.apply(load_circuit(self.circuit, self.hypotheses))
+        table = load_circuit(self.circuit, self.hypotheses).edited(*self.edits)
         table.check_nats("a sweep's criterion at a posterior")
         return table
 
@@ -142,12 +142,6 @@ class Setting:
 
 
 OWN = tuple(f.name for f in fields(Setting) if f.name not in ("task", "edits"))
-OF_EDITS = tuple(f.name for f in fields(Edits) if f.name not in ROWS)
-
-
-@cache
-def _nuclei(name: str) -> set[str]:
-    return {row.name for row in load_circuit(name).populations}
 
 
 @cache
@@ -199,10 +193,10 @@ class Plan(Setting):
     """A sweep: what is the same everywhere, and what changes from point to point.
 
     A key of ``grid`` or ``points`` is a field of ``Setting``, a field of its task as
-    ``task.d_prime``, or the left side of an edit as everywhere else: ``STN`` is lesioned by a
-    fraction, ``STN->GPe`` scaled, ``STN.bias_nats`` changed, ``dopamine`` set; ``rebound SNr``
-    lets SNr recover to rest above its old rate. It replaces the same edit in ``edits``; an edit
-    that it would only add to, such as a factor on a weight, is refused.
+    ``task.d_prime``, or an edit without its value: ``lesion STN``, ``scale STN->GPe``,
+    ``set STN.bias_nats``, ``dopamine``. It replaces the same edit in ``edits``; an edit that it
+    would only add to, such as a factor on a weight that is set, is refused. The values of a key
+    that is an edit by itself may be true and false: the edit is made, or not.
     """
 
     name: str = ""
@@ -270,27 +264,8 @@ class Plan(Setting):
 
 def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting:
     owner = f"the point {point_text(point)}"
-    values = asdict(same)
-    edits = []
-    for key, value in point.items():
-        key = key.strip()
-        if key == "circuit":
-            value = circuit_seen_from(folder, str(value))
-        elif key == "task.evidence":
-            value = str(folder / str(value))
-        if key.startswith(TASK):
-            values["task"][key.removeprefix(TASK)] = value
-        elif key in OWN:
-            values[key] = value
-        elif key in OF_EDITS:
-            values["edits"][key] = value
-        else:
-            edits.append(f"{key}={value}")
-    if values["task"]["evidence"] is not None:
-        values["task"]["evidence"] = str(values["task"]["evidence"])
     try:
-        # With the circuit of the point, whatever comes first.
-        values["edits"] |= _edited(same.edits, edits, str(values["circuit"]))
+        values = _values(same, point, folder)
     except ValueError as error:
         raise ValueError(f"{owner}: {error}") from None
     found = toml_files.decoded(values, Setting, owner)
@@ -301,22 +276,48 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
     return found
 
 
-def _edited(edits: Edits, texts: list[str], name: str) -> dict[str, Any]:
-    """Return the edits of rows of a point: the plan's, those that it names replaced."""
-    rows = expanded(load_circuit(name), edits.add)
-    added = {row.split()[0] if isinstance(row, str) else row.name for row in rows}
-    for text in texts:
-        place = text.partition("=")[0]
-        if written(text).without and place.partition("[")[0].strip() not in _nuclei(name) | added:
-            of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
-            nuclei = ", ".join(sorted(_nuclei(name)))
-            raise ValueError(
-                f"there is no {place!r} to change; there are {', '.join((*OWN, *of_task))}, "
-                f"{', '.join(OF_EDITS)}, the nuclei {nuclei}, and edits such as "
-                "STN->GPe or STN.bias_nats"
-            )
-    found = with_edits(edits, texts)
-    return {name: getattr(found, name) for name in ROWS}
+def _values(same: Setting, point: Mapping[str, Value], folder: Path) -> dict[str, Any]:
+    """Return the fields of a point, as a file has them."""
+    values = asdict(same)
+    made: list[str] = []
+    left_out: list[str] = []
+    for key, value in point.items():
+        key = key.strip()
+        if key == "circuit":
+            value = circuit_seen_from(folder, str(value))
+        elif key == "task.evidence":
+            value = str(folder / str(value))
+        if key.startswith(TASK):
+            values["task"][key.removeprefix(TASK)] = value
+        elif key in OWN:
+            values[key] = value
+        elif isinstance(value, bool) and _is_whole(key):
+            (made if value else left_out).append(key)
+        else:
+            made.append(_line(key, value))
+    if values["task"]["evidence"] is not None:
+        values["task"]["evidence"] = str(values["task"]["evidence"])
+    return values | {"edits": same.edits.replacing(made, left_out)}
+
+
+def _is_whole(key: str) -> bool:
+    """Whether a key is an edit by itself, such as "compensate" or "lesion STN"."""
+    try:
+        return bool(parsed(key))
+    except ValueError:
+        return False
+
+
+def _line(key: str, value: Value) -> str:
+    """Return the edit of a key and its value; ValueError if it begins with no verb."""
+    verb = key.partition(" ")[0]
+    if verb not in VERBS:
+        of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
+        raise ValueError(
+            f"there is no {key!r} to change; there are {', '.join((*OWN, *of_task))}, and edits, "
+            f"which begin with {', '.join(VERBS)}, such as 'lesion STN'"
+        )
+    return f"{key}{'=' if verb == 'add' else ' '}{value}"
 
 
 def point_text(point: Mapping[str, Value]) -> str:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.checks import check_channels, check_number, check_types
 from circuits.declaration.courses import DOPAMINE, Course, extremes
+from circuits.declaration.edits import VERBS, Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
 from circuits.declaration.rows import (
     GABA,
@@ -372,25 +373,61 @@ class Circuit(Mapping[str, "Population | Projection"]):
         row = self.projection(source, target)
         return self._with(with_fields(row, fields, row.name))
 
-    def edited(self, *changes: str) -> Circuit:
-        """Return the circuit with fields changed by text, all at once.
+    def set(self, field: str, value: object) -> Circuit:
+        """Return the circuit with one field of a row, or of its cells, set to another value.
 
-        ``circuit.edited("STN.bias_nats=-2.3", "STN.cell.cv=0.2", "STN->GPe.delay_ms=4")``: the
-        forms are those of ``circuits.declaration.row_edits``. ValueError names the change as it
-        was written.
+        Parameters
+        ----------
+        field : str
+            ``"STN.bias_nats"``, ``"STN.cell.cv"`` or ``"STN->GPe.delay_ms"``.
+        value : number, str or sequence
+            Its new value.
+
+        Raises
+        ------
+        ValueError
+            For an unknown row or field, with those that there are, or an impossible value.
         """
-        rows = changed_rows(self, changes)
-        with naming(*changes):
-            return self._with(*rows)
+        text = ",".join(map(str, value)) if isinstance(value, (tuple, list)) else str(value)
+        return self.edited(f"set {field}={text}")
 
-    def lesion(
-        self,
-        name: str,
-        fraction: float = 1.0,
-        *,
-        replaced: bool = False,
-        channel: int | None = None,
-    ) -> Circuit:
+    def edited(self, *lines: str) -> Circuit:
+        """Return the circuit with edits that are written as text.
+
+        ``circuit.edited("lesion STN 10%", "set STN->GPe.delay_ms 4", "dopamine 0.9")``: the
+        grammar is that of ``circuits.declaration.edits``. The order of the lines does not matter.
+
+        Raises
+        ------
+        ValueError
+            One sentence with the edit as it was written and what is allowed.
+        """
+        edits = Edits(lines)
+        added, keep_rest = edits.of("add"), bool(edits.of("keep"))
+        if keep_rest and not added:
+            raise ValueError("'keep rest' is for rows that are added: add one")
+        circuit = self._called(edits.of("neurons", "connections", "spread"))
+        circuit = circuit.add(*(str(edit.value) for edit in added), keep_rest=keep_rest)
+        fields = edits.of("set")
+        rows = changed_rows(circuit, fields)
+        with naming(*(edit.text for edit in fields)):
+            circuit = circuit._with(*rows)
+        circuit = circuit._called(edits.of("lesion", "clamp", "cut", "scale", "dopamine"))
+        if not edits.compensates:
+            return circuit
+        rebound = {edit.row: float(edit.value) for edit in edits.of("rebound")}
+        return circuit.compensate(self, rebound_nats=rebound)
+
+    def _called(self, edits: Iterable[Edit]) -> Circuit:
+        """Return the circuit after edits that are made by a method each, one after another."""
+        circuit = self
+        for edit in edits:
+            channel = {} if edit.channel is None else {"channel": edit.channel}
+            with naming(edit.text):
+                circuit = getattr(circuit, VERBS[edit.verb].method)(*edit.arguments, **channel)
+        return circuit
+
+    def lesion(self, name: str, fraction: float = 1.0, *, channel: int | None = None) -> Circuit:
         """Return the circuit with a fraction of a nucleus lesioned.
 
         Its rate is scaled in all that it reaches, tone included; its own cells are still shown, for
@@ -402,8 +439,6 @@ class Circuit(Mapping[str, "Population | Projection"]):
             The nucleus.
         fraction : float
             Lost part, 0..1.
-        replaced : bool
-            Whether its targets get the lost output back as a constant: its rate at rest.
         channel : int, optional
             The channel in which it is lost; all if left out.
 
@@ -411,16 +446,28 @@ class Circuit(Mapping[str, "Population | Projection"]):
         ------
         ValueError
             For an unknown nucleus or channel, a fraction out of range, the input or the read-out
-            itself, or, in one channel, a pooled nucleus.
+            itself, a clamped nucleus, or, in one channel, a pooled nucleus.
         """
+        return self._lost(name, fraction, channel, clamped=False)
+
+    def clamp(self, name: str, fraction: float = 1.0, *, channel: int | None = None) -> Circuit:
+        """Return the circuit with a fraction of a nucleus's output held at its resting rate.
+
+        It is a lesion after which the targets receive the lost output back as a constant. The
+        parameters and errors are those of ``lesion``.
+        """
+        return self._lost(name, fraction, channel, clamped=True)
+
+    def _lost(self, name: str, fraction: float, channel: int | None, *, clamped: bool) -> Circuit:
         row = self.population(name)
         if name in (self.input, self.readout):
             raise ValueError(
                 f"{name} is the {'input' if name == self.input else 'read-out'}: without it "
                 "nothing is decided"
             )
-        if (self.intact_of(name) < 1).any() and row.replaced != replaced:
-            raise ValueError(f"{name} is lesioned already, its output replaced: {row.replaced}")
+        if (self.intact_of(name) < 1).any() and row.clamped != clamped:
+            there = "clamped" if row.clamped else "lesioned"
+            raise ValueError(f"{name} is {there} already: it can't be both lesioned and clamped")
         check_number("fraction", fraction)
         if not 0 <= fraction <= 1:
             raise ValueError(f"fraction must lie in 0..1, got {fraction}")
@@ -429,10 +476,10 @@ class Circuit(Mapping[str, "Population | Projection"]):
         if fraction == 0:
             return self
         if channel is None:
-            return self.with_population(name, intact=row.intact * (1 - fraction), replaced=replaced)
+            return self.with_population(name, intact=row.intact * (1 - fraction), clamped=clamped)
         left = list(row.intact_by_channel or (1.0,) * self.channels)
         left[int(channel)] *= 1 - fraction
-        return self.with_population(name, intact_by_channel=tuple(left), replaced=replaced)
+        return self.with_population(name, intact_by_channel=tuple(left), clamped=clamped)
 
     def _check_own_channel(self, row: Population, channel: int) -> None:
         if row.pooled:
@@ -464,7 +511,7 @@ class Circuit(Mapping[str, "Population | Projection"]):
         Raises
         ------
         ValueError
-            Without a reference where there is no lesion, for a lesion whose output is replaced, an
+            Without a reference where there is no lesion, for a nucleus that is clamped, an
             unknown population, a rate that a population cannot have, or channels that would need
             different biases.
         """

@@ -8,6 +8,7 @@ from dataclasses import MISSING, fields, replace
 import numpy as np
 import pandas as pd
 import pytest
+from circuits.edit_lists import Edits
 
 from bgmodel import stream
 from bgmodel.deciding.measures import MEASURES
@@ -18,7 +19,6 @@ from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Ef
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
-from circuits.edit_lists import Edits
 from tests.helpers import GOOD, ROOT, behaving, run
 
 EFFECT = """[[effects]]

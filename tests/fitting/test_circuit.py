@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from circuits.edit_lists import written
 
 from bgmodel.fitting import circuit as module
 from bgmodel.fitting.circuit import CRITERIA, Axis, CircuitModel, Criterion
@@ -11,7 +12,6 @@ from bgmodel.fitting.crossings import Crossings, simulated
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from circuits.anatomy import load_circuit
-from circuits.edit_lists import written
 from tests.drawn import GAIN, ideal
 
 MACAQUE = load_circuit("macaque", 2)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from circuits.edit_lists import written
 
 from bgmodel.fitting.criteria import CRITERIA, NONE
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import digest
-from circuits.edit_lists import written
 
 MACAQUE = load_circuit("macaque", 2)
 OPEN = [name for name, each in CRITERIA.items() if each.axes]

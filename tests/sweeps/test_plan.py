@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from circuits.edit_lists import Edits
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -12,7 +13,6 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps.plan import BLOCK, Plan, Setting, read_plan
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import write
-from circuits.edit_lists import Edits
 from tests.helpers import long_table, some_evidence
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from circuits.edit_lists import Edits
 
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import separated_evidence
@@ -10,7 +11,6 @@ from bgmodel.support.seeds import stream
 from circuits import anatomy
 from circuits.anatomy.printed_rates import MACAQUE, at_rest
 from circuits.declaration.motifs import MOTIFS
-from circuits.edit_lists import Edits
 from circuits.show import ASSUMED
 
 CORTEX = ("ctx", "ctx_inh")

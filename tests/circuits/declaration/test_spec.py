@@ -19,7 +19,7 @@ from circuits.engines import algebra
 
 EDITS = {
     "lesion": lambda c: c.lesion("STN", 0.3),
-    "replaced lesion": lambda c: c.lesion("GPe", replaced=True),
+    "replaced lesion": lambda c: c.clamp("GPe"),
     "weight": lambda c: c.scale("STN", "GPe", 0.5),
     "axons": lambda c: c.cut("STN", "GPe", 0.5),
     "axons of one channel": lambda c: c.cut("D1", "SNr", 0.5, channel=1),
@@ -141,11 +141,11 @@ def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
 
 def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes():
     table = anatomy.spiking_msprt(2)
-    lost = table.lesion("GPe", channel=0, replaced=True)
+    lost = table.clamp("GPe", channel=0)
     np.testing.assert_allclose(rest_rates(wired(lost)), rest_rates(wired(table)), atol=1e-9)
     with pytest.raises(ValueError, match="GPe is lesioned already, its output replaced: True"):
         lost.lesion("GPe", 0.5)
-    assert lost.lesion("GPe", channel=1, replaced=True).unlesioned == table
+    assert lost.clamp("GPe", channel=1).unlesioned == table
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ NAMES = st.from_regex(r"[^\s\[\]=/>]{1,8}", fullmatch=True).filter(
 )
 EDITS = [
     st.builds(lambda x: lambda c: c.lesion("STN", x), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.lesion("GPe", x, replaced=True), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.clamp("GPe", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.scale("D1", "SNr", x, 1), st.floats(0.01, 9)),
     st.builds(lambda x: lambda c: c.cut("GPe", "STN", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.cut("D1", "SNr", x, 1), st.floats(0, 0.99)),
