@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import tyro
-from circuits.edit_lists import Edits
 
 import bgmodel
 from bgmodel import Evidence, Msprt, first_crossing
@@ -119,7 +118,7 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["decide", "out.csv", "--evidence", "x.csv", "--seed", "-1"], "seed must be a whole"),
         (["learn", "out.csv", "--learner.episodes", "200"], "--learner: episodes must be at least"),
         (
-            ["circuit", "run", "out.csv", "--engine", "rate", "--edits.neurons", "3"],
+            ["circuit", "run", "out.csv", "--engine", "rate", "--edit", "neurons 3"],
             "neurons is of cells, it says nothing to the rate engine",
         ),
         (["decide", "out.csv", "--posterior", "0.5"], "posterior must lie between chance, 0.5"),
@@ -137,13 +136,13 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["learn", "out.csv", "--runs", "1e9"], "of memory"),
         (["simulate", "taps.npz", "--taps", "1e12"], "of memory"),
         (["circuit", "run", "out.csv", "--trials", "1e12"], "of memory"),
-        (["circuit", "run", "out.csv", "--edits.neurons", "1e9", "--trials", "2"], "of memory"),
-        (["circuit", "run", "out.csv", "--edits.neurons", "1e12"], "neurons must be"),
+        (["circuit", "run", "out.csv", "--edit", "neurons 1e9", "--trials", "2"], "of memory"),
+        (["circuit", "run", "out.csv", "--edit", "neurons 1e12"], "neurons must be"),
         (["circuit", "run", "out.csv", "--gain", "0"], "gain must be > 0"),
         (["circuit", "run", "out.csv", "--gain", "inf"], "gain must be > 0 and finite"),
         (["circuit", "run", "out.csv", "--posterior", ".4"], "posterior must lie between chance"),
         (["circuit", "run", "out.csv", "--channels", "0"], "channels must be at least 2, got 0"),
-        (["circuit", "run", "out.csv", "--edits.spread", "5"], "spread must lie in 0..1, got 5"),
+        (["circuit", "run", "out.csv", "--edit", "spread 5"], "spread must lie in 0..1, got 5"),
         (["circuit", "show", "--channels", "0"], "channels must be a whole number >= 2, got 0"),
         (["decide", "."], "is a folder"),
     ],
@@ -186,7 +185,7 @@ def test_options_say_what_they_are():
             if field.name not in ("network", "tol", "stored_dx_mm", "skin"):
                 assert any(word in after for word in sourced), f"{kind.__name__}.{field.name}"
     plain = [kind for kind in COMMANDS.values() if not isinstance(kind, tuple)]
-    kinds = (*plain, *CIRCUIT.values(), Edits, GaussianPolicy, BernoulliPolicy)
+    kinds = (*plain, *CIRCUIT.values(), GaussianPolicy, BernoulliPolicy)
     assert all(is_dataclass(kind) for kind in kinds)
 
 

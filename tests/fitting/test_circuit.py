@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from circuits.edit_lists import written
 
 from bgmodel.fitting import circuit as module
 from bgmodel.fitting.circuit import CRITERIA, Axis, CircuitModel, Criterion
@@ -61,7 +60,7 @@ def test_the_same_seed_writes_the_same_bytes(kept, tmp_path):
 @pytest.mark.parametrize(
     "changed",
     [
-        {"circuit": written("dopamine=1.1").apply(MACAQUE)},
+        {"circuit": MACAQUE.dopamine(1.1)},
         {"circuit": load_circuit("spiking_msprt", 2)},
         {"seed": 5},
         {"trials": 17},
