@@ -265,7 +265,7 @@ def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_p
     ):
         (found,) = points(tmp_path, text)
         assert found.circuit == str(tmp_path / "mine.toml")
-    with pytest.raises(ValueError, match="there is has no nucleus 'TRN'"):
+    with pytest.raises(ValueError, match="spiking_msprt has no nucleus 'TRN'"):
         points(tmp_path, "[grid]\n'lesion TRN' = [0.1]\ncircuit = ['mine.toml']")
 
 

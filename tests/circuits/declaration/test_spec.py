@@ -143,7 +143,7 @@ def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes(
     table = anatomy.spiking_msprt(2)
     lost = table.clamp("GPe", channel=0)
     np.testing.assert_allclose(rest_rates(wired(lost)), rest_rates(wired(table)), atol=1e-9)
-    with pytest.raises(ValueError, match="GPe is lesioned already, its output replaced: True"):
+    with pytest.raises(ValueError, match="GPe is clamped already"):
         lost.lesion("GPe", 0.5)
     assert lost.clamp("GPe", channel=1).unlesioned == table
 
@@ -276,7 +276,7 @@ def test_numbers_without_sense_are_refused(row, values, message):
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
-        (lambda c: c.add("STN"), "'STN': STN is there already; a change is"),
+        (lambda c: c.add("STN"), "'STN': STN exists already: use set"),
         (lambda c: c.add(None), "a row is a Population, a Projection, a Course or text, got"),
         (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
         (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
