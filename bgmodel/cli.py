@@ -17,58 +17,14 @@ import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from bgmodel.commands.checks import Writes, check_outputs
-from bgmodel.commands.circuit import CircuitRun, CircuitShow
-from bgmodel.commands.comparing import CircuitLesion, Compare
-from bgmodel.commands.data import Data
-from bgmodel.commands.decisions import Decide, GapLearn
-from bgmodel.commands.demo import DemoRun
-from bgmodel.commands.designed import CircuitDesigned
-from bgmodel.commands.dopamine import CircuitLearn
-from bgmodel.commands.experiments import ExperimentRun
-from bgmodel.commands.figures import Figures
-from bgmodel.commands.fits import FitRun
-from bgmodel.commands.names import Name
-from bgmodel.commands.page import PageWrite
-from bgmodel.commands.sweeps import SweepRun
-from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.support.import_guard import explained
 from bgmodel.version import __version__
-from circuits.declaration.edits import Edits
 
 ABOUT = (
     "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw. "
     "`bgmodel --version` prints the version; `bgmodel --tyro-print-completion bash` (or zsh) "
     "prints a script that completes names and options with the tab key."
 )
-CIRCUIT = {
-    "show": CircuitShow,
-    "run": CircuitRun,
-    "lesion": CircuitLesion,
-    "designed": CircuitDesigned,
-    "learn": CircuitLearn,
-}
-# A name and its command, or a name and a group: what it is about, and a table like this one with
-# two commands or more.
-COMMANDS: dict[str, Any] = {
-    "demo": DemoRun,
-    "simulate": Simulate,
-    "train": Train,
-    "decode": Decode,
-    "decide": Decide,
-    "learn": GapLearn,
-    "circuit": (
-        "A basal ganglia circuit: show its table, let it decide, lesion it, hold it to theories, "
-        "let dopamine learn. Example: bgmodel circuit show",
-        CIRCUIT,
-    ),
-    "compare": Compare,
-    "data": Data,
-    "fit": FitRun,
-    "experiment": ExperimentRun,
-    "sweep": SweepRun,
-    "page": PageWrite,
-    "figures": Figures,
-}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -102,8 +58,11 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
 
     Asking for help ends the program, as tyro does it.
     """
+    # Imported inside main, which says it in one sentence if another package is called circuits.
+    from bgmodel.commands.table import COMMANDS
+
     given = sys.argv[1:] if arguments is None else arguments
-    _check_named(given)
+    _check_named(COMMANDS, given)
     if [word.partition("=")[0] for word in given].count("--edit") > 1:
         raise ValueError("--edit is given twice: write all edits after one --edit")
     printed = io.StringIO()
@@ -123,9 +82,9 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
         raise
 
 
-def _check_named(arguments: Sequence[str]) -> None:
+def _check_named(top: Mapping[str, Any], arguments: Sequence[str]) -> None:
     """Raise ValueError if help is asked of a command that there is not: tyro would show another."""
-    commands: Any = COMMANDS
+    commands: Any = top
     before = "bgmodel"
     if not {"-h", "--help"} & {*arguments}:
         return
@@ -133,7 +92,7 @@ def _check_named(arguments: Sequence[str]) -> None:
         if word.startswith("-") or not isinstance(commands, Mapping):
             return
         if word not in commands:
-            other = f" (but there is `bgmodel {word}`)" if word in COMMANDS else ""
+            other = f" (but there is `bgmodel {word}`)" if word in top else ""
             raise ValueError(
                 f"there is no command `{before} {word}`{other}; there are "
                 f"{', '.join(f'`{before} {name}`' for name in commands)}"
@@ -144,6 +103,9 @@ def _check_named(arguments: Sequence[str]) -> None:
 
 def _registry() -> ConstructorRegistry:
     """Return tyro's rules and more: of whole numbers such as 1e5, of names, and of edits."""
+    from bgmodel.names import Name
+    from circuits.declaration.edits import Edits
+
     registry = ConstructorRegistry()
 
     @registry.primitive_rule

@@ -102,7 +102,7 @@ trials = 100
 t_max = 20
 d_prime = 1.0
 [manipulation]
-without = ["D2=0.2"]
+edits = ["lesion D2 20%"]
 [[predictions]]
 measure = "mean_ms"
 direction = "down"

@@ -14,7 +14,8 @@ import tyro
 
 import bgmodel
 from bgmodel import Evidence, Msprt, first_crossing
-from bgmodel.cli import CIRCUIT, COMMANDS, choices, main, parsed
+from bgmodel.cli import choices, main, parsed
+from bgmodel.commands.table import CIRCUIT, COMMANDS
 from bgmodel.support.files import read_provenance, read_table
 from tests.helpers import run
 
@@ -119,7 +120,7 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["learn", "out.csv", "--learner.episodes", "200"], "--learner: episodes must be at least"),
         (
             ["circuit", "run", "out.csv", "--engine", "rate", "--edit", "neurons 3"],
-            "neurons is of cells, it says nothing to the rate engine",
+            "'neurons 3' says nothing to the rate engine",
         ),
         (["decide", "out.csv", "--posterior", "0.5"], "posterior must lie between chance, 0.5"),
         (
@@ -234,26 +235,26 @@ def numbers(options):
         ),
         (
             "compare a.csv",
-            f"dopamine=1 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+            f"{MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
         ),
         ("fit mine.csv", "noise_nats=2 trials=16000 seed=24001"),
         ("experiment", "workers=2"),
         ("sweep mine.toml", "workers=2 parts=10"),
         ("figures", "cores=2"),
-        ("circuit show", "dopamine=1"),
+        ("circuit show", ""),
         (
             "circuit run a.csv",
-            f"dopamine=1 channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
+            f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
             f"step_ms=50 {EXPECTED} workers=2 spike_trials=10 seed=0",
         ),
         (
             "circuit lesion a.csv",
-            f"dopamine=1 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+            f"{MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
         ),
-        ("circuit designed", "dopamine=1 thresholds=0.35,0.25,0.15 trials=200 workers=2 seed=0"),
+        ("circuit designed", "thresholds=0.35,0.25,0.15 trials=200 workers=2 seed=0"),
         (
             "circuit learn a.csv",
-            "dopamine=1 channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
+            "channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
             f"step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER} seed=0",
         ),
     ],

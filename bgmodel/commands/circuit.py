@@ -22,9 +22,9 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.deciding.decision import Decision
 from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
@@ -258,6 +258,7 @@ class CircuitRun(Writes):
         check_ending("output", self.output, ".parquet", ".csv")
         check_edits(self.edits, self.engine)
         self.stimuli.check()
+        self.stimuli.check_idle(Stimuli())
         check_whole(workers=self.workers)
         if self.threshold is not None and self.posterior is not None:
             raise ValueError("give posterior or threshold, not both")

@@ -20,9 +20,9 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import RIVALS, rivals_on
+from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
@@ -181,7 +181,8 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")
-    stimuli.check(MANY)
+    stimuli.check()
+    stimuli.check_idle(MANY)
     check_whole(workers=asked_for.workers)
     check_edits(asked_for.edits, asked_for.engine)
     trials = stimuli.draw(asked_for.seed, "compare")

@@ -18,7 +18,7 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import CircuitName, EngineName
+from bgmodel.names import CircuitName, EngineName
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
 

@@ -21,10 +21,10 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import MACAQUE, RATE, CircuitName, TimedEngineName
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
+from bgmodel.names import MACAQUE, RATE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
@@ -56,7 +56,7 @@ class CircuitLearn(Writes):
     """Where the table of trials goes, .parquet or .csv."""
     circuit: CircuitName = MACAQUE
     """Name of the table, or the path of a .toml file."""
-    engine: TimedEngineName = RATE
+    engine: EngineName = RATE
     """How the circuit is run: rates, unless another engine is named."""
     edits: EditOption = field(default_factory=Edits)
     """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
@@ -179,7 +179,10 @@ class CircuitLearn(Writes):
 
         check_ending("output", self.output, ".parquet", ".csv")
         check_edits(self.edits, self.engine)
-        self.stimuli.check(TOUCHED)
+        self.stimuli.check()
+        self.stimuli.check_idle(TOUCHED)
+        if self.engine == "algebra":
+            raise ValueError("the algebra engine has no decision times to learn from: take rate")
         check_whole(runs=self.runs)
         check_learning_memory(self.runs, self.learner.episodes)
         numbers = 3 * 8.0 * self.levels * self.stimuli.trials

@@ -262,17 +262,31 @@ class BasalGanglia(Facts):
         level = self.threshold(threshold, posterior)
         self.warn_beyond_range(evidence)
         self.warn_of_noise(level)
-        model = self.until(level - ROUNDING_NATS) if rates is None else self
-        decided = []
-        for part, activity, trace in model.batches(evidence):
-            decided.append(first_crossing(trace, level, forced=forced, checked=False))
-            if rates is not None:
-                rates.add(activity)
-            advance(part.trials)
-        decision = replace(joined(decided), truth=evidence.truth)
+        decision = self.decided(evidence, level, forced=forced, rates=rates)
         check_decision(decision, level, forced=forced, of_test=False)
         warn_of_decisions(evidence, decision)
         return decision
+
+    def decided(
+        self,
+        evidence: Evidence,
+        level: float,
+        *,
+        forced: bool = True,
+        rates: RateMeans | None = None,
+    ) -> Decision:
+        """Return the decisions at one output level, without the checks of ``decide``.
+
+        It is for those that check and warn themselves, such as experiments.
+        """
+        model = self.until(level - ROUNDING_NATS) if rates is None else self
+        parts = []
+        for part, activity, trace in model.batches(evidence):
+            parts.append(first_crossing(trace, level, forced=forced, checked=False))
+            if rates is not None:
+                rates.add(activity)
+            advance(part.trials)
+        return replace(joined(parts), truth=evidence.truth)
 
     def threshold(self, threshold: float | None, posterior: float | None) -> float:
         """Return the OUT at which the circuit decides, given as one or as a posterior; checked."""
@@ -477,14 +491,6 @@ def check_engine(engine: str) -> None:
     """Raise ValueError, with the engines that there are, for a name that is none."""
     if not isinstance(engine, str) or engine not in ENGINES:
         raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
-
-
-def check_foreperiod(foreperiod_ms: float) -> None:
-    """Raise ValueError unless a foreperiod has a whole number of ms, as OUT is sampled."""
-    if not (foreperiod_ms > 0 and float(foreperiod_ms).is_integer()):
-        raise ValueError(
-            f"foreperiod_ms must be a whole number of ms, 1 or more, got {foreperiod_ms:g}"
-        )
 
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:

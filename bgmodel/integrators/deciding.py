@@ -7,9 +7,13 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.deciding.calibration import posterior_at
+from bgmodel.deciding.decision import any_crossing
+from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
+    BATCH,
     NOISE_SHARE,
     ROUNDING_NATS,
     BasalGanglia,
@@ -23,21 +27,11 @@ from circuits.declaration.spec import NATS, Circuit
 from circuits.engines import NOISY, THREADED
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
-
-
 DECODER_TAU_MS = 20.0
-
-
 THRESHOLDS = 120
-
-
 LOWEST_NATS = 1e-3
-
-
 LOWEST, HIGHEST = 0.80, 0.98
 """Accuracies between which thresholds are tried, unless others are asked for."""
-
-
 BELOW_NATS = 0.04
 """How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
 
@@ -156,3 +150,45 @@ def silent_nats(circuit: Circuit) -> float:
     """Return the OUT of a read-out that does not fire, nats: no threshold below is ever met."""
     readout = circuit.population(circuit.readout)
     return -readout.baseline_hz / readout.gain_hz_per_nat
+
+
+def behaviour_of(
+    model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
+) -> Behaviour:
+    """Let a circuit decide at one threshold, and wait through a foreperiod without evidence.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit, its engine and its noise.
+    evidence : Evidence
+        What it is given; its truth must be known.
+    threshold_nats : float, nats
+        OUT at which it decides.
+    foreperiod_ms : float, ms
+        Length of the foreperiod, a run of its own beside each trial, unless the evidence has one
+        in which something is expected: then that one counts.
+
+    Returns
+    -------
+    Behaviour
+        The decisions of all trials, and whether each foreperiod ended in a response.
+
+    Raises
+    ------
+    ValueError
+        If the evidence does not fit the circuit, or a run is impossible (its rates run away).
+    """
+    if evidence.truth is None:
+        raise ValueError("errors are counted: the evidence needs the truth of each trial")
+    decision = model.decided(evidence, threshold_nats)
+    posterior = posterior_at(evidence, decision.time_ms, decision.choice)
+    if evidence.foreperiod_steps:
+        return Behaviour(decision, posterior, decision.time_ms < 0, evidence.hypotheses)
+    responded = []
+    for first in range(0, evidence.trials, BATCH):
+        silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
+        # Trials of their own: their noise is no other trial's.
+        waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
+        responded.append(any_crossing(waited, threshold_nats))
+    return Behaviour(decision, posterior, np.concatenate(responded), evidence.hypotheses)

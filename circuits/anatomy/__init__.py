@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from circuits import DEFAULT
 from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
 from circuits.anatomy.humphries import humphries
@@ -43,8 +44,6 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {
     "stewart": stewart,
 }
 """All tables by name; each takes the number of channels."""
-DEFAULT = "macaque"
-"""The table that is taken where none is named; before version 0.2 it was "spiking_msprt"."""
 
 
 def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -275,13 +275,15 @@ class Edits(tuple[str, ...]):
             If two of the edits change the same number, or one adds a course of a nucleus that has
             one: it could be meant to replace it.
         """
-        new = Edits(lines).parsed()
-        places = {edit.place for edit in [*new, *map(parsed, without)]}
-        kept = [edit for edit in map(parsed, self) if edit.place not in places]
-        for old, edit in ((old, edit) for old in kept for edit in new):
-            if old.is_course and edit.is_course and old.row == edit.row:
+        new = {edit.place: edit for edit in map(parsed, Edits(lines))}
+        left_out = {parsed(line).place for line in without}
+        kept = [edit for edit in map(parsed, self) if edit.place not in left_out]
+        for old, edit in product(kept, new.values()):
+            both = old.is_course and edit.is_course and old.row == edit.row
+            if both and old.place != edit.place:
                 raise overlapping(old, edit)
-        return Edits(edit.text for edit in (*kept, *new))
+        replaced = [new.pop(edit.place, edit) for edit in kept]
+        return Edits(edit.text for edit in (*replaced, *new.values()))
 
 
 def overlapping(one: Edit, other: Edit) -> ValueError:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands.names import MACAQUE
+from bgmodel.names import MACAQUE
 from bgmodel.support.files import provenance_path
 from circuits.anatomy import DEFAULT
 from tests.helpers import run

@@ -285,7 +285,7 @@ def test_each_seed_has_another_noise_of_its_own(monkeypatch):
         asked.append(model.seed)
         return {CIRCUIT: None}
 
-    monkeypatch.setattr("bgmodel.integrators.deciding.decide_at_thresholds", decided)
+    monkeypatch.setattr("bgmodel.comparison.circuits.decide_at_thresholds", decided)
     test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
     for seed in (7, 8, None, 0):
         with_other_noise(replace(QUICK, seed=seed), EVIDENCE, test)
@@ -302,7 +302,7 @@ def test_the_decoder_beside_a_circuit_counts_for_20_ms_by_default(monkeypatch):
         taken.append(tau_ms)
         return trace
 
-    monkeypatch.setattr("bgmodel.comparison.circuits.decoded", recorded)
+    monkeypatch.setattr("bgmodel.integrators.deciding.decoded", recorded)
     decide_at_thresholds(QUICK, LONG[:2], [0.4])
     assert taken == [20.0]
 
