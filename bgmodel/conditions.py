@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from bgmodel.tables.trials import Trials
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 CIRCUIT = CircuitName(DEFAULT)
 POSTERIOR = 0.82

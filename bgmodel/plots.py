@@ -26,7 +26,7 @@ def new_axes(ax: Axes | None = None) -> Axes:
     """
     if ax is not None:
         return ax
-    from circuits.show import panels
+    from circuits.plots import panels
 
     found: Axes = panels(1)[0]
     return found
@@ -71,7 +71,7 @@ def conditions(table: pd.DataFrame, ax: Axes | Sequence[Axes] | None = None) -> 
     array of Axes
         One per measure.
     """
-    from circuits.show import panels
+    from circuits.plots import panels
 
     known = table[table["value"].notna()]
     measures = list(known["measure"].unique())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.engines import ENGINES, SPIKING
 
 CELL_BYTES = {"ensemble": 40.0, "brian2": 100.0, "plain": 100.0}

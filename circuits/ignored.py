@@ -7,8 +7,9 @@ from dataclasses import fields
 from typing import Any
 
 from circuits.cells import CELLS
+from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits
-from circuits.declaration.spec import Circuit, Population
+from circuits.declaration.rows import Population
 from circuits.engines import NOISY
 
 OF_SPIKES = ("neurons", "probability", "spread")

@@ -20,7 +20,7 @@ from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
+from circuits.dynamics.fixed_point import resting_hz
 from figures.common import Settings, letter, run
 from figures.windows import PREFERRED, WINDOWS, averaged, likeness, share_height
 
@@ -57,7 +57,7 @@ def windows(model: BasalGanglia, d_prime: float, trials: int, seed: int) -> pd.D
     activity = model.activity(evidence)
     decided = first_crossing(model.trace(activity, evidence), -np.log(POSTERIOR), forced=False)
     rates = {name: activity.rates_hz[name] for name in NUCLEI}
-    rest = at_rest(model.circuit)
+    rest = resting_hz(model.circuit)
     return averaged(rates, activity.time_ms, decided.choice, decided.time_ms, rest)
 
 

@@ -13,15 +13,15 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.dynamics.fixed_point import resting_hz
 from figures.common import BRIEF, Settings, letter, run
 
 CHANNELS, CONFLICT = 4, 0.9
@@ -156,7 +156,7 @@ def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
     table, trials = load_circuit(DEFAULT, CHANNELS), 2 * settings.circuit_trials
     share = -table.projection("GPe", "STN").weight
     stn = table.population("STN").gain_hz_per_nat
-    rest = CHANNELS * at_rest(table)["STN"] / stn
+    rest = CHANNELS * resting_hz(table)["STN"] / stn
     sigma = np.linspace(0.01, 20 * rest, 20_000)
     needed = np.log(sigma) + share * (sigma - np.log(sigma))
     needed -= np.interp(rest, sigma, needed)
@@ -202,7 +202,7 @@ def frontier(settings: Settings, *, output: Path) -> None:
             levels = thresholds_about(test, 0.95)
             own = decide_at_thresholds(model, shown, levels, decoder_tau_ms=None)[CIRCUIT]
             rng = stream(settings.seed, "bootstrap")
-            found = compare(test, own, rng=rng, accuracies=(AT,)).set_index("measure")
+            found = matched_measures(test, own, rng=rng, accuracies=(AT,)).set_index("measure")
             row = found.loc["pearson_r", ["value", "low", "high"]]
             rows.append((gain, channels, "pearson_r", *row))
     table = pd.DataFrame(rows, columns=["gain", "channels", "measure", "value", "low", "high"])

@@ -18,18 +18,18 @@ from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.dynamics.fixed_point import resting_hz
 from circuits.engines import run as run_engine
 from circuits.engines.ensemble import run as ensemble
-from circuits.show import COLOURS
-from circuits.show import draw as draw_circuit
+from circuits.plots import COLOURS
+from circuits.plots import draw as draw_circuit
 from figures.common import Settings, letter, run
 
 CIRCUIT = load_circuit(DEFAULT)
 STN, GPE, SNR = (CIRCUIT.population(name) for name in ("STN", "GPe", "SNr"))
 STN_NATS = np.linspace(-3.5, 3.2, 17)
-SIGMA_AT_REST = CIRCUIT.channels * (at_rest(CIRCUIT)["STN"] / STN.gain_hz_per_nat)
+SIGMA_AT_REST = CIRCUIT.channels * (resting_hz(CIRCUIT)["STN"] / STN.gain_hz_per_nat)
 COMMON_NATS = np.linspace(-1.5, 3.5, 11)
 """Drives of all channels alike."""
 CELLS, HELD_S = 2000, 4

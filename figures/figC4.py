@@ -10,8 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_edits, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
@@ -54,7 +55,9 @@ def neurons(settings: Settings, *, output: Path) -> None:
             model, evidence, thresholds_about(test, HIGHEST)
         ).items():
             rng = stream(settings.seed, "bootstrap")
-            measured = compare(test, found, rng=rng, truth=evidence.truth, accuracies=(AT,))
+            measured = matched_measures(
+                test, found, rng=rng, truth=evidence.truth, accuracies=(AT,)
+            )
             parts.append(measured.assign(model=name, size=size))
         found = steady_out(table, [ODDS], seed=settings.seed, trials=60, mean_ms=int(SPAN_MS))
         whose = out_variance(table, [ODDS / 2, -ODDS / 2], mean_ms=SPAN_MS)

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.steady import lesions, steady_shifts

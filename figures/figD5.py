@@ -24,7 +24,7 @@ from bgmodel.learning.dopamine import THRESHOLD_NATS, criterion, working_range
 from bgmodel.support.files import read_table, write_table
 from circuits.activity import Activity
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.laws.spectra import rate_spectrum
 from circuits.laws.stability import roots
 from figures.common import BRIEF, Settings, letter, run

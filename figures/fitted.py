@@ -23,7 +23,7 @@ from bgmodel.fitting.responses import BIN_S
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Array, Integers
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"
 TEST, CIRCUIT, FALLING = "constant gap", "circuit", "falling gap"

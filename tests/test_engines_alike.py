@@ -12,7 +12,7 @@ from scipy.special import log_softmax, logsumexp
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.spec import Projection
+from circuits.declaration.rows import Projection
 from circuits.dynamics.ticks import Clock
 from circuits.engines import DROPPING, ENGINES, MODULES, NOISY, SPIKING, run
 

@@ -95,8 +95,8 @@ SHOW = "import sys, bgmodel.cli\nbgmodel.cli.main(['circuit', 'show'])"
 @pytest.mark.parametrize(
     ("code", "heavy"),
     [
-        ("import sys, bgmodel", HEAVY | {"pandas", "pyarrow", "tyro", "circuits.declaration.spec"}),
-        (HELP, HEAVY | {"pandas", "pyarrow", "circuits.declaration.spec"}),
+        ("import sys, bgmodel", HEAVY | {"pandas", "pyarrow", "tyro", "circuits.circuit"}),
+        (HELP, HEAVY | {"pandas", "pyarrow", "circuits.circuit"}),
         (SHOW, HEAVY),
     ],
     ids=["import bgmodel", "bgmodel --help", "bgmodel circuit show"],
@@ -126,7 +126,7 @@ def test_a_foreign_package_called_circuits_gets_one_clear_sentence(command):
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize("module", ["integrators.basal_ganglia", "comparison.circuits"])
+@pytest.mark.parametrize("module", ["integrators.basal_ganglia", "comparison.compare"])
 def test_a_module_on_a_foreign_package_called_circuits_says_so(module):
     code = FOREIGN + f"import bgmodel.{module}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

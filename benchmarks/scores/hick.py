@@ -23,8 +23,8 @@ from benchmarks.scores.calibrated import TACTILE, kinds, tapped
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import BasalGanglia, Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
-from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN, sample_ms
-from bgmodel.comparison.compare import MOST_FORCED
+from bgmodel.comparison.matched import MOST_FORCED
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
@@ -32,6 +32,7 @@ from bgmodel.integrators.basal_ganglia import gain_of
 from bgmodel.integrators.deciding import (
     CIRCUIT,
     decide_at_thresholds,
+    sample_ms,
     thresholds_of,
     without_noise_alone,
 )

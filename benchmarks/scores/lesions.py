@@ -15,8 +15,8 @@ import pandas as pd
 
 from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -60,7 +60,7 @@ def controls(trials: int, workers: int) -> pd.DataFrame:
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,))
     change = found[(found["kind"] == "change") & (found["variant"] != "intact")]
     tests = (tradeoff(one.run(evidence), evidence) for one in (Msprt(GAIN), MaxVsAverage()))
-    rival = compare(*tests, rng=stream(SCORING_SEED, "bootstrap"), accuracies=(AT,))
+    rival = matched_measures(*tests, rng=stream(SCORING_SEED, "bootstrap"), accuracies=(AT,))
     # Max-vs-average has no circuit to be held to: only its extra time says something.
     rival = rival[rival["measure"] == "extra_ms"].assign(variant="max-vs-average beside the MSPRT")
     return pd.concat([change, rival], ignore_index=True)

@@ -26,7 +26,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 TUNING_SEEDS = (1011, 1012)
 SCORING_SEED = 60_001

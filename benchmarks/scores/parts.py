@@ -16,11 +16,11 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.laws.controls import linear_stn, shuffled_stn
 
 SCORING_SEED = 40_008

@@ -27,7 +27,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from circuits.activity import Activity
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.engines import run
 
 SCORING_SEED = 50_001

@@ -19,7 +19,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import criterion_from_posterior
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 SCORING_SEED = 78_001
 TRIALS, COARSE_TRIALS = 5000, 200

@@ -15,8 +15,9 @@ import pandas as pd
 
 from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds, sample_ms
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt
-from bgmodel.comparison.compare import ACCURACIES, OTHER_NOISE
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import ACCURACIES, OTHER_NOISE
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
@@ -47,7 +48,7 @@ def decisions(
     table = load_circuit(DEFAULT, kind.count)
     options = {"workers": workers, "sample_ms": sample_ms(step_ms)}
     model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options, centred or None)
-    found = compare_with_msprt(
+    found = compare(
         model,
         drawn(kind, trials, step_ms),
         seed=SCORING_SEED,
@@ -55,7 +56,7 @@ def decisions(
         ceiling=not centred,
         groups=groups_of(kind.name, trials),
         accuracies=accuracies,
-    )
+    ).table
     name = kind.name if step_ms == 50.0 else f"{kind.name}, every {step_ms:g} ms"
     given = "mean taken off" if centred else "raw"
     return found.assign(evidence=name, engine=engine, given=given, trials=trials)

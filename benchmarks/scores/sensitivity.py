@@ -18,11 +18,11 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.laws.controls import perturbed
 
 SCORING_SEED = 40_004

@@ -17,7 +17,7 @@ from benchmarks.pages import RESULTS
 from benchmarks.scores import sensitivity
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from benchmarks.scores.sensitivity import BIASES, MEASURES, SHOWN, Case
-from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.support.files import read_table
 from circuits.anatomy import DEFAULT, load_circuit

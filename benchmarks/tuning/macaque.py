@@ -16,14 +16,14 @@ import numpy as np
 
 from benchmarks.tuning.neighbours import ACCURACIES, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import macaque
 from circuits.cells import Phase
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 KERNELS_MS = (16.0, 20.0, 28.0, 32.0)
 READ_OUTS_MS = (20.0, 40.0)
@@ -84,7 +84,7 @@ def scored(table: Circuit, evidence: Evidence, seed: int) -> tuple[np.ndarray, n
     thresholds = thresholds_about(test)
     own = decide_at_thresholds(model, evidence, thresholds, decoder_tau_ms=None)[CIRCUIT]
     given = {"rng": stream(0, "unused"), "accuracies": ACCURACIES, "resamples": 2}
-    values = compare(test, own, **given).set_index("measure")["value"]
+    values = matched_measures(test, own, **given).set_index("measure")["value"]
     return values["pearson_r"].to_numpy(), values["extra_ms"].to_numpy()
 
 

@@ -18,7 +18,7 @@ from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import macaque
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.laws.stability import growth
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.activity import Activity
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 DEFAULT_POSTERIOR = 0.9
 
@@ -76,7 +76,7 @@ class CircuitShow(Writes):
         table = load_circuit(self.circuit, self.channels).edited(*self.edits)
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
-            from circuits.show import draw
+            from circuits.plots import draw
 
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
             import matplotlib.pyplot as plt
@@ -92,10 +92,10 @@ class CircuitShow(Writes):
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthere are no cells that spike")
         elif self.rest:
-            from bgmodel.comparison.circuits import at_rest
+            from bgmodel.integrators.steady import resting_activity
 
             print("\nwithout evidence, 4 trials of 5 s:")
-            found = at_rest(table, seed=0)
+            found = resting_activity(table, seed=0)
             print(found.to_string(index=False, float_format="{:.2f}".format))
         if scatter is not None:
             print(f"\n{scatter}")

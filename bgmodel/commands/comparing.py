@@ -85,7 +85,7 @@ class Compare(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import compare_with_msprt
+        from bgmodel.comparison.compare import compare
         from bgmodel.comparison.page import page
         from bgmodel.integrators.deciding import is_noisy
         from circuits.anatomy import load_circuit
@@ -103,9 +103,10 @@ class Compare(Comparison):
         say_before("comparing", model, evidence, runs=runs)
         given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
         with bar(runs * evidence.trials):
-            table = compare_with_msprt(
+            found = compare(
                 model, evidence, rivals=rivals, intact=intact, ceiling=self.ceiling, **given
             )
+        table = found.table
         files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         self.show(page(table), table, **self._about(evidence))
         self.note(f"{evidence.trials} trials -> {self.output}")
@@ -131,7 +132,7 @@ class CircuitLesion(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import AS_EDITED, INTACT, compare_edits
+        from bgmodel.comparison.edited import AS_EDITED, INTACT, compare_edits
         from bgmodel.comparison.page import behaviour, page
         from circuits.anatomy import load_circuit
         from circuits.ignored import check_edits
@@ -173,10 +174,10 @@ def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel.bootstrap import check_trials
-    from bgmodel.comparison.compare import checked_accuracies
-    from bgmodel.comparison.with_msprt import model_of
-    from circuits.anatomy import load_circuit
-    from circuits.declaration.spec import NATS
+    from bgmodel.comparison.matched import checked_accuracies
+    from bgmodel.conditions import Setup
+    from bgmodel.integrators.deciding import sample_ms
+    from circuits.declaration.table import NATS
     from circuits.ignored import check_edits
 
     stimuli = asked_for.stimuli
@@ -191,16 +192,18 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     evidence = trials.evidence
     check_trials(evidence.trials)
     checked_accuracies(asked_for.accuracies, evidence.hypotheses)
-    table = load_circuit(asked_for.circuit, evidence.hypotheses).edited(*asked_for.edits)
-    say_of_edits(asked_for.edits)
-    model = model_of(
-        table,
-        evidence,
+    setup = Setup(
+        circuit=asked_for.circuit,
+        edits=asked_for.edits,
         engine=asked_for.engine,
         gain=asked_for.gain,
         seed=asked_for.seed,
-        workers=asked_for.workers,
     )
+    say_of_edits(asked_for.edits)
+    model = setup.model(
+        evidence.hypotheses, workers=asked_for.workers, sample_ms=sample_ms(evidence.step_ms)
+    )
+    table = model.circuit
     if table.unit != NATS:
         say(
             f"{table.name} works in {table.unit}, not nats: its thresholds are in {table.unit}, "

@@ -27,7 +27,8 @@ from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import reals
 from bgmodel.support.progress import advance
-from circuits.declaration.spec import NATS, Circuit
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
 
 CHANNELS = 4
 THRESHOLDS = (0.35, 0.25, 0.15)

@@ -1,7 +1,7 @@
 """What decisions at one threshold look like: the measures that experiments report.
 
 Every measure is an expression in weights of trials, so that one call gives the value and its
-bootstrap resamples, as in ``bgmodel.comparison.compare``.
+bootstrap resamples, as in ``bgmodel.comparison.matched``.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ from bgmodel.support.checks import is_whole
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 __all__ = ["CRITERIA", "NONE", "Axis", "CircuitModel", "Criterion"]
 
@@ -92,7 +92,7 @@ class CircuitModel:
             raise ValueError(
                 f"choices and times are fitted with two channels, got {self.circuit.channels}"
             )
-        from circuits.declaration.spec import NATS
+        from circuits.declaration.table import NATS
 
         if self.circuit.unit != NATS:
             raise ValueError(

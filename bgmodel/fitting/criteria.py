@@ -13,7 +13,7 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.support.arrays import Array
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.tables.choices import Choices
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 GAPS = {"constant_gap": False, "falling_gap": True}
 """Models that are no circuit: the sequential test, and whether its bounds fall."""

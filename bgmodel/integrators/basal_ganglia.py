@@ -35,8 +35,8 @@ try:
     from circuits.activity import RateMeans, checked_drive, warn_beyond_range
     from circuits.anatomy import load_circuit as named
     from circuits.checks import check_time
+    from circuits.circuit import Circuit
     from circuits.cost import memory_bytes
-    from circuits.declaration.spec import Circuit
     from circuits.engines import DROPPING, ENGINES, NOISY, THREADED, check_options
     from circuits.engines import run as run_engine
     from circuits.ignored import ignored_edits

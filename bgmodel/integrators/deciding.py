@@ -23,7 +23,8 @@ from bgmodel.integrators.basal_ganglia import (
 )
 from bgmodel.integrators.decoder import decoded
 from bgmodel.support.progress import advance
-from circuits.declaration.spec import NATS, Circuit
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
 from circuits.engines import NOISY, THREADED
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
@@ -34,6 +35,11 @@ LOWEST, HIGHEST = 0.80, 0.98
 """Accuracies between which thresholds are tried, unless others are asked for."""
 BELOW_NATS = 0.04
 """How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
+
+
+def sample_ms(step_ms: float) -> float:
+    """Return the time between samples of OUT: 1 ms, or a fiftieth of slow readings."""
+    return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
 
 
 def thresholds_about(

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 SETTLE_MS = 1500
 """Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""
@@ -165,3 +165,31 @@ def lesions(table: Circuit) -> dict[str, Circuit]:
         "D2": table.lesion("D2"),
         "hyperdirect 3 %": table.scale("ctx", "STN", 0.97),
     }
+
+
+def resting_activity(
+    circuit: Circuit, *, seed: int, trials: int = 4, seconds: int = 5
+) -> pd.DataFrame:
+    """Run a circuit of spiking cells without evidence.
+
+    Returns
+    -------
+    DataFrame
+        One row a nucleus: nucleus, rate_hz, and interval_cv, the coefficient of variation of a
+        cell's inter-spike intervals, mean over cells with ten or more in a trial (NaN without).
+    """
+    names = tuple(row.name for row in circuit.populations if row.spiking)
+    model = BasalGanglia(circuit, "ensemble", seed=seed, options={"spikes": names})
+    # The first second is left out: the circuit settles.
+    found = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
+    rows = []
+    for name, spikes in (found.spikes or {}).items():
+        late = spikes.query("time_ms >= 1000")
+        size = trials * circuit.population(name).neurons * found.rates_hz[name].shape[2]
+        ordered = late.sort_values(["trial", "channel", "neuron", "time_ms"])
+        cells = ordered.groupby(["trial", "channel", "neuron"])["time_ms"]
+        intervals = cells.diff().groupby([ordered[k] for k in ("trial", "channel", "neuron")])
+        known = intervals.agg(["count", "mean", "std"]).query("count >= 10")
+        cv = float((known["std"] / known["mean"]).mean())
+        rows.append({"nucleus": name, "rate_hz": len(late) / (size * seconds), "interval_cv": cv})
+    return pd.DataFrame(rows)

@@ -30,7 +30,7 @@ from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.engines import NOISY
 
 ALLOWED = (0.0, 2.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import interval, resampled
-from bgmodel.comparison.circuits import msprt_tradeoffs
+from bgmodel.comparison.thresholds import msprt_tradeoffs
 from bgmodel.deciding.tradeoff import Tradeoff, curve
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
@@ -23,7 +23,7 @@ from bgmodel.learning.dopamine import (
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 STEPS = {2: 120, 4: 160}
 """Alternatives that are run, and most readings in a trial."""
@@ -58,7 +58,7 @@ def level_table(
     swept : Tradeoff
         As from ``dopamine.decide_at_levels``.
     tests : mapping of Tradeoff
-        By name, as from ``comparison.circuits.msprt_tradeoffs``, on the same evidence.
+        By name, as from ``comparison.thresholds.msprt_tradeoffs``, on the same evidence.
     circuit, gain, threshold_nats :
         The circuit that was swept.
     latency_ms : float

@@ -25,8 +25,8 @@ from bgmodel.support import files, toml_files
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
+from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, parsed
-from circuits.declaration.spec import Circuit
 
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""

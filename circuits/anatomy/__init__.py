@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from circuits import DEFAULT
+from circuits import DEFAULT, table_reader
 from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
 from circuits.anatomy.humphries import humphries
 from circuits.anatomy.macaque import macaque
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
-from circuits.declaration import table_files, table_reader
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.declaration import table_files
 
 __all__ = [
     "CIRCUITS",

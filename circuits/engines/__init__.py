@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 
 if TYPE_CHECKING:
     from circuits.activity import Activity

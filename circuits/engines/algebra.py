@@ -8,7 +8,7 @@ import numpy.typing as npt
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.arrays import Array
 from circuits.checks import check_time
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.wiring import Wiring
 from circuits.laws.fluctuation import extra

@@ -17,7 +17,7 @@ import pandas as pd
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
 from circuits.arrays import Array, Index, Truths
 from circuits.cells.cell import tick_constants
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state

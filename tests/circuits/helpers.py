@@ -6,7 +6,8 @@ import numpy as np
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table_files import digest
 from circuits.dynamics import fixed_point
 from circuits.engines import run

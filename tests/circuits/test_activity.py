@@ -3,17 +3,20 @@
 import warnings
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.special import logsumexp
 
 from circuits import anatomy
 from circuits.activity import checked_drive, total_nats, warn_beyond_range
 from circuits.cells import Phase
-from circuits.declaration.spec import Circuit, Population
-from circuits.engines import algebra
+from circuits.cells.phase import phase_spectrum
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population
+from circuits.engines import algebra, run
 from circuits.engines.ensemble import run as ensemble
-from circuits.laws.response import phase_spectrum
 from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_rate
 
 
@@ -99,3 +102,29 @@ def test_a_circuit_in_saliences_says_between_which_inputs_it_works():
         said = f"the input runs from {rest + drive[0]:.2f} to {rest + drive[1]:.2f} salience"
         with pytest.warns(UserWarning, match=said):
             warn_beyond_range(circuit, np.array(drive))
+
+
+@pytest.fixture
+def activity():
+    drive = np.zeros((2, 3, 2))
+    return run(anatomy.spiking_msprt(), drive, engine="rate", step_ms=20.0)
+
+
+def test_rates_are_drawn_a_panel_per_nucleus_and_a_line_per_channel(activity):
+    axes = activity.plot(1)
+    assert len(axes) == len(activity.circuit.populations)
+    drawn = dict(zip(activity.rates_hz, axes, strict=True))
+    assert len(drawn["STN"].lines) == 2
+    assert (drawn["STN"].lines[1].get_ydata() == activity.rates_hz["STN"][1, :, 1]).all()
+    again = activity.plot(0, axes)
+    assert (again == axes).all()
+    plt.close(axes[0].figure)
+
+
+def test_what_cannot_be_drawn_is_said(activity):
+    with pytest.raises(ValueError, match=r"trial must lie in 0\.\.1, got 2"):
+        activity.plot(2)
+    with pytest.raises(ValueError, match="kept no rates"):
+        replace(activity, rates_hz={}).plot(0)
+    with pytest.raises(ValueError, match="ax must be 7 Axes, one per panel, got 1"):
+        activity.plot(0, Figure().subplots())

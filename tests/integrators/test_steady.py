@@ -83,6 +83,6 @@ def test_a_lesion_is_what_its_name_says():
         alike = (
             table.scale("ctx", "STN", 1 - lost)
             if nucleus == "hyperdirect"
-            else table.lesion(nucleus, lost, replaced=left != name)
+            else (table.lesion if left == name else table.clamp)(nucleus, lost)
         )
         assert digest(lesioned) == digest(alike)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
-from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -86,7 +86,7 @@ def test_a_circuit_without_what_computes_agrees_less():
     model = BasalGanglia(table, "ensemble", 0.5, SCORING_SEED, {"workers": 2})
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
     change = found[found["kind"] == "change"].set_index(["variant", "measure"])
-    rival = compare(
+    rival = matched_measures(
         tradeoff(Msprt(0.5).run(evidence), evidence),
         tradeoff(MaxVsAverage().run(evidence), evidence),
         rng=stream(SCORING_SEED, "bootstrap"),

@@ -24,7 +24,7 @@ from contextlib import contextmanager
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme

@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
 from circuits.checks import is_whole
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock

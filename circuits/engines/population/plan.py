@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.checks import is_bool
-from circuits.declaration.spec import Population
+from circuits.declaration.rows import Population
 from circuits.declaration.transfer import named
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.timed import Timed, timed

@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.checks import check_number, check_time, is_whole
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise as noises
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme

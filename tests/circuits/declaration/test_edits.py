@@ -13,9 +13,9 @@ from bgmodel.cli import main, parsed
 from bgmodel.integrators.basal_ganglia import rest_out
 from bgmodel.support import toml_files
 from circuits.anatomy import load_circuit
+from circuits.declaration.courses import Course
 from circuits.declaration.edits import FRACTION, VERBS, Edits
 from circuits.declaration.edits import parsed as parsed_line
-from circuits.declaration.spec import Course
 from circuits.ignored import check_edits
 
 TABLE = load_circuit("spiking_msprt", 2)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.declaration.courses import Course
-from circuits.declaration.spec import Population, Projection
+from circuits.declaration.rows import Population, Projection
 from circuits.engines import algebra
 
 TABLE = anatomy.spiking_msprt()
@@ -284,3 +284,9 @@ def test_fields_of_a_row_and_of_its_cell_are_told_apart_in_python_too():
         TABLE.with_cell("STN", tau_ms=0.1)
     with pytest.raises(ValueError, match="STN has no 'name': cell, "):
         TABLE.with_population("STN", **{"name": "GPi"})
+
+
+def test_a_nucleus_like_another_has_no_published_rates_of_that_one():
+    table = anatomy.macaque().add("TRN like=STN")
+    assert table.population("STN").published_hz
+    assert table.population("TRN").published_hz == ()

@@ -7,7 +7,9 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells import Rate
-from circuits.declaration.spec import Circuit, Course, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.courses import Course
+from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.timed import timed
 from circuits.dynamics.wiring import wire

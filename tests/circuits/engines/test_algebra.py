@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import lambertw, logsumexp
 
 from circuits import anatomy
-from circuits.declaration.spec import Projection
+from circuits.declaration.rows import Projection
 from circuits.engines import algebra
 from tests.circuits.helpers import CLOSE, REFERENCE, evidence
 

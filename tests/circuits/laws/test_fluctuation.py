@@ -7,7 +7,8 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population, Projection
 from circuits.engines import algebra
 from circuits.engines.ensemble import run as ensemble
 from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, swept

@@ -11,8 +11,9 @@ from scipy.optimize import brentq
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
+from circuits.circuit import Circuit
 from circuits.declaration import transfer
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import fixed_point
 from circuits.engines import algebra, run
 from circuits.engines.ensemble import run as ensemble

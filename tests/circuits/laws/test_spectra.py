@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
+from circuits.cells.phase import phase_spectrum
 from circuits.engines.ensemble import run as ensemble
-from circuits.laws.response import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
 from tests.circuits.helpers import state
 

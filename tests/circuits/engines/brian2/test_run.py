@@ -11,7 +11,8 @@ from scipy.special import log_softmax
 
 from circuits import anatomy
 from circuits.cells import Lif, Phase, Rate
-from circuits.declaration.spec import GABA, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, Population, Projection
 from circuits.engines import plain
 from circuits.engines.brian2 import run as spiking
 

@@ -7,7 +7,7 @@ import numpy.testing as npt
 import pytest
 
 from circuits import anatomy
-from circuits.declaration.spec import Projection
+from circuits.declaration.rows import Projection
 from circuits.dynamics.ticks import Clock, cell_factors
 from circuits.dynamics.wiring import wire
 from circuits.engines import plain as plain_engine

@@ -11,15 +11,16 @@ from scipy.signal import welch
 from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.cells.cell import Line
+from circuits.cells.phase import phase_spectrum
+from circuits.circuit import Circuit
 from circuits.declaration import transfer
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.ticks import cell_factors
 from circuits.engines import algebra, run
 from circuits.engines.population import kernel
 from circuits.engines.population import plan as layout
 from circuits.engines.population import run as engine
 from circuits.engines.population.answers import Mixture, Straight
-from circuits.laws.response import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
 from tests.circuits.spiking import ADEX
 

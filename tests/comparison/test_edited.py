@@ -6,18 +6,11 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison.circuits import (
-    MSPRT,
-    MSPRT_AT_GAIN,
-    at_rest,
-    compare_edits,
-    compare_with_msprt,
-    msprt_tradeoffs,
-    sample_ms,
-    with_other_noise,
-)
-from bgmodel.comparison.compare import OTHER_NOISE, compare
+from bgmodel.comparison.compare import compare, with_other_noise
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import OTHER_NOISE, matched_measures
 from bgmodel.comparison.page import behaviour, page
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators import basal_ganglia
@@ -27,10 +20,12 @@ from bgmodel.integrators.deciding import (
     DECODER,
     decide_at_thresholds,
     is_noisy,
+    sample_ms,
     thresholds_about,
     without_noise_alone,
 )
 from bgmodel.integrators.rivals import RIVALS
+from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
 from circuits.laws.controls import shuffled_stn
 
@@ -52,7 +47,9 @@ def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", *
 
 @pytest.fixture(scope="module")
 def table():
-    return compare_with_msprt(MODEL, EVIDENCE, seed=SEED, accuracies=(0.9, 0.95), resamples=200)
+    every = tuple(RIVALS)
+    given = {"seed": SEED, "accuracies": (0.9, 0.95), "resamples": 200}
+    return compare(MODEL, EVIDENCE, rivals=every, **given).table
 
 
 def test_the_spiking_circuit_decides_as_the_msprt(table):
@@ -69,7 +66,7 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     for name, rival in RIVALS.items():
         options = {"truth": EVIDENCE.truth, "accuracies": (0.9, 0.95), "resamples": 2}
         swept = tradeoff(rival().run(EVIDENCE), EVIDENCE)
-        alone = compare(full, swept, rng=stream(1, "b"), latency_ms=0.0, **options)
+        alone = matched_measures(full, swept, rng=stream(1, "b"), latency_ms=0.0, **options)
         gap = alone[alone["measure"] == "accuracy_gap"].set_index("accuracy")["value"][0.95]
         np.testing.assert_equal(of(table, "accuracy_gap", name, MSPRT, accuracy=0.95), gap)
     text = page(table)
@@ -90,7 +87,7 @@ def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind
     known = np.exp(-Msprt().run(EVIDENCE).out_nats)[:, -1]
     chosen = known[np.arange(EVIDENCE.trials), found.choice]
     assert chosen.mean(axis=1).max() < 0.6
-    measured = compare(test, found, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
+    measured = matched_measures(test, found, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
     agreement = measured.set_index("measure")["value"]["agreement"]
     assert np.isnan(agreement) or agreement < 0.5
 
@@ -142,7 +139,9 @@ def test_trials_do_not_depend_on_their_batch(monkeypatch):
 def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
     """MSN at most 5 Hz, STN 8-25, GPe 25-75, SNr 20-80 (the ranges of rat and macaque)."""
     for channels in (2, 4):
-        found = at_rest(load_circuit("spiking_msprt", channels), seed=SEED).set_index("nucleus")
+        found = resting_activity(load_circuit("spiking_msprt", channels), seed=SEED).set_index(
+            "nucleus"
+        )
         for name, low, high in (
             ("D1", 0, 5),
             ("D2", 0, 5),
@@ -185,7 +184,7 @@ def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given()
     """At .8 the MSPRT decides where OUT rests, at .999 where no OUT is read."""
     given = {"seed": SEED, "rivals": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
     with pytest.warns(UserWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: sp"):
-        found = compare_with_msprt(QUICK, LONG, **given)
+        found = compare(QUICK, LONG, **given).table
     known = found[(found["model"] == CIRCUIT) & (found["measure"] == "agreement")]
     known = known[known["reference"] == MSPRT_AT_GAIN].set_index("accuracy")["value"]
     assert known.notna().to_dict() == {0.8: False, 0.95: True, 0.999: False}
@@ -209,7 +208,7 @@ def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
 
 def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     given = {"seed": SEED, "rivals": (), "accuracies": (0.95,), "resamples": 20, "ceiling": True}
-    noisy = compare_with_msprt(QUICK, LONG, **given)
+    noisy = compare(QUICK, LONG, **given).table
     r = of(noisy, "pearson_r", reference=OTHER_NOISE)
     assert 0.8 < r < 1
     exact = of(noisy, "pearson_r") / np.sqrt(r)
@@ -226,7 +225,7 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     text = page(noisy)
     assert "circuit with other noise: the circuit beside itself" in text
     assert "by chance (agreement_chance)" in text
-    without = compare_with_msprt(replace(QUICK, engine="algebra"), LONG, **given)
+    without = compare(replace(QUICK, engine="algebra"), LONG, **given).table
     for measure in ("agreement", "agreement_corrected", "pearson_r", "within_50_ms"):
         assert of(without, measure, reference=OTHER_NOISE) == pytest.approx(1)
     assert of(without, "pearson_r_of_ceiling") == pytest.approx(of(without, "pearson_r"))
@@ -285,7 +284,7 @@ def test_each_seed_has_another_noise_of_its_own(monkeypatch):
         asked.append(model.seed)
         return {CIRCUIT: None}
 
-    monkeypatch.setattr("bgmodel.comparison.circuits.decide_at_thresholds", decided)
+    monkeypatch.setattr("bgmodel.comparison.compare.decide_at_thresholds", decided)
     test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
     for seed in (7, 8, None, 0):
         with_other_noise(replace(QUICK, seed=seed), EVIDENCE, test)
@@ -325,7 +324,7 @@ def test_an_edit_that_changes_nothing_is_warned_of():
 def test_what_a_circuit_is_no_edit_of_is_no_reference_of_it(other):
     given = {"seed": SEED, "accuracies": (0.95,), "resamples": 20}
     for call in (
-        lambda: compare_with_msprt(QUICK, LONG, intact=other, **given),
+        lambda: compare(QUICK, LONG, intact=other, **given).table,
         lambda: compare_edits(replace(QUICK, circuit=other), {"mine": TABLE}, LONG, **given),
     ):
         with pytest.raises(ValueError, match="is no edit of"):
