@@ -91,7 +91,13 @@ class Setup:
         return self.intact(channels).edited(*self.edits)
 
     def model(
-        self, channels: int | None = None, *, seed: int | None = None, **options: Any
+        self,
+        channels: int | None = None,
+        *,
+        seed: int | None = None,
+        workers: int | None = None,
+        rates: bool | None = None,
+        sample_ms: float | None = None,
     ) -> BasalGanglia:
         """Return the edited circuit as an integrator.
 
@@ -101,9 +107,8 @@ class Setup:
             Number of alternatives.
         seed : int, optional
             Of the noise; the record's own unless given.
-        **options
-            Of engines, such as ``workers=4`` or ``rates=False``; an engine that has no such option
-            runs without it.
+        workers, rates, sample_ms :
+            Of engines that are made for many trials, as for ``Engine.tuned``.
 
         Raises
         ------
@@ -111,12 +116,12 @@ class Setup:
             If the circuit has no default gain and none is given.
         """
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-        from circuits.engines import NOISY
+        from circuits.engines import engine_of
 
         table = self.table(channels)
-        gain = gain_of(table, self.gain)
-        noise = (self.seed if seed is None else seed) if self.engine in NOISY else None
-        return BasalGanglia(table, self.engine, gain, noise, known_options(self.engine, options))
+        engine = engine_of(self.engine).tuned(workers=workers, rates=rates, sample_ms=sample_ms)
+        noise = (self.seed if seed is None else seed) if engine.noisy else None
+        return BasalGanglia(table, engine, gain_of(table, self.gain), noise)
 
 
 @dataclass(frozen=True)
@@ -272,11 +277,3 @@ class Observed(Condition):
 def read_once(task: Stimuli) -> Trials:
     """Return the trials of a table of evidence, which is read once."""
     return task.draw(0, "")
-
-
-def known_options(engine: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Return the options that an engine has."""
-    from circuits.engines import DROPPING, THREADED
-
-    takes = {"workers": THREADED, "rates": THREADED, "sample_ms": DROPPING}
-    return {name: value for name, value in options.items() if engine in takes[name]}

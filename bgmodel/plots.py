@@ -42,6 +42,22 @@ def output(ax: Axes, time_ms: npt.ArrayLike, out_nats: npt.NDArray[np.floating])
     return ax
 
 
+def posteriors(
+    time_ms: npt.ArrayLike,
+    posterior: npt.NDArray[np.floating],
+    truth: int | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw posteriors (readings, hypotheses) of a trial; the true hypothesis is the thick line."""
+    ax = new_axes(ax)
+    for hypothesis, values in enumerate(posterior.T):
+        label = f"hypothesis {hypothesis}" + (" (true)" if hypothesis == truth else "")
+        ax.step(time_ms, values, where="post", lw=2.5 if hypothesis == truth else 1, label=label)
+    ax.set(xlabel="time from the onset of evidence (ms)", ylabel="posterior", ylim=(-0.02, 1.02))
+    ax.legend(frameon=False)
+    return ax
+
+
 def choice_times(ax: Axes, choice: npt.ArrayLike, time_ms: npt.ArrayLike) -> Axes:
     """Draw a histogram of decision times (trials,), stacked by choice; below 0 is undecided."""
     chosen, times = np.asarray(choice), np.asarray(time_ms)

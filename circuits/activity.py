@@ -18,6 +18,7 @@ from circuits.dynamics.wiring import Wiring
 from circuits.plots import rates
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
 
 
@@ -133,6 +134,27 @@ class Activity:
             raise ValueError(f"trial must lie in 0..{trials - 1}, got {trial}")
         one = {name: values[trial] for name, values in self.rates_hz.items()}
         return rates(self.time_ms, one, ax)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return rates and output with labels: ``.rate_hz.sel(nucleus="STN", channel=0)``.
+
+        Variables ``rate_hz`` (nucleus, trial, time_ms, channel), Hz, if rates were kept, and
+        ``output`` (trial, time_ms, channel), in the circuit's unit. A nucleus that is pooled has
+        the same rate in every channel.
+        """
+        import xarray  # only where labels are asked for
+
+        channels = np.arange(self.circuit.channels)
+        trials = np.arange(len(self.output_nats))
+        axes = {"trial": trials, "time_ms": self.time_ms, "channel": channels}
+        output = xarray.DataArray(self.output_nats, axes, attrs={"units": self.circuit.unit})
+        found = xarray.Dataset({"output": output}, attrs={"circuit": self.circuit.name})
+        if self.rates_hz:
+            shape = self.output_nats.shape
+            rates = np.stack([np.broadcast_to(each, shape) for each in self.rates_hz.values()])
+            labels = {"nucleus": list(self.rates_hz), **axes}
+            found["rate_hz"] = xarray.DataArray(rates, labels, attrs={"units": "Hz"})
+        return found
 
     def decoded_nats(self, name: str) -> Array:
         """Return the activity of a population, nats (trials, ticks, channels)."""

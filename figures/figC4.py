@@ -19,9 +19,10 @@ from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds,
 from bgmodel.integrators.steady import out_shift, steady_out
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import Ensemble, Population
 from circuits.laws.controls import correlated, linear_stn, perturbed, shuffled_stn
 from circuits.laws.spectra import out_variance
-from figures.common import BRIEF, Settings, letter, run
+from figures.common import BRIEF_MS, Settings, letter, run
 
 SIZES = (0.1, 0.3, 1.0, 3.0)
 """Cells of every population, over the table's."""
@@ -80,7 +81,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "linear STN": linear_stn(table),
         "STN-SNr shuffled": shuffled_stn(table),
     }
-    model = BasalGanglia(table, "population", gain_of(table), settings.seed, BRIEF)
+    model = BasalGanglia(table, Population(settle_ms=BRIEF_MS), gain_of(table), settings.seed)
     given = {"accuracies": (AT,), "highest": HIGHEST}
     found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
@@ -98,11 +99,14 @@ def numbers(settings: Settings, *, output: Path) -> None:
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]
     given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
     parts = []
-    for engine, count in (("population", len(names)), ("ensemble", settings.varied_in_spikes)):
+    for engine, count in (
+        (Population(settle_ms=BRIEF_MS), len(names)),
+        (Ensemble(settle_ms=BRIEF_MS), settings.varied_in_spikes),
+    ):
         edited = {name: every[name] for name in names[:count]}
-        model = BasalGanglia(table, engine, gain_of(table), settings.seed, BRIEF)
+        model = BasalGanglia(table, engine, gain_of(table), settings.seed)
         found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
-        parts.append(found.assign(of=len(every), engine=engine))
+        parts.append(found.assign(of=len(every), engine=engine.id))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 

@@ -16,6 +16,7 @@ from bgmodel.sweeps.plan import Plan
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import digest
+from circuits.engines import Population
 
 FRACTIONS = st.sampled_from([0, 0.1, 0.25, 0.5])
 FACTORS = st.sampled_from([0, 0.5, 0.9, 1, 1.2])
@@ -168,7 +169,7 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
     shards.compute(shard, tmp_path)
     found, _ = shards.read(setting, tmp_path)
     table, gain, posterior, _, _ = single(base | same | point)
-    model = BasalGanglia(table, "population", gain, setting.block_seed(0), {"rates": False})
+    model = BasalGanglia(table, Population(rates=False), gain, setting.block_seed(0))
     threshold = float(criterion_from_posterior(posterior))
     want = behaviour_of(model, setting.block(0, 20).evidence, threshold, 500.0)
     assert np.array_equal(found.decision.choice, want.decision.choice)

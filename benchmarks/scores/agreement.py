@@ -38,6 +38,7 @@ from bgmodel.tactile.task import (
 )
 from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
+from circuits.engines import Ensemble
 
 SCORING_SEED = 40_001
 GAIN = 0.5
@@ -178,8 +179,8 @@ def groups(condition: Condition) -> npt.NDArray[np.intp] | None:
 def decisions(condition: Condition, workers: int) -> pd.DataFrame:
     """Return the comparison of a condition, as from ``compare``."""
     evidence = condition.draw()
-    options: dict[str, Any] = {"workers": workers, "sample_ms": sample_ms(evidence.step_ms)}
-    model = BasalGanglia(condition.table, "ensemble", condition.gain, SCORING_SEED, options)
+    engine = Ensemble(workers=workers, sample_ms=sample_ms(evidence.step_ms))
+    model = BasalGanglia(condition.table, engine, condition.gain, SCORING_SEED)
     rivals = rivals_on(zero_is_nothing=condition.name.startswith("Gaussian"))
     found = compare(
         model, evidence, seed=SCORING_SEED, rivals=rivals, groups=groups(condition)

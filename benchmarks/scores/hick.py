@@ -38,6 +38,7 @@ from bgmodel.integrators.deciding import (
 )
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import engine_of
 
 SCORING_SEED, TUNING_SEED = 74_001, 74_002
 """Of the scored trials, and of those on which thresholds for the quantiles are found."""
@@ -98,8 +99,8 @@ def most_alternatives() -> int:
 def model_of(evidence: Evidence, engine: str) -> BasalGanglia:
     """Return the default circuit at its default gain, with noise of the scoring seed."""
     table = load_circuit(DEFAULT, evidence.hypotheses)
-    options = {"workers": 2, "sample_ms": sample_ms(evidence.step_ms)}
-    return BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options)
+    chosen = engine_of(engine, workers=2, sample_ms=sample_ms(evidence.step_ms))
+    return BasalGanglia(table, chosen, gain_of(table), SCORING_SEED)
 
 
 def at_accuracies(

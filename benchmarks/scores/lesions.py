@@ -24,6 +24,7 @@ from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import leader_drive, lesions, steady_shifts
 from circuits.anatomy import load_circuit
+from circuits.engines import Ensemble
 from circuits.laws.controls import linear_stn, shuffled_stn
 from circuits.laws.spectra import out_variance
 
@@ -56,7 +57,7 @@ def controls(trials: int, workers: int) -> pd.DataFrame:
     evidence = separated_evidence(
         trials, 40, 1 / np.sqrt(2), rng=rng, hypotheses=CHANNELS, step_ms=50.0
     )
-    model = BasalGanglia(table, "ensemble", GAIN, SCORING_SEED, {"workers": workers})
+    model = BasalGanglia(table, Ensemble(workers=workers), GAIN, SCORING_SEED)
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,))
     change = found[(found["kind"] == "change") & (found["variant"] != "intact")]
     tests = (tradeoff(one.run(evidence), evidence) for one in (Msprt(GAIN), MaxVsAverage()))

@@ -24,7 +24,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
-from circuits.engines import NOISY
+from circuits.engines import engine_of
 
 TIMES = 6
 """So many times the cells."""
@@ -65,9 +65,8 @@ def times(kind: Kind, trials: int, workers: int) -> pd.DataFrame:
     """Return the comparison of each case with the MSPRT at the circuit's gain."""
     table, parts = load_circuit(DEFAULT, kind.count), []
     for case, engine, edited in cases(table):
-        noisy = engine in NOISY
-        options = {"workers": workers} if noisy else {}
-        model = BasalGanglia(edited, engine, gain_of(table), SCORING_SEED, options)
+        chosen = engine_of(engine).tuned(workers=workers)
+        model = BasalGanglia(edited, chosen, gain_of(table), SCORING_SEED)
         found = compare(
             model,
             drawn(kind, trials, 50.0),

@@ -32,6 +32,7 @@ from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
+from circuits.engines import engine_of
 
 SCORING_SEED, TUNING_SEED = 76_001, 76_002
 """Of the trials, and of those on which gains are chosen."""
@@ -142,9 +143,8 @@ def drawn(alternatives: int, conflict: float, trials: int, seed: int = SCORING_S
 
 def model_of(entrant: Entrant, alternatives: int, gain: float, seed: int) -> BasalGanglia:
     """Return a circuit on its engine."""
-    options = {"workers": 2} if entrant.engine in ("population", "ensemble") else {}
     table = load_circuit(entrant.name, alternatives)
-    return BasalGanglia(table, entrant.engine, gain, seed, options)
+    return BasalGanglia(table, engine_of(entrant.engine).tuned(workers=2), gain, seed)
 
 
 def swept(model: BasalGanglia, evidence: Evidence) -> Tradeoff:

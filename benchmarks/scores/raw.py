@@ -21,6 +21,7 @@ from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import engine_of
 
 TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200
 SLOW, SLOW_MS, SLOW_TRIALS = "8 orientations, 2 mm", 500.0, 1000
@@ -46,8 +47,8 @@ def decisions(
 ) -> pd.DataFrame:
     """Return the comparison of the circuit on a kind of evidence, raw or centred."""
     table = load_circuit(DEFAULT, kind.count)
-    options = {"workers": workers, "sample_ms": sample_ms(step_ms)}
-    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options, centred or None)
+    chosen = engine_of(engine, workers=workers, sample_ms=sample_ms(step_ms))
+    model = BasalGanglia(table, chosen, gain_of(table), SCORING_SEED, centred or None)
     found = compare(
         model,
         drawn(kind, trials, step_ms),

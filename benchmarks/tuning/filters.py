@@ -30,6 +30,7 @@ from bgmodel.integrators.deciding import thresholds_about
 from circuits.anatomy import load_circuit
 from circuits.arrays import Array
 from circuits.circuit import Circuit
+from circuits.engines import Ensemble
 
 ACCURACIES = tuple(np.arange(0.885, 0.98, 0.01).round(3))
 
@@ -49,7 +50,7 @@ class Run:
         self.test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
         self.thresholds = thresholds_about(self.test)
         kept: dict[str, list[Array]] = {"D1": [], "STN": [], "SNr": []}
-        model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
+        model = BasalGanglia(table, Ensemble(workers=2), gain, seed)
         for _, activity, _ in model.batches(evidence):
             for name, parts in kept.items():
                 parts.append(activity.decoded_nats(name))

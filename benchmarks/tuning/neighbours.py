@@ -25,6 +25,7 @@ from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
 from circuits.cells.membrane import fit_current
 from circuits.circuit import Circuit
+from circuits.engines import Ensemble
 
 TUNING_SEEDS = (1001, 1002, 1003)
 ACCURACIES = (0.90, 0.93, 0.95, 0.97)
@@ -105,7 +106,7 @@ def main() -> None:
         print(f"{name}, at rest:\n{at.to_string(index=False, float_format='{:.2f}'.format)}")
     for seed in TUNING_SEEDS:
         evidence = tuning_evidence(given.trials, given.channels, given.d_prime, seed)
-        model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
+        model = BasalGanglia(table, Ensemble(workers=2), gain, seed)
         found = compare_edits(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
         print(f"\nseed {seed}, N = {given.channels}, d' {given.d_prime:g}, {given.trials} trials")
         print(page(found[found["kind"] == "value"].drop(columns="kind")))

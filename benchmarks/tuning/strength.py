@@ -68,8 +68,7 @@ def decided(
 ) -> Decision:
     """Return the decisions at a posterior, whatever lead the table states."""
     level = -np.log(posterior)
-    seed = None if engine in ("rate", "algebra") else SEED
-    model = BasalGanglia(table, engine, gain, seed).until(level)
+    model = BasalGanglia(table, engine, gain, SEED).until(level)
     parts = [first_crossing(trace, level) for _, _, trace in model._parts(evidence, 0)]
     return parts[0]
 

@@ -6,7 +6,7 @@ import importlib.util
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import tyro
@@ -211,25 +211,20 @@ class CircuitRun(Writes):
     @staticmethod
     def _first(model: BasalGanglia, evidence: Evidence, trials: int) -> Activity:
         """Return the first trials, to their ends, with their spikes if the engine has any."""
-        from circuits.engines import SPIKING
-
-        if model.engine in SPIKING:
-            names = [row.name for row in model.circuit.populations if row.spiking]
-            model = replace(model, options={**model.options, "spikes": names})
+        names = tuple(row.name for row in model.circuit.populations if row.spiking)
+        model = replace(model, engine=model.engine.recording(names))
         return model.activity(evidence[:trials])
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
         from circuits.anatomy import load_circuit
-        from circuits.engines import THREADED
+        from circuits.engines import engine_of
 
         table = load_circuit(self.circuit, evidence.hypotheses).edited(*self.edits)
         say_of_edits(self.edits)
-        options: dict[str, Any] = {}
-        if self.engine in THREADED:
-            options["workers"] = self.workers
-        return BasalGanglia(table, self.engine, gain_of(table, self.gain), self.seed, options)
+        engine = engine_of(self.engine).tuned(workers=self.workers)
+        return BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
 
     def _say_decided(
         self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
@@ -246,13 +241,13 @@ class CircuitRun(Writes):
 
     def _draws(self) -> bool:
         """Whether anything is drawn with the seed: evidence, or the noise of cells."""
-        from circuits.engines import NOISY
+        from circuits.engines import engine_of
 
-        return self.stimuli.evidence is None or self.engine in NOISY
+        return self.stimuli.evidence is None or engine_of(self.engine).noisy
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
-        from circuits.engines import SPIKING
+        from circuits.engines import engine_of
         from circuits.ignored import check_edits
 
         check_ending("output", self.output, ".parquet", ".csv")
@@ -267,7 +262,7 @@ class CircuitRun(Writes):
         if self.stimuli.evidence is None and self.threshold is None:
             criterion_from_posterior(self._posterior(), self.stimuli.channels)
         check_whole(spike_trials=self.spike_trials)
-        if self.spikes is not None and self.engine not in SPIKING:
+        if self.spikes is not None and not engine_of(self.engine).spiking:
             raise ValueError(f"the {self.engine} engine has no spikes: leave --spikes out")
         tables_of = (".parquet", ".csv")
         for name, endings in (("rates", tables_of), ("spikes", tables_of), ("nwb", (".nwb",))):

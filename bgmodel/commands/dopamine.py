@@ -130,15 +130,14 @@ class CircuitLearn(Writes):
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-        from bgmodel.learning.dopamine import COARSE
         from circuits.anatomy import load_circuit
+        from circuits.engines import engine_of
 
         table = load_circuit(self.circuit, evidence.hypotheses).edited(*self.edits)
         say_of_edits(self.edits)
         table.check_nats("a criterion that dopamine sets")
-        options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
-        gain = gain_of(table, self.gain)
-        model = BasalGanglia(table, self.engine, gain, self.seed, options)
+        engine = engine_of(self.engine).coarse()
+        model = BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
         model.warn_beyond_range(evidence)
         return model
 
@@ -175,14 +174,17 @@ class CircuitLearn(Writes):
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
+        from circuits.engines import engine_of
         from circuits.ignored import check_edits
 
         check_ending("output", self.output, ".parquet", ".csv")
         check_edits(self.edits, self.engine)
         self.stimuli.check()
         self.stimuli.check_idle(TOUCHED)
-        if self.engine == "algebra":
-            raise ValueError("the algebra engine has no decision times to learn from: take rate")
+        if not engine_of(self.engine).timed:
+            raise ValueError(
+                f"the {self.engine} engine has no decision times to learn from: take rate"
+            )
         check_whole(runs=self.runs)
         check_learning_memory(self.runs, self.learner.episodes)
         numbers = 3 * 8.0 * self.levels * self.stimuli.trials

@@ -160,7 +160,7 @@ class ExperimentRun(Shows):
         about: dict[str, Any] = {"name": experiment.name, "source": experiment.source}
         about |= {"published": experiment.published}
         model, posterior = done.models[0], experiment.stopping
-        about |= {"circuit": model.circuit.name, "engine": model.engine, "gain": model.gain}
+        about |= {"circuit": model.circuit.name, "engine": model.engine.id, "gain": model.gain}
         about |= {"posterior": posterior, "seed": experiment.seed}
         where = {"trials": trials, "output": self.output}
         experiment = replace(experiment, gain=done.models[0].gain)

@@ -96,7 +96,7 @@ class Comparison(Facts):
         """Return the circuit, and agreement and extra time at each accuracy."""
         found = {
             "circuit": self.model.circuit.name,
-            "engine": self.model.engine,
+            "engine": self.model.engine.id,
             "trials": f"{self.trials}",
         }
         for row in self.summary().query("model == @CIRCUIT").itertuples():

@@ -186,7 +186,7 @@ def at_fixed_point(model: BasalGanglia) -> BasalGanglia:
     """Return the circuit without noise and without any delay."""
     # Edits that the fixed point makes no use of are not what is asked for here.
     circuit = replace(model.circuit, unedited=None)
-    return replace(model, circuit=circuit, engine="algebra", options={})
+    return replace(model, circuit=circuit, engine="algebra")
 
 
 def kappa_of(model: BasalGanglia) -> float:

@@ -267,7 +267,7 @@ class Outcome(Facts):
         found = {
             "trials": f"{self.given.evidence.trials} per condition",
             "circuit": model.circuit.name,
-            "engine": model.engine,
+            "engine": model.engine.id,
             "gain": f"{model.gain:g}",
             "posterior": self.experiment.stopping,
             "seed": f"{self.experiment.seed}",

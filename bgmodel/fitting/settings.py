@@ -61,9 +61,9 @@ class FitSettings:
     def check(self) -> None:
         """Raise ValueError for an engine, a noise or a criterion that there is not."""
         from bgmodel.fitting.criteria import CRITERIA
-        from bgmodel.integrators.basal_ganglia import check_engine
+        from circuits.engines import engine_of
 
-        check_engine(self.engine)
+        engine_of(self.engine)
         if not 0 < self.noise_nats < float("inf"):
             raise ValueError(f"noise_nats must be finite and above 0, got {self.noise_nats:g}")
         if self.criterion not in CRITERIA:

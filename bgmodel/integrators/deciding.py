@@ -25,7 +25,6 @@ from bgmodel.integrators.decoder import decoded
 from bgmodel.support.progress import advance
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
-from circuits.engines import NOISY, THREADED
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
 DECODER_TAU_MS = 20.0
@@ -88,7 +87,7 @@ def without_noise_alone(
     Above them noise decides: in more than ``NOISE_SHARE`` of trials it crosses them within half a
     second without evidence.
     """
-    if model.engine not in THREADED or not is_noisy(model):
+    if not (model.engine.threaded and is_noisy(model)):
         return thresholds
     lowest = model.out_at_rest().min(axis=(1, 2))
     share = (lowest[:, None] <= thresholds).mean(axis=0)
@@ -97,7 +96,7 @@ def without_noise_alone(
 
 def is_noisy(model: BasalGanglia) -> bool:
     """Whether a second seed would change what a circuit does."""
-    return model.engine in NOISY and bool(model.options.get("noise", True))
+    return model.engine.noisy
 
 
 def decide_at_thresholds(
@@ -134,7 +133,7 @@ def decide_at_thresholds(
         # Where OUT rests may be what is asked for; what is never read is no answer.
         check_threshold(model.circuit, float(np.max(thresholds)))
     in_nats = model.circuit.unit == NATS
-    decodes = in_nats and model.engine in NOISY and decoder_tau_ms is not None
+    decodes = in_nats and is_noisy(model) and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
     model = model.until(lowest - (BELOW_NATS if decodes else ROUNDING_NATS), rates=decodes)
     found: dict[str, Tradeoff] = {}

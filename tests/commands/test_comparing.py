@@ -135,7 +135,7 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         assert run("circuit", "lesion", out, "lesion STN[0] 10%", *quick, *edited) == 0
         assert re.search(rf"{before} +0.9 ", capsys.readouterr().out)
         assert set(pd.read_csv(out, comment="#")["variant"]) == {before, "lesion STN[0] 10%"}
-    idle = ("circuit", "lesion", out, "STN.neurons=3", "--engine", "rate", "--force")
+    idle = ("circuit", "lesion", out, "set STN.neurons 3", "--engine", "rate", "--force")
     assert run(*idle) == 2
     assert "'STN.neurons=3' says nothing to the rate engine" in capsys.readouterr().err
 

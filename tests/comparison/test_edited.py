@@ -27,6 +27,7 @@ from bgmodel.integrators.deciding import (
 from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
+from circuits.engines import Ensemble, engine_of
 from circuits.laws.controls import shuffled_stn
 
 SEED, GAIN = 51, 0.5
@@ -34,7 +35,7 @@ TABLE = load_circuit("spiking_msprt", 4)
 EVIDENCE = separated_evidence(
     120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
 )
-MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
+MODEL = BasalGanglia(TABLE, Ensemble(workers=2), GAIN, SEED)
 
 
 def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", **more):
@@ -118,7 +119,7 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
     # Batches of 10: a trial that is run again has the noise of its place among all.
     monkeypatch.setattr(basal_ganglia, "BATCH", 10)
     dropped = decide_at_thresholds(model, EVIDENCE[:20], given, decoder_tau_ms=tau_ms)
-    monkeypatch.setattr(basal_ganglia, "DROPPING", ())
+    monkeypatch.setattr(Ensemble, "until", lambda engine, level_nats, rates: engine)
     whole = decide_at_thresholds(model, EVIDENCE[:20], given, decoder_tau_ms=tau_ms)
     assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
     for name, one in whole.items():
@@ -270,7 +271,7 @@ def test_only_noise_keeps_thresholds_away_from_rest(monkeypatch, engine, options
     rest = np.full((1000, 3, 2), 0.8)
     rest[:20, 1, 0], rest[20, 2, 1] = 0.5, 0.6
     monkeypatch.setattr(BasalGanglia, "out_at_rest", lambda self: rest)
-    model = replace(QUICK, engine=engine, options=options)
+    model = replace(QUICK, engine=engine_of(engine, **options))
     assert is_noisy(model) == noisy
     levels = np.array([0.9, 0.6, 0.55, 0.5, 0.3])
     kept = without_noise_alone(model, levels).tolist()

@@ -13,6 +13,7 @@ from bgmodel.sweeps.plan import BLOCK, Plan, Point, read_plan
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import write
+from circuits.engines import Algebra, Brian2, Ensemble, Population, Rate
 from tests.helpers import long_table, some_evidence
 
 
@@ -289,18 +290,18 @@ def test_readings_and_alternatives_of_what_is_drawn_are_those_of_the_task():
 
 
 @pytest.mark.parametrize(
-    ("engine", "seed", "options"),
+    ("engine", "seed"),
     [
-        ("algebra", None, {}),
-        ("rate", None, {}),
-        ("population", 7, {"rates": False}),
-        ("ensemble", 7, {"rates": False}),
-        ("brian2", 7, {}),
+        (Algebra(), None),
+        (Rate(rates=False), None),
+        (Population(rates=False), 7),
+        (Ensemble(rates=False), 7),
+        (Brian2(), 7),
     ],
 )
-def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engine, seed, options):
-    model = Point(engine=engine).model(seed=7, rates=False)
-    assert (model.engine, model.seed, model.options) == (engine, seed, options)
+def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engine, seed):
+    model = Point(engine=engine.id).model(seed=7, rates=False)
+    assert (model.engine, model.seed) == (engine, seed)
 
 
 def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():

@@ -11,7 +11,7 @@ from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
-from circuits.engines import algebra
+from tests.circuits.helpers import run_algebra
 
 TABLE = anatomy.spiking_msprt()
 TABLES = [anatomy.load_circuit(name) for name in anatomy.CIRCUITS]
@@ -185,7 +185,7 @@ def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
     assert edited.populations == other.populations
     assert set(edited.projections) == set(other.projections)
     drive = np.zeros((1, 1, 2))
-    assert (algebra.run(edited, drive).output_nats > algebra.run(TABLE, drive).output_nats).all()
+    assert (run_algebra(edited, drive).output_nats > run_algebra(TABLE, drive).output_nats).all()
 
 
 def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
