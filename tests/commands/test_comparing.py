@@ -137,7 +137,7 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         assert set(pd.read_csv(out, comment="#")["variant"]) == {before, "lesion STN[0] 10%"}
     idle = ("circuit", "lesion", out, "set STN.neurons 3", "--engine", "rate", "--force")
     assert run(*idle) == 2
-    assert "'STN.neurons=3' says nothing to the rate engine" in capsys.readouterr().err
+    assert "'set STN.neurons 3' says nothing to the rate engine" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -148,8 +148,8 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         (["compare", "a.csv", "--accuracies", "1.2"], "accuracies must lie above chance"),
         (["compare", "a.csv", "--channels", "40"], "takes at most 12 alternatives"),
         (["compare", "a.csv", "--task", "same-different", "--channels", "3"], "2 alternatives"),
-        (["circuit", "lesion", "a.csv", "GPi"], "has no nucleus 'GPi'"),
-        (["circuit", "lesion", "a.csv", "SNr"], "SNr is the read-out"),
+        (["circuit", "lesion", "a.csv", "lesion GPi"], "has no nucleus 'GPi'"),
+        (["circuit", "lesion", "a.csv", "lesion SNr"], "SNr is the read-out"),
     ],
 )
 def test_bad_use_of_compare_and_lesion_gets_one_clear_sentence(
@@ -175,9 +175,9 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
     assert "are left out: the zero of this evidence means nothing" in told.err
     assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
     small = ("--trials", 100, "--engine", "algebra", "--accuracies", 0.9, "--d-prime", 1)
-    assert run("circuit", "lesion", tmp_path / "b.csv", "GPe", *small, "--t-max", 40) == 0
+    assert run("circuit", "lesion", tmp_path / "b.csv", "lesion GPe", *small, "--t-max", 40) == 0
     assert re.search(r"GPe +0.9 +mostly at the deadline", capsys.readouterr().out)
-    assert run("circuit", "lesion", tmp_path / "d.csv", "GPe", *small, "--t-max", 2) == 0
+    assert run("circuit", "lesion", tmp_path / "d.csv", "lesion GPe", *small, "--t-max", 2) == 0
     assert re.search(r"intact +0.9 +not reached", capsys.readouterr().out)
     little = ("--trials", 20, "--t-max", 1, "--levels", 2, "--period-mm", 1)
     assert run("circuit", "learn", tmp_path / "c.csv", *little) == 2

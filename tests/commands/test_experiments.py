@@ -288,8 +288,8 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(
     experiment_file, tmp_path, monkeypatch
 ):
     spiking = GOOD.replace("algebra", "ensemble").replace("t_max = 40", "t_max = 9\nd_prime = 2.0")
-    edits = 'edits = ["neurons 40"]\n'
-    spiking = spiking.replace("[manipulation]\n", f"[control]\n{edits}[manipulation]\n{edits}")
+    cells = '[control]\nedits = ["neurons 40"]\n[manipulation]\nedits = ["neurons 40", '
+    spiking = spiking.replace("[manipulation]\nedits = [", cells)
     experiment_file.write_text(spiking)
     files = [tmp_path / f"{name}.csv" for name in "abc"]
     assert run("experiment", experiment_file, files[0], "--workers", 1) == 0

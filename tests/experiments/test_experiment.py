@@ -127,7 +127,11 @@ def test_the_page_has_every_key_with_its_default_and_every_measure():
     assert set(re.findall(r"`(\w+)`", " ".join(named))) == set(MEASURES)
     rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", keys, re.MULTILINE))
     in_words = {"the table's": None, "each in turn": None, "none": None, "needed": MISSING}
-    defaults = {f.name: f.default for kind in (Experiment, Stimuli, Changes) for f in fields(kind)}
+    defaults = {
+        f.name: f.default if f.default_factory is MISSING else f.default_factory()
+        for kind in (Experiment, Stimuli, Changes)
+        for f in fields(kind)
+    }
     of_parts = ("manipulation", "control", "predictions", "task", "effects")
     # `task` is a part of an experiment and a key of that part.
     wanted = {k: v for k, v in defaults.items() if k not in of_parts} | {"task": Stimuli.task}
