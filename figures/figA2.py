@@ -47,7 +47,7 @@ def with_fast(gain: float, channels: int = CHANNELS) -> Circuit:
     """Return the default circuit with a gain of cortical inhibition, all rates at rest kept."""
     table = load_circuit(DEFAULT, channels)
     if not gain:
-        return table.lesion("ctx_inh", replaced=True)
+        return table.clamp("ctx_inh")
     tone = table.population("ctx").bias_nats
     tone += (gain + table.projection("ctx_inh", "ctx").weight) * table.rest_drive
     table = table.with_projection("ctx_inh", "ctx", weight=-gain)

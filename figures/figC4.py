@@ -77,7 +77,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "cells alike": table.with_spread(0.0),
         "shared noise .05 nats": correlated(table, 0.05),
         "shared noise .1 nats": correlated(table, 0.1),
-        "GPe at its rest": table.lesion("GPe", replaced=True),
+        "GPe at its rest": table.clamp("GPe"),
         "linear STN": linear_stn(table),
         "STN-SNr shuffled": shuffled_stn(table),
     }

@@ -208,7 +208,7 @@ def in_plain(circuit):
         TABLE,
         LOST,
         anatomy.macaque(3).with_neurons(20).add(*COURSES),
-        TABLE.add(*COURSES).lesion("GPe", 0.3, replaced=True).with_spread(0.1),
+        TABLE.add(*COURSES).clamp("GPe", 0.3).with_spread(0.1),
     ],
     ids=["as it is", "one channel", "courses at terminals", "courses and a lesion"],
 )
@@ -239,7 +239,7 @@ def edited(number):
     circuit = circuit.with_population("STN", bias_nats=stn)
     return [
         circuit.add(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
-        circuit.lesion("STN", 0.4, replaced=True),
+        circuit.clamp("STN", 0.4),
         circuit.with_population("STN", cell=Phase(0.9)),
         circuit.with_spread(0.2),
     ][number % 4]

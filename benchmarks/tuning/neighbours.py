@@ -72,7 +72,7 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
     return {
         "common mode 100 ms": common(100),
         "common mode 400 ms": common(400),
-        "GPe replaced by its rest": table.lesion("GPe", replaced=True),
+        "GPe replaced by its rest": table.clamp("GPe"),
         "synapses of 8 ms, read-out 25": replace(synapses(table, 8, 8), readout_tau_ms=25),
         "STN-GPe loop 5 and 8 ms": table.with_projection("STN", "GPe", tau_ms=5).with_projection(
             "GPe", "STN", tau_ms=8

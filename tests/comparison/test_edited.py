@@ -96,7 +96,7 @@ def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind
 def test_without_gpe_or_the_right_sum_the_spiking_circuit_agrees_less():
     """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
     edited = {
-        "GPe": TABLE.lesion("GPe", replaced=True),
+        "GPe": TABLE.clamp("GPe"),
         "shuffled": shuffled_stn(TABLE),
     }
     found = compare_edits(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)

@@ -324,7 +324,7 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
         (lambda c: c.with_spread(0.2), "spread"),
         (lambda c: c.with_neurons(5), "neurons"),
         (lambda c: c.with_connections(0.5), "probability"),
-        (lambda c: c.edited("STN.cell.cv=0.9", "STN.bias_nats=0.1"), "cell.cv of STN"),
+        (lambda c: c.edited("set STN.cell.cv=0.9", "set STN.bias_nats=0.1"), "cell.cv of STN"),
     ],
 )
 def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field):
@@ -340,13 +340,13 @@ def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field
 
 
 def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
-    edited = macaque().edited("STN->GPe.delay_ms=4", "STN->GPe.tau_ms=7")
+    edited = macaque().edited("set STN->GPe.delay_ms=4", "set STN->GPe.tau_ms=7")
     with pytest.warns(UserWarning, match=r"delay_ms of STN->GPe; tau_ms of STN->GPe"):
         BasalGanglia(edited, "algebra")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         BasalGanglia(edited, "rate")
-        BasalGanglia(macaque().edited("STN.neurons=9"), Algebra(laws="finite"))
+        BasalGanglia(macaque().set("STN.neurons", 9), Algebra(laws="finite"))
 
 
 def test_rare_samples_of_out_are_warned_of():
