@@ -63,8 +63,8 @@ def folder(tmp_path_factory):
 def typed(folder, monkeypatch, capsys):
     """Return what runs a command in the folder: its status, and what it said."""
     monkeypatch.chdir(folder)
-    monkeypatch.delenv("BGMODEL_RECORDINGS", raising=False)
-    monkeypatch.setattr("bgmodel.commands.one_run.run_to_end", lambda *given: 0)
+    monkeypatch.setenv("BGMODEL_RECORDINGS", "")
+    monkeypatch.setattr("bgmodel.commands.figures.run_snakemake", lambda *given: 0)
     return lambda arguments: (main(arguments), capsys.readouterr().err)
 
 
