@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks.methods.means import fit_means
 from benchmarks.scores.other_tools import (
     Accumulators,
     Ends,
@@ -32,7 +33,6 @@ from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.means import fit_means
 from bgmodel.support.arrays import Array
 from bgmodel.tables.choices import Choices
 from bgmodel.theory.sprt import OVERSHOOT
