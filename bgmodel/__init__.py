@@ -21,7 +21,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
-    from bgmodel.comparison.with_msprt import compare
+    from bgmodel.comparison.compare import compare
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
     from circuits.anatomy import load_circuit
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
-    "Circuit": "circuits.declaration.spec",
+    "Circuit": "circuits.circuit",
     "Experiment": "bgmodel.experiments.experiment",
     "Sweep": "bgmodel.sweeps.sweep",
-    "compare": "bgmodel.comparison.with_msprt",
+    "compare": "bgmodel.comparison.compare",
     "fit": "bgmodel.fitting.settings",
     "load_circuit": "circuits.anatomy",
     "read_choices": "bgmodel.tables.choices",

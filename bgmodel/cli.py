@@ -17,20 +17,6 @@ import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from bgmodel.commands.checks import Writes, check_outputs
-from bgmodel.commands.circuit import CircuitRun, CircuitShow
-from bgmodel.commands.comparing import CircuitLesion, Compare
-from bgmodel.commands.data import Data
-from bgmodel.commands.decisions import Decide, GapLearn
-from bgmodel.commands.demo import DemoRun
-from bgmodel.commands.designed import CircuitDesigned
-from bgmodel.commands.dopamine import CircuitLearn
-from bgmodel.commands.experiments import ExperimentRun
-from bgmodel.commands.figures import Figures
-from bgmodel.commands.fits import FitRun
-from bgmodel.commands.names import Name
-from bgmodel.commands.page import PageWrite
-from bgmodel.commands.sweeps import SweepRun
-from bgmodel.commands.taps import Decode, Simulate, Train
 from bgmodel.support.import_guard import explained
 from bgmodel.version import __version__
 
@@ -39,35 +25,6 @@ ABOUT = (
     "`bgmodel --version` prints the version; `bgmodel --tyro-print-completion bash` (or zsh) "
     "prints a script that completes names and options with the tab key."
 )
-CIRCUIT = {
-    "show": CircuitShow,
-    "run": CircuitRun,
-    "lesion": CircuitLesion,
-    "designed": CircuitDesigned,
-    "learn": CircuitLearn,
-}
-# A name and its command, or a name and a group: what it is about, and a table like this one with
-# two commands or more.
-COMMANDS: dict[str, Any] = {
-    "demo": DemoRun,
-    "simulate": Simulate,
-    "train": Train,
-    "decode": Decode,
-    "decide": Decide,
-    "learn": GapLearn,
-    "circuit": (
-        "A basal ganglia circuit: show its table, let it decide, lesion it, hold it to theories, "
-        "let dopamine learn. Example: bgmodel circuit show",
-        CIRCUIT,
-    ),
-    "compare": Compare,
-    "data": Data,
-    "fit": FitRun,
-    "experiment": ExperimentRun,
-    "sweep": SweepRun,
-    "page": PageWrite,
-    "figures": Figures,
-}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -101,7 +58,10 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
 
     Asking for help ends the program, as tyro does it.
     """
-    _check_named(sys.argv[1:] if arguments is None else arguments)
+    # Imported inside main, which says it in one sentence if another package is called circuits.
+    from bgmodel.commands.table import COMMANDS
+
+    _check_named(COMMANDS, sys.argv[1:] if arguments is None else arguments)
     printed = io.StringIO()
     try:
         with redirect_stderr(printed):
@@ -119,9 +79,9 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
         raise
 
 
-def _check_named(arguments: Sequence[str]) -> None:
+def _check_named(top: Mapping[str, Any], arguments: Sequence[str]) -> None:
     """Raise ValueError if help is asked of a command that there is not: tyro would show another."""
-    commands: Any = COMMANDS
+    commands: Any = top
     before = "bgmodel"
     if not {"-h", "--help"} & {*arguments}:
         return
@@ -129,7 +89,7 @@ def _check_named(arguments: Sequence[str]) -> None:
         if word.startswith("-") or not isinstance(commands, Mapping):
             return
         if word not in commands:
-            other = f" (but there is `bgmodel {word}`)" if word in COMMANDS else ""
+            other = f" (but there is `bgmodel {word}`)" if word in top else ""
             raise ValueError(
                 f"there is no command `{before} {word}`{other}; there are "
                 f"{', '.join(f'`{before} {name}`' for name in commands)}"
@@ -140,6 +100,8 @@ def _check_named(arguments: Sequence[str]) -> None:
 
 def _registry() -> ConstructorRegistry:
     """Return tyro's rules and two more: a whole number may be written 1e5; names are listed."""
+    from bgmodel.names import Name
+
     registry = ConstructorRegistry()
 
     @registry.primitive_rule

@@ -15,6 +15,7 @@ from bgmodel.integrators.sprt import Msprt, criterion_from_posterior
 from bgmodel.plots import channel_lines, raster
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import Plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,7 +112,7 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
         step_ms=STEP_MS,
     )
     # The plain engine has the compiled one's spikes, and compiles nothing.
-    model = BasalGanglia(table, "plain", gain_of(table), seed, {"spikes": tuple(NUCLEI)})
+    model = BasalGanglia(table, Plain(spikes=tuple(NUCLEI)), gain_of(table), seed)
     activity = model.activity(evidence)
     traces = {
         "circuit": model.trace(activity, evidence),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,9 @@ from bgmodel.support.checks import checked_truth, is_number, one_per_trial, real
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import generator
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_NATS = 1e6
 """Beyond, sums of log-likelihoods lose what tells hypotheses apart."""
@@ -135,6 +138,30 @@ class Evidence(Facts):
         others = (self.log_likelihood.sum(axis=2) - true) / (self.hypotheses - 1)
         mean = float((true - others).sum() / self.readings.sum())
         return found | {"truth": f"known, favoured by {mean:.3g} nats per reading"}
+
+    def plot(self, trial: int = 0, ax: Axes | None = None) -> Axes:
+        """Draw the posterior of each hypothesis after every reading of one trial.
+
+        Parameters
+        ----------
+        trial : int
+            Position of the trial.
+        ax : Axes, optional
+            Drawn on and returned; that of a new figure unless given.
+
+        Raises
+        ------
+        ValueError
+            If there is no such trial.
+        """
+        from bgmodel.plots import posteriors
+
+        if trial not in range(self.trials):
+            raise ValueError(f"trial must lie in 0..{self.trials - 1}, got {trial!r}")
+        readings = int(self.readings[trial]) + 1
+        time_ms = self.step_ms * np.arange(readings)
+        truth = None if self.truth is None else int(self.truth[trial])
+        return posteriors(time_ms, self.posterior[trial, :readings], truth, ax)
 
     @property
     def foreperiod_steps(self) -> int:

@@ -26,7 +26,7 @@ def new_axes(ax: Axes | None = None) -> Axes:
     """
     if ax is not None:
         return ax
-    from circuits.show import panels
+    from circuits.plots import panels
 
     found: Axes = panels(1)[0]
     return found
@@ -39,6 +39,22 @@ def output(ax: Axes, time_ms: npt.ArrayLike, out_nats: npt.NDArray[np.floating])
     ax.axvline(0, color="0.8", lw=0.8, zorder=0)
     ax.set(xlabel="time from the onset of evidence (ms)", ylabel="OUT (nats)")
     ax.legend()
+    return ax
+
+
+def posteriors(
+    time_ms: npt.ArrayLike,
+    posterior: npt.NDArray[np.floating],
+    truth: int | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw posteriors (readings, hypotheses) of a trial; the true hypothesis is the thick line."""
+    ax = new_axes(ax)
+    for hypothesis, values in enumerate(posterior.T):
+        label = f"hypothesis {hypothesis}" + (" (true)" if hypothesis == truth else "")
+        ax.step(time_ms, values, where="post", lw=2.5 if hypothesis == truth else 1, label=label)
+    ax.set(xlabel="time from the onset of evidence (ms)", ylabel="posterior", ylim=(-0.02, 1.02))
+    ax.legend(frameon=False)
     return ax
 
 
@@ -71,7 +87,7 @@ def conditions(table: pd.DataFrame, ax: Axes | Sequence[Axes] | None = None) -> 
     array of Axes
         One per measure.
     """
-    from circuits.show import panels
+    from circuits.plots import panels
 
     known = table[table["value"].notna()]
     measures = list(known["measure"].unique())

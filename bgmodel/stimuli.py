@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -10,7 +9,6 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from bgmodel.evidence import expecting, gaussian_evidence, whole_steps
-from bgmodel.support import toml_files
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
@@ -49,14 +47,8 @@ class Stimuli:
     expectancy_ms: float = 0.0
     """Length of that foreperiod, ms."""
 
-    def check(self, default: Stimuli | None = None) -> None:
-        """Refuse what makes no sense, before long work starts.
-
-        Parameters
-        ----------
-        default : Stimuli, optional
-            What stands if nothing is said: beside a table of evidence nothing else may be.
-        """
+    def check(self) -> None:
+        """Raise ValueError for a number out of range."""
         for name in ("trials", "t_max"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
@@ -69,11 +61,21 @@ class Stimuli:
         self._check_expectancy()
         if not 0 <= self.conflict < 1:
             raise ValueError(f"conflict must lie in 0..1, below 1, got {self.conflict}")
-        if self.evidence is not None:
-            self._check_alone(default or Stimuli())
-        self._check_task(default or Stimuli())
         if self.task == "same-different" and self.channels != 2:
             raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
+
+    def check_idle(self, default: Stimuli | None = None) -> None:
+        """Raise ValueError for a setting that this task makes no use of.
+
+        Parameters
+        ----------
+        default : Stimuli, optional
+            What holds unless something else is given.
+        """
+        default = default or Stimuli(trials=self.trials, t_max=self.t_max)
+        if self.evidence is not None:
+            self._check_alone(default)
+        self._check_task(default)
 
     def _check_expectancy(self) -> None:
         if not 0 <= self.expectancy_nats < np.inf:
@@ -168,18 +170,6 @@ def circuit_seen_from(folder: Path, name: str) -> str:
     from circuits.declaration.table_files import is_path
 
     return str(folder / name) if is_path(name) else name
-
-
-def warn_of_default(file: Path) -> None:
-    """Warn where a file that was made for another default circuit may not mean today's."""
-    from circuits.anatomy import DEFAULT
-
-    if not toml_files.gives(file, "circuit"):
-        warnings.warn(
-            f"{file.name} names no circuit and runs on {DEFAULT}, the default since version 0.2; "
-            'one that was made before ran on spiking_msprt: write circuit = "spiking_msprt" for it',
-            stacklevel=2,
-        )
 
 
 def seen_from(folder: Path, asked: Asked) -> Asked:

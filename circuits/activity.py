@@ -13,10 +13,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from circuits.arrays import Array
-from circuits.declaration.spec import NATS, Circuit
+from circuits.declaration.table import NATS, CircuitTable
 from circuits.dynamics.wiring import Wiring
+from circuits.plots import rates
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
 
 
@@ -26,7 +28,7 @@ class Activity:
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table that ran.
     time_ms : array (ticks,)
         Times of the samples, ms from the onset of evidence.
@@ -43,7 +45,7 @@ class Activity:
         Seed, tick and whatever else a file should carry.
     """
 
-    circuit: Circuit
+    circuit: CircuitTable
     time_ms: Array
     rates_hz: Mapping[str, npt.NDArray[np.floating]]
     output_nats: Array
@@ -103,14 +105,56 @@ class Activity:
         page = table.to_html(border=0, float_format="{:.4g}".format, na_rep="")
         return f"<p>{escape(repr(self))}</p>\n{page if means else ''}"
 
-    def plot(self, trial: int = 0, ax: Axes | Sequence[Axes] | None = None) -> Any:
-        """Draw the rates of one trial, a panel per nucleus; return the Axes, (nuclei,).
+    def plot(
+        self, trial: int = 0, ax: Axes | Sequence[Axes] | None = None
+    ) -> npt.NDArray[np.object_]:
+        """Draw the rates of one trial, a panel per nucleus and a line per channel.
 
-        The arguments are those of ``circuits.show.rates``.
+        Parameters
+        ----------
+        trial : int
+            Number of the trial.
+        ax : Axes, one per nucleus, optional
+            Drawn on; a new figure unless given.
+
+        Returns
+        -------
+        array of Axes
+            One per nucleus.
+
+        Raises
+        ------
+        ValueError
+            If no rates were kept, there is no such trial, or the Axes do not fit.
         """
-        from circuits.show import rates
+        if not self.rates_hz:
+            raise ValueError(f"the {self.engine} engine kept no rates: ask for them (rates=True)")
+        trials = len(self.output_nats)
+        if trial not in range(trials):
+            raise ValueError(f"trial must lie in 0..{trials - 1}, got {trial}")
+        one = {name: values[trial] for name, values in self.rates_hz.items()}
+        return rates(self.time_ms, one, ax)
 
-        return rates(self, trial, ax)
+    def to_xarray(self) -> xarray.Dataset:
+        """Return rates and output with labels: ``.rate_hz.sel(nucleus="STN", channel=0)``.
+
+        Variables ``rate_hz`` (nucleus, trial, time_ms, channel), Hz, if rates were kept, and
+        ``output`` (trial, time_ms, channel), in the circuit's unit. A nucleus that is pooled has
+        the same rate in every channel.
+        """
+        import xarray  # only where labels are asked for
+
+        channels = np.arange(self.circuit.channels)
+        trials = np.arange(len(self.output_nats))
+        axes = {"trial": trials, "time_ms": self.time_ms, "channel": channels}
+        output = xarray.DataArray(self.output_nats, axes, attrs={"units": self.circuit.unit})
+        found = xarray.Dataset({"output": output}, attrs={"circuit": self.circuit.name})
+        if self.rates_hz:
+            shape = self.output_nats.shape
+            rates = np.stack([np.broadcast_to(each, shape) for each in self.rates_hz.values()])
+            labels = {"nucleus": list(self.rates_hz), **axes}
+            found["rate_hz"] = xarray.DataArray(rates, labels, attrs={"units": "Hz"})
+        return found
 
     def decoded_nats(self, name: str) -> Array:
         """Return the activity of a population, nats (trials, ticks, channels)."""
@@ -186,8 +230,8 @@ class RateMeans:
     def add(self, activity: Activity) -> None:
         """Add trials of the same circuit and clock; what was dropped counts for nothing."""
         self._time_ms = activity.time_ms
-        for name, rates in activity.rates_hz.items():
-            summed, counted = np.nansum(rates, axis=0), np.isfinite(rates).sum(axis=0)
+        for name, values in activity.rates_hz.items():
+            summed, counted = np.nansum(values, axis=0), np.isfinite(values).sum(axis=0)
             self._sums[name] = self._sums.get(name, 0.0) + summed.astype(np.float64)
             self._counts[name] = self._counts.get(name, 0) + counted
 
@@ -220,7 +264,7 @@ def spike_table(
     return pd.DataFrame(whole | {"time_ms": time_ms})
 
 
-def checked_drive(circuit: Circuit, drive: npt.ArrayLike) -> Array:
+def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
     """Return the drive (trials, steps, channels) in nats; ValueError for what cannot be one."""
     values = np.asarray(drive, dtype=np.float64)
     if values.ndim != 3 or 0 in values.shape[:2]:
@@ -235,7 +279,7 @@ def checked_drive(circuit: Circuit, drive: npt.ArrayLike) -> Array:
     return values
 
 
-def total_nats(circuit: Circuit, drive: Array) -> Array:
+def total_nats(circuit: CircuitTable, drive: Array) -> Array:
     """Return ``S = ln sum exp y`` of a drive (..., channels), nats."""
     circuit.check_nats("S = ln sum exp y")
     top = drive.max(axis=-1)
@@ -244,7 +288,7 @@ def total_nats(circuit: Circuit, drive: Array) -> Array:
     return above
 
 
-def warn_beyond_range(circuit: Circuit, drive: Array) -> None:
+def warn_beyond_range(circuit: CircuitTable, drive: Array) -> None:
     """Warn once if ``S``, or without nats the input, leaves the range that the circuit states."""
     in_nats = circuit.unit == NATS
     found = total_nats(circuit, drive) if in_nats else circuit.rest_drive + drive

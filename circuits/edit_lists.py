@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from circuits.edit_places import RowEdit, channel_of, overlapping, tidied
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
+    from circuits.engines import Engine
 
 CUT = "cut "
 """How an edit by itself begins that cuts axons."""
@@ -111,18 +112,19 @@ class Edits:
         changed = (f for f in fields(self) if getattr(self, f.name) != f.default)
         return {f.name: getattr(self, f.name) for f in changed}
 
-    def check_engine(self, engine: str) -> None:
-        """Raise ValueError for edits of cells where an engine knows none: they would do nothing."""
+    def check_engine(self, engine: Engine | str) -> None:
+        """Raise ValueError for edits of which an engine makes no use: they would do nothing."""
         # Importing it with the package would cost time that only circuits need.
-        from circuits.ignored import ignores
+        from circuits.engines import engine_of
 
+        chosen = engine_of(engine)
         of_cells = {"neurons": "neurons", "connections": "probability", "spread": "spread"}
         for name, field in of_cells.items():
-            if getattr(self, name) and ignores(engine, field):
+            if getattr(self, name) and chosen.ignores(field):
                 raise ValueError(f"{name} is of cells, it says nothing to the {engine} engine")
         for edit in self.change:
             field = edit.partition("=")[0].partition(".")[2].strip()
-            if ignores(engine, field):
+            if chosen.ignores(field):
                 raise ValueError(f"{edit!r} says nothing to the {engine} engine")
 
     def _check_once(self) -> None:

@@ -6,30 +6,16 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
-from circuits.cells import CELLS
-from circuits.declaration.spec import Circuit, Population
-from circuits.engines import NOISY
-
-OF_SPIKES = ("neurons", "probability", "spread")
-"""Fields of rows that act in spikes and their noise alone."""
-OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
-"""Fields that a fixed point does not depend on."""
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population
+from circuits.engines import Engine
 
 
-def ignores(engine: str, field: str) -> bool:
-    """Return whether an engine makes no use of a field of a row, such as ``"cell.cv"``."""
-    if engine in NOISY:
-        return False
-    of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
-    of_cells = field.startswith("cell.") and field not in of_rates
-    return of_cells or field in OF_SPIKES or (engine == "algebra" and field in OF_TIME)
-
-
-def ignored_edits(circuit: Circuit, engine: str) -> list[str]:
+def ignored_edits(circuit: Circuit, engine: Engine) -> list[str]:
     """Return the edited fields that an engine makes no use of, each with its rows as text."""
     rows: dict[str, list[str]] = {}
     for row, field in _edited_fields(circuit):
-        if ignores(engine, field):
+        if engine.ignores(field):
             rows.setdefault(field, []).append(row)
     return [f"{field} of {', '.join(names)}" for field, names in rows.items()]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from circuits.activity import Activity
-from circuits.declaration.spec import NOT_WRITTEN
+from circuits.declaration.table_files import digest
 from circuits.show import text
 
 COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}
@@ -47,10 +46,7 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
     if not 0 <= trial < trials:
         raise ValueError(f"trial must be 0..{trials - 1}, got {trial}")
     about = {"engine": activity.engine, "trial": trial, **activity.about}
-    held = asdict(activity.circuit)
-    for name in NOT_WRITTEN:
-        del held[name]
-    identity = json.dumps([held, about], sort_keys=True, default=str)
+    identity = json.dumps([digest(activity.circuit), about], sort_keys=True, default=str)
     file = NWBFile(
         session_description=f"simulation of {activity.circuit.name}, not a recording",
         identifier=hashlib.sha256(identity.encode()).hexdigest()[:32],

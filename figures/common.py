@@ -31,7 +31,7 @@ COLOUR = {1.5: "C0", 2.0: "C1", 2.5: "C2"}
 GAIN = 0.5
 # For circuits that are edited many times over. Each starts at its own rest: a third of the usual
 # time to settle will do.
-BRIEF = {"settle_ms": 100.0}
+BRIEF_MS = 100.0
 STYLE = Path(__file__).with_name("style.mplstyle")
 
 

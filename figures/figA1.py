@@ -20,7 +20,8 @@ from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
+from circuits.dynamics.fixed_point import resting_hz
+from circuits.engines import Ensemble, Population
 from figures.common import Settings, letter, run
 from figures.windows import PREFERRED, WINDOWS, averaged, likeness, share_height
 
@@ -37,14 +38,13 @@ def compute(settings: Settings, *, output: Path) -> None:
     table = load_circuit(DEFAULT)
     parts = []
     for engine, strengths, trials in (
-        ("population", D_PRIMES, 2 * settings.circuit_trials),
-        ("ensemble", IN_SPIKES, settings.circuit_trials // 4),
+        (Population(sample_ms=SAMPLE_MS), D_PRIMES, 2 * settings.circuit_trials),
+        (Ensemble(sample_ms=SAMPLE_MS), IN_SPIKES, settings.circuit_trials // 4),
     ):
-        options = {"sample_ms": SAMPLE_MS}
-        model = BasalGanglia(table, engine, gain_of(table), settings.seed, options)
+        model = BasalGanglia(table, engine, gain_of(table), settings.seed)
         for d_prime in strengths:
             found = windows(model, d_prime, trials, settings.seed)
-            parts.append(found.assign(engine=engine, d_prime=d_prime))
+            parts.append(found.assign(engine=engine.id, d_prime=d_prime))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
@@ -57,7 +57,7 @@ def windows(model: BasalGanglia, d_prime: float, trials: int, seed: int) -> pd.D
     activity = model.activity(evidence)
     decided = first_crossing(model.trace(activity, evidence), -np.log(POSTERIOR), forced=False)
     rates = {name: activity.rates_hz[name] for name in NUCLEI}
-    rest = at_rest(model.circuit)
+    rest = resting_hz(model.circuit)
     return averaged(rates, activity.time_ms, decided.choice, decided.time_ms, rest)
 
 

@@ -13,16 +13,17 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
-from circuits.declaration.spec import Circuit
-from figures.common import BRIEF, Settings, letter, run
+from circuits.circuit import Circuit
+from circuits.dynamics.fixed_point import resting_hz
+from circuits.engines import Population, engine_of
+from figures.common import BRIEF_MS, Settings, letter, run
 
 CHANNELS, CONFLICT = 4, 0.9
 D_PRIMES = {1.0: "C0", 0.5: "C1"}
@@ -100,10 +101,10 @@ def rise(
         mean_ms (over which the rate is a mean), value, low, high (the rise and its 95 % interval
         over trials), and both rates, plain_hz and conflict_hz. In time STN alone.
     """
-    trials = 2 * settings.circuit_trials if engine == "population" else settings.circuit_trials // 2
+    chosen = engine_of(engine, settle_ms=BRIEF_MS, sample_ms=SAMPLE_MS)
+    trials = settings.circuit_trials // 2 if chosen.spiking else 2 * settings.circuit_trials
     weights = resampled(trials, RESAMPLES, stream(settings.seed, "bootstrap"))
-    options = BRIEF | {"sample_ms": SAMPLE_MS}
-    model = BasalGanglia(table, engine, gain_of(table), settings.seed, options)
+    model = BasalGanglia(table, chosen, gain_of(table), settings.seed)
     found: list[dict[str, npt.NDArray[np.float64]]] = []
     for conflict in (0.0, CONFLICT):
         shown = conflicting(settings, conflict, d_prime, trials)
@@ -156,7 +157,7 @@ def ceiling(settings: Settings, d_prime: float) -> pd.DataFrame:
     table, trials = load_circuit(DEFAULT, CHANNELS), 2 * settings.circuit_trials
     share = -table.projection("GPe", "STN").weight
     stn = table.population("STN").gain_hz_per_nat
-    rest = CHANNELS * at_rest(table)["STN"] / stn
+    rest = CHANNELS * resting_hz(table)["STN"] / stn
     sigma = np.linspace(0.01, 20 * rest, 20_000)
     needed = np.log(sigma) + share * (sigma - np.log(sigma))
     needed -= np.interp(rest, sigma, needed)
@@ -196,13 +197,13 @@ def frontier(settings: Settings, *, output: Path) -> None:
             )
             table = with_fast(gain, channels)
             kappa = gain_of(table)
-            options = BRIEF | {"sample_ms": 2.0}
-            model = BasalGanglia(table, "population", kappa, settings.seed, options)
+            engine = Population(settle_ms=BRIEF_MS, sample_ms=2.0)
+            model = BasalGanglia(table, engine, kappa, settings.seed)
             test = msprt_tradeoffs(shown, kappa)[MSPRT_AT_GAIN]
             levels = thresholds_about(test, 0.95)
             own = decide_at_thresholds(model, shown, levels, decoder_tau_ms=None)[CIRCUIT]
             rng = stream(settings.seed, "bootstrap")
-            found = compare(test, own, rng=rng, accuracies=(AT,)).set_index("measure")
+            found = matched_measures(test, own, rng=rng, accuracies=(AT,)).set_index("measure")
             row = found.loc["pearson_r", ["value", "low", "high"]]
             rows.append((gain, channels, "pearson_r", *row))
     table = pd.DataFrame(rows, columns=["gain", "channels", "measure", "value", "low", "high"])
@@ -213,7 +214,7 @@ def fall_of_out(table: Circuit) -> float:
     """Return the lowest OUT after all channels fall by a nat at rest, above rest, without noise."""
     drive = np.zeros((1, FALL_STEPS, table.channels))
     drive[0, BEFORE_STEPS:] = FALL_NATS
-    model = BasalGanglia(table, "population", 1.0, options={"noise": False})
+    model = BasalGanglia(table, Population(noise=False), 1.0)
     found = model.run_drive(drive, STEP_MS)
     out, after = found.output_nats[0, :, 0], found.time_ms >= BEFORE_STEPS * STEP_MS
     return float(out[after].min() - out[~after][-1])
@@ -281,11 +282,11 @@ def _nuclei(ax: Any, table: pd.DataFrame) -> None:
     """Show the rise of each nucleus, by circuit and engine."""
     ax.axhline(0, color="0.8", lw=0.8, zorder=0)
     for k, (nucleus, colour) in enumerate(NUCLEI.items()):
-        for engine, mark, fill in (("population", "o", colour), ("ensemble", "s", "w")):
+        shown = (("population", "o", colour, 0.0, nucleus), ("ensemble", "s", "w", 0.07, None))
+        for engine, mark, fill, beside, label in shown:
             rows = table[(table["nucleus"] == nucleus) & (table["engine"] == engine)]
             rows = rows.set_index("circuit").loc[list(SHOWN)]
-            where = np.arange(len(SHOWN)) + 0.2 * (k - 1) + (0.07 if engine == "ensemble" else 0)
-            label = nucleus if engine == "population" else None
+            where = np.arange(len(SHOWN)) + 0.2 * (k - 1) + beside
             ax.errorbar(
                 where, rows["value"], _off(rows), fmt=mark, ms=3.5, lw=0.8, color=colour,
                 mfc=fill, label=label,

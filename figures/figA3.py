@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
+from circuits.dynamics.fixed_point import resting_hz
 from circuits.laws.homeostasis import recovery
 from figures.common import Settings, letter, run, say_if_older
 
@@ -50,7 +50,7 @@ def course(settings: Settings, *, output: Path) -> None:
 
 def reference(course: pd.DataFrame, table: Any) -> pd.Series:
     """Return the rate at rest of each row's population before the edit, Hz."""
-    return course["population"].map(at_rest(table))
+    return course["population"].map(resting_hz(table))
 
 
 def draw(settings: Settings, scored: Path, followed: Path, *, output: Path) -> Figure:

@@ -18,18 +18,17 @@ from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
-from circuits.declaration.spec import Circuit
-from circuits.engines import run as run_engine
-from circuits.engines.ensemble import run as ensemble
-from circuits.show import COLOURS
-from circuits.show import draw as draw_circuit
+from circuits.circuit import Circuit
+from circuits.dynamics.fixed_point import resting_hz
+from circuits.engines import Algebra, Engine, Ensemble
+from circuits.plots import COLOURS
+from circuits.plots import draw as draw_circuit
 from figures.common import Settings, letter, run
 
 CIRCUIT = load_circuit(DEFAULT)
 STN, GPE, SNR = (CIRCUIT.population(name) for name in ("STN", "GPe", "SNr"))
 STN_NATS = np.linspace(-3.5, 3.2, 17)
-SIGMA_AT_REST = CIRCUIT.channels * (at_rest(CIRCUIT)["STN"] / STN.gain_hz_per_nat)
+SIGMA_AT_REST = CIRCUIT.channels * (resting_hz(CIRCUIT)["STN"] / STN.gain_hz_per_nat)
 COMMON_NATS = np.linspace(-1.5, 3.5, 11)
 """Drives of all channels alike."""
 CELLS, HELD_S = 2000, 4
@@ -38,11 +37,11 @@ CELLS, HELD_S = 2000, 4
 def compute(settings: Settings, *, output: Path) -> None:
     """Clamp the input of STN's cells, drive all channels of the circuit alike, and count spikes."""
     stn = clamped("STN", STN_NATS, settings).assign(law_hz=_stn_hz(STN_NATS), what="alone")
-    table = pd.concat([stn, driven_alike("ensemble", settings), driven_alike("algebra", settings)])
+    table = pd.concat([stn, driven_alike(Ensemble(), settings), driven_alike(Algebra(), settings)])
     write_table(table, output, seed=settings.seed, settings=settings)
 
 
-def driven_alike(engine: str, settings: Settings) -> pd.DataFrame:
+def driven_alike(engine: Engine, settings: Settings) -> pd.DataFrame:
     """Return the answers of GPe and SNr to Sigma when all channels are driven alike.
 
     Held at their rest are GPe_ctx, which would take the drive away, and D2, whose part D1 undoes.
@@ -55,10 +54,9 @@ def driven_alike(engine: str, settings: Settings) -> pd.DataFrame:
     """
     held = CIRCUIT.lesion("GPe_ctx", replaced=True).lesion("D2", replaced=True)
     drive = np.repeat(COMMON_NATS[:, None, None], HELD_S, axis=1) * np.ones(CIRCUIT.channels)
-    trials = settings.repeats if engine == "ensemble" else 1
-    given = {"seed": settings.seed} if engine == "ensemble" else {}
-    done = run_engine(held, np.repeat(drive, trials, 0), engine=engine, step_ms=1000.0, **given)
-    late = slice(1000, None) if engine == "ensemble" else slice(None)
+    trials = settings.repeats if engine.noisy else 1
+    done = engine.run(held, np.repeat(drive, trials, 0), step_ms=1000.0, seed=settings.seed)
+    late = slice(1000, None) if engine.timed else slice(None)
 
     def mean(name: str) -> npt.NDArray[np.float64]:
         values = done.decoded_nats(name)[:, late].mean(axis=1)
@@ -77,7 +75,7 @@ def driven_alike(engine: str, settings: Settings) -> pd.DataFrame:
     found = {name: values.mean(axis=1) for name, values in columns.items()}
     root = np.sqrt(trials)
     errors = {f"{name}_se": values.std(axis=1) / root for name, values in columns.items()}
-    return pd.DataFrame(found | errors).assign(nucleus="GPe", what=engine)
+    return pd.DataFrame(found | errors).assign(nucleus="GPe", what=engine.id)
 
 
 def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) -> pd.DataFrame:
@@ -94,7 +92,7 @@ def clamped(name: str, input_nats: npt.NDArray[np.float64], settings: Settings) 
         name, (row,), (), levels, input=name, readout=name, reference_nats=np.log(levels)
     )
     drive = np.broadcast_to(input_nats, (settings.repeats, 2, levels))
-    done = ensemble.run(alone, drive, step_ms=1000, sample_ms=1000, seed=settings.seed)
+    done = Ensemble(sample_ms=1000).run(alone, drive, step_ms=1000, seed=settings.seed)
     # The clamp sets in with the first second, which is left out.
     rates = done.rates_hz[name][:, 1].astype(np.float64)
     return pd.DataFrame(

@@ -24,6 +24,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.plots import channel_lines, raster
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import Ensemble
 from figures.common import GAIN, Settings, letter, run
 
 CIRCUIT = load_circuit(DEFAULT, 4)
@@ -49,7 +50,7 @@ def compute(settings: Settings, *, output: Path) -> None:
         hypotheses=CIRCUIT.channels,
         step_ms=STEP_MS,
     )
-    model = BasalGanglia(CIRCUIT, "ensemble", GAIN, settings.seed, {"sample_ms": SAMPLE_MS})
+    model = BasalGanglia(CIRCUIT, Ensemble(sample_ms=SAMPLE_MS), GAIN, settings.seed)
     table = pd.concat([one_trial(model, evidence[:1]), averages(model, evidence)])
     write_table(table, output, seed=settings.seed, settings=settings)
 
@@ -60,7 +61,7 @@ def one_trial(model: BasalGanglia, evidence: Evidence) -> pd.DataFrame:
     Panels are evidence (nats), spike (value is the neuron), rate (Hz, smoothed), out (nats; name is
     circuit or MSPRT) and decision.
     """
-    activity = replace(model, options={**model.options, "spikes": NUCLEI}).activity(evidence)
+    activity = replace(model, engine=model.engine.recording(NUCLEI)).activity(evidence)
     total = evidence.own_totals[0]
     parts = [_long("evidence", "L", np.arange(len(total)) * evidence.step_ms, total)]
     for name in NUCLEI:

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from bgmodel import stream
 from bgmodel.bootstrap import FEWEST_TRIALS
-from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import Tradeoff, curve, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
@@ -67,7 +67,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
             if name in ("N = 4", "N = 8"):
                 swept[label] = tradeoff(rival.run(evidence), evidence)
         for label in (CIRCUIT, DECODER):
-            found = compare(
+            found = matched_measures(
                 swept[MSPRT_AT_GAIN],
                 swept[label],
                 rng=stream(settings.seed, "bootstrap"),

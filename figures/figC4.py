@@ -10,17 +10,19 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_edits, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
 from bgmodel.integrators.steady import out_shift, steady_out
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import Ensemble, Population
 from circuits.laws.controls import correlated, linear_stn, perturbed, shuffled_stn
 from circuits.laws.spectra import out_variance
-from figures.common import BRIEF, Settings, letter, run
+from figures.common import BRIEF_MS, Settings, letter, run
 
 SIZES = (0.1, 0.3, 1.0, 3.0)
 """Cells of every population, over the table's."""
@@ -54,7 +56,9 @@ def neurons(settings: Settings, *, output: Path) -> None:
             model, evidence, thresholds_about(test, HIGHEST)
         ).items():
             rng = stream(settings.seed, "bootstrap")
-            measured = compare(test, found, rng=rng, truth=evidence.truth, accuracies=(AT,))
+            measured = matched_measures(
+                test, found, rng=rng, truth=evidence.truth, accuracies=(AT,)
+            )
             parts.append(measured.assign(model=name, size=size))
         found = steady_out(table, [ODDS], seed=settings.seed, trials=60, mean_ms=int(SPAN_MS))
         whose = out_variance(table, [ODDS / 2, -ODDS / 2], mean_ms=SPAN_MS)
@@ -77,7 +81,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "linear STN": linear_stn(table),
         "STN-SNr shuffled": shuffled_stn(table),
     }
-    model = BasalGanglia(table, "population", gain_of(table), settings.seed, BRIEF)
+    model = BasalGanglia(table, Population(settle_ms=BRIEF_MS), gain_of(table), settings.seed)
     given = {"accuracies": (AT,), "highest": HIGHEST}
     found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
@@ -95,11 +99,14 @@ def numbers(settings: Settings, *, output: Path) -> None:
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]
     given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
     parts = []
-    for engine, count in (("population", len(names)), ("ensemble", settings.varied_in_spikes)):
+    for engine, count in (
+        (Population(settle_ms=BRIEF_MS), len(names)),
+        (Ensemble(settle_ms=BRIEF_MS), settings.varied_in_spikes),
+    ):
         edited = {name: every[name] for name in names[:count]}
-        model = BasalGanglia(table, engine, gain_of(table), settings.seed, BRIEF)
+        model = BasalGanglia(table, engine, gain_of(table), settings.seed)
         found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
-        parts.append(found.assign(of=len(every), engine=engine))
+        parts.append(found.assign(of=len(every), engine=engine.id))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 

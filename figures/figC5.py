@@ -10,13 +10,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.steady import lesions, steady_shifts
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
-from figures.common import BRIEF, Settings, letter, run
+from circuits.engines import Ensemble, Population
+from figures.common import BRIEF_MS, Settings, letter, run
 
 CHANNELS = 4
 AT, HIGHEST = 0.95, 0.96
@@ -45,11 +46,14 @@ def behaviour(settings: Settings, *, output: Path) -> None:
     given = {"accuracies": (AT,), "highest": HIGHEST}
     every, parts = lesions(table), []
     in_spikes = list(every)[:: settings.spiking_every]
-    for engine, names in (("population", list(every)), ("ensemble", in_spikes)):
-        model = BasalGanglia(table, engine, gain_of(table), settings.seed, BRIEF)
+    for engine, names in (
+        (Population(settle_ms=BRIEF_MS), list(every)),
+        (Ensemble(settle_ms=BRIEF_MS), in_spikes),
+    ):
+        model = BasalGanglia(table, engine, gain_of(table), settings.seed)
         edited = {name: every[name] for name in names}
         found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
-        parts.append(found.assign(engine=engine))
+        parts.append(found.assign(engine=engine.id))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 

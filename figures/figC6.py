@@ -21,6 +21,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import load_circuit
+from circuits.engines import Ensemble, Population
 from figures.common import GAIN, Settings, letter, run
 
 CHANNELS = 4
@@ -41,11 +42,9 @@ def traces(settings: Settings, *, output: Path) -> None:
     parts = []
     for design in designs(CHANNELS):
         evidence = design.evidence(READINGS, kappa=GAIN)
-        options = {"noise": False, "rates": False, "sample_ms": EVERY_MS}
+        engine = Population(noise=False, rates=False, sample_ms=EVERY_MS)
         models = {
-            name: BasalGanglia(
-                load_circuit(name, CHANNELS), "population", GAIN, settings.seed, options
-            )
+            name: BasalGanglia(load_circuit(name, CHANNELS), engine, GAIN, settings.seed)
             for name in CIRCUITS
         }
         for name, model in {MINUS_LN_P: Msprt(GAIN), **models}.items():
@@ -66,7 +65,7 @@ def times(settings: Settings, *, output: Path) -> None:
     parts = []
     for name in CIRCUITS:
         table = load_circuit(name, CHANNELS)
-        model = BasalGanglia(table, "ensemble", GAIN, settings.seed, {"rates": False})
+        model = BasalGanglia(table, Ensemble(rates=False), GAIN, settings.seed)
         found = designed_circuit(model, trials=settings.circuit_trials // SHARE)
         parts.append(found.assign(model=name))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)

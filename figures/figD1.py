@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 
 from bgmodel import stream
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.learning.dopamine import COARSE, playable_levels
+from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (
     LevelOutcomes,
     learn_level,
@@ -29,7 +29,8 @@ from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import SameDifferent, source
 from circuits.anatomy import DEFAULT, load_circuit
-from figures.common import BRIEF, COLOUR, Settings, letter, run
+from circuits.engines import Engine, Ensemble, Population, Rate
+from figures.common import BRIEF_MS, COLOUR, Settings, letter, run
 
 STEP_MS = 50.0
 STARTS = (1, -2)
@@ -50,17 +51,17 @@ PERIODS = {"rate": (1.5, 2.0, 2.5), "population": (1.5, 2.0)}
 
 def rate(settings: Settings, taps: Path, *, output: Path) -> None:
     """Learn dopamine in the rate circuit."""
-    _learn(settings, taps, "rate", output)
+    _learn(settings, taps, Rate().coarse(), output)
 
 
 def population(settings: Settings, taps: Path, *, output: Path) -> None:
     """Learn dopamine in the circuit with the noise of its cells."""
-    _learn(settings, taps, "population", output)
+    _learn(settings, taps, Population(settle_ms=BRIEF_MS), output)
 
 
 def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> None:
     """Score in spikes, on fresh evidence, what populations learned."""
-    model = _model(settings, "ensemble")
+    model = _model(settings, Ensemble(settle_ms=BRIEF_MS))
     model = replace(model, seed=settings.seed + 1)
     parts = []
     for period, runs in read_table(learned).groupby("period_mm"):
@@ -77,10 +78,9 @@ def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> No
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
 
-def _model(settings: Settings, engine: str) -> BasalGanglia:
-    options = COARSE if engine == "rate" else BRIEF
+def _model(settings: Settings, engine: Engine) -> BasalGanglia:
     table = load_circuit(DEFAULT)
-    return BasalGanglia(table, engine, gain_of(table), settings.seed, options)
+    return BasalGanglia(table, engine, gain_of(table), settings.seed)
 
 
 def _outcomes(
@@ -94,16 +94,16 @@ def _outcomes(
     """Return the outcomes of each level on evidence of its own, learned from or scored on."""
     drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
     rng = stream(settings.seed, "figD1", name, period)
-    share = SPIKING_TRIALS[period] if model.engine == "ensemble" else TRIALS
+    share = SPIKING_TRIALS[period] if model.engine.spiking else TRIALS
     trials = round(share * settings.circuit_trials)
     return level_outcomes(model, drawn(trials, settings.t_max, rng=rng, step_ms=STEP_MS), levels)
 
 
-def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
+def _learn(settings: Settings, taps: Path, engine: Engine, output: Path) -> None:
     model = _model(settings, engine)
     levels = playable_levels(model, LEVELS)
     parts = []
-    for period in PERIODS[engine]:
+    for period in PERIODS[engine.id]:
         # What is scored has noise of its own too.
         outcomes, fresh = (
             _outcomes(settings, taps, replace(model, seed=seed), period, name, levels)
@@ -116,7 +116,7 @@ def _learn(settings: Settings, taps: Path, engine: str, output: Path) -> None:
                 start_level=start,
                 runs=RUNS,
                 seed=settings.seed,
-                name=(engine, period),
+                name=(engine.id, period),
                 learner=Learner(episodes=settings.episodes),
             )
             at = np.linspace(0, settings.episodes - 1, KEPT).round().astype(int)

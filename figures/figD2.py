@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bgmodel.comparison.circuits import MSPRT
+from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.integrators.basal_ganglia import gain_of
 from bgmodel.learning.dopamine import THRESHOLD_NATS, criterion, levels_between, working_range
 from bgmodel.learning.dopamine_levels import levels_against_msprt

@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from bgmodel import stream
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.learning.dopamine import COARSE, playable_levels
+from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import after_errors, learn_level, level_outcomes
 from bgmodel.learning.gap import increments
 from bgmodel.learning.policies import GaussianPolicy
@@ -28,6 +28,7 @@ from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import SameDifferent, Source, source
 from bgmodel.theory.sprt import optimal_delta
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import Rate
 from figures.common import Settings, letter, run
 
 STEP_MS = 50.0
@@ -47,7 +48,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     periods = {period for world in WORLDS.values() for period, _ in world}
     sources = {p: source(read, SameDifferent(), period_mm=p, fold=0) for p in periods}
     table = load_circuit(DEFAULT)
-    model = BasalGanglia(table, "rate", gain_of(table), options=COARSE)
+    model = BasalGanglia(table, Rate().coarse(), gain_of(table))
     levels = playable_levels(model, 22)
     outcomes = {
         period: level_outcomes(model, _drawn(readings, settings, period), levels)

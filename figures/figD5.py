@@ -24,10 +24,11 @@ from bgmodel.learning.dopamine import THRESHOLD_NATS, criterion, working_range
 from bgmodel.support.files import read_table, write_table
 from circuits.activity import Activity
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Ensemble
 from circuits.laws.spectra import rate_spectrum
 from circuits.laws.stability import roots
-from figures.common import BRIEF, Settings, letter, run
+from figures.common import BRIEF_MS, Settings, letter, run
 
 NUCLEI, MSN = ("STN", "GPe"), ("D1", "D2")
 LEVELS = (1.2, 1.0, 0.85, 0.7, 0.5)
@@ -55,7 +56,7 @@ def compute(settings: Settings, *, output: Path) -> None:
     for level in LEVELS:
         for name, drive in DRIVES.items():
             model = BasalGanglia(
-                table.dopamine(level), "ensemble", seed=settings.seed, options=BRIEF
+                table.dopamine(level), Ensemble(settle_ms=BRIEF_MS), seed=settings.seed
             )
             held = np.broadcast_to(drive, (settings.dopamine_trials, SECONDS + 1, len(drive)))
             counted = measured(model.run_drive(held, step_ms=1000.0))

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
-from circuits.anatomy.printed_rates import at_rest
+from circuits.dynamics.fixed_point import resting_hz
 from figures.common import Settings, letter, run, say_if_older
 from figures.figF1 import QUANTILE_MARK, QUANTILES
 from figures.fitted import (
@@ -76,7 +76,7 @@ def rates(model: str, values: dict[str, float], settings: Settings) -> pd.DataFr
     No trial ends with its decision.
     """
     table = fitted_table(model, values)
-    rest = at_rest(table)
+    rest = resting_hz(table)
     did = [
         follow(table, values, strength, settings.circuit_trials // 4, SECONDS, settings.seed)
         for strength in STRENGTHS

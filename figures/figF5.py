@@ -15,7 +15,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
-from circuits.anatomy.printed_rates import at_rest
+from circuits.dynamics.fixed_point import resting_hz
 from figures.common import Settings, letter, run, say_if_older
 from figures.fitted import MONKEYS, ONSET, STRENGTHS, Followed, fitted, fitted_table, follow
 from figures.windows import ABOUT_MS, PREFERRED, WINDOWS, averaged, likeness, share_height
@@ -40,7 +40,7 @@ def compute(settings: Settings, parameters: Path, *, output: Path) -> None:
     for who in sorted(table.loc[table["data"] == MONKEYS, "participant"].unique()):
         values = fitted(table, who, ONSET)
         tuned = fitted_table(ONSET, values)
-        rest = at_rest(tuned)
+        rest = resting_hz(tuned)
         for strength in STRENGTHS:
             did = follow(tuned, values, strength, settings.circuit_trials, SECONDS, settings.seed)
             t0_ms = 1000 * values["t0_s"]

@@ -23,7 +23,8 @@ from bgmodel.fitting.responses import BIN_S
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Array, Integers
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Population
 
 MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"
 TEST, CIRCUIT, FALLING = "constant gap", "circuit", "falling gap"
@@ -124,7 +125,7 @@ def follow(
     steps = rng.normal(0.0, math.sqrt(BIN_S / 2), (trials, readings, 2))
     drift = values["sensitivity"] * strength
     read = (steps + np.array([drift, -drift]) * BIN_S / 2).cumsum(axis=1)
-    model = BasalGanglia(table, "population", seed=seed, options={"sample_ms": SAMPLE_MS})
+    model = BasalGanglia(table, Population(sample_ms=SAMPLE_MS), seed=seed)
     with warnings.catch_warnings():
         # As for the fit: a random walk leaves any range.
         warnings.filterwarnings("ignore", message="(S|the input) runs from")

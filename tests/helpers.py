@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.cli import main
+from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import Behaviour
-from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.support.seeds import stream
 
@@ -72,6 +72,6 @@ def behaving(choice, times, truth, missed=0, channels=2):
     """Return the behaviour of choices and times, ms; the deadline forces the last `missed`."""
     trials = len(truth)
     forced = np.arange(trials) >= trials - missed
-    rows = (choice, times, forced, np.zeros(trials, bool), np.full(trials, 0.9))
-    decided = Tradeoff(np.array([0.2]), *(np.asarray(row)[None] for row in rows))
-    return Behaviour(decided, np.zeros(trials, bool), truth, channels)
+    never, times = np.zeros(trials, bool), np.asarray(times, dtype=float)
+    decision = Decision(np.asarray(choice), times, forced, never, 50.0, times, np.asarray(truth))
+    return Behaviour(decision, np.full(trials, 0.9), never, channels)

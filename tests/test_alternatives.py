@@ -9,7 +9,7 @@ from scipy.stats import ks_2samp
 
 from benchmarks.scores import calibrated, hick, others
 from bgmodel import Msprt, stream
-from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence

@@ -14,7 +14,8 @@ import tyro
 
 import bgmodel
 from bgmodel import Evidence, Msprt, first_crossing
-from bgmodel.cli import CIRCUIT, COMMANDS, choices, main, parsed
+from bgmodel.cli import choices, main, parsed
+from bgmodel.commands.table import CIRCUIT, COMMANDS
 from bgmodel.support.files import read_provenance, read_table
 from circuits.edit_lists import Edits
 from tests.helpers import run

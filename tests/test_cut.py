@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuits import anatomy
-from circuits.anatomy.printed_rates import at_rest
-from circuits.dynamics.fixed_point import solve, wired
+from circuits.dynamics.fixed_point import resting_hz, solve, wired
 from circuits.engines import run
 
 LESIONED = ("D1", "D2", "STN", "GPe")
@@ -48,15 +47,15 @@ def test_a_nucleus_whose_axons_are_all_cut_by_a_fraction_is_lesioned_by_it(
 def test_half_of_the_axons_take_the_tone_and_half_the_weight_leaves_it():
     table = anatomy.macaque(2)
     scaled, cut = table.scale("GPe", "STN", 0.5), table.cut("GPe", "STN", 0.5)
-    before = at_rest(table)
-    assert at_rest(scaled) == pytest.approx(before, abs=1e-9)
+    before = resting_hz(table)
+    assert resting_hz(scaled) == pytest.approx(before, abs=1e-9)
     weight, tone = table.projection("GPe", "STN").weight, 58 / 50
     by_hand = table.scale("GPe", "STN", 0.5).with_population(
         "STN", bias_nats=table.population("STN").bias_nats - 0.5 * weight * tone
     )
-    assert at_rest(cut) == pytest.approx(at_rest(by_hand), abs=1e-9)
-    assert at_rest(cut)["SNr"] != pytest.approx(before["SNr"], abs=1)
-    assert at_rest(cut.compensate()) == pytest.approx(before, abs=1e-6)
+    assert resting_hz(cut) == pytest.approx(resting_hz(by_hand), abs=1e-9)
+    assert resting_hz(cut)["SNr"] != pytest.approx(before["SNr"], abs=1)
+    assert resting_hz(cut.compensate()) == pytest.approx(before, abs=1e-6)
 
 
 def test_cuts_add_up_are_undone_as_lesions_are_and_leave_a_circuit_that_was_exact():

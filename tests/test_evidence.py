@@ -201,3 +201,12 @@ def test_more_hypotheses_than_readings_are_doubted(shape, doubted):
         warnings.simplefilter("always")
         Evidence(np.random.default_rng(1).normal(size=shape))
     assert any("axes exchanged" in str(each.message) for each in caught) == doubted
+
+
+def test_a_trial_is_drawn_as_its_posteriors_up_to_its_last_reading():
+    evidence = some_evidence(trials=3, steps=6, hypotheses=3)
+    lines = evidence.plot(1).get_lines()
+    assert [line.get_ydata().tolist() for line in lines] == evidence.posterior[1].T.tolist()
+    assert lines[int(evidence.truth[1])].get_label().endswith("(true)")
+    with pytest.raises(ValueError, match="trial"):
+        evidence.plot(3)

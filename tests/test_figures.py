@@ -14,7 +14,7 @@ from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.edges import sources
 from bgmodel.tactile.task import Source
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
+from circuits.dynamics.fixed_point import resting_hz
 from figures import fig2b, figA2, figC1, figC2, figD5, figR1
 from figures.common import FAST
 from tests.helpers import ROOT
@@ -211,7 +211,7 @@ def test_figure_a2_changes_fast_inhibition_and_no_rate_at_rest():
     table = load_circuit(DEFAULT, figA2.CHANNELS)
     assert figA2.with_fast(figA2.DEFAULT_GAIN) == table
     for gain in figA2.GAINS:
-        assert at_rest(figA2.with_fast(gain)) == pytest.approx(at_rest(table))
+        assert resting_hz(figA2.with_fast(gain)) == pytest.approx(resting_hz(table))
 
 
 def test_conflict_raises_stn_more_without_fast_inhibition_and_less_than_theory_allows():

@@ -13,7 +13,7 @@ from bgmodel.integrators.basal_ganglia import identity
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.anatomy.printed_rates import at_rest
+from circuits.dynamics.fixed_point import resting_hz
 from figures import figF1, figF2, figF3, figF4, figF5, fitted, windows
 from figures.common import FULL
 from tests.test_figures import TINY
@@ -297,7 +297,7 @@ def test_rates_before_the_evidence_are_those_at_rest():
     values = SMALL | OF[fitted.ONSET]
     table = fitted.fitted_table(fitted.ONSET, values)
     did = fitted.follow(table, values, 0.512, 8, 1.0, 3)
-    found = figF5.seen_from_motion(did, 300.0, 300.0, at_rest(table))
+    found = figF5.seen_from_motion(did, 300.0, 300.0, resting_hz(table))
     early = found[found["window"] == windows.WINDOWS[0]]
     assert early["hz"].to_numpy() == pytest.approx(0, abs=1e-4)
     driven = found[(found["window"] == windows.WINDOWS[1]) & (found["nucleus"] == "STN_onset")]

@@ -6,7 +6,7 @@ from dataclasses import fields, is_dataclass
 
 import pytest
 
-from bgmodel.cli import COMMANDS
+from bgmodel.commands.table import COMMANDS
 from tests.helpers import ROOT, found
 
 TEXT = (ROOT / "docs/glossary.md").read_text()

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.experiments.experiment import behaviour_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import shards
@@ -17,6 +17,7 @@ from bgmodel.sweeps.plan import Plan
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import digest
 from circuits.edit_lists import Edits
+from circuits.engines import Population
 
 FRACTIONS = st.sampled_from([0, 0.1, 0.25, 0.5])
 FACTORS = st.sampled_from([0, 0.5, 0.9, 1, 1.2])
@@ -146,13 +147,13 @@ def test_every_row_is_a_single_run_with_exactly_what_it_names(drawn):
         wanted = None  # an edit without sense, such as a rebound of what is replaced
     if overlap(base, grid) or wanted is None:
         with pytest.raises(ValueError, match=r"the point|edit the same"):
-            plan.settings()
+            plan.all_points()
         return
     for found, point, (table, gain, posterior, seed, task) in zip(
-        plan.settings(), points, wanted, strict=True
+        plan.all_points(), points, wanted, strict=True
     ):
-        assert digest(found.table) == digest(table)
-        assert gain_of(found.table, found.gain) == gain
+        assert digest(found.edited) == digest(table)
+        assert gain_of(found.edited, found.gain) == gain
         assert found.threshold_nats == criterion_from_posterior(posterior, task.channels)
         assert (found.seed, found.task) == (seed, task)
         assert found.engine == (base | point).get("engine", "population")
@@ -168,16 +169,16 @@ def test_every_row_is_a_single_run_with_exactly_what_it_names(drawn):
 )
 def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
     same = {"posterior": 0.7, "task.d_prime": 0.8, "circuit": "spiking_msprt"}
-    (setting,) = of_plan(base | same, {key: (value,) for key, value in point.items()}).settings()
+    (setting,) = of_plan(base | same, {key: (value,) for key, value in point.items()}).all_points()
     (shard,) = setting.shards()
     shards.compute(shard, tmp_path)
     found, _ = shards.read(setting, tmp_path)
     table, gain, posterior, _, _ = single(base | same | point)
-    model = BasalGanglia(table, "population", gain, setting.block_seed(0), {"rates": False})
+    model = BasalGanglia(table, Population(rates=False), gain, setting.block_seed(0))
     threshold = float(criterion_from_posterior(posterior))
-    want = behaviour_of(model, setting.given(0, 20).evidence, threshold, 500.0)
-    assert np.array_equal(found.decided.choice, want.decided.choice)
-    assert np.array_equal(found.decided.time_ms, want.decided.time_ms)
+    want = behaviour_of(model, setting.block(0, 20).evidence, threshold, 500.0)
+    assert np.array_equal(found.decision.choice, want.decision.choice)
+    assert np.array_equal(found.decision.time_ms, want.decision.time_ms)
     assert np.array_equal(found.anticipatory, want.anticipatory)
 
 
@@ -218,8 +219,8 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
     ],
 )
 def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):
-    (found,) = Plan(edits=Edits(**edits), grid=grid).settings()
-    assert digest(found.table) == digest(Edits(**rows).apply(load_circuit("macaque")))
+    (found,) = Plan(edits=Edits(**edits), grid=grid).all_points()
+    assert digest(found.edited) == digest(Edits(**rows).apply(load_circuit("macaque")))
 
 
 @pytest.mark.parametrize(
@@ -242,7 +243,7 @@ def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):
 )
 def test_two_edits_of_one_number_are_refused_with_both(edits, grid):
     with pytest.raises(ValueError, match=r"' and '.* edit the same number"):
-        Plan(edits=Edits(**edits), grid=grid).settings()
+        Plan(edits=Edits(**edits), grid=grid).all_points()
 
 
 @pytest.mark.parametrize(
@@ -261,8 +262,8 @@ def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong):
 
 def test_two_courses_of_one_nucleus_may_both_be_named():
     early, late = "dopamine to_ms=300 amount", "dopamine from_ms=400 amount"
-    (found,) = Plan(grid={early: (0.1,), late: (0.2,)}).settings()
-    assert found.table == load_circuit("macaque").add(f"{early}=0.1", f"{late}=0.2")
+    (found,) = Plan(grid={early: (0.1,), late: (0.2,)}).all_points()
+    assert found.edited == load_circuit("macaque").add(f"{early}=0.1", f"{late}=0.2")
 
 
 @pytest.mark.parametrize("kind", [LESIONS, SCALES])

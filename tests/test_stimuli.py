@@ -23,7 +23,7 @@ def test_a_rival_rises_and_nothing_else():
     same = separated_evidence(10, 5, 0.8, rng=stream(1, "r"), conflict=0.0)
     np.testing.assert_array_equal(plain.log_likelihood, same.log_likelihood)
     with pytest.raises(ValueError, match="conflict is for Gaussian evidence"):
-        Stimuli(task="orientation", conflict=0.5).check()
+        Stimuli(task="orientation", conflict=0.5).check_idle()
 
 
 @dataclass(frozen=True)
@@ -71,5 +71,9 @@ def test_what_is_expected_comes_before_the_same_evidence():
     ],
 )
 def test_a_ramp_without_a_foreperiod_is_one_sentence(given, sentence):
-    with pytest.raises(ValueError, match=f"^{sentence}"):
+    def checked():
         Stimuli(**given).check()
+        Stimuli(**given).check_idle()
+
+    with pytest.raises(ValueError, match=f"^{sentence}"):
+        checked()

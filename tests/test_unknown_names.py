@@ -8,7 +8,8 @@ import pytest
 from circuits.anatomy import CIRCUITS
 from circuits.anatomy import load_circuit as circuit_named
 from circuits.cells import Lif, Phase, Rate
-from circuits.declaration.spec import PATTERNS, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import PATTERNS, Population, Projection
 from circuits.declaration.transfer import TRANSFERS
 from circuits.engines import ENGINES, run
 from tests.circuits.spiking import BASE, DRIVE, lacking, one_sentence, with_cell

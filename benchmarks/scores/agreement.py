@@ -20,10 +20,11 @@ import pandas as pd
 
 from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN, compare_with_msprt, sample_ms
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.integrators.deciding import CIRCUIT
+from bgmodel.integrators.deciding import CIRCUIT, sample_ms
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import (
     FOLDS,
@@ -36,7 +37,8 @@ from bgmodel.tactile.task import (
     held_out_taps,
 )
 from circuits.anatomy import load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Ensemble
 
 SCORING_SEED = 40_001
 GAIN = 0.5
@@ -175,14 +177,14 @@ def groups(condition: Condition) -> npt.NDArray[np.intp] | None:
 
 
 def decisions(condition: Condition, workers: int) -> pd.DataFrame:
-    """Return the comparison of a condition, as from ``compare_with_msprt``."""
+    """Return the comparison of a condition, as from ``compare``."""
     evidence = condition.draw()
-    options: dict[str, Any] = {"workers": workers, "sample_ms": sample_ms(evidence.step_ms)}
-    model = BasalGanglia(condition.table, "ensemble", condition.gain, SCORING_SEED, options)
+    engine = Ensemble(workers=workers, sample_ms=sample_ms(evidence.step_ms))
+    model = BasalGanglia(condition.table, engine, condition.gain, SCORING_SEED)
     rivals = rivals_on(zero_is_nothing=condition.name.startswith("Gaussian"))
-    found = compare_with_msprt(
+    found = compare(
         model, evidence, seed=SCORING_SEED, rivals=rivals, groups=groups(condition)
-    )
+    ).table
     known = {"evidence": condition.name, "trials": condition.trials, "gain": condition.gain}
     return found.assign(**known, channels=condition.table.channels)
 

@@ -27,7 +27,7 @@ from benchmarks.scores.fits import (
     stimulated,
 )
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.experiments.experiment import Condition, Experiment
+from bgmodel.experiments.experiment import Changes, Experiment
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.responses import BIN_S
@@ -76,7 +76,7 @@ def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
     return replace(
         Experiment.from_toml(EXPERIMENTS[conflict]), seed=SCORING_SEED, task=task,
         posterior=float(np.exp(-numbers["threshold_nats"])), gain=SLOW_NATS / (2 * v),
-        manipulation=Condition(without=(f"STN={numbers['stn_loss[stimulation=on]']:.4f}",)),
+        manipulation=Changes(without=(f"STN={numbers['stn_loss[stimulation=on]']:.4f}",)),
     )  # fmt: skip
 
 

@@ -23,8 +23,8 @@ from benchmarks.scores.calibrated import TACTILE, kinds, tapped
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import BasalGanglia, Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
-from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN, sample_ms
-from bgmodel.comparison.compare import MOST_FORCED
+from bgmodel.comparison.matched import MOST_FORCED
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
@@ -32,11 +32,13 @@ from bgmodel.integrators.basal_ganglia import gain_of
 from bgmodel.integrators.deciding import (
     CIRCUIT,
     decide_at_thresholds,
+    sample_ms,
     thresholds_of,
     without_noise_alone,
 )
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import engine_of
 
 SCORING_SEED, TUNING_SEED = 74_001, 74_002
 """Of the scored trials, and of those on which thresholds for the quantiles are found."""
@@ -97,8 +99,8 @@ def most_alternatives() -> int:
 def model_of(evidence: Evidence, engine: str) -> BasalGanglia:
     """Return the default circuit at its default gain, with noise of the scoring seed."""
     table = load_circuit(DEFAULT, evidence.hypotheses)
-    options = {"workers": 2, "sample_ms": sample_ms(evidence.step_ms)}
-    return BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options)
+    chosen = engine_of(engine, workers=2, sample_ms=sample_ms(evidence.step_ms))
+    return BasalGanglia(table, chosen, gain_of(table), SCORING_SEED)
 
 
 def at_accuracies(

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,12 +22,13 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.dopamine import COARSE, playable_levels
+from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.dopamine_levels import LATENCY_MS as LATENCIES_MS
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import Ensemble, Rate
 
 SCORING_SEED = 40_006
 XI, T_MAX, STEP_MS = 50.0, 30, 50.0
@@ -39,8 +39,8 @@ better."""
 STARTS = (1, -2)
 """Where learning starts: the lowest but one and the highest but one of the levels."""
 LEVELS = {"rate": 31, "ensemble": 12}
-BRIEF = {"settle_ms": 100.0}
-"""The circuit starts at its own rest: a third of the usual time to settle will do."""
+ENGINES = {"rate": Rate().coarse(), "ensemble": Ensemble(settle_ms=100.0)}
+"""The circuit starts at its own rest: in spikes a third of the usual time to settle will do."""
 TRIALS = {"rate": (10_000, 100_000), "ensemble": (2000, 5000)}
 """Trials learned on, drawn again and again, and others that are scored on."""
 COARSE_TRIALS = {"rate": (2000, 4000)}
@@ -87,9 +87,8 @@ def best_of_test(evidence: Evidence) -> float:
 
 def runs(engine: str, kind: str, draw: Draw, trials: tuple[int, int]) -> pd.DataFrame:
     """Learn on some trials, score on others; one row per start and run."""
-    options: dict[str, Any] = COARSE if engine == "rate" else {"workers": 1, **BRIEF}
     table = load_circuit(DEFAULT)
-    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options)
+    model = BasalGanglia(table, ENGINES[engine], gain_of(table), SCORING_SEED)
     levels = playable_levels(model, LEVELS[engine])
     learned_on = level_outcomes(model, drawn(draw, trials[0], f"{kind} learned"), levels)
     # Fresh trials, and fresh noise.
@@ -122,7 +121,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield a piece per engine and kind of evidence; threads are not used."""
     for engine, trials in (COARSE_TRIALS if fast else TRIALS).items():
         for kind, draw in kinds().items():
-            if engine == "rate" or kind in SPIKING:
+            if not ENGINES[engine].spiking or kind in SPIKING:
                 make = partial(runs, engine, kind, draw, trials)
                 seconds = SECONDS[engine] * sum(trials) + 10
                 yield Piece("runs", f"{engine} {kind}", trials[1], seconds, make)

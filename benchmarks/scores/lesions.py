@@ -15,8 +15,8 @@ import pandas as pd
 
 from benchmarks.scores.pieces import TABLE, Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -24,6 +24,7 @@ from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import leader_drive, lesions, steady_shifts
 from circuits.anatomy import load_circuit
+from circuits.engines import Ensemble
 from circuits.laws.controls import linear_stn, shuffled_stn
 from circuits.laws.spectra import out_variance
 
@@ -56,11 +57,11 @@ def controls(trials: int, workers: int) -> pd.DataFrame:
     evidence = separated_evidence(
         trials, 40, 1 / np.sqrt(2), rng=rng, hypotheses=CHANNELS, step_ms=50.0
     )
-    model = BasalGanglia(table, "ensemble", GAIN, SCORING_SEED, {"workers": workers})
+    model = BasalGanglia(table, Ensemble(workers=workers), GAIN, SCORING_SEED)
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,))
     change = found[(found["kind"] == "change") & (found["variant"] != "intact")]
     tests = (tradeoff(one.run(evidence), evidence) for one in (Msprt(GAIN), MaxVsAverage()))
-    rival = compare(*tests, rng=stream(SCORING_SEED, "bootstrap"), accuracies=(AT,))
+    rival = matched_measures(*tests, rng=stream(SCORING_SEED, "bootstrap"), accuracies=(AT,))
     # Max-vs-average has no circuit to be held to: only its extra time says something.
     rival = rival[rival["measure"] == "extra_ms"].assign(variant="max-vs-average beside the MSPRT")
     return pd.concat([change, rival], ignore_index=True)

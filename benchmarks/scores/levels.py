@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.comparison.circuits import MSPRT, MSPRT_AT_GAIN
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.tradeoff import MARGIN
 from bgmodel.learning.dopamine_levels import LATENCY_MS, levels_against_msprt
 from circuits.anatomy import DEFAULT

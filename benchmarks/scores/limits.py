@@ -17,12 +17,14 @@ import pandas as pd
 
 from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, OTHER_NOISE, compare_with_msprt
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import OTHER_NOISE
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
-from circuits.engines import NOISY
+from circuits.circuit import Circuit
+from circuits.engines import engine_of
 
 TIMES = 6
 """So many times the cells."""
@@ -63,17 +65,16 @@ def times(kind: Kind, trials: int, workers: int) -> pd.DataFrame:
     """Return the comparison of each case with the MSPRT at the circuit's gain."""
     table, parts = load_circuit(DEFAULT, kind.count), []
     for case, engine, edited in cases(table):
-        noisy = engine in NOISY
-        options = {"workers": workers} if noisy else {}
-        model = BasalGanglia(edited, engine, gain_of(table), SCORING_SEED, options)
-        found = compare_with_msprt(
+        chosen = engine_of(engine).tuned(workers=workers)
+        model = BasalGanglia(edited, chosen, gain_of(table), SCORING_SEED)
+        found = compare(
             model,
             drawn(kind, trials, 50.0),
             seed=SCORING_SEED,
             rivals=(),
             groups=groups_of(kind.name, trials),
             ceiling=case == AS_IT_IS,
-        )
+        ).table
         parts.append(found.assign(case=case))
     return pd.concat(parts, ignore_index=True).assign(evidence=kind.name)
 

@@ -26,7 +26,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Population
 
 TUNING_SEEDS = (1011, 1012)
 SCORING_SEED = 60_001
@@ -90,8 +91,8 @@ def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:
 
 def decided(table: Circuit, shown: Evidence, threshold_nats: float, workers: int) -> Tradeoff:
     """Let a circuit decide at one threshold."""
-    options = {"workers": workers, "rates": False}
-    model = BasalGanglia(table, "population", gain_of(table), SCORING_SEED, options)
+    engine = Population(workers=workers, rates=False)
+    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED)
     return decide_at_thresholds(model, shown, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
 
 

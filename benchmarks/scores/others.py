@@ -22,14 +22,17 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import BasalGanglia, Msprt, stream
 from bgmodel.bootstrap import FEWEST_TRIALS, RESAMPLES, resampled
 from bgmodel.comparison import designed as designs
-from bgmodel.comparison.circuits import MSPRT, compare_with_msprt
-from bgmodel.comparison.compare import MOST_FORCED, OTHER_NOISE
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE
+from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, is_noisy
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import NATS, Circuit
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
+from circuits.engines import engine_of
 
 SCORING_SEED, TUNING_SEED = 76_001, 76_002
 """Of the trials, and of those on which gains are chosen."""
@@ -140,9 +143,8 @@ def drawn(alternatives: int, conflict: float, trials: int, seed: int = SCORING_S
 
 def model_of(entrant: Entrant, alternatives: int, gain: float, seed: int) -> BasalGanglia:
     """Return a circuit on its engine."""
-    options = {"workers": 2} if entrant.engine in ("population", "ensemble") else {}
     table = load_circuit(entrant.name, alternatives)
-    return BasalGanglia(table, entrant.engine, gain, seed, options)
+    return BasalGanglia(table, engine_of(entrant.engine).tuned(workers=2), gain, seed)
 
 
 def swept(model: BasalGanglia, evidence: Evidence) -> Tradeoff:
@@ -172,9 +174,9 @@ def decisions(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
     """Return one row: the comparison with the MSPRT at equal accuracy."""
     model, _ = tuned(entrant, alternatives)
     evidence = drawn(alternatives, 0.0, trials)
-    found = compare_with_msprt(
+    found = compare(
         model, evidence, seed=SCORING_SEED, rivals=(), accuracies=(ACCURACY,), ceiling=True
-    )
+    ).table
     row: dict[str, Any] = {"gain": model.gain}
     of = found[(found["model"] == CIRCUIT) & (found["accuracy"] == ACCURACY)]
     for reference, ending in ((MSPRT, ""), (OTHER_NOISE, "_ceiling")):

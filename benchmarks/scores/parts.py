@@ -16,11 +16,12 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Population
 from circuits.laws.controls import linear_stn, shuffled_stn
 
 SCORING_SEED = 40_008
@@ -57,8 +58,8 @@ def changes(
     )
     shared = shared_nats * rng.standard_normal((trials, readings, 1))
     evidence = replace(evidence, log_likelihood=evidence.log_likelihood + shared)
-    options = {"workers": workers}
-    model = BasalGanglia(table, "population", gain_of(table), SCORING_SEED, options)
+    engine = Population(workers=workers)
+    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED)
     edited = {name: edit(table) for name, (_, edit) in EDITS.items()}
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=ACCURACIES)
     return found.assign(

@@ -27,8 +27,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from circuits.activity import Activity
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
-from circuits.engines import run
+from circuits.circuit import Circuit
+from circuits.engines import engine_of, run
 
 SCORING_SEED = 50_001
 OTHER_SEED, POPULATION_SEED = SCORING_SEED + 1, SCORING_SEED + 2
@@ -84,8 +84,8 @@ def evidence(channels: int, d_prime: float, trials: int) -> Evidence:
 def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Tradeoff:
     """Let a circuit decide on an engine, at every posterior."""
     engine, seed = ENGINES[name]
-    options = {"workers": workers, "settle_ms": SETTLE_MS}
-    model = BasalGanglia(table, engine, gain_of(table), seed, options)
+    chosen = engine_of(engine, workers=workers, settle_ms=SETTLE_MS)
+    model = BasalGanglia(table, chosen, gain_of(table), seed)
     thresholds = -np.log(POSTERIORS)
     return decide_at_thresholds(model, shown, thresholds, decoder_tau_ms=None)[CIRCUIT]
 

@@ -19,7 +19,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import criterion_from_posterior
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Population
 
 SCORING_SEED = 78_001
 TRIALS, COARSE_TRIALS = 5000, 200
@@ -61,7 +62,7 @@ def behaviour(trials: int, workers: int) -> pd.DataFrame:
     rows = []
     for lost, table, asked in cases():
         model = BasalGanglia(
-            table, "population", gain_of(load_circuit(DEFAULT)), SCORING_SEED, {"workers": workers}
+            table, Population(workers=workers), gain_of(load_circuit(DEFAULT)), SCORING_SEED
         )
         found = decide_at_thresholds(
             model, evidence, criterion_from_posterior(asked), decoder_tau_ms=None

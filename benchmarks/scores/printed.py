@@ -19,7 +19,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.support.arrays import Array
 from circuits import anatomy
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.engines import run
 
 SCORING_SEED = 77_001

@@ -15,11 +15,13 @@ import pandas as pd
 
 from benchmarks.scores.agreement import SCORING_SEED, Kind, drawn, groups_of, kinds, sample_ms
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, compare_with_msprt
-from bgmodel.comparison.compare import ACCURACIES, OTHER_NOISE
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import ACCURACIES, OTHER_NOISE
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import engine_of
 
 TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200
 SLOW, SLOW_MS, SLOW_TRIALS = "8 orientations, 2 mm", 500.0, 1000
@@ -45,9 +47,9 @@ def decisions(
 ) -> pd.DataFrame:
     """Return the comparison of the circuit on a kind of evidence, raw or centred."""
     table = load_circuit(DEFAULT, kind.count)
-    options = {"workers": workers, "sample_ms": sample_ms(step_ms)}
-    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED, options, centred or None)
-    found = compare_with_msprt(
+    chosen = engine_of(engine, workers=workers, sample_ms=sample_ms(step_ms))
+    model = BasalGanglia(table, chosen, gain_of(table), SCORING_SEED, centred or None)
+    found = compare(
         model,
         drawn(kind, trials, step_ms),
         seed=SCORING_SEED,
@@ -55,7 +57,7 @@ def decisions(
         ceiling=not centred,
         groups=groups_of(kind.name, trials),
         accuracies=accuracies,
-    )
+    ).table
     name = kind.name if step_ms == 50.0 else f"{kind.name}, every {step_ms:g} ms"
     given = "mean taken off" if centred else "raw"
     return found.assign(evidence=name, engine=engine, given=given, trials=trials)

@@ -18,11 +18,12 @@ import pandas as pd
 
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from bgmodel import stream
-from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Population
 from circuits.laws.controls import perturbed
 
 SCORING_SEED = 40_004
@@ -103,8 +104,8 @@ def changes(case: Case, trials: int, workers: int) -> pd.DataFrame:
     ``expected_accuracy`` and ``mean_ms`` are changes at the threshold that was kept.
     """
     table = load_circuit(DEFAULT, case.channels)
-    options = {"workers": workers}
-    model = BasalGanglia(table, "population", gain_of(table), SCORING_SEED, options)
+    engine = Population(workers=workers)
+    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED)
     found = compare_edits(
         model,
         case.edited(),

@@ -17,10 +17,11 @@ from benchmarks.pages import RESULTS
 from benchmarks.scores import sensitivity
 from benchmarks.scores.pieces import Made, Piece, Score, main, wide
 from benchmarks.scores.sensitivity import BIASES, MEASURES, SHOWN, Case
-from bgmodel.comparison.circuits import compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.support.files import read_table
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import Ensemble
 
 TRIALS, COARSE_TRIALS = 600, 200
 SECONDS = 0.15
@@ -44,7 +45,7 @@ def in_spikes(
     """
     table, seed = load_circuit(DEFAULT, channels), sensitivity.SCORING_SEED
     found = compare_edits(
-        BasalGanglia(table, "ensemble", gain_of(table), seed, {"workers": workers}),
+        BasalGanglia(table, Ensemble(workers=workers), gain_of(table), seed),
         {variant: Case(channels, fraction, True, BIASES).edited()[variant]},
         sensitivity.evidence(channels, sensitivity.TRIALS)[:trials],
         seed=seed,

@@ -60,11 +60,11 @@ def cells_of(circuit: Any) -> int:
 
 def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) -> dict[str, float]:
     """Measure the compiled engine; the mean of so many times."""
-    from circuits.engines.ensemble import run as engine
+    from circuits.engines import Ensemble
 
     circuit = circuit_of(**which)
-    given = {"step_ms": STEP_MS, "seed": 1, "settle_ms": SETTLE_MS, "workers": workers}
-    given["rates"] = False
+    engine = Ensemble(settle_ms=SETTLE_MS, workers=workers, rates=False)
+    given = {"step_ms": STEP_MS, "seed": 1}
     engine.run(circuit, drive(1, circuit.channels), **given)
     evidence = drive(trials, circuit.channels)
     wall, cpu = time.perf_counter(), time.process_time()
@@ -76,26 +76,27 @@ def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) 
 
 def population(trials: int = 5000, **which: Any) -> dict[str, float]:
     """Measure the population engine, as if each of its cells had ticks of .1 ms."""
-    from circuits.engines.population.run import run
+    from circuits.engines import Population
 
     circuit = circuit_of(**which)
-    given = {"step_ms": STEP_MS, "seed": 1, "settle_ms": SETTLE_MS, "rates": False}
-    run(circuit, drive(1, circuit.channels), **given)
+    engine = Population(settle_ms=SETTLE_MS, rates=False)
+    given = {"step_ms": STEP_MS, "seed": 1}
+    engine.run(circuit, drive(1, circuit.channels), **given)
     evidence = drive(trials, circuit.channels)
-    cpu = _timed(lambda: run(circuit, evidence, **given))
+    cpu = _timed(lambda: engine.run(circuit, evidence, **given))
     return _cost(cells_of(circuit), trials, cpu, cpu)
 
 
 def brian2(trials: int = 20, **which: Any) -> dict[str, float]:
     """Measure the Brian2 engine, all trials in one network."""
-    from circuits.engines.brian2 import run as spiking
+    from circuits.engines import Brian2
 
     circuit = circuit_of(**which)
-    given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}
+    engine, given = Brian2(settle_ms=SETTLE_MS), {"step_ms": STEP_MS, "seed": 1}
     evidence = drive(trials, circuit.channels)
-    spiking.run(circuit, evidence[:, :1], seed=1, **given)
-    one = _timed(lambda: spiking.run(circuit, evidence[:, :1], seed=1, **given))
-    more = _timed(lambda: spiking.run(circuit, evidence, seed=1, **given))
+    engine.run(circuit, evidence[:, :1], **given)
+    one = _timed(lambda: engine.run(circuit, evidence[:, :1], **given))
+    more = _timed(lambda: engine.run(circuit, evidence, **given))
     # What building takes is in both runs, and drops out of their difference.
     share = (STEPS - 1) / STEPS
     return _cost(cells_of(circuit), trials, (more - one) / share, (more - one) / share)

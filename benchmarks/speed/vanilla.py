@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from circuits.cells import Lif, Phase
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population, Projection
 
 LAW = {"linear": "{x}", "rectified": "clip({x}, 0, inf)", "exp": "exp({x})"}
 

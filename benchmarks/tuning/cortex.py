@@ -19,13 +19,14 @@ import numpy as np
 from benchmarks.tuning.filters import ACCURACIES
 from benchmarks.tuning.neighbours import TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Ensemble
 
 TIMES = 6
 CODES = ((1.6, 27), (1.9, 27), (2.2, 20), (2.2, 30), (2.5, 25))
@@ -76,12 +77,12 @@ def tried(table: Circuit) -> Iterator[tuple[str, Circuit]]:
 def scored(table: Circuit, evidence: Evidence, gain: float, seed: int) -> tuple[np.ndarray, float]:
     """Return r at each of the accuracies, and the offset in ms."""
     test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
-    model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
+    model = BasalGanglia(table, Ensemble(workers=2), gain, seed)
     own = decide_at_thresholds(model, evidence, thresholds_about(test), decoder_tau_ms=None)[
         CIRCUIT
     ]
     rng = stream(0, "unused")
-    found = compare(test, own, rng=rng, accuracies=ACCURACIES, resamples=2)
+    found = matched_measures(test, own, rng=rng, accuracies=ACCURACIES, resamples=2)
     values = found.set_index("measure")["value"]
     return values["pearson_r"].to_numpy(), float(values["offset_ms"])
 

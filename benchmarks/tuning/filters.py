@@ -20,8 +20,8 @@ from scipy.signal import lfilter
 
 from benchmarks.tuning.neighbours import STEP_MS, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.decision import Trace
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
@@ -29,7 +29,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import thresholds_about
 from circuits.anatomy import load_circuit
 from circuits.arrays import Array
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Ensemble
 
 ACCURACIES = tuple(np.arange(0.885, 0.98, 0.01).round(3))
 
@@ -49,7 +50,7 @@ class Run:
         self.test = msprt_tradeoffs(evidence, gain)[MSPRT_AT_GAIN]
         self.thresholds = thresholds_about(self.test)
         kept: dict[str, list[Array]] = {"D1": [], "STN": [], "SNr": []}
-        model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
+        model = BasalGanglia(table, Ensemble(workers=2), gain, seed)
         for _, activity, _ in model.batches(evidence):
             for name, parts in kept.items():
                 parts.append(activity.decoded_nats(name))
@@ -76,7 +77,7 @@ class Run:
 
     def scored(self, table: Circuit) -> tuple[Array, float, float]:
         """Return r at each accuracy, the offset in ms, and the slope."""
-        found = compare(
+        found = matched_measures(
             self.test,
             tradeoff(self.out(table), self.evidence, self.thresholds),
             rng=stream(0, "unused"),

@@ -16,14 +16,15 @@ import numpy as np
 
 from benchmarks.tuning.neighbours import ACCURACIES, TUNING_SEEDS, tuning_evidence
 from bgmodel import stream
-from bgmodel.comparison.circuits import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import macaque
 from circuits.cells import Phase
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Population
 
 KERNELS_MS = (16.0, 20.0, 28.0, 32.0)
 READ_OUTS_MS = (20.0, 40.0)
@@ -56,7 +57,7 @@ def step_response(table: Circuit, size: float) -> tuple[float, float]:
     drive = np.zeros((1, 30, table.channels))
     drive[0, :, 0] = 2.0
     drive[0, 10:] += size
-    model = BasalGanglia(table, "population", 1.0, options={"noise": False})
+    model = BasalGanglia(table, Population(noise=False), 1.0)
     found = model.run_drive(drive, 50.0)
     out, after = found.output_nats[0, :, 0], found.time_ms >= 500
     moved = out[after] - out[~after][-20:].mean()
@@ -70,7 +71,7 @@ def rise_with_conflict(channels: int, edit: Circuit, seed: int) -> float:
         rng = stream(seed, "conflict", channels)
         given = {"hypotheses": channels, "step_ms": 50.0, "conflict": conflict}
         evidence = separated_evidence(300, 14, 1 / np.sqrt(2), rng=rng, **given)
-        model = BasalGanglia(edit, "population", gain_of(edit), seed, {"noise": False})
+        model = BasalGanglia(edit, Population(noise=False), gain_of(edit), seed)
         found = model.activity(evidence)
         seen = (found.time_ms >= 150) & (found.time_ms <= 600)
         means.append(found.rates_hz["STN"][:, seen].mean())
@@ -80,11 +81,11 @@ def rise_with_conflict(channels: int, edit: Circuit, seed: int) -> float:
 def scored(table: Circuit, evidence: Evidence, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Return r and the extra time in ms at each of the accuracies."""
     test = msprt_tradeoffs(evidence, gain_of(table))[MSPRT_AT_GAIN]
-    model = BasalGanglia(table, "population", gain_of(table), seed, {"sample_ms": 2.0})
+    model = BasalGanglia(table, Population(sample_ms=2.0), gain_of(table), seed)
     thresholds = thresholds_about(test)
     own = decide_at_thresholds(model, evidence, thresholds, decoder_tau_ms=None)[CIRCUIT]
     given = {"rng": stream(0, "unused"), "accuracies": ACCURACIES, "resamples": 2}
-    values = compare(test, own, **given).set_index("measure")["value"]
+    values = matched_measures(test, own, **given).set_index("measure")["value"]
     return values["pearson_r"].to_numpy(), values["extra_ms"].to_numpy()
 
 

@@ -17,13 +17,15 @@ from dataclasses import replace
 import numpy as np
 
 from bgmodel import stream
-from bgmodel.comparison.circuits import at_rest, compare_edits
+from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.page import page
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
-from circuits.declaration.spec import Circuit
-from circuits.laws.firing import fit_current
+from circuits.cells.membrane import fit_current
+from circuits.circuit import Circuit
+from circuits.engines import Ensemble
 
 TUNING_SEEDS = (1001, 1002, 1003)
 ACCURACIES = (0.90, 0.93, 0.95, 0.97)
@@ -100,11 +102,11 @@ def main() -> None:
     gain = gain_of(table)
     tried = neighbours(table)
     for name, row in {"as it is": table, **tried}.items():
-        at = at_rest(row, seed=TUNING_SEEDS[0])
+        at = resting_activity(row, seed=TUNING_SEEDS[0])
         print(f"{name}, at rest:\n{at.to_string(index=False, float_format='{:.2f}'.format)}")
     for seed in TUNING_SEEDS:
         evidence = tuning_evidence(given.trials, given.channels, given.d_prime, seed)
-        model = BasalGanglia(table, "ensemble", gain, seed, {"workers": 2})
+        model = BasalGanglia(table, Ensemble(workers=2), gain, seed)
         found = compare_edits(model, tried, evidence, seed=seed, accuracies=ACCURACIES)
         print(f"\nseed {seed}, N = {given.channels}, d' {given.d_prime:g}, {given.trials} trials")
         print(page(found[found["kind"] == "value"].drop(columns="kind")))

@@ -18,7 +18,7 @@ from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from circuits.anatomy import macaque
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.laws.stability import growth
 
@@ -68,8 +68,7 @@ def decided(
 ) -> Decision:
     """Return the decisions at a posterior, whatever lead the table states."""
     level = -np.log(posterior)
-    seed = None if engine in ("rate", "algebra") else SEED
-    model = BasalGanglia(table, engine, gain, seed).until(level)
+    model = BasalGanglia(table, engine, gain, SEED).until(level)
     parts = [first_crossing(trace, level) for _, _, trace in model._parts(evidence, 0)]
     return parts[0]
 

@@ -190,7 +190,6 @@ def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int 
         If there is not enough memory.
     """
     from bgmodel.support.compiling import on_compiling
-    from circuits.engines import THREADED
 
     if model.raw and evidence.baseline:
         less = f"{evidence.baseline:.3g}"
@@ -199,7 +198,7 @@ def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int 
         )
     at_once, steps = min(model.batch(evidence), evidence.trials), evidence.steps + 1
     model.check_memory(at_once, steps, evidence.step_ms)
-    if model.engine in THREADED:
+    if model.engine.threaded:
         on_compiling(lambda: say(COMPILES))
     each_s = steps * evidence.step_ms / 1000
     circuits = f"{runs} circuits, " if runs > 1 else ""

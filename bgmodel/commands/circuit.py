@@ -6,7 +6,7 @@ import importlib.util
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import tyro
@@ -21,9 +21,9 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.deciding.decision import Decision
 from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
     from circuits.activity import Activity
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 DEFAULT_POSTERIOR = 0.9
 
@@ -74,7 +74,7 @@ class CircuitShow(Writes):
         table = self.edits.apply(load_circuit(self.circuit, self.channels))
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
-            from circuits.show import draw
+            from circuits.plots import draw
 
             check_ending("drawing", self.drawing, ".pdf", ".svg", ".png")
             import matplotlib.pyplot as plt
@@ -90,10 +90,10 @@ class CircuitShow(Writes):
         if self.rest and not any(row.spiking for row in table.populations):
             print("\nthere are no cells that spike")
         elif self.rest:
-            from bgmodel.comparison.circuits import at_rest
+            from bgmodel.integrators.steady import resting_activity
 
             print("\nwithout evidence, 4 trials of 5 s:")
-            found = at_rest(table, seed=0)
+            found = resting_activity(table, seed=0)
             print(found.to_string(index=False, float_format="{:.2f}".format))
         if scatter is not None:
             print(f"\n{scatter}")
@@ -208,25 +208,20 @@ class CircuitRun(Writes):
     @staticmethod
     def _first(model: BasalGanglia, evidence: Evidence, trials: int) -> Activity:
         """Return the first trials, to their ends, with their spikes if the engine has any."""
-        from circuits.engines import SPIKING
-
-        if model.engine in SPIKING:
-            names = [row.name for row in model.circuit.populations if row.spiking]
-            model = replace(model, options={**model.options, "spikes": names})
+        names = tuple(row.name for row in model.circuit.populations if row.spiking)
+        model = replace(model, engine=model.engine.recording(names))
         return model.activity(evidence[:trials])
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
         from circuits.anatomy import load_circuit
-        from circuits.engines import THREADED
+        from circuits.engines import engine_of
 
         table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
         say_of_edits(self.edits)
-        options: dict[str, Any] = {}
-        if self.engine in THREADED:
-            options["workers"] = self.workers
-        return BasalGanglia(table, self.engine, gain_of(table, self.gain), self.seed, options)
+        engine = engine_of(self.engine).tuned(workers=self.workers)
+        return BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
 
     def _say_decided(
         self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
@@ -243,17 +238,18 @@ class CircuitRun(Writes):
 
     def _draws(self) -> bool:
         """Whether anything is drawn with the seed: evidence, or the noise of cells."""
-        from circuits.engines import NOISY
+        from circuits.engines import engine_of
 
-        return self.stimuli.evidence is None or self.engine in NOISY
+        return self.stimuli.evidence is None or engine_of(self.engine).noisy
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
-        from circuits.engines import SPIKING
+        from circuits.engines import engine_of
 
         check_ending("output", self.output, ".parquet", ".csv")
         self.edits.check_engine(self.engine)
         self.stimuli.check()
+        self.stimuli.check_idle(Stimuli())
         check_whole(workers=self.workers)
         if self.threshold is not None and self.posterior is not None:
             raise ValueError("give posterior or threshold, not both")
@@ -262,7 +258,7 @@ class CircuitRun(Writes):
         if self.stimuli.evidence is None and self.threshold is None:
             criterion_from_posterior(self._posterior(), self.stimuli.channels)
         check_whole(spike_trials=self.spike_trials)
-        if self.spikes is not None and self.engine not in SPIKING:
+        if self.spikes is not None and not engine_of(self.engine).spiking:
             raise ValueError(f"the {self.engine} engine has no spikes: leave --spikes out")
         tables_of = (".parquet", ".csv")
         for name, endings in (("rates", tables_of), ("spikes", tables_of), ("nwb", (".nwb",))):

@@ -19,9 +19,9 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import RIVALS, rivals_on
+from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from circuits.edit_lists import Edits, written
@@ -81,7 +81,7 @@ class Compare(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import compare_with_msprt
+        from bgmodel.comparison.compare import compare
         from bgmodel.comparison.page import page
         from bgmodel.integrators.deciding import is_noisy
         from circuits.anatomy import load_circuit
@@ -99,9 +99,10 @@ class Compare(Comparison):
         say_before("comparing", model, evidence, runs=runs)
         given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
         with bar(runs * evidence.trials):
-            table = compare_with_msprt(
+            found = compare(
                 model, evidence, rivals=rivals, intact=intact, ceiling=self.ceiling, **given
             )
+        table = found.table
         files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
         self.show(page(table), table, **self._about(evidence))
         self.note(f"{evidence.trials} trials -> {self.output}")
@@ -128,7 +129,7 @@ class CircuitLesion(Comparison):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.comparison.circuits import AS_EDITED, INTACT, compare_edits
+        from bgmodel.comparison.edited import AS_EDITED, INTACT, compare_edits
         from bgmodel.comparison.page import behaviour, page
         from circuits.anatomy import load_circuit
 
@@ -171,14 +172,15 @@ def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
 def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel.bootstrap import check_trials
-    from bgmodel.comparison.compare import checked_accuracies
-    from bgmodel.comparison.with_msprt import model_of
-    from circuits.anatomy import load_circuit
-    from circuits.declaration.spec import NATS
+    from bgmodel.comparison.matched import checked_accuracies
+    from bgmodel.conditions import Setup
+    from bgmodel.integrators.deciding import sample_ms
+    from circuits.declaration.table import NATS
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")
-    stimuli.check(MANY)
+    stimuli.check()
+    stimuli.check_idle(MANY)
     check_whole(workers=asked_for.workers)
     asked_for.edits.check_engine(asked_for.engine)
     trials = stimuli.draw(asked_for.seed, "compare")
@@ -187,16 +189,18 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     evidence = trials.evidence
     check_trials(evidence.trials)
     checked_accuracies(asked_for.accuracies, evidence.hypotheses)
-    table = asked_for.edits.apply(load_circuit(asked_for.circuit, evidence.hypotheses))
-    say_of_edits(asked_for.edits)
-    model = model_of(
-        table,
-        evidence,
+    setup = Setup(
+        circuit=asked_for.circuit,
+        edits=asked_for.edits,
         engine=asked_for.engine,
         gain=asked_for.gain,
         seed=asked_for.seed,
-        workers=asked_for.workers,
     )
+    say_of_edits(asked_for.edits)
+    model = setup.model(
+        evidence.hypotheses, workers=asked_for.workers, sample_ms=sample_ms(evidence.step_ms)
+    )
+    table = model.circuit
     if table.unit != NATS:
         say(
             f"{table.name} works in {table.unit}, not nats: its thresholds are in {table.unit}, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +17,12 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import CircuitName, EngineName
+from bgmodel.names import CircuitName, EngineName
 from bgmodel.support import files
 from circuits.edit_lists import Edits
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 MACAQUE = CircuitName("macaque")
 POPULATION = EngineName("population")
@@ -66,25 +66,27 @@ class CircuitDesigned(Shows):
     def __call__(self) -> None:
         """Run the command."""
         from bgmodel.comparison import designed
-        from bgmodel.comparison.with_msprt import model_of
+        from bgmodel.conditions import Setup
         from bgmodel.integrators.basal_ganglia import identity
-        from circuits.anatomy import load_circuit
+        from bgmodel.integrators.deciding import sample_ms
 
         self._check()
         channels = self.channels
         if channels is None and not self.circuit.endswith(".toml"):
             channels = CHANNELS
-        table = self.edits.apply(load_circuit(self.circuit, channels))
-        say_of_edits(self.edits)
-        every = designed.designs(table.channels)
-        model = model_of(
-            table,
-            every[0].evidence(1),
+        setup = Setup(
+            circuit=self.circuit,
+            edits=self.edits,
             engine=self.engine,
-            gain=self._gain(table),
+            gain=self.gain,
             seed=self.seed,
-            workers=self.workers,
         )
+        table = setup.table(channels)
+        say_of_edits(self.edits)
+        setup = replace(setup, gain=self._gain(table))
+        every = designed.designs(table.channels)
+        step_ms = every[0].evidence(1).step_ms
+        model = setup.model(channels, workers=self.workers, sample_ms=sample_ms(step_ms))
         trials, readings = designed.size(model, self.thresholds, self.trials)
         given = every[0].evidence(readings, trials=trials)
         say_before("designed trials:", model.until(0.0), given, runs=len(every))
@@ -102,7 +104,7 @@ class CircuitDesigned(Shows):
 
     def _gain(self, table: Circuit) -> float | None:
         """Return the gain, where it counts, and else any."""
-        from circuits.declaration.spec import NATS
+        from circuits.declaration.table import NATS
 
         if self.gain is None and table.default_gain is None and table.unit == NATS:
             return 1.0

@@ -20,10 +20,10 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.commands.names import MACAQUE, RATE, CircuitName, TimedEngineName
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
+from bgmodel.names import MACAQUE, RATE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
@@ -55,7 +55,7 @@ class CircuitLearn(Writes):
     """Where the table of trials goes, .parquet or .csv."""
     circuit: CircuitName = MACAQUE
     """Name of the table, or the path of a .toml file."""
-    engine: TimedEngineName = RATE
+    engine: EngineName = RATE
     """How the circuit is run: rates, unless another engine is named."""
     edits: Edits = field(default_factory=Edits)
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
@@ -128,15 +128,14 @@ class CircuitLearn(Writes):
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
         from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-        from bgmodel.learning.dopamine import COARSE
         from circuits.anatomy import load_circuit
+        from circuits.engines import engine_of
 
         table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
         say_of_edits(self.edits)
         table.check_nats("a criterion that dopamine sets")
-        options: dict[str, Any] = dict(COARSE) if self.engine == "rate" else {}
-        gain = gain_of(table, self.gain)
-        model = BasalGanglia(table, self.engine, gain, self.seed, options)
+        engine = engine_of(self.engine).coarse()
+        model = BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
         model.warn_beyond_range(evidence)
         return model
 
@@ -173,9 +172,16 @@ class CircuitLearn(Writes):
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
+        from circuits.engines import engine_of
+
         check_ending("output", self.output, ".parquet", ".csv")
         self.edits.check_engine(self.engine)
-        self.stimuli.check(TOUCHED)
+        self.stimuli.check()
+        self.stimuli.check_idle(TOUCHED)
+        if not engine_of(self.engine).timed:
+            raise ValueError(
+                f"the {self.engine} engine has no decision times to learn from: take rate"
+            )
         check_whole(runs=self.runs)
         check_learning_memory(self.runs, self.learner.episodes)
         numbers = 3 * 8.0 * self.levels * self.stimuli.trials

@@ -18,7 +18,7 @@ from bgmodel.commands.checks import (
     recorded,
     say_before,
 )
-from bgmodel.commands.names import EngineName
+from bgmodel.names import EngineName
 from bgmodel.support import files
 
 if TYPE_CHECKING:
@@ -113,10 +113,12 @@ class ExperimentRun(Shows):
         """Say what runs, and run it."""
         from bgmodel.bootstrap import check_trials
 
-        given = experiment.trials()
+        given = experiment.given()
         evidence = given.evidence
         check_trials(evidence.trials)
-        control = experiment.model(experiment.control, evidence.hypotheses, self.workers)
+        control = experiment.conditions[0].model(
+            evidence.hypotheses, workers=self.workers, rates=False
+        )
         say_before("an experiment on", control, evidence, runs=2)
         with bar(2 * evidence.trials):
             return experiment.run(workers=self.workers, given=given)
@@ -157,8 +159,8 @@ class ExperimentRun(Shows):
         trials = len(done.trials) // 2
         about: dict[str, Any] = {"name": experiment.name, "source": experiment.source}
         about |= {"published": experiment.published}
-        model, posterior = done.models[0], experiment.posterior_text()
-        about |= {"circuit": model.circuit.name, "engine": model.engine, "gain": model.gain}
+        model, posterior = done.models[0], experiment.stopping
+        about |= {"circuit": model.circuit.name, "engine": model.engine.id, "gain": model.gain}
         about |= {"posterior": posterior, "seed": experiment.seed}
         where = {"trials": trials, "output": self.output}
         experiment = replace(experiment, gain=done.models[0].gain)

@@ -8,7 +8,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import Writes, check_ending
-from bgmodel.commands.names import MACAQUE, CircuitName
+from bgmodel.names import MACAQUE, CircuitName
 
 
 @dataclass(frozen=True)

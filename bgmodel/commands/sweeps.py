@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from bgmodel.sweeps.plan import Plan, Setting, Shard
+    from bgmodel.sweeps.plan import Plan, Point, Shard
 
 OUTCOME = "outcome.csv"
 FIGURES: dict[str, Any] = {".pdf": {"CreationDate": None}, ".png": {"Software": None}}
@@ -71,7 +71,7 @@ class SweepRun:
         check_whole(workers=self.workers, parts=self.parts)
         part = self._part()
         sweep = Sweep.from_toml(self.file)
-        plan, settings, shards = sweep.plan, sweep.settings, sweep.shards
+        plan, points, shards = sweep.plan, sweep.points, sweep.shards
         folder = self.folder or Path("sweeps") / self.file.stem
         files.check_writable(folder)
         _check_own(folder)
@@ -79,13 +79,13 @@ class SweepRun:
             raise ValueError(
                 f"profile must be a folder with config.yaml, got {str(self.profile)!r}"
             )
-        check_room(settings, folder)
+        check_room(points, folder)
         if self.on != "processes":
             self._with_snakemake(folder, shards)
             return
         if part is not None:
             shards = shards[part[0] - 1 :: part[1]]
-        self._run(plan, settings, shards, folder)
+        self._run(plan, points, shards, folder)
 
     def _part(self) -> tuple[int, int] | None:
         if self.part is None:
@@ -98,7 +98,7 @@ class SweepRun:
             raise ValueError("part is what a job computes: give --parts, or no --on")
         return k, n
 
-    def _run(self, plan: Plan, settings: list[Setting], shards: list[Shard], folder: Path) -> None:
+    def _run(self, plan: Plan, points: list[Point], shards: list[Shard], folder: Path) -> None:
         from tqdm import tqdm
 
         from bgmodel.sweeps import shards as stored
@@ -107,11 +107,11 @@ class SweepRun:
         missing = [shard for shard, state in states.items() if state != "done"]
         damaged = list(states.values()).count("damaged")
         print(
-            f"points: {len(settings)}; shards: {len(states)}, {len(states) - len(missing)} there "
+            f"points: {len(points)}; shards: {len(states)}, {len(states) - len(missing)} there "
             f"already{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
             flush=True,
         )
-        say_of_edits(*(setting.edits for setting in settings))
+        say_of_edits(*(point.edits for point in points))
         if self.dry_run:
             return
         try:
@@ -119,21 +119,21 @@ class SweepRun:
                 stored.at_work(folder, alone=self.part is None),
                 stored.processes(self.workers) as pool,
             ):
-                _remove_outdated(plan, settings, folder)
+                _remove_outdated(plan, points, folder)
                 done = stored.compute_all(missing, folder, pool)
                 for _ in tqdm(done, total=len(missing), unit="shard", disable=None):
                     pass
                 if self.part is None:
-                    self._gather(plan, settings, folder, pool)
+                    self._gather(plan, points, folder, pool)
         except KeyboardInterrupt:
             raise KeyboardInterrupt("The same command goes on where it was.") from None
 
-    def _gather(self, plan: Plan, settings: list[Setting], folder: Path, pool: Executor) -> None:
+    def _gather(self, plan: Plan, points: list[Point], folder: Path, pool: Executor) -> None:
         from bgmodel.sweeps.outcome import gathered, measured
 
-        table = gathered(plan, list(pool.map(partial(measured, folder=folder), settings)))
+        table = gathered(plan, list(pool.map(partial(measured, folder=folder), points)))
         output = folder / OUTCOME
-        files.write_table(table, output, **_behind(plan, settings))
+        files.write_table(table, output, **_behind(plan, points))
         self._say(plan, table)
         if len(plan.axes) <= 2:
             _draw(plan, table, folder)
@@ -198,11 +198,11 @@ class SweepRun:
         }
 
 
-def _behind(plan: Plan, settings: list[Setting]) -> dict[str, Any]:
+def _behind(plan: Plan, points: list[Point]) -> dict[str, Any]:
     """Return what the table of a sweep was made from."""
     from bgmodel.integrators.basal_ganglia import identity
 
-    circuits = [identity(setting.table)["sha256"] for setting in settings]
+    circuits = [identity(point.edited)["sha256"] for point in points]
     return {"seed": plan.seed, "sweep": recorded(plan), "circuits": circuits}
 
 
@@ -218,13 +218,13 @@ def _check_own(folder: Path) -> None:
         raise ValueError(f"{str(there)!r} was not made by a sweep: move it, or give another folder")
 
 
-def _remove_outdated(plan: Plan, settings: list[Setting], folder: Path) -> None:
+def _remove_outdated(plan: Plan, points: list[Point], folder: Path) -> None:
     """Remove table and figure of another sweep: a part or a stopped sweep would leave them."""
     output = folder / OUTCOME
     if not output.is_file():
         return
     of = files.read_provenance(output)
-    now = files.provenance(**_behind(plan, settings))
+    now = files.provenance(**_behind(plan, points))
     if all(of.get(name) == now[name] for name in ("parameters", "seed")):
         return
     say(f"{output} is of another sweep: it is removed, with its figure; shards stay")

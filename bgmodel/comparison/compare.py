@@ -1,234 +1,271 @@
-"""Algorithm against circuit, decision by decision, on the same evidence.
-
-A ``Tradeoff`` holds the decisions of one integrator at many settings, as a rule thresholds. Two on
-the same evidence are compared at equal accuracy: their settings are matched, then trial stands
-against trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of trials,
-so that one expression gives the value and its resamples.
-"""
+"""Compare a circuit with the MSPRT, decision by decision."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
-from bgmodel.comparison.pairs import side_by_side
-from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, margin, time_at
-from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.checks import reals
+from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
+from bgmodel.comparison.cautions import (
+    warn_of_ceiling,
+    warn_of_own_ceiling,
+)
+from bgmodel.comparison.edited import check_edit_of
+from bgmodel.comparison.matched import (
+    ACCURACIES,
+    MINUS_INTACT,
+    OTHER_NOISE,
+    checked_accuracies,
+    matched_measures,
+)
+from bgmodel.comparison.thresholds import (
+    MSPRT,
+    references,
+    tuned_thresholds,
+    unreached,
+    warn_of_calibration_of,
+    without_accuracies,
+)
+from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
+from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit, gain_of
+from bgmodel.integrators.deciding import (
+    CIRCUIT,
+    HIGHEST,
+    LOWEST,
+    decide_at_thresholds,
+    is_noisy,
+)
+from bgmodel.integrators.rivals import RIVALS
+from bgmodel.support.reprs import Facts
+from bgmodel.support.seeds import stream
+from circuits.circuit import Circuit
 
-ACCURACIES = (0.90, 0.95, 0.97)
-# Accuracies over which the extra time is fitted by a line.
-SPAN = np.linspace(0.85, 0.98, 14)
-MOST_FORCED = 0.5
-"""Share of trials that the deadline may decide where thresholds are compared."""
-MINUS_INTACT = "circuit minus intact"
-"""The model in rows that hold an edited circuit's measures minus the intact circuit's."""
-OTHER_NOISE = "circuit with other noise"
-"""The reference in rows that hold a circuit to itself with noise of another seed: the ceiling."""
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SUMMARY = ("agreement", "agreement_chance", "pearson_r", "extra_ms", "accuracy_gap")
+"""Measures of ``Comparison.summary``."""
 
 
-def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return what the other takes longer than the test at equal accuracy, as a line.
+def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
+    """Return the decisions of a circuit with noise of another seed: the same, if it has none.
 
     Parameters
     ----------
-    test, other : pairs of arrays (B, K)
-        As from ``curve``.
-
-    Returns
-    -------
-    offset_ms, slope : arrays (B,)
-        Of the extra time against the test's own time, over accuracies .85 to .98 as far as both
-        reach; NaN where they share fewer than three.
+    model, evidence :
+        The circuit, and what it was given.
+    found : Tradeoff
+        What it decided.
     """
-    x, late = time_at(SPAN, test), time_at(SPAN, other) - time_at(SPAN, test)
-    known = np.isfinite(late)
-    about = x - _row_means(np.where(known, x, np.nan))[:, None]
-    spread = np.where(known, about**2, 0).sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        slope = np.where(known, about * late, 0).sum(axis=1) / spread
-    slope[known.sum(axis=1) < 3] = np.nan
-    return _row_means(late - slope[:, None] * x), slope
+    if not is_noisy(model):
+        return found
+    seed = int(stream(model.seed or 0, OTHER_NOISE).integers(2**31))
+    again = replace(model, seed=seed)
+    return decide_at_thresholds(again, evidence, found.settings, decoder_tau_ms=None)[CIRCUIT]
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison(Facts):
+    """A circuit, baseline models and the MSPRT on the same evidence.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit.
+    trials : int
+        Number of trials.
+    table : DataFrame
+        One row per model, reference, accuracy and measure: the columns of ``matched_measures``, and
+        model and reference.
+    curves : DataFrame
+        Speed against accuracy: model, threshold, accuracy (expected), mean_ms, one row per model
+        and threshold.
+    """
+
+    model: BasalGanglia
+    trials: int
+    table: pd.DataFrame
+    curves: pd.DataFrame
+
+    def facts(self) -> dict[str, str]:
+        """Return the circuit, and agreement and extra time at each accuracy."""
+        found = {
+            "circuit": self.model.circuit.name,
+            "engine": self.model.engine.id,
+            "trials": f"{self.trials}",
+        }
+        for row in self.summary().query("model == @CIRCUIT").itertuples():
+            text = f"agreement {row.agreement:.3f}, extra time {row.extra_ms:.0f} ms"
+            found[f"{row.reference} at {row.accuracy:g}"] = text
+        return found
+
+    def summary(self) -> pd.DataFrame:
+        """Return the measures that say most, one row per reference, model and accuracy."""
+        rows = self.table[self.table["measure"].isin(SUMMARY)]
+        by = ["reference", "model", "accuracy"]
+        wide = rows.pivot(index=by, columns="measure", values="value").reset_index()
+        order = rows[by].drop_duplicates().merge(wide, on=by)
+        return order[[*by, *(name for name in SUMMARY if name in order)]].round(3)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``table``."""
+        return self.table
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw accuracy against mean decision time, one line per model.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Drawn on and returned; that of a new figure unless given.
+        """
+        from bgmodel.plots import accuracy_axis, new_axes
+
+        ax = new_axes(ax)
+        for name, rows in self.curves.groupby("model", sort=False):
+            ax.plot(rows["mean_ms"], rows["accuracy"], label=name)
+        ax.set_xlabel("mean decision time (ms)")
+        ax.legend(frameon=False)
+        return accuracy_axis(ax, 1 / self.model.circuit.channels)
 
 
 def compare(
-    test: Tradeoff,
-    other: Tradeoff,
+    model: BasalGanglia | Circuit | str,
+    evidence: Evidence,
     *,
-    rng: np.random.Generator,
-    truth: Integers | None = None,
-    minus: Tradeoff | None = None,
-    again: Tradeoff | None = None,
-    latency_ms: float | None = None,
-    accuracies: Sequence[float] = ACCURACIES,
+    seed: int | None = None,
+    rivals: Sequence[str] | str = (),
+    accuracies: Sequence[float] | float = ACCURACIES,
     resamples: int = RESAMPLES,
+    intact: Circuit | str | None = None,
+    ceiling: bool = False,
     groups: npt.ArrayLike | None = None,
-) -> pd.DataFrame:
-    """Compare two integrators on the same evidence at equal expected accuracy.
+) -> Comparison:
+    """Compare a circuit, a decoder of its input and baseline models with the MSPRT.
 
     Parameters
     ----------
-    test, other : Tradeoff
-        The reference, and what is held to it.
-    rng : numpy.random.Generator
-        For the bootstrap.
-    truth : int array (trials,), optional
-        For the accuracy that is counted, the test's error trials, and chance: it is that of trials
-        shuffled within each truth, or among all if left out.
-    minus : Tradeoff, optional
-        A third: every measure is then the other's minus this one's, with the interval of that.
-    again : Tradeoff, optional
-        The other with noise of another seed, for pearson_r_of_ceiling.
-    latency_ms : float, optional
-        What is not decision time and taken off before accuracies are compared in equal time: 0 for
-        an abstract integrator; the mean extra time over accuracies .85 to .98 if left out.
-    accuracies : sequence of float
-        Where the test's threshold is put.
-    resamples : int
-        Of the bootstrap.
-    groups : array (trials,), optional
-        As for ``resampled``.
+    model : BasalGanglia, Circuit or str
+        The circuit with its engine, gain and noise; a circuit, a name or a .toml file runs on the
+        population engine.
+    evidence : Evidence
+        What all are given; 100 trials or more.
+    seed : int, optional
+        Of the bootstrap, and of the noise of a circuit that is not a model yet; the model's own
+        unless given.
+    rivals : sequence of str
+        Which of ``RIVALS`` are compared too. "race" and "LCA" need evidence whose zero means that
+        nothing was seen, as that of ``gaussian_evidence``.
+    accuracies, resamples, groups :
+        As for ``matched_measures``.
+    intact : Circuit or str, optional
+        The circuit before it was edited. It decides on the same evidence with the same noise, and
+        rows of the model ``MINUS_INTACT`` hold the edited circuit's measures minus its own, with
+        the interval of the difference.
+    ceiling : bool
+        Whether the circuit decides a second time, with noise of another seed: rows of the reference
+        ``OTHER_NOISE`` compare it with itself, the most that anything can agree with it, and
+        ``pearson_r_of_ceiling`` is known. Without noise it is not run: it would decide the same.
 
     Returns
     -------
-    DataFrame
-        One row an accuracy and measure: accuracy, measure, value, low, high (95 % interval).
-        Measures: threshold; accuracy, test_accuracy (counted); agreement, error_agreement (on
-        trials that the test gets wrong) and within_50_ms (share of times within 50 ms of the
-        median lag), each also as NAME_chance, for trials shuffled within a truth, and
-        NAME_corrected, (share - chance) / (1 - chance); pearson_r (of decision times) and
-        pearson_r_chance, spearman_r; residual_sd_ms (of the lag); test_ms, extra_ms; accuracy_gap
-        (in equal time); forced; with ``again`` pearson_r_of_ceiling, r over the square root of the
-        other's r with itself (Spearman 1904: what r would be without the other's noise). All are
-        NaN where one does not reach the accuracy within ``margin``, or where the deadline decides
-        most trials of one; what goes trial by trial has its interval for the thresholds as matched.
-        With accuracy NaN: offset_ms and slope of ``latency``.
+    Comparison
+        Baseline models are abstract, with no latency to subtract, and are compared with the full
+        MSPRT alone.
 
     Raises
     ------
     ValueError
-        If the tradeoffs do not hold the same trials, or are too few for an interval.
+        If there are too few trials, a name is unknown, a circuit would decide without evidence, or
+        it is no edit of the intact one.
+
+    Warns
+    -----
+    UserWarning
+        If the circuit does not reach an accuracy at a threshold that its OUT reads, and that noise
+        at rest does not cross: all measures are NaN there. If the readings, or a baseline model, do
+        not reach one. If posteriors at the decision are not the share of right choices.
     """
-    for one in (other, minus or other, again or other):
-        if one.trials != test.trials:
-            raise ValueError(
-                f"the same trials must be compared, got {test.trials} and {one.trials}"
-            )
-    n = test.trials
-    check_trials(n)
-    weights = resampled(n, resamples, rng, groups)
-    found = _measures(test, other, truth, accuracies, weights, latency_ms, again)
-    if minus is not None:
-        base = _measures(test, minus, truth, accuracies, weights, latency_ms)
-        found = {key: found[key] - base[key] for key in base}
-    rows = []
-    for (accuracy, name), values in found.items():
-        value, low, high = interval(values)
-        # A line through few points is none: without an interval it says nothing.
-        line = np.isnan(accuracy) and not np.isfinite(low)
-        rows.append((accuracy, name, np.nan if line else value, low, high))
-    return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
+    check_trials(check_evidence(evidence).trials)
+    rivals = [rivals] if isinstance(rivals, str) else list(rivals)
+    for name in rivals:
+        if name not in RIVALS:
+            raise ValueError(f"rivals must be among {', '.join(RIVALS)}, got {name!r}")
+    if not isinstance(model, BasalGanglia):
+        circuit = checked_circuit(model, evidence.hypotheses)
+        model = BasalGanglia(circuit, "population", gain_of(circuit), 0 if seed is None else seed)
+    seed = (model.seed or 0) if seed is None else seed
+    accuracies = checked_accuracies(accuracies, evidence.hypotheses)
+    check_resamples(resamples, groups)
+    if intact is not None:
+        intact = checked_circuit(intact, evidence.hypotheses)
+        check_edit_of(intact, model.circuit, "circuit")
+        if intact == model.circuit:
+            raise ValueError(f"{intact.name} equals the intact circuit: no edit changed anything")
+    model.warn_beyond_range(evidence)
+    allowed = warn_of_ceiling(evidence, accuracies)
+    tests = references(model, evidence)
+    warn_of_calibration_of(tests[MSPRT], evidence, accuracies)
+    first = next(iter(tests))
+    span = {"highest": max(HIGHEST, *accuracies), "lowest": min(LOWEST, *accuracies)}
+    found = decide_at_thresholds(model, evidence, tuned_thresholds(model, tests[first], **span))
+    lost = unreached(
+        model, found[CIRCUIT], tests[first], accuracies, name=model.circuit.name, before=intact
+    )
+    warn_of_own_ceiling(model.circuit.name, found[CIRCUIT], [a for a in allowed if a not in lost])
+    pairs = [(name, reference) for reference in tests for name in found]
+    again = with_other_noise(model, evidence, found[CIRCUIT]) if ceiling else None
+    if again is not None:
+        tests[OTHER_NOISE] = again
+        pairs.append((CIRCUIT, OTHER_NOISE))
+    for name in rivals:
+        found[name] = tradeoff(RIVALS[name]().run(evidence), evidence)
+        warn_of_own_ceiling(name, found[name], allowed)
+        pairs.append((name, MSPRT))
+    curves = _curves(tests | found)
+    before = None
+    if intact is not None:
+        unedited = replace(model, circuit=intact)
+        levels = tuned_thresholds(unedited, tests[first], **span)
+        before = decide_at_thresholds(unedited, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        found[MINUS_INTACT] = found[CIRCUIT]
+        pairs.append((MINUS_INTACT, first))
+    parts = []
+    for name, reference in pairs:
+        late = name not in RIVALS and reference != OTHER_NOISE
+        table = matched_measures(
+            tests[reference],
+            found[name],
+            rng=stream(seed, "bootstrap"),
+            truth=evidence.truth,
+            minus=before if name == MINUS_INTACT else None,
+            again=again if name == CIRCUIT and reference != OTHER_NOISE else None,
+            latency_ms=None if late else 0.0,
+            accuracies=accuracies,
+            resamples=resamples,
+            groups=groups,
+        )
+        of_circuit = name in (CIRCUIT, MINUS_INTACT)
+        table = without_accuracies(table, lost) if of_circuit else table
+        parts.append(table.assign(model=name, reference=reference))
+    whole = pd.concat(parts, ignore_index=True)
+    return Comparison(model, evidence.trials, whole, curves)
 
 
-def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> tuple[float, ...]:
-    """Return the accuracies that are asked for, one or several, as a tuple.
-
-    Raises
-    ------
-    ValueError
-        If the list is empty, or an accuracy is not a number between chance plus ``MARGIN`` and 1.
-    """
-    given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
-    if given.ndim != 1 or not given.size:
-        raise ValueError(f"accuracies must hold one number or more, got {given.tolist()}")
-    least = 1 / hypotheses + MARGIN
-    for value in given.tolist():
-        if not least < value < 1:
-            raise ValueError(
-                f"accuracies must lie above chance, {1 / hypotheses:.3g}, and below 1, got "
-                f"{value:g}"
-            )
-    return tuple(given.tolist())
-
-
-def equivalent(table: pd.DataFrame, margin: float = MARGIN) -> pd.Series:
-    """Return, for each accuracy, whether the gap's 95 % interval lies within +-margin.
-
-    Two one-sided tests at 2.5 % (Schuirmann 1987): a gap that is merely not significant does not
-    pass.
-    """
-    gaps = table[table["measure"] == "accuracy_gap"].set_index("accuracy")
-    return (gaps["low"] > -margin) & (gaps["high"] < margin)
-
-
-Measures = dict[tuple[float, str], Array]
-
-
-def _measures(
-    test: Tradeoff,
-    other: Tradeoff,
-    truth: Integers | None,
-    accuracies: Sequence[float],
-    weights: Array,
-    latency_ms: float | None,
-    again: Tradeoff | None = None,
-) -> Measures:
-    """Return every measure, (B,) each; the first entry is the value itself."""
-    curves = curve(test, weights), curve(other, weights)
-    offset, slope = latency(*curves)
-    found = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
-    late = np.full_like(offset, latency_ms)
-    if latency_ms is None:
-        late = _row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
-    sides = [test, other, *([] if again is None else [again])]
-    reached = [curve(one, weights[:1])[0][0] for one in sides]
-    for accuracy in accuracies:
-        at = _matched(reached, accuracy)
-        j = at[1]
-        chosen = [one.choices(k) for one, k in zip(sides, at, strict=True)]
-        third = chosen[2] if again is not None else None
-        values = side_by_side(chosen[0], chosen[1], truth, weights, again=third)
-        values["forced"] = weights @ other.forced[j] / weights.sum(axis=1)
-        values["extra_ms"] = (time_at([accuracy], curves[1]) - time_at([accuracy], curves[0]))[:, 0]
-        values["accuracy_gap"] = _gap(*curves, accuracy, late)
-        values["threshold"] = np.full(len(weights), other.settings[j])
-        missed = max(abs(curve[k] - accuracy) for curve, k in zip(reached, at, strict=True))
-        # What the deadline decides crosses no threshold.
-        at_end = max(one.forced[k].mean() for one, k in zip(sides, at, strict=True))
-        if missed > margin(accuracy) or at_end > MOST_FORCED:
-            values = {name: np.full_like(value, np.nan) for name, value in values.items()}
-        found |= {(accuracy, name): value for name, value in values.items()}
-    return found
-
-
-def _matched(reached: Sequence[Array], accuracy: float) -> list[int]:
-    """Return the setting of each nearest to an accuracy: of the first, then of others to it."""
-    first = int(np.abs(reached[0] - accuracy).argmin())
-    others = [int(np.abs(one - reached[0][first]).argmin()) for one in reached[1:]]
-    return [first, *others]
-
-
-def _gap(
-    test: tuple[Array, Array], other: tuple[Array, Array], accuracy: float, late: Array
-) -> Array:
-    """Return accuracy of the other minus the test's in equal time, the latency taken off, (B,)."""
-    at_ms = time_at([accuracy], test)[:, 0] + late
-    reached = [
-        np.interp(at, time, known, np.nan, np.nan)
-        for at, known, time in zip(at_ms, *other, strict=True)
-    ]
-    return np.array(reached) - accuracy
-
-
-def _row_means(values: Array) -> Array:
-    """Return the mean of what is known in each row, NaN where nothing is."""
-    known = np.isfinite(values)
-    counts = known.sum(axis=1)
-    sums = np.where(known, values, 0).sum(axis=1)
-    means = np.full(len(values), np.nan)
-    np.divide(sums, counts, out=means, where=counts > 0)
-    return means
+def _curves(models: Mapping[str, Tradeoff]) -> pd.DataFrame:
+    """Return expected accuracy and mean time of every model at every threshold."""
+    parts = []
+    for name, swept in models.items():
+        if name != OTHER_NOISE:
+            columns = {
+                "threshold": swept.settings,
+                "accuracy": swept.posterior.mean(axis=1),
+                "mean_ms": swept.time_ms.mean(axis=1),
+            }
+            parts.append(pd.DataFrame(columns).assign(model=name))
+    return pd.concat(parts, ignore_index=True)[["model", *columns]]

@@ -27,7 +27,8 @@ from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import reals
 from bgmodel.support.progress import advance
-from circuits.declaration.spec import NATS, Circuit
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
 
 CHANNELS = 4
 THRESHOLDS = (0.35, 0.25, 0.15)
@@ -185,7 +186,7 @@ def at_fixed_point(model: BasalGanglia) -> BasalGanglia:
     """Return the circuit without noise and without any delay."""
     # Edits that the fixed point makes no use of are not what is asked for here.
     circuit = replace(model.circuit, unedited=None)
-    return replace(model, circuit=circuit, engine="algebra", options={})
+    return replace(model, circuit=circuit, engine="algebra")
 
 
 def kappa_of(model: BasalGanglia) -> float:

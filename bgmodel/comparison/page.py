@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import shown
-from bgmodel.comparison.compare import MINUS_INTACT, MOST_FORCED, OTHER_NOISE, equivalent
+from bgmodel.comparison.matched import MINUS_INTACT, MOST_FORCED, OTHER_NOISE, equivalent
 from bgmodel.deciding.tradeoff import MARGIN
 
 
@@ -47,7 +47,7 @@ def page(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
-        As from ``compare_with_msprt`` or, of the kind "value", from ``compare_edits``.
+        As from ``compare`` or, of the kind "value", from ``compare_edits``.
     """
     by = [name for name in ("reference", "model", "variant") if name in table]
     parts = ["value [95 % interval, by a bootstrap over trials] (name in the table)\n"]

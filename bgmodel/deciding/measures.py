@@ -1,20 +1,19 @@
 """What decisions at one threshold look like: the measures that experiments report.
 
 Every measure is an expression in weights of trials, so that one call gives the value and its
-bootstrap resamples, as in ``bgmodel.comparison.compare``.
+bootstrap resamples, as in ``bgmodel.comparison.matched``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.calibration import against_evidence
 from bgmodel.deciding.decision import UNDECIDED, Decision
-from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.arrays import Array, Truths
 
 DIFFUSION_S = 0.1
 """Noise of the diffusion, the convention in which EZ's numbers are stated."""
@@ -68,33 +67,36 @@ SHARES = (
 
 @dataclass(frozen=True)
 class Behaviour:
-    """Decisions of one circuit at one threshold.
+    """Decisions of one circuit at one threshold, and its responses without evidence.
 
     Parameters
     ----------
-    decided : Tradeoff
-        At that threshold alone (K = 1); forced means missed.
+    decision : Decision
+        Of all trials, with their truth; those that the deadline forced were missed.
+    posterior : array (trials,)
+        Probability of what was chosen, given the readings that there were by then.
     anticipatory : bool array (trials,)
         Whether a foreperiod without evidence, a run of its own, ended in a response.
-    truth : int array (trials,)
-        The true hypotheses.
     hypotheses : int
-        Their number.
+        Number of alternatives.
     """
 
-    decided: Tradeoff
+    decision: Decision
+    posterior: Array
     anticipatory: Truths
-    truth: Integers
     hypotheses: int
 
-    def decision(self, step_ms: float) -> Decision:
+    def in_time(self) -> Decision:
         """Return the decisions, those that were missed left undecided."""
-        swept, missed = self.decided, self.decided.forced[0]
-        ends_ms = swept.time_ms[0]
-        time_ms = np.where(missed, np.nan, ends_ms)
-        choice = np.where(missed, UNDECIDED, swept.choice[0])
-        never = np.zeros_like(missed)
-        return Decision(choice, time_ms, never, swept.premature[0], step_ms, ends_ms)
+        missed, made = self.decision.forced, self.decision
+        return replace(
+            made,
+            choice=np.where(missed, UNDECIDED, made.choice),
+            time_ms=np.where(missed, np.nan, made.time_ms),
+            forced=np.zeros_like(missed),
+            deadline_ms=made.time_ms,
+            truth=None,
+        )
 
     def measures(self, weights: Array) -> dict[str, Array]:
         """Return every one of ``MEASURES``, (B,) each, for weights (B, trials).
@@ -105,22 +107,22 @@ class Behaviour:
         ``CUT_OFF`` of all trials, and where the non-decision time of all trials, each weighed once,
         comes out below 0.
         """
-        missed, time_ms = self.decided.forced[0], self.decided.time_ms[0]
-        correct = self.decided.choice[0] == self.truth
+        missed, time_ms = self.decision.forced, self.decision.time_ms
+        correct = self.decision.choice == self.decision.truth
         everyone = np.ones_like(missed)
         found = {
             "accuracy": mean(correct, ~missed, weights),
-            "choice_0": mean(self.decided.choice[0] == 0, ~missed, weights),
+            "choice_0": mean(self.decision.choice == 0, ~missed, weights),
             "mean_ms": mean(time_ms, ~missed, weights),
             "median_ms": median(time_ms, ~missed, weights),
             "accuracy_all": mean(correct & ~missed, everyone, weights),
             "accuracy_best": mean(correct | missed, everyone, weights),
             "mean_all_ms": mean(time_ms, everyone, weights),
-            "premature": mean(self.decided.premature[0], everyone, weights),
+            "premature": mean(self.decision.premature, everyone, weights),
             "anticipatory": mean(self.anticipatory, everyone, weights),
             "missed": mean(missed, everyone, weights),
             "decided": weights @ ~missed,
-            "criterion": mean(self.decided.posterior[0], ~missed, weights),
+            "criterion": mean(self.posterior, ~missed, weights),
         }
         # A diffusion has two bounds.
         of_two = self.hypotheses == 2 and missed.mean() <= CUT_OFF
@@ -130,12 +132,12 @@ class Behaviour:
 
     def against_evidence(self) -> str:
         """Return a sentence if decisions in time go against the evidence, or no text."""
-        return against_evidence(self.decided.posterior[0][~self.decided.forced[0]], self.hypotheses)
+        return against_evidence(self.posterior[~self.decision.forced], self.hypotheses)
 
     def _diffusion(self, weights: Array) -> dict[str, Array]:
         """Return those ``OF_DIFFUSION``, whatever comes out."""
-        decided, time_ms = ~self.decided.forced[0], self.decided.time_ms[0]
-        right = decided & (self.decided.choice[0] == self.truth)
+        decided, time_ms = ~self.decision.forced, self.decision.time_ms
+        right = decided & (self.decision.choice == self.decision.truth)
         accuracy, mean_s = mean(right, decided, weights), mean(time_ms, right, weights) / 1e3
         variance = mean((time_ms / 1e3) ** 2, right, weights) - mean_s**2
         drift, bound, other_s = ez_diffusion(accuracy, mean_s, variance, weights @ decided)

@@ -7,20 +7,19 @@ and, before anything is run, which measure goes which way by how much at least.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib.resources import files as resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
+from bgmodel.conditions import Observed
 from bgmodel.deciding.calibration import calibration
-from bgmodel.deciding.decision import any_crossing
 from bgmodel.deciding.measures import MEASURES, OF_DECIDED, Behaviour
 from bgmodel.deciding.tradeoff import reads_nothing
-from bgmodel.evidence import Evidence
 from bgmodel.experiments.predictions import (
     FEWEST_DECIDED,
     PERCENT,
@@ -29,25 +28,15 @@ from bgmodel.experiments.predictions import (
     Prediction,
 )
 from bgmodel.integrators.basal_ganglia import (
-    BATCH,
     BasalGanglia,
-    check_conditions,
-    check_engine,
-    check_foreperiod,
-    gain_of,
 )
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
-from bgmodel.integrators.sprt import criterion_from_posterior
-from bgmodel.stimuli import Stimuli, seen_from, warn_of_default
+from bgmodel.stimuli import Stimuli, seen_from
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
-from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
 from circuits.edit_lists import Edits
-from circuits.engines import THREADED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,72 +48,62 @@ MANY_MISSED = 0.05
 """Share of trials without a decision in time above which a run warns of it."""
 UNCHANGED = "no decision differs between control and manipulation"
 CONDITIONS = ("control", "manipulation", "change")
-RENAMED = {
-    "stn_bound": "stn_no_conflict",
-    "stn_no_conflict_two": "stn_no_conflict",
-    "stn_lesion_replaced": "stn_lesion_chronic",
-    "stn_lesion_whole": "stn_lesion_chronic",
-}
-"""Names of experiments that shipped once: where their question is asked now."""
 
 
 @dataclass(frozen=True)
-class Condition(Edits):
-    """What a condition edits; nothing unless it is said."""
+class Changes(Edits):
+    """What a condition changes; nothing unless it is said."""
 
     posterior: float | None = None
     """Posterior at which it decides, if it is another one: an instruction."""
 
 
-@dataclass(frozen=True)
-class Experiment:
-    """A control, a manipulation and what it should do."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
+@dataclass(frozen=True, kw_only=True)
+class Experiment(Observed):
+    """A control, a manipulation and what it should do; both have the rest in common."""
 
     name: str
     """What was done, in a few words."""
     note: str
     """Why the manipulation stands for what was done, and where the sizes come from."""
-    manipulation: Condition
-    task: Stimuli
+    manipulation: Changes
+    """What the manipulation changes."""
+    control: Changes = Changes()
+    """What the control changes."""
     predictions: tuple[Prediction, ...] = ()
     """Written before the run; without any, it reports and gives no verdict."""
     published: str = ""
     """What was found; nothing where the question is new."""
     source: str = ""
     """Who found it, and whether the paper or its abstract was read."""
-    control: Condition = Condition()
     effects: tuple[Effect, ...] = ()
     """What was found, as numbers, where there are any."""
-    circuit: str = DEFAULT
-    """Name of the table, or the path of a .toml file, as seen from the experiment's."""
-    engine: str = "ensemble"
-    """Name of the engine."""
-    gain: float | None = None
-    """Nats in the circuit per nat of evidence, kappa; the table's default unless given."""
-    posterior: float = 0.82
-    """Posterior, in the circuit's nats, at which the control decides, and the manipulation unless
-    it says otherwise."""
-    foreperiod_ms: float = 500.0
-    """Foreperiod without evidence in which responses are anticipatory, ms."""
     truth: int | None = None
     """The hypothesis that is true in every trial that counts; each in turn if left out."""
-    seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         told = [(effect.measure, effect.unit) for effect in self.effects]
         if len(set(told)) < len(told):
             raise ValueError("effects must give a measure in one unit once, got it twice")
-        check_engine(self.engine)
-        check_foreperiod(self.foreperiod_ms)
-        self.task.check()
-        for condition in (self.control, self.manipulation):
-            condition.check_engine(self.engine)
+        self.task.check_idle(Stimuli())
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
-            for condition in (self.control, self.manipulation):
-                self.threshold_nats(condition, self.task.channels)
+        if self.edits != Edits():
+            raise ValueError("edits belong in [control] or [manipulation] of an experiment")
+        for changes in (self.control, self.manipulation):
+            self.condition(changes)
+
+    def condition(self, changes: Changes) -> Observed:
+        """Return the control or the manipulation as a condition of its own."""
+        own = Edits(**{f.name: getattr(changes, f.name) for f in fields(Edits)})
+        posterior = self.posterior if changes.posterior is None else changes.posterior
+        return self.with_changes(edits=own, posterior=posterior)
+
+    @property
+    def conditions(self) -> tuple[Observed, Observed]:
+        """Control and manipulation."""
+        return self.condition(self.control), self.condition(self.manipulation)
 
     @classmethod
     def from_toml(cls, file: str | Path) -> Experiment:
@@ -137,12 +116,8 @@ class Experiment:
         """
         path = path_of(file)
         if path.suffix == ".toml":
-            found: Experiment = seen_from(path.parent, toml_files.read(path, cls))
-            warn_of_default(path)
-            return found
+            return seen_from(path.parent, toml_files.read(path, cls))
         inside = SHIPPED / f"{file}.toml"
-        if str(file) in RENAMED:
-            raise ValueError(f"the experiment {str(file)!r} is {RENAMED[str(file)]!r} now")
         if not inside.is_file():
             names = ", ".join(_names())
             raise ValueError(f"an experiment is a .toml file or one of {names}; got {str(file)!r}")
@@ -153,18 +128,18 @@ class Experiment:
 
         ``run`` refuses the latter too; this check comes before the run is announced.
         """
-        channels = self.trials().evidence.hypotheses
-        both = [
-            (self.table(c, channels), self.threshold_nats(c, channels))
-            for c in (self.control, self.manipulation)
-        ]
-        if both[0] == both[1]:
+        control, manipulation = self.conditions
+        self.given()
+        if (control.edited, control.threshold_nats) == (
+            manipulation.edited,
+            manipulation.threshold_nats,
+        ):
             raise ValueError("the manipulation changes nothing: control and manipulation are alike")
-        check_conditions(*both[0], *both[1])
+        manipulation.check(control)
 
-    def trials(self) -> Trials:
+    def given(self) -> Trials:
         """Return the evidence with the names of its hypotheses and a table's own columns."""
-        found = self.task.draw(self.seed, "experiment")
+        found = self.drawn("experiment")
         drawn = found.evidence
         if drawn.truth is None:
             raise ValueError("an experiment counts errors: its evidence needs the truth")
@@ -175,34 +150,11 @@ class Experiment:
         if self.truth is not None and self.truth not in range(hypotheses):
             raise ValueError(f"truth must lie in 0..{hypotheses - 1}, got {self.truth}")
 
-    def threshold_nats(self, condition: Condition, hypotheses: int) -> float:
-        """Return the OUT at which a condition decides among so many hypotheses."""
-        asked = self.posterior if condition.posterior is None else condition.posterior
-        return float(criterion_from_posterior(asked, hypotheses))
-
-    def posterior_text(self) -> str:
-        """Return the posterior at which both conditions decide, or that of each."""
-        both = [
-            self.posterior if condition.posterior is None else condition.posterior
-            for condition in (self.control, self.manipulation)
-        ]
-        texts = [f"{posterior:g}" for posterior in both]
-        return texts[0] if both[0] == both[1] else f"{texts[0]} (control), {texts[1]}"
-
-    def table(self, condition: Condition, channels: int) -> Circuit:
-        """Return a condition's circuit, for so many alternatives."""
-        table = condition.apply(load_circuit(self.circuit, channels))
-        table.check_nats("an experiment's criterion at a posterior")
-        return table
-
-    def model(self, condition: Condition, channels: int, workers: int = 1) -> BasalGanglia:
-        """Return a condition's circuit, with the noise that both have."""
-        table = self.table(condition, channels)
-        gain = gain_of(table, self.gain)
-        options: dict[str, Any] = {}
-        if self.engine in THREADED:
-            options = {"workers": workers, "rates": False}
-        return BasalGanglia(table, self.engine, gain, self.seed, options)
+    @property
+    def stopping(self) -> str:
+        """The posterior at which both conditions decide, or that of each, as text."""
+        texts = [condition.stopping for condition in self.conditions]
+        return texts[0] if texts[0] == texts[1] else f"{texts[0]} (control), {texts[1]}"
 
     def run(self, *, workers: int = 1, given: Trials | None = None) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
@@ -212,7 +164,7 @@ class Experiment:
         workers : int
             Threads of the engines that can use several; they change no byte.
         given : Trials, optional
-            What ``trials()`` gave, where that was asked already.
+            What ``given()`` returned, where that was asked already.
 
         Raises
         ------
@@ -227,24 +179,29 @@ class Experiment:
             are missed, the manipulation decides against the evidence, no decision differs between
             the conditions, or posteriors at the decision are not the share of right choices.
         """
-        given = given or self.trials()
+        given = given or self.given()
         evidence = given.evidence
         check_trials(evidence.trials)
-        conditions = (self.control, self.manipulation)
-        models = [self.model(c, evidence.hypotheses, workers) for c in conditions]
-        thresholds = [self.threshold_nats(c, evidence.hypotheses) for c in conditions]
-        check_conditions(models[0].circuit, thresholds[0], models[1].circuit, thresholds[1])
+        control, manipulation = self.conditions
+        manipulation.check(control)
+        both = {"control": control, "manipulation": manipulation}
+        models = [
+            condition.model(evidence.hypotheses, workers=workers, rates=False)
+            for condition in both.values()
+        ]
         models[0].warn_beyond_range(evidence)
-        models[0].warn_of_noise(thresholds[0])
+        models[0].warn_of_noise(control.threshold_nats)
         weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"))
         found: list[dict[str, Any]] = []
         trials = []
-        for name, model, level in zip(CONDITIONS, models, thresholds, strict=False):
-            behaviour = behaviour_of(model, evidence, level, self.foreperiod_ms)
+        for name, condition, model in zip(
+            CONDITIONS, (control, manipulation), models, strict=False
+        ):
+            behaviour = condition.behaviour(model, evidence)
             _check_decided(name, behaviour, self.foreperiod_ms)
             found.append(behaviour.measures(weights))
             about = f"{model.circuit.name} {model.engine}"
-            decided = behaviour.decision(evidence.step_ms)
+            decided = behaviour.in_time()
             table = trial_table(decided, given, seed=self.seed, model=about, condition=name)
             trials.append(table.assign(anticipatory=behaviour.anticipatory))
         measures = _table(found, evidence.trials)
@@ -309,9 +266,9 @@ class Outcome(Facts):
         found = {
             "trials": f"{self.given.evidence.trials} per condition",
             "circuit": model.circuit.name,
-            "engine": model.engine,
+            "engine": model.engine.id,
             "gain": f"{model.gain:g}",
-            "posterior": self.experiment.posterior_text(),
+            "posterior": self.experiment.stopping,
             "seed": f"{self.experiment.seed}",
         }
         for condition in CONDITIONS:
@@ -405,8 +362,8 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
 
     What a manipulated circuit does is an outcome, and none of these refuses it.
     """
-    premature, waited = behaviour.decided.premature[0].mean(), behaviour.anticipatory.mean()
-    missed = behaviour.decided.forced[0]
+    premature, waited = behaviour.decision.premature.mean(), behaviour.anticipatory.mean()
+    missed = behaviour.decision.forced
     if condition == "control" and reads_nothing(premature, waited, foreperiod_ms):
         raise ValueError(
             f"the control decides without evidence: {premature:.0%} of its trials before the first "
@@ -429,43 +386,3 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
             "posterior",
             stacklevel=3,
         )
-
-
-def behaviour_of(
-    model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
-) -> Behaviour:
-    """Let a circuit decide at one threshold, and wait through a foreperiod without evidence.
-
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit, its engine and its noise.
-    evidence : Evidence
-        What it is given; its truth must be known.
-    threshold_nats : float, nats
-        OUT at which it decides.
-    foreperiod_ms : float, ms
-        Length of the foreperiod, a run of its own beside each trial, unless the evidence has one
-        in which something is expected: then that one counts.
-
-    Returns
-    -------
-    Behaviour
-        The decisions of all trials, and whether each foreperiod ended in a response.
-
-    Raises
-    ------
-    ValueError
-        If the evidence does not fit the circuit, or a run is impossible (its rates run away).
-    """
-    whole = decide_at_thresholds(model, evidence, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
-    truth = np.asarray(evidence.truth)
-    if evidence.foreperiod_steps:
-        return Behaviour(whole, whole.time_ms[0] < 0, truth, evidence.hypotheses)
-    responded = []
-    for first in range(0, evidence.trials, BATCH):
-        silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
-        # Trials of their own: their noise is no other trial's.
-        waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
-        responded.append(any_crossing(waited, threshold_nats))
-    return Behaviour(whole, np.concatenate(responded), truth, evidence.hypotheses)

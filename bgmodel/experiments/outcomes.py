@@ -199,7 +199,7 @@ def _channels(experiment: Experiment) -> int:
     """Return the number of alternatives."""
     if experiment.task.evidence is None:
         return experiment.task.channels
-    return experiment.trials().evidence.hypotheses
+    return experiment.hypotheses
 
 
 def _few(table: pd.DataFrame) -> bool:
@@ -309,7 +309,7 @@ def _setting(experiment: Experiment, table: pd.DataFrame) -> str:
     trials = table.loc[table["measure"] == "missed", "trials"].iloc[0]
     return (
         f"circuit {experiment.circuit}, engine {experiment.engine}, gain {gain:g}, posterior "
-        f"{experiment.posterior_text()}, seed {experiment.seed}; {trials} trials per condition"
+        f"{experiment.stopping}, seed {experiment.seed}; {trials} trials per condition"
     )
 
 

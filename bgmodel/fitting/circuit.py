@@ -26,7 +26,6 @@ from bgmodel.fitting.stored import read_crossings, write_crossings
 from bgmodel.integrators.basal_ganglia import (
     ROUNDING_NATS,
     BasalGanglia,
-    check_engine,
     identity,
 )
 from bgmodel.support.arrays import Array, Truths
@@ -34,7 +33,8 @@ from bgmodel.support.checks import is_whole
 from bgmodel.version import __version__
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
+from circuits.engines import engine_of
 
 __all__ = ["CRITERIA", "NONE", "Axis", "CircuitModel", "Criterion"]
 
@@ -92,14 +92,14 @@ class CircuitModel:
             raise ValueError(
                 f"choices and times are fitted with two channels, got {self.circuit.channels}"
             )
-        from circuits.declaration.spec import NATS
+        from circuits.declaration.table import NATS
 
         if self.circuit.unit != NATS:
             raise ValueError(
                 f"fits need a circuit whose OUT is in nats, {self.circuit.name} has it in "
                 f"{self.circuit.unit}"
             )
-        check_engine(self.engine)
+        engine_of(self.engine)
         if not is_whole(self.trials) or self.trials < PARTS:
             raise ValueError(
                 f"trials must be a whole number, {PARTS} or more, since the error of the "
@@ -245,17 +245,17 @@ class CircuitModel:
             The lowest threshold: below it a trial may be dropped.
         """
         model = BasalGanglia(self.at(point), self.engine, seed=self.seed)
-        if self.engine != "algebra":
-            model = model.until(lowest_nats - ROUNDING_NATS)
-            model = replace(model, options={**model.options, "rates": False, "workers": 2})
+        model = model.until(lowest_nats - ROUNDING_NATS)
+        model = replace(model, engine=model.engine.tuned(workers=2, rates=False))
+        # What takes no time answers a reading at once, and the reading is there at its end.
+        late_ms = 0.0 if model.engine.timed else 1000 * BIN_S
 
         def run(read: Array, first: int) -> Trace:
             with warnings.catch_warnings():
                 # A random walk leaves any range: what that costs is in the crossings.
                 warnings.filterwarnings("ignore", message="(S|the input) runs from")
                 done = model.run_drive(self._drive(read), 1000 * BIN_S, first)
-            time_ms = done.time_ms + (1000 * BIN_S if self.engine == "algebra" else 0.0)
-            return Trace(done.output_nats, time_ms, step_ms=1000 * BIN_S)
+            return Trace(done.output_nats, done.time_ms + late_ms, step_ms=1000 * BIN_S)
 
         return run
 

@@ -14,7 +14,7 @@ from bgmodel.support.arrays import Array
 from circuits.edit_lists import written
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.optimum import Likelihood
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+
+if TYPE_CHECKING:
+    import xarray
 
 POSTERIOR_SEED = 24_201
 WALKERS, STEPS, MOST_STEPS = 32, 500, 3000
@@ -56,6 +60,22 @@ class Posterior:
     def interval(self, share: float = 0.9) -> Array:
         """Return the middle interval of a share of the posterior, (2, parameters)."""
         return np.asarray(np.quantile(self.draws, [(1 - share) / 2, (1 + share) / 2], axis=0))
+
+    def to_datatree(self) -> xarray.DataTree:
+        """Return the draws as ArviZ reads them: groups ``posterior`` and ``sample_stats``.
+
+        All walkers are one chain: they are not independent of each other.
+        """
+        import xarray  # only where labels are asked for
+
+        axes = {"chain": [0], "draw": np.arange(len(self.draws))}
+        draws = {
+            name: xarray.DataArray(values[None], axes)
+            for name, values in zip(self.names, self.draws.T, strict=True)
+        }
+        stats = {"lp": xarray.DataArray(self.log_likelihood[None], axes)}
+        groups = {"posterior": xarray.Dataset(draws), "sample_stats": xarray.Dataset(stats)}
+        return xarray.DataTree.from_dict(groups)
 
     @property
     def mean(self) -> Array:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from bgmodel.fitting.fit import Fit
     from bgmodel.fitting.optimum import Likelihood
     from bgmodel.tables.choices import Choices
-    from circuits.declaration.spec import Circuit
+    from circuits.circuit import Circuit
 
 GAPS = {"constant_gap": False, "falling_gap": True}
 """Models that are no circuit: the sequential test, and whether its bounds fall."""
@@ -61,9 +61,9 @@ class FitSettings:
     def check(self) -> None:
         """Raise ValueError for an engine, a noise or a criterion that there is not."""
         from bgmodel.fitting.criteria import CRITERIA
-        from bgmodel.integrators.basal_ganglia import check_engine
+        from circuits.engines import engine_of
 
-        check_engine(self.engine)
+        engine_of(self.engine)
         if not 0 < self.noise_nats < float("inf"):
             raise ValueError(f"noise_nats must be finite and above 0, got {self.noise_nats:g}")
         if self.criterion not in CRITERIA:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -34,10 +34,8 @@ from bgmodel.support.reprs import Facts
 try:
     from circuits.activity import RateMeans, checked_drive, warn_beyond_range
     from circuits.anatomy import load_circuit as named
-    from circuits.checks import check_time
-    from circuits.cost import memory_bytes
-    from circuits.declaration.spec import Circuit
-    from circuits.engines import DROPPING, ENGINES, NOISY, THREADED, check_options
+    from circuits.circuit import Circuit
+    from circuits.engines import EngineOrName
     from circuits.engines import run as run_engine
     from circuits.ignored import ignored_edits
 except ImportError as error:
@@ -62,8 +60,6 @@ REFUSED_TIMES = 8.0
 COARSE_MS, COARSE_SHARE = 5.0, 0.1
 """Samples of OUT further apart than both, ms and a share of the step, are warned of. With readings
 every 50 ms the mean time is 5 ms longer at 5 ms, 13 at 10 ms and 58 at 50 ms."""
-OF_A_RUN = ("step_ms", "seed", "first_trial")
-"""What a run gives to an engine itself, so that no option may."""
 NOISE_SHARE = 0.02
 """Share of trials at rest that may cross a threshold within half a second, by noise."""
 
@@ -76,16 +72,15 @@ class BasalGanglia(Facts):
     ----------
     circuit : Circuit or str
         The table; or a name or a .toml file: that of 2 channels, or of as many as the file has.
-    engine : str
-        A name in ``circuits.engines.ENGINES``.
+    engine : Engine or str
+        A record of ``circuits.engines`` with its options, as ``Population(dt_ms=0.5)``; or the name
+        of one with its defaults.
     gain : float, optional
         Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then
         ``-ln softmax(kappa L)``. The table's default unless given, as in the commands, or 1 for a
         table that states none.
     seed : int, optional
-        Key of the noise; the engines that spike need one.
-    options : dict
-        Passed on to the engine.
+        Key of the noise; the engines that have noise need one.
     centred : bool, optional
         Whether the mean over channels is taken off the evidence outside the circuit; as the table
         says unless given. True for a circuit that gets raw evidence is a control: what does it
@@ -103,46 +98,25 @@ class BasalGanglia(Facts):
     """
 
     circuit: Circuit
-    engine: str = "algebra"
+    engine: EngineOrName = EngineOrName("algebra")
     gain: float = None  # type: ignore[assignment]  # a number once the model is made
     seed: int | None = None
-    options: dict[str, Any] = field(default_factory=dict)
     centred: bool | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
-        check_engine(self.engine)
         if self.gain is None:
             object.__setattr__(self, "gain", self.circuit.default_gain or 1.0)
         if not (is_number(self.gain) and 0 < self.gain < np.inf):
             raise ValueError(f"gain must be > 0 and finite, got {self.gain!r}")
         if self.seed is not None:
             whole("seed", self.seed, 0)
-        if not isinstance(self.options, dict):
-            raise ValueError(f"options must be a dict of the engine's, got {self.options!r}")
-        if own := [name for name in OF_A_RUN if name in self.options]:
-            raise ValueError(
-                f"options must not hold {', '.join(own)}: the model gives its own seed, and the "
-                "evidence its step_ms and its trials"
-            )
-        self._check_options()
         if self.centred not in (None, True, False):
             raise ValueError(f"centred must be None, True or False, got {self.centred!r}")
         self._warn_of_ignored_edits()
 
-    def _check_options(self) -> None:
-        """Refuse options that the engine does not take, and times that are none."""
-        if self.options:
-            check_options(self.engine, self.options)
-        for name in ("dt_ms", "sample_ms", "settle_ms"):
-            if (time_ms := self.options.get(name)) is not None:
-                check_time(name, time_ms, zero=name == "settle_ms")
-
     def _warn_of_ignored_edits(self) -> None:
         """Warn if the engine makes no use of a number that was edited."""
-        # The fixed point by the cells' own laws does use their constants.
-        if self.engine == "algebra" and self.options.get("laws", "table") != "table":
-            return
         if ignored := ignored_edits(self.circuit, self.engine):
             warnings.warn(
                 f"the {self.engine} engine makes no use of these edits of {self.circuit.name}: "
@@ -155,13 +129,13 @@ class BasalGanglia(Facts):
         found = {
             "circuit": self.circuit.name,
             "channels": f"{self.circuit.channels}",
-            "engine": self.engine,
+            "engine": self.engine.id,
             "gain": f"{self.gain:g}",
             "seed": f"{self.seed}",
         }
         if self.centred is not None:
             found["centred"] = f"{self.centred}"
-        return found | {name: f"{value}" for name, value in self.options.items()}
+        return found | {name: f"{value}" for name, value in self.engine.changed().items()}
 
     def run(self, evidence: Evidence) -> Trace:
         """Return OUT (trials, ticks, hypotheses) in kappa-nats, from the onset of evidence.
@@ -262,17 +236,31 @@ class BasalGanglia(Facts):
         level = self.threshold(threshold, posterior)
         self.warn_beyond_range(evidence)
         self.warn_of_noise(level)
-        model = self.until(level - ROUNDING_NATS) if rates is None else self
-        decided = []
-        for part, activity, trace in model.batches(evidence):
-            decided.append(first_crossing(trace, level, forced=forced, checked=False))
-            if rates is not None:
-                rates.add(activity)
-            advance(part.trials)
-        decision = replace(joined(decided), truth=evidence.truth)
+        decision = self.decided(evidence, level, forced=forced, rates=rates)
         check_decision(decision, level, forced=forced, of_test=False)
         warn_of_decisions(evidence, decision)
         return decision
+
+    def decided(
+        self,
+        evidence: Evidence,
+        level: float,
+        *,
+        forced: bool = True,
+        rates: RateMeans | None = None,
+    ) -> Decision:
+        """Return the decisions at one output level, without the checks of ``decide``.
+
+        It is for those that check and warn themselves, such as experiments.
+        """
+        model = self.until(level - ROUNDING_NATS) if rates is None else self
+        parts = []
+        for part, activity, trace in model.batches(evidence):
+            parts.append(first_crossing(trace, level, forced=forced, checked=False))
+            if rates is not None:
+                rates.add(activity)
+            advance(part.trials)
+        return replace(joined(parts), truth=evidence.truth)
 
     def threshold(self, threshold: float | None, posterior: float | None) -> float:
         """Return the OUT at which the circuit decides, given as one or as a posterior; checked."""
@@ -302,11 +290,8 @@ class BasalGanglia(Facts):
         """Return what the circuit does under a drive (trials, steps, channels) in its own nats."""
         trials, steps, _ = checked_drive(self.circuit, drive).shape
         self.check_memory(trials, steps, step_ms)
-        given: dict[str, Any] = {}
-        if self.engine in NOISY:
-            given = {"seed": self.seed, "first_trial": first_trial}
-        return run_engine(
-            self.circuit, drive, engine=self.engine, step_ms=step_ms, **given, **self.options
+        return self.engine.run(
+            self.circuit, drive, step_ms=step_ms, seed=self.seed, first_trial=first_trial
         )
 
     def check_memory(self, trials: int, steps: int, step_ms: float) -> None:
@@ -321,11 +306,8 @@ class BasalGanglia(Facts):
         return self._memory_bytes(trials, steps, step_ms) / 1e9
 
     def _memory_bytes(self, trials: int, steps: int, step_ms: float) -> float:
-        samples = steps
-        if self.engine != "algebra":
-            samples = int(steps * step_ms / self.options.get("sample_ms", 1.0))
-        kept = {"rates": self.options.get("rates", True), "workers": self.options.get("workers", 1)}
-        return memory_bytes(self.circuit, self.engine, trials, samples, **kept)
+        samples = self.engine.samples(steps, step_ms)
+        return self.engine.memory_bytes(self.circuit, trials, samples)
 
     def warn_beyond_range(self, evidence: Evidence) -> None:
         """Warn if the evidence leaves the range in which the circuit works."""
@@ -346,7 +328,7 @@ class BasalGanglia(Facts):
     def check_strength(self, evidence: Evidence) -> None:
         """Warn if evidence is stronger than the circuit follows.
 
-        The fixed point, engine ``algebra``, has no dynamics and follows any evidence.
+        An engine in which no time passes follows any evidence.
 
         Raises
         ------
@@ -354,7 +336,7 @@ class BasalGanglia(Facts):
             If the evidence gains ``REFUSED_TIMES`` the lead that the circuit states, or more.
         """
         most = self.circuit.most_lead_nats
-        if self.engine == "algebra" or not np.isfinite(most):
+        if not (self.engine.timed and np.isfinite(most)):
             return
         lead = self.lead_nats(evidence)
         # A hypothesis that is ruled out has no finite nats: the engines refuse it.
@@ -371,7 +353,7 @@ class BasalGanglia(Facts):
 
     def _warn_of_coarse_samples(self, evidence: Evidence) -> None:
         """Warn if OUT is sampled so rarely that decision times come out too long."""
-        sample_ms = self.options.get("sample_ms", 1.0)
+        sample_ms = self.engine.sample_ms
         most = max(COARSE_MS, COARSE_SHARE * check_evidence(evidence).step_ms)
         if sample_ms > most:
             warnings.warn(
@@ -383,14 +365,12 @@ class BasalGanglia(Facts):
     def out_at_rest(self, trials: int = 40) -> npt.NDArray[np.float64]:
         """Return OUT (trials, ticks, channels) of 500 ms without evidence, with noise."""
         silence = np.zeros((trials, 1, self.circuit.channels))
-        kept = {k: v for k, v in self.options.items() if k in ("dt_ms", "settle_ms", "workers")}
-        engine = self.engine if self.engine in THREADED else "ensemble"
-        quiet = replace(self, engine=engine, options={**kept, "rates": False})
+        quiet = replace(self, engine=self.engine.at_rest())
         return np.asarray(quiet.run_drive(silence, step_ms=500.0).output_nats)
 
     def warn_of_noise(self, threshold_nats: float) -> None:
         """Warn if noise alone crosses a threshold."""
-        if self.engine not in THREADED:
+        if not (self.engine.noisy and self.engine.threaded):
             return
         out = self.out_at_rest()
         share = any_crossing(out, threshold_nats).mean()
@@ -404,16 +384,14 @@ class BasalGanglia(Facts):
 
     def until(self, level_nats: float, *, rates: bool = False) -> BasalGanglia:
         """Return the model that drops a trial below a level of OUT, where its engine can."""
-        if self.engine not in DROPPING:
-            return self
-        return replace(self, options={**self.options, "drop_below": level_nats, "rates": rates})
+        return replace(self, engine=self.engine.until(level_nats, rates=rates))
 
     def batch(self, evidence: Evidence) -> int:
         """Return the number of trials in a batch of ``batches``."""
         check_evidence(evidence)
-        if self.options.get("rates", True):
+        if self.engine.rates:
             return BATCH
-        samples = evidence.steps * evidence.step_ms / self.options.get("sample_ms", 1.0)
+        samples = self.engine.samples(evidence.steps, evidence.step_ms)
         most = int(WIDE_NUMBERS / (samples * evidence.hypotheses))
         return max(BATCH, min(WIDE_BATCH, most))
 
@@ -471,20 +449,6 @@ def checked_circuit(given: Circuit | str | Path, channels: int | None = None) ->
     raise ValueError(
         f"circuit must be a Circuit, a name or a .toml file, got {type(given).__name__}{hint}"
     )
-
-
-def check_engine(engine: str) -> None:
-    """Raise ValueError, with the engines that there are, for a name that is none."""
-    if not isinstance(engine, str) or engine not in ENGINES:
-        raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {engine!r}")
-
-
-def check_foreperiod(foreperiod_ms: float) -> None:
-    """Raise ValueError unless a foreperiod has a whole number of ms, as OUT is sampled."""
-    if not (foreperiod_ms > 0 and float(foreperiod_ms).is_integer()):
-        raise ValueError(
-            f"foreperiod_ms must be a whole number of ms, 1 or more, got {foreperiod_ms:g}"
-        )
 
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:

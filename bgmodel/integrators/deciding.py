@@ -7,9 +7,13 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.deciding.calibration import posterior_at
+from bgmodel.deciding.decision import any_crossing
+from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import (
+    BATCH,
     NOISE_SHARE,
     ROUNDING_NATS,
     BasalGanglia,
@@ -19,27 +23,22 @@ from bgmodel.integrators.basal_ganglia import (
 )
 from bgmodel.integrators.decoder import decoded
 from bgmodel.support.progress import advance
-from circuits.declaration.spec import NATS, Circuit
-from circuits.engines import NOISY, THREADED
+from circuits.circuit import Circuit
+from circuits.declaration.table import NATS
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
-
-
 DECODER_TAU_MS = 20.0
-
-
 THRESHOLDS = 120
-
-
 LOWEST_NATS = 1e-3
-
-
 LOWEST, HIGHEST = 0.80, 0.98
 """Accuracies between which thresholds are tried, unless others are asked for."""
-
-
 BELOW_NATS = 0.04
 """How far below the lowest threshold a trial is dropped: mostly its decoder is there by then."""
+
+
+def sample_ms(step_ms: float) -> float:
+    """Return the time between samples of OUT: 1 ms, or a fiftieth of slow readings."""
+    return step_ms / 50 if step_ms >= 100 and step_ms % 50 == 0 else 1.0
 
 
 def thresholds_about(
@@ -88,7 +87,7 @@ def without_noise_alone(
     Above them noise decides: in more than ``NOISE_SHARE`` of trials it crosses them within half a
     second without evidence.
     """
-    if model.engine not in THREADED or not is_noisy(model):
+    if not (model.engine.threaded and is_noisy(model)):
         return thresholds
     lowest = model.out_at_rest().min(axis=(1, 2))
     share = (lowest[:, None] <= thresholds).mean(axis=0)
@@ -97,7 +96,7 @@ def without_noise_alone(
 
 def is_noisy(model: BasalGanglia) -> bool:
     """Whether a second seed would change what a circuit does."""
-    return model.engine in NOISY and bool(model.options.get("noise", True))
+    return model.engine.noisy
 
 
 def decide_at_thresholds(
@@ -134,7 +133,7 @@ def decide_at_thresholds(
         # Where OUT rests may be what is asked for; what is never read is no answer.
         check_threshold(model.circuit, float(np.max(thresholds)))
     in_nats = model.circuit.unit == NATS
-    decodes = in_nats and model.engine in NOISY and decoder_tau_ms is not None
+    decodes = in_nats and is_noisy(model) and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
     model = model.until(lowest - (BELOW_NATS if decodes else ROUNDING_NATS), rates=decodes)
     found: dict[str, Tradeoff] = {}
@@ -156,3 +155,45 @@ def silent_nats(circuit: Circuit) -> float:
     """Return the OUT of a read-out that does not fire, nats: no threshold below is ever met."""
     readout = circuit.population(circuit.readout)
     return -readout.baseline_hz / readout.gain_hz_per_nat
+
+
+def behaviour_of(
+    model: BasalGanglia, evidence: Evidence, threshold_nats: float, foreperiod_ms: float
+) -> Behaviour:
+    """Let a circuit decide at one threshold, and wait through a foreperiod without evidence.
+
+    Parameters
+    ----------
+    model : BasalGanglia
+        The circuit, its engine and its noise.
+    evidence : Evidence
+        What it is given; its truth must be known.
+    threshold_nats : float, nats
+        OUT at which it decides.
+    foreperiod_ms : float, ms
+        Length of the foreperiod, a run of its own beside each trial, unless the evidence has one
+        in which something is expected: then that one counts.
+
+    Returns
+    -------
+    Behaviour
+        The decisions of all trials, and whether each foreperiod ended in a response.
+
+    Raises
+    ------
+    ValueError
+        If the evidence does not fit the circuit, or a run is impossible (its rates run away).
+    """
+    if evidence.truth is None:
+        raise ValueError("errors are counted: the evidence needs the truth of each trial")
+    decision = model.decided(evidence, threshold_nats)
+    posterior = posterior_at(evidence, decision.time_ms, decision.choice)
+    if evidence.foreperiod_steps:
+        return Behaviour(decision, posterior, decision.time_ms < 0, evidence.hypotheses)
+    responded = []
+    for first in range(0, evidence.trials, BATCH):
+        silence = np.zeros((min(BATCH, evidence.trials - first), 1, evidence.hypotheses))
+        # Trials of their own: their noise is no other trial's.
+        waited = model.run_drive(silence, foreperiod_ms, evidence.trials + first).output_nats
+        responded.append(any_crossing(waited, threshold_nats))
+    return Behaviour(decision, posterior, np.concatenate(responded), evidence.hypotheses)

@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Algebra, Ensemble
 
 SETTLE_MS = 1500
 """Until the slow common mode of a lesioned circuit is within 1e-4 nats of where it ends."""
@@ -44,11 +45,11 @@ def leader_out(
     log_odds : array (...) or float
         Of the favoured channel against each other one, in the circuit's nats.
     laws : str
-        "table", "cells" or "finite", as for ``circuits.engines.algebra``.
+        "table", "cells" or "finite", as for ``circuits.engines.Algebra``.
     """
     odds = np.asarray(log_odds, dtype=np.float64)
     # Edits that the fixed point makes no use of are not what is asked for here.
-    model = BasalGanglia(replace(circuit, unedited=None), options={"laws": laws})
+    model = BasalGanglia(replace(circuit, unedited=None), Algebra(laws=laws))
     found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
     return np.asarray(found[:, 0, 0].reshape(odds.shape))
 
@@ -67,7 +68,7 @@ def out_shift(
     out_nats : array (...)
         ``-ln P`` before, at which it is asked; the result has its shape.
     laws : str
-        "table", "cells" or "finite", as for ``circuits.engines.algebra``.
+        "table", "cells" or "finite", as for ``circuits.engines.Algebra``.
     """
     circuit.check_nats("an OUT of -ln P")
     n = circuit.channels
@@ -99,7 +100,7 @@ def steady_out(
     circuit.check_nats("a drive of log odds")
     odds = np.asarray(log_odds, dtype=np.float64)
     drive = leader_drive(np.repeat(odds, trials), circuit.channels)
-    model = BasalGanglia(circuit, "ensemble", seed=seed, options={"rates": False, "sample_ms": 5.0})
+    model = BasalGanglia(circuit, Ensemble(rates=False, sample_ms=5.0), seed=seed)
     out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
     found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
     return np.asarray(found.reshape(len(odds), trials))
@@ -165,3 +166,31 @@ def lesions(table: Circuit) -> dict[str, Circuit]:
         "D2": table.lesion("D2"),
         "hyperdirect 3 %": table.scale("ctx", "STN", 0.97),
     }
+
+
+def resting_activity(
+    circuit: Circuit, *, seed: int, trials: int = 4, seconds: int = 5
+) -> pd.DataFrame:
+    """Run a circuit of spiking cells without evidence.
+
+    Returns
+    -------
+    DataFrame
+        One row a nucleus: nucleus, rate_hz, and interval_cv, the coefficient of variation of a
+        cell's inter-spike intervals, mean over cells with ten or more in a trial (NaN without).
+    """
+    names = tuple(row.name for row in circuit.populations if row.spiking)
+    model = BasalGanglia(circuit, Ensemble(spikes=names), seed=seed)
+    # The first second is left out: the circuit settles.
+    found = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
+    rows = []
+    for name, spikes in (found.spikes or {}).items():
+        late = spikes.query("time_ms >= 1000")
+        size = trials * circuit.population(name).neurons * found.rates_hz[name].shape[2]
+        ordered = late.sort_values(["trial", "channel", "neuron", "time_ms"])
+        cells = ordered.groupby(["trial", "channel", "neuron"])["time_ms"]
+        intervals = cells.diff().groupby([ordered[k] for k in ("trial", "channel", "neuron")])
+        known = intervals.agg(["count", "mean", "std"]).query("count >= 10")
+        cv = float((known["std"] / known["mean"]).mean())
+        rows.append({"nucleus": name, "rate_hz": len(late) / (size * seconds), "interval_cv": cv})
+    return pd.DataFrame(rows)

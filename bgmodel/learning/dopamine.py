@@ -30,8 +30,7 @@ from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number
-from circuits.declaration.spec import Circuit
-from circuits.engines import NOISY
+from circuits.circuit import Circuit
 
 ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
@@ -40,8 +39,6 @@ MARGIN = 0.02
 THRESHOLD_NATS = 0.3
 """OUT at which the circuit decides, whatever the dopamine: for two to four alternatives the fixed
 point spans posteriors .75 to .99."""
-COARSE = {"dt_ms": 0.5, "sample_ms": 2.0}
-"""Ticks of the rate engine where thousands of trials are run at each of many levels."""
 
 
 def decided_out(circuit: Circuit, level: float, log_odds: npt.ArrayLike) -> Array:
@@ -135,7 +132,7 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
         edited = replace(model, circuit=model.circuit.dopamine(level))
         return bool(any_crossing(edited.out_at_rest(200), threshold_nats).mean() > NOISE_SHARE)
 
-    if model.engine in NOISY and noisy(high):
+    if model.engine.noisy and noisy(high):
         quiet = low
         while high - quiet > 0.01:
             middle = (quiet + high) / 2

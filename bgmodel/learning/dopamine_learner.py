@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.comparison.compare import MOST_FORCED
+from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels

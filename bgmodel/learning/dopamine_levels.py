@@ -8,12 +8,11 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import interval, resampled
-from bgmodel.comparison.circuits import msprt_tradeoffs
+from bgmodel.comparison.thresholds import msprt_tradeoffs
 from bgmodel.deciding.tradeoff import Tradeoff, curve
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.dopamine import (
-    COARSE,
     THRESHOLD_NATS,
     criterion,
     decide_at_levels,
@@ -23,7 +22,8 @@ from bgmodel.learning.dopamine import (
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.engines import Ensemble, Population, Rate
 
 STEPS = {2: 120, 4: 160}
 """Alternatives that are run, and most readings in a trial."""
@@ -37,7 +37,7 @@ LATENCY_MS = {2: 57.0, 4: 60.0}
 """Non-decision time: the default circuit's offset against the MSPRT at its gain where noise costs
 it least, d' = 1 at accuracy .9 to .95 (`python -m benchmarks.scores.raw`). It is taken off beside
 the full MSPRT too, so that what the lower gain costs is not."""
-ENGINES = ("rate", "population", "ensemble")
+ENGINES = (Rate().coarse(), Population(), Ensemble())
 
 
 def level_table(
@@ -58,7 +58,7 @@ def level_table(
     swept : Tradeoff
         As from ``dopamine.decide_at_levels``.
     tests : mapping of Tradeoff
-        By name, as from ``comparison.circuits.msprt_tradeoffs``, on the same evidence.
+        By name, as from ``comparison.thresholds.msprt_tradeoffs``, on the same evidence.
     circuit, gain, threshold_nats :
         The circuit that was swept.
     latency_ms : float
@@ -134,11 +134,9 @@ def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.D
         )
         tests = msprt_tradeoffs(evidence, gain)
         for engine in ENGINES:
-            options = COARSE if engine == "rate" else {}
-            model = BasalGanglia(table, engine, gain, seed, options)
-            spiking = engine == "ensemble"
-            played = levels[::spiking_every] if spiking else levels
-            decided = evidence[: round(SPIKING_SHARE * trials)] if spiking else evidence
+            model = BasalGanglia(table, engine, gain, seed)
+            played = levels[::spiking_every] if engine.spiking else levels
+            decided = evidence[: round(SPIKING_SHARE * trials)] if engine.spiking else evidence
             found = level_table(
                 decide_at_levels(model, decided, played, THRESHOLD_NATS),
                 msprt_tradeoffs(decided, gain),
@@ -147,7 +145,7 @@ def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.D
                 latency_ms=LATENCY_MS[channels],
                 rng=stream(seed, "bootstrap"),
             )
-            parts.append(found.assign(channels=channels, engine=engine))
+            parts.append(found.assign(channels=channels, engine=engine.id))
         for name, test in tests.items():
             line = {"level": test.posterior.mean(axis=1), "value": test.time_ms.mean(axis=1)}
             parts.append(

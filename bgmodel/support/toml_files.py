@@ -76,6 +76,8 @@ def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
         raise ValueError(f"{name}: the key {key!r} is missing")
     says = wrong["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if wrong["type"] == "value_error":
+        if says.startswith("it must"):
+            raise ValueError(f"{name}: {key}{says.removeprefix('it')}")
         raise ValueError(f"{name}: {'' if key == 'the whole' else key + ': '}{says}")
     raise ValueError(f"{name}: {key} {says}, got {wrong['input']!r}")
 

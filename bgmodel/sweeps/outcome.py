@@ -19,7 +19,7 @@ from bgmodel.experiments.experiment import MANY_MISSED
 from bgmodel.experiments.predictions import FEWEST_DECIDED
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
-from bgmodel.sweeps.plan import Plan, Setting
+from bgmodel.sweeps.plan import Plan, Point
 from bgmodel.sweeps.shards import REMARK, read
 
 if TYPE_CHECKING:
@@ -30,12 +30,12 @@ AT_ONCE = 20_000_000
 """Weights of trials in memory at a time."""
 
 
-def measured(setting: Setting, folder: Path) -> pd.DataFrame:
+def measured(point: Point, folder: Path) -> pd.DataFrame:
     """Return the measures of one point of a sweep.
 
     Parameters
     ----------
-    setting : Setting
+    point : Point
         The point.
     folder : Path
         Folder of the sweep; every shard of the point is there.
@@ -53,20 +53,20 @@ def measured(setting: Setting, folder: Path) -> pd.DataFrame:
     ValueError
         If a shard is missing or can't be read.
     """
-    behaviour, remark = read(setting, folder)
+    behaviour, remark = read(point, folder)
     if behaviour is None:
         table = pd.DataFrame({"measure": list(MEASURES)}).assign(
             value=np.nan, low=np.nan, high=np.nan
         )
         return table.assign(trials=0, **{REMARK: remark})
-    trials = len(behaviour.truth)
-    found = [behaviour.measures(weights) for weights in _weights(setting.seed, trials)]
+    trials = len(behaviour.decision.choice)
+    found = [behaviour.measures(weights) for weights in _weights(point.seed, trials)]
     joined = {name: np.concatenate([part[name] for part in found]) for name in MEASURES}
     rows = [(name, *interval(joined[name])) for name in MEASURES]
     table = pd.DataFrame(rows, columns=["measure", "value", "low", "high"])
     values = {name: float(joined[name][0]) for name in MEASURES}
     two = behaviour.hypotheses == 2
-    caution = _caution(values, setting.foreperiod_ms) or (_withheld(values) if two else "")
+    caution = _caution(values, point.foreperiod_ms) or (_withheld(values) if two else "")
     against = "the circuit decides against the evidence" if behaviour.against_evidence() else ""
     remark = "; ".join(text for text in (remark, against, caution, _uncalibrated(values)) if text)
     return table.assign(trials=trials, **{REMARK: remark})

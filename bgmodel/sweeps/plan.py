@@ -10,30 +10,25 @@ from functools import cache, cached_property
 from importlib.resources import files as resources
 from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
+from bgmodel.conditions import Observed, read_once
 from bgmodel.deciding.measures import MEASURES
 from bgmodel.integrators.basal_ganglia import (
-    BasalGanglia,
-    check_conditions,
-    check_engine,
-    check_foreperiod,
     gain_of,
     identity,
 )
-from bgmodel.integrators.sprt import criterion_from_posterior
-from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from, warn_of_default
+from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from bgmodel.support import files, toml_files
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
-from circuits.anatomy import DEFAULT, load_circuit
+from circuits.anatomy import load_circuit
+from circuits.circuit import Circuit
 from circuits.declaration.motifs import expanded
-from circuits.declaration.spec import Circuit
 from circuits.edit_lists import ROWS, Edits, with_edits, written
-from circuits.engines import NOISY, THREADED
 
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
@@ -44,90 +39,35 @@ Value = bool | int | float | str
 
 
 @dataclass(frozen=True)
-class Setting:
+class Point(Observed):
     """One point of a sweep: everything that its decisions depend on."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
 
     task: Stimuli = field(default_factory=lambda: Stimuli(trials=1000))
     """What is decided; `trials` at each point."""
-    edits: Edits = field(default_factory=Edits)
-    """Differences from the table."""
-    circuit: str = DEFAULT
-    """Name of the table, or the path of a .toml file, as seen from the sweep's."""
-    engine: str = "population"
-    """Name of the engine."""
-    gain: float | None = None
-    """Nats in the circuit per nat of evidence, kappa; the table's default unless given."""
-    posterior: float = 0.82
-    """Posterior, in the circuit's nats, at which it decides."""
-    foreperiod_ms: float = 500.0
-    """Foreperiod without evidence in which responses are anticipatory, ms."""
-    seed: int = 0
-    """Of evidence and noise: points with one seed are given the same."""
 
     def __post_init__(self) -> None:
-        check_engine(self.engine)
-        check_foreperiod(self.foreperiod_ms)
-        if self.seed < 0:
-            raise ValueError(f"seed must be at least 0, got {self.seed}")
-        self.task.check(Stimuli(trials=self.task.trials))
-        self.edits.check_engine(self.engine)
+        super().__post_init__()
+        self.task.check_idle(Stimuli(trials=self.task.trials))
 
-    @property
-    def hypotheses(self) -> int:
-        """Number of alternatives."""
-        if self.task.evidence is not None:
-            return _read(self.task).evidence.hypotheses
-        return 2 if self.task.task == "same-different" else self.task.channels
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        if self.task.evidence is not None:
-            return _read(self.task).evidence.trials
-        return self.task.trials
+    @cached_property
+    def edited(self) -> Circuit:
+        """The edited circuit for this task's alternatives."""
+        return super().edited
 
     @property
     def steps(self) -> int:
         """Readings of the longest trial."""
-        return self.task.t_max if self.task.evidence is None else _read(self.task).evidence.steps
+        if self.task.evidence is None:
+            return self.task.t_max
+        return read_once(self.task).evidence.steps
 
-    @property
-    def threshold_nats(self) -> float:
-        """OUT at which it decides."""
-        return float(criterion_from_posterior(self.posterior, self.hypotheses))
-
-    @cached_property
-    def table(self) -> Circuit:
-        """The circuit as edited."""
-        table = self.edits.apply(load_circuit(self.circuit, self.hypotheses))
-        table.check_nats("a sweep's criterion at a posterior")
-        return table
-
-    def check(self) -> None:
-        """Raise ValueError for what can be seen before a run.
-
-        The table without the edits of the point is its control, as that of an experiment.
-        """
-        gain_of(self.table, self.gain)
-        level, intact = self.threshold_nats, load_circuit(self.circuit, self.hypotheses)
-        check_conditions(intact, level, self.table, level)
-
-    def model(self, seed: int) -> BasalGanglia:
-        """Return the circuit with its engine, its gain and the noise of a seed."""
-        options: dict[str, Any] = {"rates": False} if self.engine in THREADED else {}
-        own = seed if self.engine in NOISY else None
-        return BasalGanglia(self.table, self.engine, gain_of(self.table, self.gain), own, options)
-
-    def given(self, first: int, trials: int) -> Trials:
+    def block(self, first: int, trials: int) -> Trials:
         """Return the trials of a block."""
         if self.task.evidence is not None:
-            whole = _read(self.task)
+            whole = read_once(self.task)
             numbers = np.arange(whole.evidence.trials)
             return whole.where((numbers >= first) & (numbers < first + trials))
-        own = replace(self.task, trials=trials)
-        return own.draw(self.block_seed(first), "sweep")
+        return replace(self.task, trials=trials).draw(self.block_seed(first), "sweep")
 
     def block_seed(self, first: int) -> int:
         """Return the seed of the evidence and of the noise of the block from a trial on."""
@@ -141,7 +81,7 @@ class Setting:
         ]
 
 
-OWN = tuple(f.name for f in fields(Setting) if f.name not in ("task", "edits"))
+OWN = tuple(f.name for f in fields(Point) if f.name not in ("task", "edits"))
 OF_EDITS = tuple(f.name for f in fields(Edits) if f.name not in ROWS)
 
 
@@ -150,36 +90,29 @@ def _nuclei(name: str) -> set[str]:
     return {row.name for row in load_circuit(name).populations}
 
 
-@cache
-def _read(task: Stimuli) -> Trials:
-    found = task.draw(0, "")
-    if found.evidence.truth is None:
-        raise ValueError("a sweep counts errors: its evidence needs the truth")
-    return found
-
-
 @dataclass(frozen=True)
 class Shard:
     """A block of the trials of one point: what is computed, and stored, as a whole."""
 
-    setting: Setting
+    point: Point
     first: int
     trials: int
 
     @cached_property
     def key(self) -> dict[str, Any]:
         """All that its numbers depend on."""
-        of = self.setting
+        of = self.point
         task = {**of.task.used(), "trials": self.trials}
         if of.task.evidence is not None:
             task["evidence"] = files.checksum(of.task.evidence)
         elif of.task.task != "gaussian":
             task["taps"] = files.checksum(HELD_OUT)
         return {
-            "circuit": identity(of.table),
+            "circuit": identity(of.edited),
             "engine": of.engine,
-            "gain": gain_of(of.table, of.gain),
+            "gain": gain_of(of.edited, of.gain),
             "posterior": of.posterior,
+            **({} if of.threshold is None else {"threshold": of.threshold}),
             "foreperiod_ms": of.foreperiod_ms,
             "seed": of.seed,
             "task": task,
@@ -195,10 +128,10 @@ class Shard:
 
 
 @dataclass(frozen=True)
-class Plan(Setting):
+class Plan(Point):
     """A sweep: what is the same everywhere, and what changes from point to point.
 
-    A key of ``grid`` or ``points`` is a field of ``Setting``, a field of its task as
+    A key of ``grid`` or ``points`` is a field of ``Point``, a field of its task as
     ``task.d_prime``, or the left side of an edit as everywhere else: ``STN`` is lesioned by a
     fraction, ``STN->GPe`` scaled, ``STN.bias_nats`` changed, ``dopamine`` set; ``rebound SNr``
     lets SNr recover to rest above its old rate. It replaces the same edit in ``edits``; an edit
@@ -251,7 +184,7 @@ class Plan(Setting):
         """The values of every key that changes, in the order in which they first come."""
         return {key: list(dict.fromkeys(p[key] for p in self.each)) for key in self.each[0]}
 
-    def settings(self, folder: Path = Path()) -> list[Setting]:
+    def all_points(self, folder: Path = Path()) -> list[Point]:
         """Return every point.
 
         Parameters
@@ -264,11 +197,11 @@ class Plan(Setting):
         ValueError
             One sentence with the point, for a key or a value that says nothing.
         """
-        same = {f.name: getattr(self, f.name) for f in fields(Setting)}
-        return [_setting(Setting(**same), point, folder) for point in self.each]
+        same = {f.name: getattr(self, f.name) for f in fields(Point)}
+        return [_point(Point(**same), point, folder) for point in self.each]
 
 
-def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting:
+def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
     owner = f"the point {point_text(point)}"
     values = asdict(same)
     edits = []
@@ -293,7 +226,7 @@ def _setting(same: Setting, point: Mapping[str, Value], folder: Path) -> Setting
         values["edits"] |= _edited(same.edits, edits, str(values["circuit"]))
     except ValueError as error:
         raise ValueError(f"{owner}: {error}") from None
-    found = toml_files.decoded(values, Setting, owner)
+    found = toml_files.decoded(values, Point, owner)
     try:
         found.check()
     except ValueError as error:
@@ -336,6 +269,4 @@ def read_plan(file: str | Path) -> Plan:
     if path.suffix != ".toml":
         raise ValueError(f"a sweep is a .toml file, got {str(file)!r}")
     found = seen_from(path.parent, toml_files.read(path, Plan))
-    if any("circuit" not in point for point in found.each):
-        warn_of_default(path)
     return found

@@ -14,19 +14,19 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
+from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import Behaviour
-from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.experiments.experiment import behaviour_of
 from bgmodel.support import files
 from bgmodel.support.memory import NoMemoryError
-from bgmodel.sweeps.plan import BLOCK, Setting, Shard
+from bgmodel.sweeps.plan import BLOCK, Point, Shard
 
 TRIAL_BYTES, SHARD_BYTES = 40, 20_000
 """Size of a stored trial, and of a shard without any, at most."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+OF_DECISION = ("choice", "time_ms", "forced", "premature")
+"""Columns of a shard that make decisions again."""
 REMARK = "remark"
 """The column with what a run warned of, or why it ended, once; empty in nearly all."""
 
@@ -71,7 +71,7 @@ def compute(shard: Shard, folder: Path) -> None:
     remark = remark or "; ".join(dict.fromkeys(str(w.message) for w in caught if _ours(w)))
     path = path_of(shard, folder)
     try:
-        files.write_table(table, path, seed=shard.setting.seed, shard=shard.key, remark=remark)
+        files.write_table(table, path, seed=shard.point.seed, shard=shard.key, remark=remark)
     except OSError as error:
         raise ValueError(
             f"{str(folder)!r} can't be written: {error.strerror}; finished shards stay"
@@ -83,23 +83,23 @@ def _ours(warning: warnings.WarningMessage) -> bool:
 
 
 def _decided(shard: Shard) -> pd.DataFrame:
-    of = shard.setting
-    model = of.model(of.block_seed(shard.first))
-    evidence = of.given(shard.first, shard.trials).evidence
+    of = shard.point
+    model = of.model(of.hypotheses, seed=of.block_seed(shard.first), rates=False)
+    evidence = of.block(shard.first, shard.trials).evidence
     model.warn_beyond_range(evidence)
-    found = behaviour_of(model, evidence, of.threshold_nats, of.foreperiod_ms)
-    names = ("choice", "time_ms", "forced", "premature", "posterior")
-    columns = {name: getattr(found.decided, name)[0] for name in names}
-    return pd.DataFrame({**columns, "anticipatory": found.anticipatory, "truth": found.truth})
+    found = of.behaviour(model, evidence)
+    columns = {name: getattr(found.decision, name) for name in OF_DECISION}
+    measured = {"posterior": found.posterior, "anticipatory": found.anticipatory}
+    return pd.DataFrame({**columns, **measured, "truth": evidence.truth})
 
 
-def read(setting: Setting, folder: Path) -> tuple[Behaviour | None, str]:
+def read(point: Point, folder: Path) -> tuple[Behaviour | None, str]:
     """Return the decisions at a point, from its shards, and the remarks on them.
 
     None where the circuit could not be run.
     """
     parts, remarks = [], []
-    for shard in setting.shards():
+    for shard in point.shards():
         path = path_of(shard, folder)
         parts.append(files.read_table(path))
         remarks.append(files.read_provenance(path)["parameters"][REMARK])
@@ -107,22 +107,26 @@ def read(setting: Setting, folder: Path) -> tuple[Behaviour | None, str]:
     if any(part.empty for part in parts):
         return None, remark
     whole = pd.concat(parts, ignore_index=True)
-    names = ("choice", "time_ms", "forced", "premature", "posterior")
-    decided = Tradeoff(
-        np.array([setting.threshold_nats]), *(whole[name].to_numpy()[None] for name in names)
+    columns = {name: whole[name].to_numpy() for name in whole}
+    decision = Decision(
+        **{name: columns[name] for name in OF_DECISION},
+        step_ms=point.task.step_ms,
+        deadline_ms=columns["time_ms"],
+        truth=columns["truth"],
     )
-    columns = (whole["anticipatory"].to_numpy(), whole["truth"].to_numpy())
-    return Behaviour(decided, *columns, setting.hypotheses), remark
+    return Behaviour(
+        decision, columns["posterior"], columns["anticipatory"], point.hypotheses
+    ), remark
 
 
 def _plain(shard: Shard) -> Any:
     return files.provenance(shard=shard.key)["parameters"]["shard"]
 
 
-def check_room(settings: Sequence[Setting], folder: Path) -> None:
+def check_room(points: Sequence[Point], folder: Path) -> None:
     """Raise ValueError if a disk has no room for what is not stored yet."""
-    trials = sum(setting.trials for setting in settings)
-    need = TRIAL_BYTES * trials + SHARD_BYTES * (len(settings) + trials // BLOCK)
+    trials = sum(point.trials for point in points)
+    need = TRIAL_BYTES * trials + SHARD_BYTES * (len(points) + trials // BLOCK)
     there = sum(path.stat().st_size for path in (folder / "shards").glob("*.parquet"))
     place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     free = shutil.disk_usage(place).free

@@ -15,7 +15,7 @@ import pandas as pd
 from bgmodel.support.reprs import Facts
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
-from bgmodel.sweeps.plan import Plan, Setting, Shard, read_plan
+from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan
 
 if TYPE_CHECKING:
     import xarray
@@ -49,14 +49,14 @@ class Sweep:
         return cls(read_plan(file), Path(file).parent)
 
     @cached_property
-    def settings(self) -> list[Setting]:
+    def points(self) -> list[Point]:
         """Every point; ValueError for one that says nothing."""
-        return self.plan.settings(self.beside)
+        return self.plan.all_points(self.beside)
 
     @cached_property
     def shards(self) -> list[Shard]:
         """What is computed and stored; points may share a shard."""
-        every = (shard for setting in self.settings for shard in setting.shards())
+        every = (shard for point in self.points for shard in point.shards())
         return list({shard.name: shard for shard in every}.values())
 
     def run(self, folder: str | Path | None = None, *, workers: int = 1) -> SweepOutcome:
@@ -83,7 +83,7 @@ class Sweep:
         """
         with ExitStack() as stack:
             place = Path(folder or stack.enter_context(TemporaryDirectory()))
-            stored.check_room(self.settings, place)
+            stored.check_room(self.points, place)
             stack.enter_context(stored.at_work(place, alone=True))
             missing = [each for each in self.shards if stored.state(each, place) != "done"]
             if workers > 1:
@@ -93,7 +93,7 @@ class Sweep:
             else:
                 for shard in missing:
                     stored.compute(shard, place)
-            tables = [measured(setting, place) for setting in self.settings]
+            tables = [measured(point, place) for point in self.points]
             outcome = SweepOutcome(self.plan, gathered(self.plan, tables))
         for caution in outcome.cautions():
             warnings.warn(caution, stacklevel=2)

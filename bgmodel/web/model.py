@@ -7,8 +7,8 @@ from typing import Any
 
 from bgmodel.integrators.basal_ganglia import gain_of, identity
 from circuits.anatomy import load_circuit
+from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, RECEPTORS
-from circuits.declaration.spec import Circuit
 from circuits.declaration.table_files import is_path
 from circuits.dynamics.fixed_point import parts, wired
 from circuits.dynamics.wiring import Wiring

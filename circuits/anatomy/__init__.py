@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from circuits import DEFAULT, table_reader
 from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
 from circuits.anatomy.humphries import humphries
 from circuits.anatomy.macaque import macaque
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
-from circuits.declaration import table_files, table_reader
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
+from circuits.declaration import table_files
 
 __all__ = [
     "CIRCUITS",
@@ -43,8 +44,6 @@ CIRCUITS: dict[str, Callable[..., Circuit]] = {
     "stewart": stewart,
 }
 """All tables by name; each takes the number of channels."""
-DEFAULT = "macaque"
-"""The table that is taken where none is named; before version 0.2 it was "spiking_msprt"."""
 
 
 def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:

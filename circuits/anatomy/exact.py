@@ -8,7 +8,8 @@ from dataclasses import replace
 from circuits.anatomy.columns import rows
 from circuits.cells import Rate
 from circuits.checks import check_channels
-from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
 
 BG2007 = "Bogacz & Gurney 2007"
 APPENDIX_B = "Bogacz & Gurney 2007, appendix B"

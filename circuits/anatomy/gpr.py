@@ -5,7 +5,8 @@ from __future__ import annotations
 from circuits.anatomy.columns import rows
 from circuits.cells import Rate
 from circuits.checks import check_channels, check_number
-from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
 
 GPR = "Gurney et al. 2001"
 ASSUMED = "1 is 100 Hz, assumed"

@@ -8,7 +8,8 @@ from typing import NamedTuple
 from circuits.anatomy.columns import rows
 from circuits.cells import Lif, Phase, Rate
 from circuits.checks import check_channels, check_number
-from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
 
 HUMPHRIES = "Humphries et al. 2006"
 CODE = f"{HUMPHRIES}, ModelDB 83559"

@@ -7,7 +7,8 @@ from math import exp, inf, log, log1p
 from circuits.anatomy.columns import rows
 from circuits.cells import Phase, Rate
 from circuits.checks import check_channels
-from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
 
 LIENARD = "Lienard & Girard 2014"
 HUMPHRIES = "Humphries et al. 2006"
@@ -62,10 +63,10 @@ def macaque(channels: int = 2) -> Circuit:
     STN and GPe: the less of it, the nearer the loop comes to oscillation (Lindahl & Hellgren
     Kotaleski 2016).
 
-    Rates at rest that lie outside what is printed for the macaque (Lienard & Girard 2014: MSN 0-1,
-    STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 5 Hz, for silent ones cannot
-    follow a fall; STN 44 / N and SNr 20 + 36 ln N Hz, which depend on the number of alternatives as
-    -ln P does. Tuned with ``benchmarks/tuning/macaque.py`` on seeds of its own.
+    Rates at rest that lie outside those published for the macaque (Lienard & Girard 2014: MSN 0-1,
+    STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN 3 and 5 Hz, for silent ones cannot follow a
+    fall; STN 44 / N and SNr 20 + 36 ln N Hz, which depend on the number of alternatives as -ln P
+    does. Tuned with ``benchmarks/tuning/macaque.py`` on seeds of its own.
     """
     check_channels(channels)
     log_n = log(channels)
@@ -100,13 +101,14 @@ def macaque(channels: int = 2) -> Circuit:
         ("GPe_ctx", "linear",     5000,   "",       0.0,        tone - 10 * sigma),
         ("SNr",     "linear",     0.0,    "",       0.0,        log_n + above_floor - sigma),
     ), (
-        "name       spread",  # of cells' rates, assumed; their mean is the line's
-        ("ctx",     0.3),
-        ("D1",      0.3),
-        ("D2",      0.3),
-        ("STN",     0.3),
-        ("GPe",     0.3),
-        ("SNr",     0.3),
+        # The spread of the cells' rates is assumed; their mean is that of the line.
+        "name       spread published_hz",
+        ("ctx",     0.3,   ()),
+        ("D1",      0.3,   (0.0, 1.0)),
+        ("D2",      0.3,   (0.0, 1.0)),
+        ("STN",     0.3,   (15.2, 22.8)),
+        ("GPe",     0.3,   (55.7, 74.5)),
+        ("SNr",     0.3,   (59.1, 79.5)),
     ))
     projections = rows(Projection, (
         "source     target     weight        pattern    delay_ms  tau_ms  transfer         cite",

@@ -7,7 +7,8 @@ from math import exp, log, log1p
 from circuits.anatomy.columns import rows
 from circuits.cells import Lif, Phase, Rate
 from circuits.checks import check_channels
-from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
 
 HUMPHRIES = "Humphries, Stewart & Gurney 2006"
 TUNED = "tuned"

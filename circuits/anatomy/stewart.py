@@ -5,7 +5,8 @@ from __future__ import annotations
 from circuits.anatomy.columns import rows
 from circuits.cells import Phase, Rate
 from circuits.checks import check_channels, check_number
-from circuits.declaration.spec import GABA, GLUTAMATE, Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
 
 STEWART = "Stewart et al. 2010"
 CODE = f"{STEWART}, nengo 4.1"

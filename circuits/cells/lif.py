@@ -9,6 +9,8 @@ import numpy as np
 
 from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, register
+from circuits.cells.membrane import Membrane, lif_rate_hz
+from circuits.cells.response import lif_response
 from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_types, whole_ticks
 
@@ -42,7 +44,7 @@ def _tick(
 
 @register
 @dataclass(frozen=True)
-class Lif(Cell):
+class Lif(Membrane, Cell):
     """Leaky integrate-and-fire cell with white membrane noise, in mV above a reference.
 
     ``tau dV/dt = rest_mv + mv_per_nat x - V + noise_mv sqrt(2 tau) xi``. The threshold is lowered
@@ -58,14 +60,9 @@ class Lif(Cell):
     threshold_mv, reset_mv : float
         mV above the reference.
     rest_mv, mv_per_nat : float
-        Mean potential at x = 0, and its slope. ``firing.fit_current`` finds both for a wanted line.
+        Mean potential at x = 0, and its slope; ``membrane.fit_current`` finds both for a line.
     """
 
-    tau_ms: float
-    noise_mv: float
-    threshold_mv: float
-    reset_mv: float
-    refractory_ms: float
     rest_mv: float
     mv_per_nat: float
     hears: ClassVar[str] = "nats"
@@ -129,14 +126,10 @@ class Lif(Cell):
 
     def rate_hz(self, x: Array, line_hz: Array) -> Array:
         """Return Siegert's rate at steady inputs x in nats, Hz."""
-        from circuits.laws.firing import lif_rate_hz  # scipy, only where it is asked for
-
         return lif_rate_hz(self, self.mean_mv(x))
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
         """Return its answer from the Fokker-Planck equation; the membrane is part of it."""
-        from circuits.laws.response import lif_response  # scipy, only where it is asked for
-
         found = lif_response(self, self.mean_mv(x), frequency_hz)
         gain, bend = self.mv_per_nat * found.gain, self.mv_per_nat**2 * found.bend
         return Response(gain, bend, found.spectrum)

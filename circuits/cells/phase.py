@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, register
+from circuits.cells.renewal import renewal_spectrum
 from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_types
 
@@ -75,7 +77,19 @@ class Phase(Cell):
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
         """Return the slopes of its line, which it follows at once, and its own power."""
-        from circuits.laws.response import phase_spectrum  # scipy, only where it is asked for
-
         own = phase_spectrum(self, line.hz, frequency_hz)
         return Response(line.slope[:, None], line.curvature[:, None] / 2, own)
+
+
+def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Array:
+    """Return the two-sided power of a Phase cell's spikes, (S, F) Hz; 0 for a regular one.
+
+    Its intervals are inverse Gaussian, with the characteristic function
+    ``exp((1 - sqrt(1 - 2 i omega cv^2/r))/cv^2)``.
+    """
+    rate = np.asarray(rate_hz, dtype=np.float64)[:, None]
+    if cell.cv == 0:
+        return np.zeros((len(rate), np.size(frequency_hz)))
+    turn = 2j * np.pi * np.asarray(frequency_hz) / np.maximum(rate, 1e-9)
+    interval = np.exp((1 - np.sqrt(1 - 2 * turn * cell.cv**2)) / cell.cv**2)
+    return renewal_spectrum(rate, interval)

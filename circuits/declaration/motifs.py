@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from circuits.cells import Phase
 from circuits.declaration.rows import GABA, Population, Projection
-
-if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+from circuits.declaration.table import CircuitTable
 
 Row = Population | Projection
 Given = TypeVar("Given")
@@ -25,16 +23,16 @@ TO_D1, TO_D2 = 0.15, 0.1
 """Nats that a nat of all FSI takes from D1 and D2: assumed, more from D1 as in mice."""
 
 
-def striatal_fsi(circuit: Circuit) -> tuple[Row, ...]:
+def striatal_fsi(circuit: CircuitTable) -> tuple[Row, ...]:
     """Return the fast-spiking interneurons of striatum: cortex -> FSI -> D1 and D2.
 
-    At rest they fire at their baseline, the middle of what is printed for the macaque (8 to 14 Hz),
+    At rest they fire at their baseline, the middle of the macaque's published range (8 to 14 Hz),
     so that adding them leaves all other resting rates unchanged. Cells of a channel hear its cortex
     and inhibit D1 and D2 of all channels alike, so they remove an input that all channels share.
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         A circuit in nats with cortex ("ctx", its input), D1 and D2.
 
     Raises
@@ -53,6 +51,7 @@ def striatal_fsi(circuit: Circuit) -> tuple[Row, ...]:
         bias_nats=-circuit.drive_gain * circuit.rest_drive,
         spread=0.3,
         cite=FSI,
+        published_hz=(7.8, 14.0),
     )
     pathways = [Projection("ctx", "FSI", 1.0, delay_ms=7, tau_ms=4, cite=DRIVEN)]
     for target, weight in (("D1", TO_D1), ("D2", TO_D2)):
@@ -62,11 +61,11 @@ def striatal_fsi(circuit: Circuit) -> tuple[Row, ...]:
     return (cells, *pathways)
 
 
-MOTIFS: dict[str, Callable[[Circuit], tuple[Row, ...]]] = {"striatal_FSI": striatal_fsi}
+MOTIFS: dict[str, Callable[[CircuitTable], tuple[Row, ...]]] = {"striatal_FSI": striatal_fsi}
 """All motifs by name; each takes the circuit to which it is added."""
 
 
-def expanded(circuit: Circuit, rows: Iterable[Given]) -> Iterator[Given | Row]:
+def expanded(circuit: CircuitTable, rows: Iterable[Given]) -> Iterator[Given | Row]:
     """Yield rows as they are given, and for the name of a motif its rows."""
     for row in rows:
         motif = MOTIFS.get(row.strip()) if isinstance(row, str) else None

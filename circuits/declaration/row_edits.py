@@ -26,15 +26,13 @@ import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields, replace
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from circuits.cells import CELLS, Cell
 from circuits.declaration.courses import DOPAMINE, Course
 from circuits.declaration.motifs import MOTIFS, expanded
 from circuits.declaration.rows import WHOLE, Population, Projection
-
-if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+from circuits.declaration.table import CircuitTable
 
 Row = Population | Projection
 Edited = TypeVar("Edited", Population, Projection, Cell)
@@ -71,7 +69,7 @@ def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited
     return new
 
 
-def changed_rows(circuit: Circuit, changes: Sequence[str]) -> list[Row]:
+def changed_rows(circuit: CircuitTable, changes: Sequence[str]) -> list[Row]:
     """Return the rows that changes in text name, as changed.
 
     All changes of a row are made at once, so their order does not matter.
@@ -98,7 +96,7 @@ def _changed(row: Row, texts: Sequence[str]) -> Row:
         return _row(type(row), row, given, {})
 
 
-def new_rows(circuit: Circuit, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
+def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
     """Return the rows that are added to a circuit, those that are text read.
 
     A row in text may be like one of the circuit, or like one added with it, before or after. A
@@ -135,7 +133,7 @@ def _like(text: str) -> str:
         return _new(text)[1].get("like", "")
 
 
-def _read(circuit: Circuit, known: Mapping[str, Row], text: str) -> Row | Course:
+def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | Course:
     """Return the row that a text is."""
     with naming(text):
         name, given = _new(text)
@@ -153,7 +151,7 @@ def _read(circuit: Circuit, known: Mapping[str, Row], text: str) -> Row | Course
         if like is not None:
             given.setdefault("cite", _as(like, given))
         if isinstance(like, Population):
-            like = replace(like, **WHOLE)
+            like = replace(like, **WHOLE, published_hz=())
         return _row(kind, like, given, identity)
 
 

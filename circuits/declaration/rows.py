@@ -86,6 +86,9 @@ class Population:
         What ``intact`` is multiplied by in each channel; none means 1 in all.
     cite : str
         Where the numbers come from.
+    published_hz : tuple of float
+        Lowest and highest resting rate that is published for the nucleus, Hz; none if not known.
+        It is shown beside the rate of the table and changes nothing, a circuit's hash included.
     """
 
     name: str
@@ -105,6 +108,7 @@ class Population:
     replaced: bool = False
     intact_by_channel: tuple[float, ...] = ()
     cite: str = ""
+    published_hz: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         _check_name(self.name)
@@ -138,6 +142,12 @@ class Population:
         for name in ("baseline_hz", "bias_nats", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+        published = self.published_hz
+        if published and not (len(published) == 2 and 0 <= published[0] <= published[1] < math.inf):
+            raise ValueError(
+                f"{self.name}: published_hz must be the lowest and the highest rate, Hz, got "
+                f"{published}"
+            )
         lowest_hz = min(0.0, self.cell.lowest_hz)
         if not lowest_hz <= self.baseline_hz <= MOST_HZ:
             raise ValueError(

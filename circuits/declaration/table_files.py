@@ -1,4 +1,4 @@
-"""Circuits as files: a table in columns, written as TOML; ``table_reader`` reads it back.
+"""Circuits as files: a table in columns, written as TOML; ``circuits.table_reader`` reads it back.
 
 A file holds one circuit for one number of alternatives: numbers of a table may depend on it. What
 is left out has its default. The cell of a population is the name of an entry of ``[cells]``, or of
@@ -17,7 +17,9 @@ from typing import Any
 
 from circuits.cells import CELLS
 from circuits.checks import is_bool
-from circuits.declaration.spec import EDITED, NOT_WRITTEN, Circuit, Course, Population, Projection
+from circuits.declaration.courses import Course
+from circuits.declaration.rows import Population, Projection
+from circuits.declaration.table import EDITED, NOT_WRITTEN, CircuitTable
 
 FORMAT = 1
 """Version of the form of these files."""
@@ -27,6 +29,8 @@ TABLES: dict[str, type[Population] | type[Projection] | type[Course]] = {
     "projections": Projection,
     "courses": Course,
 }
+NOT_HASHED = ("published_hz",)
+"""Fields of rows that no hash depends on: they are shown beside a circuit, and are not of it."""
 SPARE = ("courses",)
 """Tables that a file leaves out if they are empty."""
 LARGE = 1e15
@@ -40,7 +44,7 @@ def is_path(name: str | Path) -> bool:
     return Path(name).suffix == SUFFIX
 
 
-def plain(circuit: Circuit) -> dict[str, Any]:
+def plain(circuit: CircuitTable) -> dict[str, Any]:
     """Return a circuit as plain data: of every row and cell what differs from its default."""
     found = {"name": circuit.name, "channels": circuit.channels, **_changed(circuit)}
     for table in TABLES:
@@ -50,16 +54,20 @@ def plain(circuit: Circuit) -> dict[str, Any]:
     return found
 
 
-def digest(circuit: Circuit) -> str:
+def digest(circuit: CircuitTable) -> str:
     """Return the SHA-256 of what a circuit holds, in hexadecimal: equal circuits have one."""
     held = plain(circuit)
+    for table in TABLES:
+        for row in held.get(table, ()):
+            for name in NOT_HASHED:
+                row.pop(name, None)
     if circuit.about:  # the mark of an edit says no more than the rows
         held["about"] = circuit.about.removeprefix(EDITED)
     text = json.dumps(_canonical(held), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def text(circuit: Circuit) -> str:
+def text(circuit: CircuitTable) -> str:
     """Return a circuit as the text of a file."""
     data = plain(circuit)
     data.setdefault("reference_nats", circuit.reference_nats)
@@ -80,7 +88,7 @@ def text(circuit: Circuit) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write(circuit: Circuit, path: str | Path) -> Path:
+def write(circuit: CircuitTable, path: str | Path) -> Path:
     """Write a circuit as a file, whole or not at all; ValueError unless it ends in .toml.
 
     Folders that are not there are made.
@@ -125,7 +133,7 @@ def _canonical(value: Any) -> Any:
     return int(value) if float(value).is_integer() else float(value)
 
 
-def _labels(circuit: Circuit) -> dict[Any, str]:
+def _labels(circuit: CircuitTable) -> dict[Any, str]:
     """Return what each cell is called: its type, or with constants its type and first nucleus."""
     labels: dict[Any, str] = {}
     for row in circuit.populations:

@@ -7,7 +7,7 @@ from graphlib import TopologicalSorter
 import numpy as np
 
 from circuits.arrays import Array, Index
-from circuits.declaration.spec import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.wiring import Wiring, wire
 
 MOST_STEPS = 400
@@ -19,11 +19,24 @@ PATIENCE, CAUTION = 100, 10.0
 """Steps after which damping is so much stronger: with less, some circle between kinks for ever."""
 
 
-def wired(circuit: Circuit) -> Wiring:
+def wired(circuit: CircuitTable) -> Wiring:
     """Return the circuit's wiring, replaced lesions at the rates of the intact circuit at rest."""
     if not any(row.replaced for row in circuit.populations):
         return wire(circuit)
     return wire(circuit, rest_rates(wire(circuit.unlesioned)))
+
+
+def resting_hz(circuit: CircuitTable) -> dict[str, float]:
+    """Return the mean rate of every population at rest, Hz, by name.
+
+    Raises
+    ------
+    ValueError
+        If the circuit has no state of rest.
+    """
+    wiring = wired(circuit)
+    rates = rest_rates(wiring)
+    return {p.name: float(rates[wiring.blocks_of(p.name)].mean()) for p in circuit.populations}
 
 
 def rest_rates(wiring: Wiring) -> Array:

@@ -35,7 +35,7 @@ import numpy.typing as npt
 from circuits.arrays import Array, Index
 from circuits.cells.cell import Cell, Constants
 from circuits.checks import check_time, whole_ticks
-from circuits.declaration.spec import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import rest
 from circuits.dynamics.wiring import Wiring, wire
@@ -185,7 +185,7 @@ class Scheme:
         return self.wiring.deliver @ rates, x, rates
 
 
-def cell_factors(circuit: Circuit, name: str, channel: int) -> Array:
+def cell_factors(circuit: CircuitTable, name: str, channel: int) -> Array:
     """Return the factors (3, neurons) of each cell's constants; 1 where the spread is 0.
 
     What each of the three multiplies is for ``Cell.constants`` to say. They belong to the

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Complex, Index, Truths
 from circuits.declaration import transfer
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.rows import Population, Projection
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 
 Placed = list[tuple[transfer.Transfer, Truths]]
@@ -28,7 +29,7 @@ class Wiring:
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table that it came from.
     owner, channel : arrays (blocks,)
         Index of each block's population, and its channel.
@@ -44,7 +45,7 @@ class Wiring:
         Constant input, nats; at the input this holds the drive at rest.
     """
 
-    circuit: Circuit
+    circuit: CircuitTable
     owner: Index
     channel: Index
     path: Index
@@ -187,12 +188,12 @@ def _applied(placed: Placed, values: Array, what: str = "function") -> Array:
     return result
 
 
-def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
+def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
     """Turn a circuit into arrays.
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table.
     rest_hz : array (blocks,), optional
         Rates at rest of the intact circuit, Hz: what a replaced lesion delivers.
@@ -241,12 +242,12 @@ def wire(circuit: Circuit, rest_hz: Array | None = None) -> Wiring:
     )
 
 
-def units_of(circuit: Circuit, p: Projection) -> tuple[Array, Array, Index]:
+def units_of(circuit: CircuitTable, p: Projection) -> tuple[Array, Array, Index]:
     """Return what the units of a projection sum, and which unit each target channel has.
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table.
     p : Projection
         One of its rows.
@@ -264,7 +265,7 @@ def units_of(circuit: Circuit, p: Projection) -> tuple[Array, Array, Index]:
     return both[:, :sources], both[:, sources:], np.asarray(place.ravel(), dtype=np.intp)
 
 
-def fan_in(circuit: Circuit, p: Projection, target: int, source: int) -> npt.NDArray[np.int64]:
+def fan_in(circuit: CircuitTable, p: Projection, target: int, source: int) -> npt.NDArray[np.int64]:
     """Return which source cells reach each target cell, (target cells, in-degree).
 
     The in-degree is ``probability`` times the number of source cells, the same for every target:
@@ -273,7 +274,7 @@ def fan_in(circuit: Circuit, p: Projection, target: int, source: int) -> npt.NDA
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table.
     p : Projection
         One of its rows.

@@ -2,48 +2,44 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.arrays import Array
 from circuits.checks import check_time
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.wiring import Wiring
 from circuits.laws.fluctuation import extra
 from circuits.laws.mean_field import own_rates, settled
 
+if TYPE_CHECKING:
+    from circuits.engines.shipped import Algebra
+
 TRIALS_AT_ONCE = 512
-LAWS = ("table", "cells", "finite")
 
 
 def run(
-    circuit: Circuit, drive: npt.ArrayLike, *, step_ms: float = 1.0, laws: str = "table"
+    circuit: Circuit,
+    drive: npt.ArrayLike,
+    engine: Algebra,
+    *,
+    step_ms: float,
+    seed: int | None = None,
+    first_trial: int = 0,
 ) -> Activity:
     """Return the fixed point of the circuit for every reading: no time passes.
 
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    drive : array (trials, steps, channels), nats
-        Accumulated evidence; 0 is rest.
-    step_ms : float
-        Time between readings, ms; only stated.
-    laws : str
-        "table", whose populations follow lines; "cells", whose own f-I laws bend away from those;
-        or "finite": the cells' laws, and the noise of the row's number of cells goes round the
-        circuit and moves the means (``circuits.laws.fluctuation``).
+    The arguments are those of ``Engine.run``; ``step_ms`` is only stated, and there is no noise.
 
     Raises
     ------
     ValueError
-        If the drive does not fit the circuit, the circuit has courses or no fixed point, or a law
-        is unknown.
+        If the drive does not fit the circuit, or the circuit has courses or no fixed point.
     """
-    if laws not in LAWS:
-        raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {laws!r}")
     check_time("step_ms", step_ms)
     circuit.check_steady("the algebra engine")
     drive = checked_drive(circuit, drive)
@@ -51,10 +47,10 @@ def run(
     wiring = wired(circuit)
     flat = drive.reshape(-1, drive.shape[-1])
     some = [flat[i : i + TRIALS_AT_ONCE] for i in range(0, len(flat), TRIALS_AT_ONCE)]
-    hz = np.concatenate([_rates(wiring, part, laws) for part in some])
+    hz = np.concatenate([_rates(wiring, part, engine.laws) for part in some])
     rates = hz.reshape(*drive.shape[:2], wiring.blocks)
     time = step_ms * np.arange(drive.shape[1], dtype=np.float64)
-    return Activity.from_blocks(wiring, rates, time, engine="algebra")
+    return Activity.from_blocks(wiring, rates, time, engine=engine.id)
 
 
 def _rates(wiring: Wiring, drive: Array, laws: str) -> Array:

@@ -6,9 +6,8 @@ to. Its spikes are those of the Brian2 and of the ensemble engine.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,12 +16,15 @@ import pandas as pd
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
 from circuits.arrays import Array, Index, Truths
 from circuits.cells.cell import tick_constants
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
 from circuits.dynamics.timed import Timed, timed
 from circuits.dynamics.wiring import fan_in, units_of
+
+if TYPE_CHECKING:
+    from circuits.engines.shipped import Plain
 
 Fired = dict[int, Truths]
 """Which cells of each block fired in a tick."""
@@ -31,33 +33,13 @@ Fired = dict[int, Truths]
 def run(
     circuit: Circuit,
     drive: npt.ArrayLike,
+    engine: Plain,
     *,
     step_ms: float,
     seed: int,
-    dt_ms: float = 0.1,
-    sample_ms: float = 1.0,
-    settle_ms: float = 300.0,
     first_trial: int = 0,
-    spikes: Iterable[str] = (),
 ) -> Activity:
-    """Run a circuit of spiking cells in NumPy.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    drive : array (trials, steps, channels), nats
-        Accumulated evidence; 0 is rest.
-    step_ms : float
-        Time from one reading to the next, ms.
-    seed : int
-        Key of all noise; trial t has the noise of (seed, first_trial + t), whatever runs beside it.
-    dt_ms, sample_ms, settle_ms : float
-        As in ``Clock``.
-    first_trial : int
-        Number of the first trial.
-    spikes : names
-        Populations whose spikes are written down.
+    """Run a circuit of spiking cells in NumPy; the arguments are those of ``Engine.run``.
 
     Raises
     ------
@@ -66,10 +48,10 @@ def run(
     """
     drive = checked_drive(circuit, drive)
     noise.stream_key(seed, first_trial, "")  # says at once if they are out of range
-    clock = Clock(drive.shape[1], step_ms, dt_ms, sample_ms, settle_ms)
-    names = circuit.spiking(spikes)
+    clock = Clock(drive.shape[1], step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
+    names = circuit.spiking(engine.spikes)
     warn_beyond_range(circuit, drive)
-    scheme = Scheme(wired(circuit), dt_ms)
+    scheme = Scheme(wired(circuit), engine.dt_ms)
     kept = np.concatenate([[], *(scheme.wiring.blocks_of(name) for name in names)]).astype(int)
     courses = timed(scheme.wiring, clock)
     rates, outputs, tables = [], [], []
@@ -84,19 +66,19 @@ def run(
         outputs.append(trial.outputs[late + every - 1 :: every])
         for i, b in enumerate(kept):
             written = [np.flatnonzero(now[i]) for now in fired[late:]]
-            tables.append((scheme.wiring.row(b).name, _table(written, t, channel[b], dt_ms)))
+            tables.append((scheme.wiring.row(b).name, _table(written, t, channel[b], engine.dt_ms)))
     return Activity.from_blocks(
         scheme.wiring,
         np.array(rates),
         clock.time_ms,
-        engine="plain",
+        engine=engine.id,
         output_hz=np.array(outputs),
         spikes=_by_name(tables) if names else None,
         about={
             "seed": int(seed),
             "first_trial": first_trial,
-            "dt_ms": dt_ms,
-            "settle_ms": settle_ms,
+            "dt_ms": engine.dt_ms,
+            "settle_ms": engine.settle_ms,
         },
     )
 

@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
+from typing import TypeVar
 
 import numpy as np
 
 from circuits.cells import Phase, Rate
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.rows import Population, Projection
+from circuits.declaration.verbs import EditableTable
 from circuits.dynamics.fixed_point import rest_rates, wired
+
+Table = TypeVar("Table", bound=EditableTable)
 
 OF_POPULATIONS = ("baseline_hz", "gain_hz_per_nat", "bias_nats", "tau_ms")
 OF_PROJECTIONS = ("weight", "delay_ms", "tau_ms")
 SPARE_NATS = 0.6
 
 
-def perturbed(circuit: Circuit, fraction: float = 0.2) -> dict[str, Circuit]:
+def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
     """Return the circuit with one number changed by +-fraction, for every number of its tables.
 
     Delays are rounded to whole ticks of .1 ms. Numbers that are 0 stay out, and so do those that
     only say what they are: transmitters, names, numbers of cells.
     """
-    changed: dict[str, Circuit] = {}
+    changed: dict[str, Table] = {}
 
-    def put(row: object, edit: Callable[..., Circuit], names: Iterable[str], *ends: str) -> None:
+    def put(row: object, edit: Callable[..., Table], names: Iterable[str], *ends: str) -> None:
         for field in names:
             value = getattr(row, field)
             if not value or isinstance(value, bool):
@@ -47,9 +51,7 @@ def perturbed(circuit: Circuit, fraction: float = 0.2) -> dict[str, Circuit]:
     return changed
 
 
-def correlated(
-    circuit: Circuit, noise_nats: float, *, cells: int = 20, tau_ms: float = 20
-) -> Circuit:
+def correlated(circuit: Table, noise_nats: float, *, cells: int = 20, tau_ms: float = 20) -> Table:
     """Return the circuit with noise that all cortical cells of a channel share.
 
     Parameters
@@ -74,7 +76,7 @@ def correlated(
     return circuit.add(shared, path)
 
 
-def linear_stn(circuit: Circuit) -> Circuit:
+def linear_stn(circuit: Table) -> Table:
     """Return the circuit whose STN is linear: its exponential's tangent at rest.
 
     At rest a channel's activity is a, ``e^u``; there ``e^u`` is about ``a (u + 1 - ln a)``. The
@@ -98,7 +100,7 @@ def linear_stn(circuit: Circuit) -> Circuit:
     return edited.with_population("SNr", bias_nats=spare)
 
 
-def shuffled_stn(circuit: Circuit) -> Circuit:
+def shuffled_stn(circuit: Table) -> Table:
     """Return the circuit where SNr hears N times the next channel's STN in place of STN's sum."""
     weight = circuit.channels * circuit.projection("STN", "SNr").weight
     return circuit.with_projection("STN", "SNr", pattern="neighbour", weight=weight)

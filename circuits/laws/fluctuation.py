@@ -4,7 +4,7 @@ Each population's spikes are its cells' own renewal noise, shared by all that he
 round the circuit as small modulations do: a pathway that bends passes them on by its slope at the
 fixed point, a silent unit passes nothing. Where cells or pathways bend, what arrives moves means.
 To first order in 1/n (Brunel & Hakim 1999 for loops, Lindner, Doiron & Longtin 2005 for spectra;
-van Kampen 2007, chapter X, for the expansion; cells by ``circuits.laws.response``). Neglected: a
+van Kampen 2007, chapter X, for the expansion; cells by ``circuits.cells.response``). Neglected: a
 Lif cell's own spikes that reach it again before its next spike, and that noise may cross a kink
 nearby; at a kink there is no slope, and a refusal.
 """

@@ -33,16 +33,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from circuits.arrays import Array, Truths
 from circuits.checks import check_number
 from circuits.declaration import transfer
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import rest, rest_rates, solve, wired
 from circuits.dynamics.wiring import Wiring, wire
 
 if TYPE_CHECKING:
-    from circuits.declaration.spec import Circuit
+    import pandas as pd
 
 SAME_NATS = 1e-12
 """What is nearer to its reference than this, in nats, is left as it is: rounding."""
@@ -54,7 +54,7 @@ SETTLED_NATS = 1e-6
 """How near to their references the rates must come for the dynamics to have settled."""
 
 
-def balanced_weight(circuit: Circuit, source: str = "STN") -> float:
+def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
     """Return the weight from a nucleus onto the read-out at which its mean does not follow cortex.
 
     Use ``Circuit.balanced`` for the circuit that has it: arguments and errors are its own.
@@ -83,8 +83,8 @@ def balanced_weight(circuit: Circuit, source: str = "STN") -> float:
 
 
 def biases(
-    circuit: Circuit,
-    reference: Circuit | None = None,
+    circuit: CircuitTable,
+    reference: CircuitTable | None = None,
     rebound_nats: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """Return the bias of each population at which all rest at the rates of a reference, nats.
@@ -113,8 +113,8 @@ def biases(
 
 
 def recovery(
-    circuit: Circuit,
-    reference: Circuit | None = None,
+    circuit: CircuitTable,
+    reference: CircuitTable | None = None,
     *,
     rebound_nats: Mapping[str, float] | None = None,
     speed: Mapping[str, float] | None = None,
@@ -174,6 +174,8 @@ def recovery(
 
 
 def _table(names: list[str], course: list[tuple[float, Array, Array]]) -> pd.DataFrame:
+    import pandas as pd  # every circuit imports this module, and few ask for the course
+
     time, hz, bias = (np.array(values) for values in zip(*course, strict=True))
     return pd.DataFrame(
         {
@@ -266,7 +268,7 @@ class _Goal:
 
 
 def _goal(
-    circuit: Circuit, reference: Circuit | None, rebound_nats: Mapping[str, float] | None
+    circuit: CircuitTable, reference: CircuitTable | None, rebound_nats: Mapping[str, float] | None
 ) -> _Goal:
     whole = _reference(circuit, reference)
     before, wiring = wired(whole), wire(circuit)
@@ -296,7 +298,7 @@ def _goal(
     return goal if held.all() else replace(goal, rates_hz=goal.with_held(held))
 
 
-def _reference(circuit: Circuit, reference: Circuit | None) -> Circuit:
+def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> CircuitTable:
     """Return the circuit before the edits; ValueError where it is not known or does not fit."""
     for row in circuit.populations:
         if row.replaced:

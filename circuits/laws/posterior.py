@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.declaration.spec import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import solve, wired
 
 STEPS = 21
@@ -15,12 +15,12 @@ BEHIND_NATS = 30.0
 """So far behind is a rival that counts for nothing."""
 
 
-def off_nats(circuit: Circuit, rivals: int | None = None) -> tuple[float, float]:
+def off_nats(circuit: CircuitTable, rivals: int | None = None) -> tuple[float, float]:
     """Return the lowest and highest of OUT less -ln P, nats, of the leader at the fixed point.
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table, its drive centred and cut as it states.
     rivals : int, optional
         So many rivals are level, all others far behind; all are level if left out.
@@ -43,7 +43,7 @@ def off_nats(circuit: Circuit, rivals: int | None = None) -> tuple[float, float]
     return float(found.min()), float(found.max())
 
 
-def _entering(circuit: Circuit, drive: Array) -> Array:
+def _entering(circuit: CircuitTable, drive: Array) -> Array:
     """Return a drive as it enters: cut at the circuit's reach and centred, if it must be."""
     if not circuit.centred:
         return drive
@@ -51,7 +51,7 @@ def _entering(circuit: Circuit, drive: Array) -> Array:
     return np.asarray(cut - cut.mean(axis=1, keepdims=True))
 
 
-def _out(circuit: Circuit, drive: Array) -> npt.NDArray[np.float64]:
+def _out(circuit: CircuitTable, drive: Array) -> npt.NDArray[np.float64]:
     """Return OUT (drives, channels) at the fixed point, nats."""
     wiring, row = wired(circuit), circuit.population(circuit.readout)
     rates = wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(row.name)]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.declaration.spec import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.wiring import Wiring
 from circuits.laws.fluctuation import FREQUENCIES_HZ, extra, linear, swept
@@ -19,13 +19,16 @@ from circuits.laws.mean_field import settled
 
 
 def rate_spectrum(
-    circuit: Circuit, name: str, frequency_hz: npt.ArrayLike, drive: npt.ArrayLike | None = None
+    circuit: CircuitTable,
+    name: str,
+    frequency_hz: npt.ArrayLike,
+    drive: npt.ArrayLike | None = None,
 ) -> Array:
     """Return the one-sided power (F,), Hz^2/Hz, of a population's rate, its channels averaged.
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table.
     name : str
         The population.
@@ -54,13 +57,13 @@ def rate_spectrum(
 
 
 def out_variance(
-    circuit: Circuit, drive: npt.ArrayLike | None = None, *, mean_ms: float = 0.0
+    circuit: CircuitTable, drive: npt.ArrayLike | None = None, *, mean_ms: float = 0.0
 ) -> dict[str, Array]:
     """Return the variance of OUT (channels,), nats^2, contributed by each population's noise.
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table.
     drive : array (channels,), nats, optional
         Held evidence; rest if left out.

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array, Complex, Index
-from circuits.declaration.spec import Circuit
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import parts, solve, wired
 from circuits.dynamics.wiring import Wiring
 
@@ -43,7 +43,7 @@ class Onset:
     frequency_hz: float
 
 
-def growth(circuit: Circuit, drive: npt.ArrayLike | None = None) -> complex:
+def growth(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> complex:
     """Return the rightmost root of the circuit linearised at its fixed point, 1/s.
 
     A disturbance grows as ``exp(real * t)`` and turns at ``imag / (2 pi)`` Hz; -inf for a circuit
@@ -51,7 +51,7 @@ def growth(circuit: Circuit, drive: npt.ArrayLike | None = None) -> complex:
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table; its delays and time constants count as they stand, without a tick.
     drive : array (channels,), nats, optional
         Evidence; rest if left out.
@@ -65,7 +65,7 @@ def growth(circuit: Circuit, drive: npt.ArrayLike | None = None) -> complex:
     return complex(found[0]) if len(found) else complex(-math.inf)
 
 
-def roots(circuit: Circuit, drive: npt.ArrayLike | None = None) -> Complex:
+def roots(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> Complex:
     """Return the roots of the circuit linearised at its fixed point, 1/s, the rightmost first.
 
     Parameters and errors are those of ``growth``; the roots that lie far to the left, where delays
@@ -78,12 +78,12 @@ def roots(circuit: Circuit, drive: npt.ArrayLike | None = None) -> Complex:
     return np.asarray(found[np.argsort(-found.real, kind="stable")])
 
 
-def is_stable(circuit: Circuit, drive: npt.ArrayLike | None = None) -> bool:
+def is_stable(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> bool:
     """Return whether the circuit returns to its fixed point after a small disturbance."""
     return growth(circuit, drive).real < 0
 
 
-def onset(circuit: Circuit) -> Onset:
+def onset(circuit: CircuitTable) -> Onset:
     """Return where the fixed point loses stability as the drive of all channels rises together.
 
     Raises
@@ -110,7 +110,7 @@ def onset(circuit: Circuit) -> Onset:
     return Onset(math.inf, math.nan)
 
 
-def ringing(circuit: Circuit, drive: npt.ArrayLike | None = None) -> tuple[float, float]:
+def ringing(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> tuple[float, float]:
     """Return the largest amplification of fluctuations by the loops, and its frequency, Hz.
 
     The largest of ``1 / |det(1 - L)|`` from 1 to 100 Hz at the fixed point, L what goes once round
@@ -118,7 +118,7 @@ def ringing(circuit: Circuit, drive: npt.ArrayLike | None = None) -> tuple[float
 
     Parameters
     ----------
-    circuit : Circuit
+    circuit : CircuitTable
         The table.
     drive : array (channels,), nats, optional
         Held evidence; rest if left out.
@@ -144,7 +144,7 @@ def ringing(circuit: Circuit, drive: npt.ArrayLike | None = None) -> tuple[float
     return math.inf if unstable else float(1 / np.abs(left[most])), float(RINGING_HZ[most])
 
 
-def stability_limit_nats(circuit: Circuit) -> float:
+def stability_limit_nats(circuit: CircuitTable) -> float:
     """Return the S above which the circuit oscillates, nats; see ``onset``."""
     return onset(circuit).total_nats
 

@@ -1,12 +1,14 @@
 """Drives, tables and states that several modules of `circuits` are tried on."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table_files import digest
 from circuits.dynamics import fixed_point
 from circuits.engines import run
@@ -35,9 +37,14 @@ def state(circuit):
     return wiring, settled(wiring, silence, fixed_point.solve(wiring, silence))[0]
 
 
-def run_rate(circuit, drive, **options):
-    """Run the table's rates without noise."""
-    return run(circuit, drive, engine="rate", **options)
+def run_algebra(circuit, drive, step_ms=1.0, **options):
+    """Solve the table for each reading."""
+    return run(circuit, drive, engine="algebra", step_ms=step_ms, **options)
+
+
+run_rate, run_ensemble, run_brian2, run_plain = (
+    partial(run, engine=name) for name in ("rate", "ensemble", "brian2", "plain")
+)
 
 
 def hashes(name):

@@ -3,18 +3,20 @@
 import warnings
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.special import logsumexp
 
 from circuits import anatomy
 from circuits.activity import checked_drive, total_nats, warn_beyond_range
 from circuits.cells import Phase
-from circuits.declaration.spec import Circuit, Population
-from circuits.engines import algebra
-from circuits.engines.ensemble import run as ensemble
-from circuits.laws.response import phase_spectrum
-from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_rate
+from circuits.cells.phase import phase_spectrum
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population
+from circuits.engines import run
+from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_algebra, run_ensemble, run_rate
 
 
 def test_total_is_the_log_of_the_sum():
@@ -26,7 +28,7 @@ def test_total_is_the_log_of_the_sum():
 def test_rates_decode_to_the_activity_they_stand_for():
     circuit = anatomy.bogacz_gurney(4)
     drive = evidence(4)
-    activity = algebra.run(circuit, drive[:, None])
+    activity = run_algebra(circuit, drive[:, None])
     s = total_nats(circuit, drive)
     assert np.abs(activity.decoded_nats("STN").sum(axis=2)[:, 0] - s).max() < CLOSE
     assert np.abs(activity.decoded_nats("GPe")[:, 0, 0] - (s - np.log(s))).max() < CLOSE
@@ -39,7 +41,7 @@ def test_rates_decode_to_the_activity_they_stand_for():
 
 
 def test_an_activity_is_one_line_and_in_a_notebook_its_mean_rates():
-    activity = algebra.run(anatomy.bogacz_gurney(4), evidence(4)[:3, None])
+    activity = run_algebra(anatomy.bogacz_gurney(4), evidence(4)[:3, None])
     said = repr(activity)
     assert said.startswith("Activity(bogacz_gurney on algebra: 3 trials x 1 ticks x 4 channels, ")
     assert f"mean OUT {activity.output_nats.mean():.3g} nats" in said
@@ -55,7 +57,7 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
     row = Population("source", Phase(1.0), hz, 1.0, neurons=cells)
     alone = Circuit("alone", (row,), (), 2, input="source", readout="source")
     alone = replace(alone, reference_nats=np.log(2))
-    found = ensemble.run(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
+    found = run_ensemble(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
     frequency, power = found.spectrum("source", from_ms=500)
     assert frequency[1] == 1  # Hz: a segment is a second unless told otherwise
     inside = (frequency > 5) & (frequency < 480)
@@ -83,7 +85,7 @@ def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
     ],
 )
 def test_a_drive_that_does_not_fit_is_refused(circuit, drive, message):
-    for engine in (checked_drive, algebra.run, lambda *a: run_rate(*a, step_ms=1)):
+    for engine in (checked_drive, run_algebra, lambda *a: run_rate(*a, step_ms=1)):
         with pytest.raises(ValueError, match=message):
             engine(circuit, drive)
 
@@ -99,3 +101,43 @@ def test_a_circuit_in_saliences_says_between_which_inputs_it_works():
         said = f"the input runs from {rest + drive[0]:.2f} to {rest + drive[1]:.2f} salience"
         with pytest.warns(UserWarning, match=said):
             warn_beyond_range(circuit, np.array(drive))
+
+
+@pytest.fixture
+def activity():
+    drive = np.zeros((2, 3, 2))
+    return run(anatomy.spiking_msprt(), drive, engine="rate", step_ms=20.0)
+
+
+def test_rates_are_drawn_a_panel_per_nucleus_and_a_line_per_channel(activity):
+    axes = activity.plot(1)
+    assert len(axes) == len(activity.circuit.populations)
+    drawn = dict(zip(activity.rates_hz, axes, strict=True))
+    assert len(drawn["STN"].lines) == 2
+    assert (drawn["STN"].lines[1].get_ydata() == activity.rates_hz["STN"][1, :, 1]).all()
+    again = activity.plot(0, axes)
+    assert (again == axes).all()
+    plt.close(axes[0].figure)
+
+
+def test_what_cannot_be_drawn_is_said(activity):
+    with pytest.raises(ValueError, match=r"trial must lie in 0\.\.1, got 2"):
+        activity.plot(2)
+    with pytest.raises(ValueError, match="kept no rates"):
+        replace(activity, rates_hz={}).plot(0)
+    with pytest.raises(ValueError, match="ax must be 7 Axes, one per panel, got 1"):
+        activity.plot(0, Figure().subplots())
+
+
+def test_labelled_arrays_hold_what_the_activity_holds():
+    circuit = anatomy.spiking_msprt(3)
+    activity = run_rate(circuit, evidence(3)[:2, None], step_ms=20.0)
+    found = activity.to_xarray()
+    assert np.array_equal(found.output, activity.output_nats)
+    one = found.rate_hz.sel(nucleus="STN", channel=2, trial=1)
+    assert np.array_equal(one, activity.rates_hz["STN"][1, :, 2])
+    pooled = next(row.name for row in circuit.populations if row.pooled)
+    for channel in range(3):
+        rate = found.rate_hz.sel(nucleus=pooled, channel=channel)
+        assert np.array_equal(rate, activity.rates_hz[pooled][:, :, 0])
+    assert "rate_hz" not in replace(activity, rates_hz={}).to_xarray()

@@ -13,7 +13,7 @@ from bgmodel.cli import main, parsed
 from bgmodel.integrators.basal_ganglia import rest_out
 from bgmodel.support import toml_files
 from circuits import anatomy
-from circuits.declaration.spec import Course
+from circuits.declaration.courses import Course
 from circuits.edit_lists import Edits, written
 
 TABLE = anatomy.spiking_msprt()

@@ -7,8 +7,8 @@ import pytest
 
 from circuits import anatomy
 from circuits.engines import run
-from circuits.engines.ensemble import run as ensemble
 from circuits.nwb import write_nwb
+from tests.circuits.helpers import run_ensemble
 
 
 def test_a_file_of_recordings_reads_back_as_the_activity(tmp_path):
@@ -16,7 +16,7 @@ def test_a_file_of_recordings_reads_back_as_the_activity(tmp_path):
     from circuits.nwb import write_nwb
 
     circuit = anatomy.spiking_msprt().with_neurons(20)
-    activity = ensemble.run(
+    activity = run_ensemble(
         circuit, np.zeros((2, 1, 2)), step_ms=50, seed=1, settle_ms=10, spikes=("STN", "GPe")
     )
     for _ in range(2):

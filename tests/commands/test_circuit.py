@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.comparison import steady
+from bgmodel.integrators import steady
 from bgmodel.support.files import read_provenance
 from tests.helpers import long_table, run, some_evidence
 

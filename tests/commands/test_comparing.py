@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands.names import MACAQUE
+from bgmodel.names import MACAQUE
 from bgmodel.support.files import provenance_path
 from circuits.anatomy import DEFAULT
 from tests.helpers import run
@@ -36,8 +36,8 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, capsys, monkeypa
     def stop(*given, **named):
         raise ValueError("started")
 
-    monkeypatch.setattr("bgmodel.comparison.circuits.compare_with_msprt", stop)
-    monkeypatch.setattr("bgmodel.comparison.circuits.compare_edits", stop)
+    monkeypatch.setattr("bgmodel.comparison.compare.compare", stop)
+    monkeypatch.setattr("bgmodel.comparison.edited.compare_edits", stop)
     for command, what in ((("compare",), "comparing"), (("circuit", "lesion"), "lesioning")):
         assert run(*command, tmp_path / "a.csv", "--channels", 4) == 2
         said = capsys.readouterr().err

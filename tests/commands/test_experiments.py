@@ -240,7 +240,7 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsy
     assert trials["trial"][:120].tolist() == [f"id{n}" for n in range(120)]
     # The file is looked for beside the one that names it, wherever the command is called.
     experiment_file.write_text(experiment_file.read_text().replace(str(mine), "mine.csv"))
-    assert Experiment.from_toml(experiment_file).trials().evidence.trials == 120
+    assert Experiment.from_toml(experiment_file).given().evidence.trials == 120
     # Whatever is forced, what an experiment was made from is not written over.
     before = mine.read_bytes()
     for out in (mine, mine.with_name("mine")):
@@ -294,7 +294,7 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(
     files = [tmp_path / f"{name}.csv" for name in "abc"]
     assert run("experiment", experiment_file, files[0], "--workers", 1) == 0
     assert run("experiment", experiment_file, files[1], "--workers", 3) == 0
-    bridge, runner = "integrators.basal_ganglia", "experiments.experiment"
+    bridge, runner = "integrators.basal_ganglia", "integrators.deciding"
     for name in (f"{bridge}.BATCH", f"{bridge}.WIDE_BATCH", f"{runner}.BATCH"):
         monkeypatch.setattr(f"bgmodel.{name}", 37)
     assert run("experiment", experiment_file, files[2], "--workers", 2) == 0

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from bgmodel import Msprt, stream
+from bgmodel import BasalGanglia, Msprt, stream
 from bgmodel.comparison.cautions import ceiling, warn_of_ceiling, warn_of_own_ceiling
-from bgmodel.comparison.with_msprt import compare
+from bgmodel.comparison.compare import compare
 from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
@@ -123,8 +123,9 @@ def test_few_trials_show_no_miscalibration():
 
 def test_a_comparison_says_what_is_out_of_reach_before_it_runs():
     evidence = scaled(drawn(400, 8), 2.0)
+    model = BasalGanglia("spiking_msprt", "algebra", 0.5)
     with pytest.warns(UserWarning, match="no threshold reaches an accuracy of 0.999") as found:
-        compare("spiking_msprt", evidence, seed=1, engine="algebra", accuracies=(0.8, 0.999))
+        compare(model, evidence, accuracies=(0.8, 0.999))
     assert any("the evidence is too sure" in str(one.message) for one in found)
 
 

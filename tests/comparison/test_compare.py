@@ -1,314 +1,67 @@
-"""Comparison of two integrators: what is known exactly, and what must fail."""
+"""One call: the same table as that of its parts, for a circuit as it is or edited."""
 
-from dataclasses import replace
+import subprocess
+import sys
 
-import numpy as np
+import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
-from bgmodel import Msprt, stream
-from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled, shown
-from bgmodel.comparison.compare import _matched, compare, equivalent, latency
-from bgmodel.deciding.decision import Trace
-from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, margin, reads_nothing, tradeoff
+import bgmodel
+from bgmodel import BasalGanglia, compare, stream
 from bgmodel.evidence import separated_evidence
-from bgmodel.integrators.rivals import MaxVsAverage, Race
+from circuits.anatomy import load_circuit
 
-EVIDENCE = separated_evidence(800, 60, 0.5, rng=stream(1, "comparison"), hypotheses=4, step_ms=50.0)
-TRACE = Msprt().run(EVIDENCE)
-TEST = tradeoff(TRACE, EVIDENCE)
-
-
-def measured(other, **options):
-    given = {"rng": stream(2, "bootstrap"), "truth": EVIDENCE.truth, "resamples": 200} | options
-    return compare(TEST, other, **given)
+EVIDENCE = separated_evidence(120, 40, 1.0, rng=stream(4, "one call"), step_ms=50.0)
+GIVEN = {"seed": 3, "accuracies": (0.9,), "resamples": 50}
 
 
-def value(table, measure, accuracy=None, column="value"):
-    rows = table[table["measure"] == measure]
-    rows = rows[rows["accuracy"] == accuracy] if accuracy else rows
-    return rows[column].iloc[0]
+def test_a_model_and_a_circuit_that_runs_as_this_model_are_compared_alike():
+    edited = load_circuit("spiking_msprt").scale("D1", "SNr", 0.95)
+    found = compare(edited, EVIDENCE, **GIVEN)
+    again = compare(BasalGanglia(edited, "population", seed=3), EVIDENCE, **GIVEN)
+    pd.testing.assert_frame_equal(found.table, again.table)
+    assert set(found.table["model"]) == {"circuit", "cortical decoder"}
+    whole = compare("spiking_msprt", EVIDENCE, **GIVEN)
+    assert not whole.table.equals(found.table)
 
 
-def test_a_test_agrees_with_itself():
-    table = measured(TEST)
-    for measure, wanted in {
-        "agreement": 1, "error_agreement": 1, "pearson_r": 1, "spearman_r": 1, "within_50_ms": 1,
-        "residual_sd_ms": 0, "extra_ms": 0, "offset_ms": 0, "slope": 0, "accuracy_gap": 0,
-    }.items():  # fmt: skip
-        for column in ("value", "low", "high"):
-            found = table.loc[table["measure"] == measure, column]
-            np.testing.assert_allclose(found, wanted, atol=1e-7, err_msg=measure)
-    assert equivalent(table).all()
-
-
-def test_a_delay_is_an_offset_and_nothing_else():
-    """Less than a reading, so that no more is known when it decides."""
-    late = tradeoff(replace(TRACE, time_ms=TRACE.time_ms + 40.0), EVIDENCE, TEST.settings)
-    table = measured(late)
-    assert value(table, "offset_ms") == pytest.approx(40, abs=1e-6)
-    assert value(table, "slope") == pytest.approx(0, abs=1e-8)
-    assert value(table, "extra_ms", 0.95) == pytest.approx(40, abs=1e-6)
-    assert value(table, "pearson_r", 0.95) == pytest.approx(1)
-    assert equivalent(table).all()
-    # Unless it is said to be decision time.
-    assert (measured(late, latency_ms=0.0).query("measure == 'accuracy_gap'")["high"] < 0).all()
-
-
-def test_times_that_are_stretched_show_as_a_slope():
-    slow = replace(TRACE, time_ms=TRACE.time_ms * 1.1)
-    table = measured(replace(tradeoff(slow, EVIDENCE, TEST.settings), posterior=TEST.posterior))
-    assert value(table, "slope") == pytest.approx(0.1, abs=1e-8)
-    assert value(table, "offset_ms") == pytest.approx(0, abs=1e-5)
-
-
-def test_a_monotone_function_of_the_test_is_the_test():
-    squared = tradeoff(Trace(TRACE.out_nats**3, TRACE.time_ms, 0.0, 50.0), EVIDENCE)
-    table = measured(squared)
-    assert value(table, "agreement", 0.95) > 0.995
-    assert equivalent(table).all()
-
-
-def test_rivals_differ_as_they_must():
-    """Negative controls: less efficient at N = 4, the intervals clear of zero."""
-    for rival in (Race(), MaxVsAverage()):
-        table = measured(tradeoff(rival.run(EVIDENCE), EVIDENCE), latency_ms=0.0)
-        assert value(table, "accuracy_gap", 0.95, "high") < -0.01
-        assert value(table, "extra_ms", 0.95, "low") > 0
-        assert not equivalent(table).any()
-
-
-@pytest.mark.parametrize("kind", ["sign", "shuffled"])
-def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
-    """Negative controls: an accuracy that is not reached gives no figure, and no interval."""
-    values = EVIDENCE.log_likelihood
-    wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
-    swept = tradeoff(Msprt().run(wrong), EVIDENCE)
-    assert swept.posterior.mean(axis=1).max() < 0.5
-    table = measured(swept)
-    assert table[["value", "low", "high"]].isna().all(axis=None)
-    assert not equivalent(table).any()
-
-
-def test_extra_time_and_its_interval_do_not_hang_on_the_grid():
-    """A delay of 40 ms on a coarse grid of thresholds: the value and its interval hold 40."""
-    late = replace(TRACE, time_ms=TRACE.time_ms + 40.0)
-    table = measured(tradeoff(late, EVIDENCE, np.geomspace(1.2, 0.005, 120)))
-    for accuracy in (0.90, 0.95, 0.97):
-        assert value(table, "extra_ms", accuracy) == pytest.approx(40, abs=4)
-        ends = [value(table, "extra_ms", accuracy, column) for column in ("low", "high")]
-        assert ends[0] - 1 <= 40 <= ends[1] + 1
-
-
-def test_expected_accuracy_is_the_counted_one_with_a_smaller_error():
-    """A martingale: the mean posterior of what is chosen is the accuracy, whatever chooses."""
-    for integrator in (Msprt(), Race()):
-        swept = tradeoff(integrator.run(EVIDENCE), EVIDENCE)
-        counted = (swept.choice == EVIDENCE.truth).mean(axis=1)
-        expected = swept.posterior.mean(axis=1)
-        error = np.sqrt(expected * (1 - expected) / EVIDENCE.trials)
-        assert (np.abs(counted - expected) < 4 * error + 1e-9).all()
-    k = np.argmin(np.abs(TEST.posterior.mean(axis=1) - 0.9))
-    assert TEST.posterior[k].std() < 0.3 * np.sqrt(0.9 * 0.1)
-
-
-def test_the_interval_of_a_proportion_is_the_binomial_one():
-    rng = stream(3, "noise")
-    noisy = Trace(TRACE.out_nats + rng.normal(0, 0.5, TRACE.out_nats.shape), TRACE.time_ms, 0, 50.0)
-    table = measured(tradeoff(noisy, EVIDENCE), resamples=2000)
-    p = value(table, "agreement", 0.9)
-    width = value(table, "agreement", 0.9, "high") - value(table, "agreement", 0.9, "low")
-    assert width == pytest.approx(2 * 1.96 * np.sqrt(p * (1 - p) / 800), rel=0.15)
-
-
-def test_a_difference_has_an_interval_of_its_own():
-    race = tradeoff(Race().run(EVIDENCE), EVIDENCE)
-    assert (measured(race, minus=race)["value"] == 0).all()
-    table = measured(race, minus=TEST)
-    assert value(table, "agreement", 0.95) == value(measured(race), "agreement", 0.95) - 1
-    assert value(table, "extra_ms", 0.95, "low") > 0
-
-
-def test_without_a_truth_all_but_the_errors_is_known():
-    table = measured(TEST, truth=None)
-    assert {"agreement", "accuracy_gap"} <= set(table["measure"])
-    assert not {"accuracy", "error_agreement"} & set(table["measure"])
-
-
-def test_thresholds_fall_and_accuracy_rises():
-    accuracy, time = curve(TEST, np.ones((1, 800)))
-    assert (np.diff(TEST.settings) < 0).all()
-    assert (np.diff(accuracy) >= 0).all()
-    assert (np.diff(time) >= 0).all()
-    assert abs(TEST.posterior[TEST.settings == TEST.setting(0.9)].mean() - 0.9) < 0.01
-    assert len(levels(TRACE, 50)) <= 50
-
-
-def test_parts_join_to_the_whole():
-    parts = [tradeoff(Msprt().run(EVIDENCE[s]), EVIDENCE[s], TEST.settings)
-             for s in (slice(0, 300), slice(300, 800))]  # fmt: skip
-    joined = parts[0] + parts[1]
-    for name in ("choice", "time_ms", "forced", "premature", "posterior"):
-        assert np.array_equal(getattr(joined, name), getattr(TEST, name)), name
-    with pytest.raises(ValueError, match="over the same settings"):
-        parts[0] + tradeoff(TRACE, EVIDENCE, [0.1, 0.2])
-
-
-def test_bad_input_is_refused():
-    few = tradeoff(Msprt().run(EVIDENCE[:50]), EVIDENCE[:50])
-    with pytest.raises(ValueError, match="the same trials must be compared, got 800 and 50"):
-        measured(few)
-    with pytest.raises(ValueError, match="an interval needs 100 trials or more, got 50"):
-        compare(few, few, rng=stream(1, "x"))
-    with pytest.raises(ValueError, match="an interval needs 100 trials or more, got 99"):
-        check_trials(99)
-    check_trials(100)
-
-
-def test_an_accuracy_is_reached_within_a_share_of_the_errors_that_it_leaves():
-    assert margin(0.8) == 0.01
-    assert margin(0.9) == pytest.approx(0.01)
-    assert margin(0.98) == pytest.approx(0.002)
-    reached = curve(TEST, np.ones((1, 800)))[0][0]
-    # None of its thresholds gives more than .974: .98 is .006 away, and leaves .02 of errors.
-    some = TEST.at(reached < 0.974)
-    found = measured(some, accuracies=(0.9, 0.98)).set_index(["accuracy", "measure"])["value"]
-    assert found[0.9, "agreement"] == 1
-    assert np.isnan(found[0.98, "agreement"])
-
-
-def staircase(reached, name):
-    """Return 100 trials: the k-th setting has the k-th expected accuracy and a mean of 100 k ms."""
-    shape = len(reached), 100
-    noise = stream(4, name).normal(0, 10, shape)
-    times = 100.0 * np.arange(shape[0])[:, None] + noise - noise.mean(axis=1, keepdims=True)
-    none, settings = np.zeros(shape, dtype=bool), np.linspace(2, 1, shape[0])
-    posterior = np.broadcast_to(np.asarray(reached)[:, None], shape)
-    return Tradeoff(settings, np.zeros(shape, dtype=int), times, none, none, posterior)
-
-
-def test_others_are_matched_to_what_the_test_reaches_not_to_what_was_asked_for():
-    """Asked for 0.9 the test reaches 0.892: its nearest is 0.893 of one and 0.8915 of another."""
-    test = staircase([0.80, 0.87, 0.892, 0.96], "test")
-    other = staircase([0.85, 0.893, 0.9001, 0.95], "other")
-    again = staircase([0.84, 0.88, 0.8915, 0.8932, 0.9, 0.95], "again")
-    again.time_ms[2] = other.time_ms[1]
-    found = compare(
-        test, other, again=again, rng=stream(1, "b"), accuracies=(0.9,), resamples=20
-    ).set_index("measure")["value"]
-    assert found["test_ms"] == pytest.approx(200)
-    assert found["threshold"] == other.settings[1]
-    # The other with itself, at the setting where both have the same times.
-    assert found["pearson_r_of_ceiling"] == pytest.approx(found["pearson_r"])
-
-
-@given(st.lists(arrays(float, st.integers(1, 9), elements=st.floats(0.5, 1)), min_size=1))
-def test_a_match_is_the_nearest_there_is(reached):
-    at = _matched(reached, 0.9)
-    of_test = reached[0][at[0]]
-    for k, one, wanted in zip(at, reached, [0.9, *[of_test] * (len(at) - 1)], strict=True):
-        assert abs(one[k] - wanted) == min(abs(one - wanted))
-
-
-def test_trials_that_are_alike_in_a_group_make_the_interval_wider():
-    """Four copies of each trial tell no more than one: the interval doubles."""
-    rng = stream(5, "noise")
-    noisy = Trace(TRACE.out_nats + rng.normal(0, 0.5, TRACE.out_nats.shape), TRACE.time_ms, 0, 50.0)
-    four = np.arange(800) // 4
-    both = [tradeoff(one, EVIDENCE) for one in (TRACE, noisy)]
-    names = ("choice", "time_ms", "forced", "premature", "posterior")
-    alike = [replace(o, **{name: getattr(o, name)[:, 4 * four] for name in names}) for o in both]
-    wide, narrow = (
-        compare(
-            *alike, rng=stream(2, "b"), truth=EVIDENCE.truth[4 * four], accuracies=(0.9,), groups=g
-        )
-        for g in (four, None)
-    )
-    widths = [value(t, "agreement", 0.9, "high") - value(t, "agreement", 0.9, "low")
-              for t in (wide, narrow)]  # fmt: skip
-    assert widths[0] == pytest.approx(2 * widths[1], rel=0.2)
-    assert value(wide, "agreement", 0.9) == value(narrow, "agreement", 0.9)
-
-
-def test_a_group_of_one_trial_each_is_no_group():
-    alone, each = (resampled(50, 20, stream(1, "g"), g) for g in (None, np.arange(50)))
-    assert np.array_equal(alone, each)
-    # Two groups are enough: each trial of one is drawn as often as the others of it.
-    two = resampled(4, 30, stream(1, "g"), ["a", "a", "b", "b"])
-    assert np.array_equal(two[:, [0, 2]], two[:, [1, 3]])
-    assert set(two[1:, 0]) == {0, 1, 2}
-    with pytest.raises(ValueError, match="groups must be one per trial"):
-        resampled(50, 20, stream(1, "g"), np.arange(40))
-    with pytest.raises(ValueError, match="groups must be two or more for an interval, got 1"):
-        resampled(50, 20, stream(1, "g"), np.zeros(50))
-
-
-def test_a_circuit_reads_nothing_if_most_responses_come_within_half_a_second_of_rest():
-    """At a constant hazard half a second, twice over, is survived by (1 - p)^2 of the trials."""
-    assert [reads_nothing(0, p, 500.0) for p in (0.49, 0.51)] == [False, True]
-    for p in (0.48, 0.52):
-        assert reads_nothing(0, 1 - (1 - p) ** 2, 1000.0) == (p > 0.5)
-        assert reads_nothing(0, 1 - np.sqrt(1 - p), 250.0) == (p > 0.5)
-    # Either share is enough, and half is not most.
-    assert [reads_nothing(p, 0.0, 500.0) for p in (0.5, 0.51)] == [False, True]
-
-
-@pytest.mark.parametrize(("share", "most"), [(0.45, False), (0.5, False), (0.55, True)])
-def test_early_and_forced_decisions_count_in_more_than_half_of_the_trials(share, most):
-    """If most are decided before the first reading or by the deadline, nothing is compared."""
-    some = np.broadcast_to(np.arange(800) < 800 * share, TEST.forced.shape)
-    early = replace(TEST, premature=some)
-    assert (early.without_evidence == most).all()
-    for pair in ((TEST, replace(TEST, forced=some)), (replace(TEST, forced=some), TEST)):
-        table = compare(*pair, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
-        assert np.isnan(value(table, "agreement", 0.9)) == most
-
-
-def test_an_interval_leaves_a_fortieth_of_its_resamples_on_either_side():
-    values = np.concatenate([[7.0], np.linspace(0, 1, 1001)])
-    assert interval(values) == pytest.approx((7, 0.025, 0.975))
-
-
-def test_an_interval_is_known_where_the_value_is_and_all_but_a_twentieth_of_its_resamples():
-    values = np.concatenate([[7.0], np.linspace(0, 1, 1000)])
-    for unknown, known in ((40, True), (60, False)):
-        some = values.copy()
-        some[1 : 1 + unknown] = np.nan
-        assert interval(some)[0] == 7
-        assert np.isfinite(interval(some)[1:]).tolist() == [known, known]
-    values[0] = np.nan
-    assert np.isnan(interval(values)).all()
-
-
-def test_a_number_that_is_not_known_is_said_to_be_so():
-    assert shown(1.25, 1.0, 1.5, ".2f") == "1.25 [1.00, 1.50]"
-    assert shown(np.nan, 1.0, 1.5, ".2f") == "unknown"
-    for ends in ((np.nan, 1.5), (1.0, np.nan), (np.nan, np.nan)):
-        assert shown(1.25, *ends, ".2f") == "1.25 [unknown]"
-
-
-def test_the_latency_is_that_of_accuracies_from_85_to_98_per_cent_and_of_no_others():
-    """A line through times outside says nothing, and one through the ends does."""
-    accuracy = np.linspace(0.7, 0.999, 2991)[None]
-    test = accuracy, 5000 * (accuracy - 0.7)
-
-    def late_by(extra_ms):
-        offset, slope = latency(test, (accuracy, test[1] + extra_ms))
-        return float(offset[0]), float(slope[0])
-
-    inside = (accuracy > 0.8495) & (accuracy < 0.9805)
-    assert late_by(np.where(inside, 40.0, 400.0)) == pytest.approx((40, 0), abs=1e-6)
-    for end in (0.85, 0.98):
-        bent = np.where(np.abs(accuracy - end) < 0.0005, 60.0, 40.0)
-        assert abs(late_by(bent)[1]) > 1e-3
+def test_a_comparison_is_a_short_table_a_long_one_and_a_picture():
+    found = compare("spiking_msprt", EVIDENCE, rivals="race", **GIVEN)
+    short = found.summary()
+    assert list(short["accuracy"].unique()) == [0.9]
+    assert {"agreement", "extra_ms", "accuracy_gap"} <= set(short)
+    assert len(short) == len(found.table.drop_duplicates(["model", "reference"]))
+    assert found.to_dataframe() is found.table
+    assert "agreement" in repr(found)
+    labels = [line.get_label() for line in found.plot().get_lines()]
+    assert {"MSPRT", "MSPRT at its gain", "circuit", "race"} <= set(labels)
 
 
 @pytest.mark.parametrize(
-    ("resamples", "groups", "warned"),
-    [(99, None, 1), (100, None, 0), (1000, np.arange(40) % 9, 1), (1000, np.arange(40) % 10, 0)],
+    ("given", "says"),
+    [
+        ({"rivals": ["ddm"]}, "rivals must be among race, LCA"),
+    ],
 )
-def test_intervals_from_few_resamples_or_groups_are_warned_of(resamples, groups, warned, recwarn):
-    check_resamples(resamples, groups)
-    assert len(recwarn) == warned
+def test_what_is_unknown_is_refused_in_one_sentence(given, says):
+    with pytest.raises(ValueError, match=says):
+        compare("spiking_msprt", EVIDENCE, **{**GIVEN, **given})
+
+
+def test_a_circuit_of_other_channels_is_refused():
+    with pytest.raises(ValueError, match="2 hypotheses, spiking_msprt has 3 channels"):
+        compare(load_circuit("spiking_msprt", 3), EVIDENCE, **GIVEN)
+
+
+def test_the_package_offers_its_lazy_names_and_loads_them_where_they_are_used():
+    assert {"compare", "BasalGanglia"} <= set(bgmodel.__all__) <= set(dir(bgmodel))
+    code = (
+        "import sys, bgmodel\n"
+        "assert 'pandas' not in sys.modules and 'circuits.circuit' not in sys.modules\n"
+        "dir(bgmodel)\n"
+        "assert 'pandas' not in sys.modules\n"
+        "from bgmodel import BasalGanglia\n"
+        "assert 'circuits.circuit' in sys.modules\n"
+        "assert not hasattr(bgmodel, 'nothing')\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

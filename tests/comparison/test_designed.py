@@ -34,6 +34,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.rivals import MaxVsAverage, MaxVsNext
 from bgmodel.integrators.sprt import Msprt
 from circuits import anatomy
+from circuits.engines import Population
 from circuits.laws.controls import linear_stn
 
 OF_RIVALS = {
@@ -139,15 +140,15 @@ def test_a_gpr_circuit_works_in_its_own_unit_and_follows_max_vs_average():
 
 @pytest.mark.parametrize("leader", [1, 3])
 @pytest.mark.parametrize(
-    ("table", "engine", "options"),
+    ("table", "engine"),
     [
-        ("bogacz_gurney", "algebra", {}),
-        ("macaque", "algebra", {}),
-        ("macaque", "population", {"noise": False, "rates": False}),
+        ("bogacz_gurney", "algebra"),
+        ("macaque", "algebra"),
+        ("macaque", Population(noise=False, rates=False)),
     ],
 )
-def test_relabelling_channels_changes_nothing(table, engine, options, leader):
-    model = BasalGanglia(anatomy.CIRCUITS[table](4), engine, 0.5, 1, options)
+def test_relabelling_channels_changes_nothing(table, engine, leader):
+    model = BasalGanglia(anatomy.CIRCUITS[table](4), engine, 0.5, 1)
     one, other = (designed_circuit(model, [0.25], leader=k)["value"] for k in (0, leader))
     np.testing.assert_allclose(other, one, atol=0.02)
 
@@ -159,8 +160,7 @@ def test_the_gain_of_a_circuit_in_nats_changes_nothing():
 
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 def test_the_circuits_follow_the_msprt_by_populations(name):
-    options = {"rates": False}
-    model = BasalGanglia(anatomy.CIRCUITS[name](4), "population", 0.5, 7, options)
+    model = BasalGanglia(anatomy.CIRCUITS[name](4), Population(rates=False), 0.5, 7)
     found = designed_circuit(model, THRESHOLDS, trials=100)
     assert outcomes(found) == {MSPRT: FOLLOWS, **dict.fromkeys(UNABLE, APART)}
     assert (found["right"] > 0.95).all()
@@ -170,7 +170,7 @@ def test_the_circuits_follow_the_msprt_by_populations(name):
 
 
 def test_noise_is_the_same_in_all_designs_and_its_interval_shrinks_with_trials():
-    model = BasalGanglia(anatomy.macaque(4), "population", 0.5, 7, {"rates": False})
+    model = BasalGanglia(anatomy.macaque(4), Population(rates=False), 0.5, 7)
     few, many = (designed_circuit(model, [0.25], trials=n) for n in (20, 180))
     ratio = (few["high"] - few["low"])[few["held"] != ""].mean()
     ratio /= (many["high"] - many["low"])[many["held"] != ""].mean()

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from bgmodel import stream
 from bgmodel.bootstrap import interval, resampled
 from bgmodel.comparison.pairs import (
-    Choices,
     NearInTime,
     Product,
     SameChoice,
     by_chance,
     side_by_side,
 )
+from bgmodel.deciding.tradeoff import ChoicesAndTimes
 
 SHARES = ("agreement", "error_agreement", "within_50_ms")
 
@@ -25,7 +25,7 @@ def drawn(trials, seed=1, hypotheses=3, accuracy=0.85):
     truth = rng.integers(hypotheses, size=trials)
     choice = np.where(rng.random(trials) < accuracy, truth, rng.integers(hypotheses, size=trials))
     time_ms = rng.integers(0, 30, trials) * 20.0 + 300 * (truth == 1)
-    return Choices(choice, time_ms), truth
+    return ChoicesAndTimes(choice, time_ms), truth
 
 
 @given(st.integers(0, 2**31), st.integers(3, 14))
@@ -74,7 +74,7 @@ def test_a_shuffled_copy_agrees_beyond_chance_in_nothing():
         for value in np.unique(truth):
             here = np.flatnonzero(truth == value)
             order[here] = stream(3, "shuffled", value, k).permutation(here)
-        shuffled = Choices(test.choice[order], test.time_ms[order])
+        shuffled = ChoicesAndTimes(test.choice[order], test.time_ms[order])
         found = side_by_side(test, shuffled, truth, weights)
         found["pearson_r_corrected"] = found["pearson_r"] - found["pearson_r_chance"]
         for name in inside:
@@ -92,8 +92,8 @@ def test_names_of_hypotheses_mean_nothing():
     named = np.array([2, 0, 1])
     found = side_by_side(test, other, truth, weights)
     renamed = side_by_side(
-        Choices(named[test.choice], test.time_ms),
-        Choices(named[other.choice], other.time_ms),
+        ChoicesAndTimes(named[test.choice], test.time_ms),
+        ChoicesAndTimes(named[other.choice], other.time_ms),
         named[truth],
         weights,
     )
@@ -104,7 +104,7 @@ def test_names_of_hypotheses_mean_nothing():
 def test_without_a_truth_all_trials_are_shuffled():
     """Two alternatives, each chosen in half of the trials: agreement by chance is a half."""
     choice = np.arange(2000) % 2
-    one = Choices(choice, np.arange(2000.0))
+    one = ChoicesAndTimes(choice, np.arange(2000.0))
     unknown = side_by_side(one, one, None, np.ones((1, 2000)))
     assert unknown["agreement_chance"][0] == pytest.approx(0.5, abs=1e-3)
     known = side_by_side(one, one, choice, np.ones((1, 2000)))
@@ -118,7 +118,7 @@ def test_r_by_its_ceiling_is_that_without_noise():
     exact = rng.normal(0, 1, 20_000)
     noisy, again = exact + rng.normal(0, 0.7, (2, 20_000))
     choice = np.zeros(20_000, dtype=int)
-    one, two, three = (Choices(choice, values) for values in (exact, noisy, again))
+    one, two, three = (ChoicesAndTimes(choice, values) for values in (exact, noisy, again))
     found = side_by_side(one, two, None, np.ones((1, 20_000)), again=three)
     assert found["pearson_r"][0] == pytest.approx(np.sqrt(1 / 1.49), abs=0.01)
     assert found["pearson_r_of_ceiling"][0] == pytest.approx(1, abs=0.01)
@@ -126,8 +126,8 @@ def test_r_by_its_ceiling_is_that_without_noise():
 
 def test_accuracies_and_times_are_counted_with_the_weights_of_trials():
     truth = np.array([0, 1, 1, 0])
-    test = Choices(np.array([0, 1, 0, 1]), np.array([10.0, 20, 30, 60]))
-    other = Choices(np.array([0, 1, 1, 1]), np.array([15.0, 25, 35, 75]))
+    test = ChoicesAndTimes(np.array([0, 1, 0, 1]), np.array([10.0, 20, 30, 60]))
+    other = ChoicesAndTimes(np.array([0, 1, 1, 1]), np.array([15.0, 25, 35, 75]))
     weights = np.array([[1.0, 1, 1, 1], [3, 0, 0, 1]])
     found = side_by_side(test, other, truth, weights)
     assert found["test_accuracy"].tolist() == [0.5, 0.75]

@@ -307,7 +307,7 @@ def test_a_trial_that_was_dropped_is_not_decided_below_its_drop():
     assert np.isnan(trace.out_nats).any()
     above = first_crossing(trace, 0.35)
     assert np.array_equal(
-        above.choice, first_crossing(replace(model, options={}).run(EVIDENCE), 0.35).choice
+        above.choice, first_crossing(replace(model, engine="rate").run(EVIDENCE), 0.35).choice
     )
     for decide in DECIDERS.values():
         with pytest.raises(ValueError, match=r"trials is NaN at their end"):

@@ -10,12 +10,14 @@ import pandas as pd
 import pytest
 
 from bgmodel import stream
+from bgmodel.conditions import POSTERIOR
 from bgmodel.deciding.measures import MEASURES
 from bgmodel.evidence import separated_evidence
-from bgmodel.experiments.experiment import RENAMED, Condition, Experiment, behaviour_of, shipped
+from bgmodel.experiments.experiment import Changes, Experiment, shipped
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
 from circuits.edit_lists import Edits
@@ -33,8 +35,8 @@ source = "nobody"
 
 def test_a_file_says_what_is_run(experiment_file):
     experiment = Experiment.from_toml(experiment_file)
-    assert experiment.manipulation == Condition(without=("STN=0.2",))
-    assert experiment.control == Condition()
+    assert experiment.manipulation == Changes(without=("STN=0.2",))
+    assert experiment.control == Changes()
     assert experiment.predictions == (Prediction("mean_ms", "down", 20.0),)
     assert (experiment.task.trials, experiment.posterior) == (120, 0.82)
 
@@ -44,7 +46,7 @@ def test_a_file_says_what_is_run(experiment_file):
     [
         ("trials = 120", "trails = 3", "there is no key 'task.trails'; there are evidence, task, "),
         ("at_least", "at_last", "no key 'predictions.0.at_last'; there are measure, direction, "),
-        ("[task]", "gian = 1\n[task]", "there is no key 'gian'; there are name, note, "),
+        ("[task]", "gian = 1\n[task]", "there is no key 'gian'; there are circuit, edits, "),
         ("trials = 120", 'trials = "3"', "task.trials should be a valid integer, got '3'"),
         ("trials = 120", "trials = true", "task.trials should be a valid integer, got True"),
         ("trials = 120", "trials = 0", "small.toml: trials must be at least 1, got 0"),
@@ -121,11 +123,13 @@ def test_the_page_has_every_key_with_its_default_and_every_measure():
     assert set(re.findall(r"`(\w+)`", " ".join(named))) == set(MEASURES)
     rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", keys, re.MULTILINE))
     in_words = {"the table's": None, "each in turn": None, "none": None, "needed": MISSING}
-    defaults = {f.name: f.default for kind in (Experiment, Stimuli, Edits) for f in fields(kind)}
-    of_parts = ("manipulation", "control", "predictions", "task", "effects")
+    defaults = {
+        f.name: f.default for kind in (Experiment, Stimuli, Edits, Changes) for f in fields(kind)
+    }
+    of_parts = ("manipulation", "control", "predictions", "task", "effects", "edits")
     # `task` is a part of an experiment and a key of that part.
     wanted = {k: v for k, v in defaults.items() if k not in of_parts} | {"task": Stimuli.task}
-    wanted["posterior"] = Experiment.posterior
+    wanted["posterior"] = POSTERIOR
     assert set(wanted) == set(rows)
     for key, text in rows.items():
         told = in_words[text] if text in in_words else tomllib.loads(f"x = {text.strip('`')}")["x"]
@@ -142,9 +146,9 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file,
     mine = tmp_path / "mine.csv"
     pd.DataFrame(rows).to_csv(mine, index=False)
     own = replace(Experiment.from_toml(experiment_file), task=Stimuli(evidence=mine), truth=2)
-    np.testing.assert_array_equal(own.trials().evidence.log_likelihood, drawn[2::3])
+    np.testing.assert_array_equal(own.given().evidence.log_likelihood, drawn[2::3])
     with pytest.raises(ValueError, match=r"truth must lie in 0\.\.2, got 3"):
-        replace(own, truth=3).trials()
+        replace(own, truth=3).given()
 
 
 @pytest.mark.parametrize(
@@ -195,14 +199,14 @@ def test_more_than_a_twentieth_of_trials_undecided_in_time_is_warned_of(
         times = 9.0 + np.arange(100)
         return lambda model, evidence, *_: behaving(evidence.truth, times, evidence.truth, missed)
 
-    monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", late(missed))
+    monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", late(missed))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         experiment.run()
     said = [str(w.message) for w in caught if "decides in time in" in str(w.message)]
     assert len(said) == warned
     assert all(f"decides in time in {100 - missed} of 100 trials" in text for text in said)
-    monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", late(81))
+    monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", late(81))
     with pytest.raises(ValueError, match="decides in time in 19 of 100 trials, at least 20 are"):
         experiment.run()
 
@@ -231,7 +235,7 @@ def test_more_alternatives_have_no_diffusion(experiment_file):
 
 def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
     """It responds before anything is read: no prediction, right or wrong, is met by that."""
-    acute = Condition(without=("STN",))
+    acute = Changes(without=("STN",))
     experiment = replace(Experiment.from_toml("stn_lesion_chronic"), manipulation=acute)
     task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
     experiment_file = replace(experiment, task=task)
@@ -282,20 +286,7 @@ def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
     with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
         replace(experiment, manipulation=careful).run()
     with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
-        replace(experiment, control=Condition(posterior=0.96)).run()
-
-
-def test_a_file_without_a_circuit_says_which_one_it_runs_on(experiment_file):
-    experiment_file.write_text(GOOD.replace('circuit = "spiking_msprt"\n', ""))
-    with pytest.warns(UserWarning, match=r"small.toml names no circuit and runs on macaque"):
-        assert Experiment.from_toml(experiment_file).circuit == anatomy.DEFAULT
-
-
-@pytest.mark.parametrize("old", RENAMED)
-def test_an_experiment_that_moved_says_where_it_is(old):
-    assert RENAMED[old] in SHIPPED
-    with pytest.raises(ValueError, match=f"'{old}' is '{RENAMED[old]}' now"):
-        Experiment.from_toml(old)
+        replace(experiment, control=Changes(posterior=0.96)).run()
 
 
 def test_where_something_is_expected_its_foreperiod_counts(experiment_file):

@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from bgmodel.deciding.measures import MEASURES, OF_DECIDED
-from bgmodel.experiments.experiment import Condition, Experiment, shipped
+from bgmodel.experiments.experiment import Changes, Experiment, shipped
 from bgmodel.experiments.outcomes import (
     COMPATIBLE,
     DIFFERS,
@@ -146,7 +146,7 @@ def arms(monkeypatch, control, manipulation, predictions, effects=()):
         times = np.where(np.arange(1000) < decided, time_ms + order % 90, 2000.0)
         return behaving(choice, times, evidence.truth, 1000 - decided)
 
-    monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", behaviour)
+    monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", behaviour)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         table = experiment.run().measures
@@ -408,7 +408,7 @@ def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction)
     predictions = (Prediction("accuracy", direction, 0.01), Prediction("missed", direction, 0.01))
     asked = Experiment(
         name="", note="", engine="rate", circuit="macaque", predictions=predictions,
-        manipulation=Condition(add=(edit,)), task=Stimuli(trials=100, t_max=40, d_prime=1.0),
+        manipulation=Changes(add=(edit,)), task=Stimuli(trials=100, t_max=40, d_prime=1.0),
     )  # fmt: skip
     with pytest.warns(UserWarning, match="no decision differs"):
         table = asked.run().measures
@@ -417,7 +417,7 @@ def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction)
     assert found["reason"].str.len().gt(0).all()
 
 
-WITHOUT_DOPAMINE = Condition(dopamine=0.0)
+WITHOUT_DOPAMINE = Changes(dopamine=0.0)
 
 
 def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():
@@ -436,6 +436,6 @@ def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():
     said = outcomes(experiment, table)
     assert (said["outcome"] == OPEN).all()
     assert said["reason"].str.contains("against the evidence").all()
-    control = replace(experiment, control=WITHOUT_DOPAMINE, manipulation=Condition())
+    control = replace(experiment, control=WITHOUT_DOPAMINE, manipulation=Changes())
     with pytest.raises(ValueError, match="the control's choices go against the evidence"):
         control.run()

@@ -17,22 +17,21 @@ from bgmodel.integrators.deciding import decide_at_thresholds
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
-from circuits.cost import memory_bytes
+from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
 
 SEED, GAIN = 51, 0.5
 TABLE = load_circuit("spiking_msprt", 4)
 EVIDENCE = separated_evidence(
     120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
 )
-MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
+MODEL = BasalGanglia(TABLE, Ensemble(workers=2), GAIN, SEED)
 
 
 def test_without_integrate_and_fire_cells_own_laws_are_the_lines():
     table = load_circuit("appendix_b", 3)
     drive = np.array([[[1.0, 0.0, -1.0]]])
     line, own = (
-        BasalGanglia(table, options={"laws": laws}).run_drive(drive, 1.0)
-        for laws in ("table", "cells")
+        BasalGanglia(table, Algebra(laws=laws)).run_drive(drive, 1.0) for laws in ("table", "cells")
     )
     np.testing.assert_allclose(own.output_nats, line.output_nats, atol=1e-9)
 
@@ -54,23 +53,24 @@ def test_a_threshold_that_noise_crosses_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         MODEL.warn_of_noise(0.3)
-        replace(MODEL, engine="algebra", options={}).warn_of_noise(0.62)
+        replace(MODEL, engine="algebra").warn_of_noise(0.62)
 
 
 @pytest.mark.parametrize("sample_ms", [0.5, 1.0, 5.0])
 def test_a_batch_without_rates_holds_as_many_trials_as_its_out_has_room_for(sample_ms):
     """More samples, fewer trials; with rates, or of very long trials, the least batch."""
-    options = {"noise": False, "rates": False, "sample_ms": sample_ms}
-    model = BasalGanglia(macaque(2), "population", GAIN, SEED, options)
+    engine = Population(noise=False, rates=False, sample_ms=sample_ms)
+    model = BasalGanglia(macaque(2), engine, GAIN, SEED)
     long = separated_evidence(4000, 60, 0.5, rng=stream(SEED, "long"), step_ms=50.0)
     activity = model.activity(long[:1])
     numbers = activity.output_nats.size
     most = min(basal_ganglia.WIDE_BATCH, basal_ganglia.WIDE_NUMBERS / numbers)
     assert model.batch(long) == pytest.approx(most, rel=0.03)
-    assert replace(model, options={**options, "rates": True}).batch(long) == basal_ganglia.BATCH
+    with_rates = replace(model, engine=replace(engine, rates=True))
+    assert with_rates.batch(long) == basal_ganglia.BATCH
     if sample_ms == 1.0:  # each ms, unless an option says otherwise
-        kept = {"noise": False, "rates": False}
-        assert replace(model, options=kept).batch(long) == model.batch(long)
+        by_default = replace(model, engine=Population(noise=False, rates=False))
+        assert by_default.batch(long) == model.batch(long)
     endless = replace(long, step_ms=50_000.0)
     assert model.batch(endless) == basal_ganglia.BATCH
 
@@ -164,7 +164,7 @@ def test_a_table_without_a_gain_takes_a_nat_for_a_nat():
 def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warned_of(forced):
     """Python warns as the command does; evidence that is shuffled has no truth in it."""
     evidence = separated_evidence(300, 40, 0.5, rng=3, step_ms=50)
-    model = BasalGanglia("macaque", "population", seed=3, options={"rates": False})
+    model = BasalGanglia("macaque", Population(rates=False), seed=3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.decide(evidence, posterior=0.8, forced=forced)
@@ -182,10 +182,10 @@ def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
     held = found.output_nats.nbytes + sum(rates.nbytes for rates in found.rates_hz.values())
     assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
     # By what the engine is said to keep of 200 samples, one each ms, in units of 1e9 bytes.
-    kept = memory_bytes(model.circuit, engine, 10, 200, rates=True, workers=1)
+    kept = engine_of(engine).memory_bytes(model.circuit, 10, 200)
     assert 1e9 * model.memory_gb(10, 4, 50.0) == pytest.approx(kept)
-    coarse = replace(model, options={"sample_ms": 5.0})
-    kept = memory_bytes(model.circuit, engine, 10, 40, rates=True, workers=1)
+    coarse = replace(model, engine=engine_of(engine, sample_ms=5.0))
+    kept = coarse.engine.memory_bytes(model.circuit, 10, 40)
     assert 1e9 * coarse.memory_gb(10, 4, 50.0) == pytest.approx(kept)
 
 
@@ -224,7 +224,7 @@ def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_
     half, none = intact.lesion("STN", 0.5), intact.lesion("STN")
     shares = []
     for table in (intact, half.compensate(), none.compensate(rebound_nats={"SNr": 0.3})):
-        model = BasalGanglia(table, "population", gain, seed=2, options={"rates": False})
+        model = BasalGanglia(table, Population(rates=False), gain, seed=2)
         shares.append((first_crossing(model.run(ahead), 0.33).time_ms < 0).mean())
     assert max(shares[:2]) <= 0.01
     assert shares[2] >= 0.2
@@ -314,12 +314,6 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
     assert (len(parts), len(caught)) == (2, 1)
 
 
-@pytest.mark.parametrize("name", ["seed", "step_ms", "first_trial"])
-def test_an_option_that_the_run_gives_itself_is_refused(name):
-    with pytest.raises(ValueError, match=f"must not hold {name}"):
-        BasalGanglia("macaque", "population", 0.5, 1, {name: 1})
-
-
 @pytest.mark.parametrize("engine", ["algebra", "rate"])
 @pytest.mark.parametrize(
     ("edit", "field"),
@@ -349,43 +343,32 @@ def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         BasalGanglia(edited, "rate")
-        BasalGanglia(macaque().edited("STN.neurons=9"), "algebra", options={"laws": "finite"})
-
-
-@pytest.mark.parametrize("engine", ["algebra", "rate", "population", "ensemble", "plain"])
-@pytest.mark.parametrize(
-    "options",
-    [{"sampel_ms": 1.0}, {"step_ms": 50}, {"seed": 1}, {"sample_ms": "a"}, {"sample_ms": 0}],
-)
-def test_options_that_are_none_are_refused_where_they_are_given(engine, options):
-    with pytest.raises(ValueError, match=next(iter(options))):
-        BasalGanglia(macaque(), engine, seed=SEED, options=options)
+        BasalGanglia(macaque().edited("STN.neurons=9"), Algebra(laws="finite"))
 
 
 def test_rare_samples_of_out_are_warned_of():
     few = EVIDENCE[:4]
     for sample_ms in (10.0, 50.0):
-        model = BasalGanglia(TABLE, "rate", GAIN, options={"sample_ms": sample_ms})
+        model = BasalGanglia(TABLE, Rate(sample_ms=sample_ms), GAIN)
         with pytest.warns(UserWarning, match="sample_ms"):
             model.run(few)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        BasalGanglia(TABLE, "rate", GAIN, options={"sample_ms": 5.0}).run(few)
+        BasalGanglia(TABLE, Rate(sample_ms=5.0), GAIN).run(few)
 
 
 def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth():
     evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
-    options = {"rates": False}
     for given_truth in (evidence, replace(evidence, truth=None)):
         with pytest.warns(UserWarning, match="choices go against the evidence"):
-            decided = BasalGanglia(macaque().dopamine(0.0), "rate", options=options).decide(
+            decided = BasalGanglia(macaque().dopamine(0.0), Rate(rates=False)).decide(
                 given_truth, posterior=0.82
             )
         assert (decided.choice == evidence.truth).mean() < 0.2
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             for level in (0.6, 1.0):
-                model = BasalGanglia(macaque().dopamine(level), "rate", options=options)
+                model = BasalGanglia(macaque().dopamine(level), Rate(rates=False))
                 model.decide(given_truth, posterior=0.7)
 
 

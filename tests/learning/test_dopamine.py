@@ -19,6 +19,7 @@ from bgmodel.learning.dopamine import (
     working_range,
 )
 from circuits.anatomy import load_circuit
+from circuits.engines import Rate
 from tests.levels import GAIN, LEVELS, MODEL, SEED
 
 
@@ -86,7 +87,7 @@ def test_a_learner_plays_what_evidence_decides_and_less_of_it_in_spikes():
         model = replace(MODEL, circuit=MODEL.circuit.dopamine(level))
         assert model.run_drive(silence, step_ms=500.0).output_nats.min() > THRESHOLD_NATS
     table = MODEL.circuit.with_neurons(100)
-    spikes = replace(MODEL, circuit=table, engine="ensemble", seed=SEED, options={})
+    spikes = replace(MODEL, circuit=table, engine="ensemble", seed=SEED)
     least, most = usable_range(spikes, THRESHOLD_NATS)
     assert least == pytest.approx(1.02 * low)
     assert 1.1 < most < 0.9 * high
@@ -133,7 +134,7 @@ def test_levels_and_thresholds_that_cannot_be_are_refused(call, says):
 def test_a_sweep_of_levels_is_the_circuit_at_each_level(swept, level_evidence):
     assert np.all(np.diff(swept.settings) < 0)
     level = float(swept.settings[2])
-    changed = BasalGanglia(MODEL.circuit.dopamine(level), "rate", GAIN, options=MODEL.options)
+    changed = replace(MODEL, circuit=MODEL.circuit.dopamine(level))
     alone = first_crossing(changed.run(level_evidence), THRESHOLD_NATS)
     assert np.array_equal(alone.choice, swept.choice[2])
     assert np.array_equal(alone.time_ms, swept.time_ms[2])
@@ -141,7 +142,7 @@ def test_a_sweep_of_levels_is_the_circuit_at_each_level(swept, level_evidence):
 
 def test_a_level_at_which_a_circuit_decides_against_the_evidence_is_warned_of():
     evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
-    model = BasalGanglia("macaque", "rate", options={"rates": False})
+    model = BasalGanglia("macaque", Rate(rates=False))
     with pytest.warns(UserWarning, match="at a level of 0 choices go against the evidence"):
         found = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)
     assert (found.choice[1] == evidence.truth).mean() < 0.2

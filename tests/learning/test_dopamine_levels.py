@@ -92,7 +92,7 @@ def test_readings_have_a_d_prime_of_a_half_per_50_ms_and_spiking_runs_half_of_th
     levels.levels_against_msprt(SEED, 300, 2)
     assert len(heard) == 6
     for engine, evidence, played in heard:
-        spikes = engine == "ensemble"
+        spikes = engine.id == "ensemble"
         assert (evidence.trials, len(played)) == ((150, 7) if spikes else (300, 14))
         assert evidence.step_ms == 50
         # From below the lowest level at which the fixed point decides to just below the highest.

@@ -104,7 +104,7 @@ CALLS = {
         "macaque", some_evidence(hypotheses=2, baseline=0.0), seed=1, accuracies=odd
     ),
     "resamples": lambda odd: compare(
-        "macaque", some_evidence(hypotheses=2, baseline=0.0), seed=1, engine="algebra",
+        BasalGanglia("macaque", "algebra"), some_evidence(hypotheses=2, baseline=0.0),
         accuracies=0.7, resamples=odd,
     ),
 }  # fmt: skip
@@ -155,9 +155,9 @@ def test_a_seed_in_place_of_a_generator_is_that_of_its_stream():
 
 def test_one_accuracy_is_a_list_of_one():
     evidence = separated_evidence(120, 30, 0.5, rng=3, step_ms=50.0)
-    given = {"seed": 1, "engine": "algebra", "resamples": 20}
-    one, listed = (compare("macaque", evidence, accuracies=a, **given) for a in (0.8, [0.8]))
-    assert one.equals(listed)
+    model = BasalGanglia("macaque", "algebra")
+    one, listed = (compare(model, evidence, accuracies=a, resamples=20) for a in (0.8, [0.8]))
+    assert one.table.equals(listed.table)
 
 
 def test_parts_that_belong_to_other_trials_are_refused():
@@ -181,7 +181,7 @@ def test_parts_that_belong_to_other_trials_are_refused():
         lambda: trial_table(decision, Trials(evidence[:5], ["a", "b"]), model="m"),
         lambda: trial_table(decision, evidence, model="m"),
         lambda: decide_at_thresholds(BasalGanglia(TABLE), evidence, [low]),
-        lambda: compare(TABLE, evidence, seed=1, engine="algebra", intact="macaque"),
+        lambda: compare(BasalGanglia(TABLE, "algebra"), evidence, intact="macaque"),
         lambda: BasalGanglia(TABLE).decide(evidence, 0.3, rates="a"),
         lambda: criterion(TABLE, 1.0, 0.3, -1.0),
         lambda: engines.run("macaque", np.zeros((1, 1, 2)), engine="algebra", step_ms=1.0),

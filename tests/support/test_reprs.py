@@ -14,6 +14,7 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.support.reprs import Facts, span
 from circuits.anatomy import load_circuit
+from circuits.engines import Ensemble
 from tests.helpers import some_evidence
 
 EVIDENCE = some_evidence(trials=120, prior=[0.5, 0.3, 0.2], onset_ms=100.0, step_ms=50.0)
@@ -37,7 +38,7 @@ def records(outcome):
         first_crossing(TRACE, 1e-9, forced=False, checked=False),
         tally(TRACE, EVIDENCE.truth, THRESHOLDS),
         tradeoff(TRACE, EVIDENCE),
-        BasalGanglia(load_circuit("spiking_msprt"), "ensemble", 0.7, 3, {"workers": 2}),
+        BasalGanglia(load_circuit("spiking_msprt"), Ensemble(workers=2), 0.7, 3),
         outcome,
     ]
 

@@ -21,7 +21,7 @@ TASK = Stimuli(trials=80, t_max=30)
 def swept(tmp_path, **changed):
     plan = Plan(**({"task": TASK, "engine": "algebra", "gain": 0.7} | changed))
     tables = []
-    for setting in plan.settings():
+    for setting in plan.all_points():
         for shard in setting.shards():
             shards.compute(shard, tmp_path)
         tables.append(outcome.measured(setting, tmp_path))
@@ -32,7 +32,7 @@ def test_a_row_is_a_point_and_a_measure_with_its_interval(tmp_path):
     plan, table = swept(tmp_path, grid={"posterior": (0.7, 0.9)})
     assert list(table) == ["posterior", "measure", "value", "low", "high", "trials", "remark"]
     assert list(table["measure"]) == [*MEASURES, *MEASURES]
-    found, _ = shards.read(plan.settings()[1], tmp_path)
+    found, _ = shards.read(plan.all_points()[1], tmp_path)
     weights = resampled(80, RESAMPLES, stream(0, "bootstrap"))
     want = interval(found.measures(weights)["accuracy"])
     row = table[(table["posterior"] == 0.9) & (table["measure"] == "accuracy")]
@@ -201,7 +201,7 @@ def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withhel
         truth = np.arange(80) % channels
         found = behaving(truth, np.full(80, 400.0), truth, channels=channels)
         monkeypatch.setattr(outcome, "read", lambda *_, found=found: (found, ""))
-        (setting,) = plan.settings()
+        (setting,) = plan.all_points()
         (remark,) = set(outcome.measured(setting, tmp_path)["remark"])
         assert remark.startswith(says)
         assert bool(remark) == bool(says)

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bgmodel.experiments.experiment import Condition, Experiment
+from bgmodel.experiments.experiment import Changes, Experiment
 from bgmodel.stimuli import Stimuli
-from bgmodel.sweeps.plan import BLOCK, Plan, Setting, read_plan
+from bgmodel.sweeps.plan import BLOCK, Plan, Point, read_plan
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import write
 from circuits.edit_lists import Edits
+from circuits.engines import Algebra, Brian2, Ensemble, Population, Rate
 from tests.helpers import long_table, some_evidence
 
 
@@ -23,7 +24,7 @@ def plan(tmp_path, text):
 
 
 def points(tmp_path, text):
-    return plan(tmp_path, text).settings(tmp_path)
+    return plan(tmp_path, text).all_points(tmp_path)
 
 
 def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
@@ -39,16 +40,14 @@ def test_points_one_by_one_make_the_settings_of_their_grid():
     points = Plan(points=({"STN": 0.0, "dopamine": 0.9}, {"STN": 0.1, "dopamine": 0.9}))
     assert points.each == grid.each
     assert points.axes == grid.axes
-    assert points.settings() == grid.settings()
+    assert points.all_points() == grid.all_points()
 
 
 def test_a_sweep_and_an_experiment_have_the_same_defaults():
-    """A reader who turns one into the other keeps the numbers; only the engine is a faster one."""
-    sweep, experiment = (
-        {f.name: f.default for f in fields(kind)} for kind in (Setting, Experiment)
-    )
-    names = sweep.keys() & experiment.keys() - {"task", "engine"}
-    assert names == {"circuit", "gain", "posterior", "foreperiod_ms", "seed"}
+    """A reader who turns one into the other keeps the numbers."""
+    sweep, experiment = ({f.name: f.default for f in fields(kind)} for kind in (Point, Experiment))
+    names = sweep.keys() & experiment.keys() - {"task"}
+    assert {"circuit", "engine", "gain", "posterior", "foreperiod_ms", "seed"} <= names
     assert {name: sweep[name] for name in names} == {name: experiment[name] for name in names}
 
 
@@ -71,26 +70,26 @@ def test_a_sweep_and_an_experiment_have_the_same_defaults():
     ],
 )
 def test_a_key_is_the_left_side_of_an_edit(key, value, edited):
-    (found,) = Plan(grid={key: (value,)}).settings()
-    assert found.table == edited(load_circuit("macaque"))
+    (found,) = Plan(grid={key: (value,)}).all_points()
+    assert found.edited == edited(load_circuit("macaque"))
 
 
 def test_edits_of_every_point_come_with_those_of_its_own():
     base = Edits(change=("STN.bias_nats=-0.2",), without=("GPe=0.1",))
-    (found,) = Plan(edits=base, grid={"STN": (0.1,)}).settings()
+    (found,) = Plan(edits=base, grid={"STN": (0.1,)}).all_points()
     want = replace(base, without=("GPe=0.1", "STN=0.1"))
-    assert found.table == want.apply(load_circuit("macaque"))
+    assert found.edited == want.apply(load_circuit("macaque"))
 
 
 def test_numbers_of_the_task_and_the_run_change_by_their_names():
     keys = {"task.d_prime": (0.8,), "task.channels": (4,), "posterior": (0.9,), "seed": (7,)}
-    (found,) = Plan(grid=keys | {"engine": ("rate",)}).settings()
+    (found,) = Plan(grid=keys | {"engine": ("rate",)}).all_points()
     assert (found.task.d_prime, found.hypotheses, found.engine, found.seed) == (0.8, 4, "rate", 7)
     assert found.threshold_nats == pytest.approx(-np.log(0.9))
 
 
 def test_a_setting_takes_a_foreperiod_of_whole_ms_and_a_seed_from_0_on():
-    assert Setting(foreperiod_ms=1.0, seed=0).foreperiod_ms == 1.0
+    assert Point(foreperiod_ms=1.0, seed=0).foreperiod_ms == 1.0
     for wrong in (
         {"foreperiod_ms": 0.0},
         {"foreperiod_ms": 0.5},
@@ -99,7 +98,7 @@ def test_a_setting_takes_a_foreperiod_of_whole_ms_and_a_seed_from_0_on():
     ):
         (name,) = wrong
         with pytest.raises(ValueError, match=f"^{name} must be "):
-            Setting(**wrong)
+            Point(**wrong)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +109,7 @@ def test_a_setting_takes_a_foreperiod_of_whole_ms_and_a_seed_from_0_on():
         ("grid = {STN = []}", "each key of grid needs one value or more"),
         ("points = [{STN = 0.1}, {GPe = 0.1}]", "all points must name the same keys"),
         ("points = [{}]", "all points must name the same keys, one or more"),
-        ("colour = 1\ngrid = {STN = [0.1]}", "there is no key 'colour'; there are task, edits"),
+        ("colour = 1\ngrid = {STN = [0.1]}", "there is no key 'colour'; there are circuit, edits"),
         ("show = ['speed']\ngrid = {STN = [0.1]}", "show must name accuracy, .*; got 'speed'"),
     ],
 )
@@ -170,17 +169,17 @@ def refusal(run):
 def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
     monkeypatch, posterior, name, channels, edits
 ):
-    monkeypatch.setattr("bgmodel.experiments.experiment.behaviour_of", started)
+    monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", started)
     monkeypatch.setattr("bgmodel.experiments.experiment.BasalGanglia.warn_of_noise", lambda *_: 0)
     task = Stimuli(trials=100, t_max=2, channels=channels)
     run = {"circuit": name, "engine": "rate", "gain": 0.5, "task": task}
 
     def experiment():
-        words = {"name": "", "note": "", "predictions": (), "manipulation": Condition(**edits)}
+        words = {"name": "", "note": "", "predictions": (), "manipulation": Changes(**edits)}
         Experiment(**words, **run, posterior=posterior).run()
 
     def sweep():
-        Plan(**run, edits=Edits(**edits), grid={"posterior": (posterior,)}).settings()
+        Plan(**run, edits=Edits(**edits), grid={"posterior": (posterior,)}).all_points()
 
     one, other = refusal(experiment), refusal(sweep)
     assert bool(one) == bool(other)
@@ -191,12 +190,12 @@ def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
 def test_a_posterior_that_out_does_not_read_is_refused_before_anything_runs(posterior):
     for grid in ({"posterior": (0.8, posterior)}, {"STN": (0.1,), "posterior": (posterior,)}):
         with pytest.raises(ValueError, match="reads no OUT below"):
-            Plan(grid=grid).settings()
+            Plan(grid=grid).all_points()
 
 
 def test_a_shard_is_named_by_what_it_computes():
     def names(**changed):
-        made = Plan(**({"grid": {"STN": (0.1, 0.2)}} | changed)).settings()
+        made = Plan(**({"grid": {"STN": (0.1, 0.2)}} | changed)).all_points()
         return [shard.name for one in made for shard in one.shards()]
 
     one, two = names()
@@ -211,7 +210,7 @@ def test_a_shard_is_named_by_what_it_computes():
 
 def test_more_trials_keep_the_blocks_that_are_there():
     def blocks(trials):
-        (found,) = Plan(grid={"task.trials": (trials,)}).settings()
+        (found,) = Plan(grid={"task.trials": (trials,)}).all_points()
         return found.shards()
 
     few, many = blocks(2 * BLOCK), blocks(2 * BLOCK + 5)
@@ -220,8 +219,8 @@ def test_more_trials_keep_the_blocks_that_are_there():
 
 
 def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both():
-    one, other = Plan(grid={"STN": (0.1, 0.2)}).settings()
-    first, again, later = one.given(0, 20), other.given(0, 20), one.given(BLOCK, 20)
+    one, other = Plan(grid={"STN": (0.1, 0.2)}).all_points()
+    first, again, later = one.block(0, 20), other.block(0, 20), one.block(BLOCK, 20)
     assert np.array_equal(first.evidence.log_likelihood, again.evidence.log_likelihood)
     assert not np.array_equal(first.evidence.log_likelihood, later.evidence.log_likelihood)
     assert one.block_seed(0) == other.block_seed(0) != one.block_seed(BLOCK)
@@ -232,8 +231,8 @@ def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_pa
     long_table(shown).to_csv(tmp_path / "own.csv", index=False)
     (found,) = points(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\nSTN = [0.1]")
     assert (found.trials, found.steps, found.hypotheses) == (30, 21, 3)
-    assert found.table.channels == 3
-    parts = [found.given(first, 12).evidence for first in (0, 12, 24)]
+    assert found.edited.channels == 3
+    parts = [found.block(first, 12).evidence for first in (0, 12, 24)]
     assert [part.trials for part in parts] == [12, 12, 6]
     whole = np.concatenate([part.log_likelihood for part in parts])
     assert np.allclose(whole, shown.log_likelihood, atol=1e-6)
@@ -256,61 +255,53 @@ def test_a_table_without_the_truth_is_refused_before_anything_runs(tmp_path, tru
     if truth:
         assert len(points(tmp_path, text)) == 1
         return
-    with pytest.raises(ValueError, match=r"own\.csv: a sweep counts errors: its evidence needs"):
+    with pytest.raises(ValueError, match=r"own\.csv: errors are counted: the evidence needs"):
         points(tmp_path, text)
 
 
 def test_readings_and_alternatives_of_what_is_drawn_are_those_of_the_task():
     task = Stimuli(trials=30, t_max=17, channels=4)
-    drawn = Setting(task=task)
+    drawn = Point(task=task)
     assert (drawn.trials, drawn.steps, drawn.hypotheses) == (30, 17, 4)
-    evidence = drawn.given(0, 12).evidence
+    evidence = drawn.block(0, 12).evidence
     assert (evidence.trials, evidence.steps, evidence.hypotheses) == (12, 17, 4)
-    tactile = Setting(task=replace(task, task="same-different", channels=2))
+    tactile = Point(task=replace(task, task="same-different", channels=2))
     assert tactile.hypotheses == 2
 
 
 @pytest.mark.parametrize(
-    ("engine", "seed", "options"),
+    ("engine", "seed"),
     [
-        ("algebra", None, {}),
-        ("rate", None, {}),
-        ("population", 7, {"rates": False}),
-        ("ensemble", 7, {"rates": False}),
-        ("brian2", 7, {}),
+        (Algebra(), None),
+        (Rate(rates=False), None),
+        (Population(rates=False), 7),
+        (Ensemble(rates=False), 7),
+        (Brian2(), 7),
     ],
 )
-def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engine, seed, options):
-    model = Setting(engine=engine).model(7)
-    assert (model.engine, model.seed, model.options) == (engine, seed, options)
+def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engine, seed):
+    model = Point(engine=engine.id).model(seed=7, rates=False)
+    assert (model.engine, model.seed) == (engine, seed)
 
 
 def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
     """ctx_inh is a nucleus of macaque alone, and common one of spiking_msprt."""
     other = load_circuit("spiking_msprt")
     for values in ({"common": 0.2, "circuit": other.name}, {"circuit": other.name, "common": 0.2}):
-        (found,) = Plan(points=(values,)).settings()
-        assert found.table == other.lesion("common", 0.2)
+        (found,) = Plan(points=(values,)).all_points()
+        assert found.edited == other.lesion("common", 0.2)
     with pytest.raises(ValueError, match=r"no 'ctx_inh' to change; .* nuclei D1, D2, GPe,"):
-        Plan(points=({"ctx_inh": 0.2, "circuit": other.name},)).settings()
-
-
-def test_a_file_is_warned_of_where_any_point_names_no_circuit(tmp_path, recwarn):
-    for text in ("points = [{circuit = 'macaque'}]", "circuit = 'macaque'\ngrid = {STN = [0.1]}"):
-        plan(tmp_path, text)
-    assert not recwarn.list
-    with pytest.warns(UserWarning, match="sweep.toml names no circuit and runs on macaque"):
-        plan(tmp_path, "grid = {STN = [0.1]}")
+        Plan(points=({"ctx_inh": 0.2, "circuit": other.name},)).all_points()
 
 
 def test_a_tactile_task_depends_on_its_taps():
-    (found,) = Plan(grid={"task.task": ("same-different",)}).settings()
+    (found,) = Plan(grid={"task.task": ("same-different",)}).all_points()
     (shard,) = found.shards()
     assert len(shard.key["task"]["taps"]) == 64
 
 
 def test_a_grid_lesions_a_nucleus_that_a_motif_adds():
     plan = Plan(edits=Edits(add=("striatal_FSI",)), grid={"FSI": (0.0, 0.5)})
-    whole, half = (setting.table for setting in plan.settings())
+    whole, half = (setting.edited for setting in plan.all_points())
     assert whole == load_circuit("macaque").add("striatal_FSI")
     assert half == whole.lesion("FSI", 0.5)

@@ -17,7 +17,7 @@ TASK = Stimuli(trials=60, t_max=30)
 
 def one_setting(**changed):
     same = {"task": TASK, "engine": "algebra", "gain": 0.7, "grid": {"STN": (0.0,)}}
-    (found,) = Plan(**(same | changed)).settings()
+    (found,) = Plan(**(same | changed)).all_points()
     return found
 
 
@@ -27,11 +27,11 @@ def test_the_algebra_decides_a_shard_as_the_test_does(tmp_path):
     (shard,) = setting.shards()
     stored.compute(shard, tmp_path)
     found, said = stored.read(setting, tmp_path)
-    evidence = setting.given(0, 60).evidence
+    evidence = setting.block(0, 60).evidence
     test = first_crossing(Msprt(0.7).run(evidence), setting.threshold_nats)
     assert said == ""
-    assert np.array_equal(found.decided.choice[0], test.choice)
-    assert np.array_equal(found.truth, evidence.truth)
+    assert np.array_equal(found.decision.choice, test.choice)
+    assert np.array_equal(found.decision.truth, evidence.truth)
 
 
 def test_the_same_shard_is_the_same_bytes_and_is_done(tmp_path):

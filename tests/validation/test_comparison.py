@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
-from bgmodel.comparison.circuits import compare_edits
-from bgmodel.comparison.compare import compare
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -15,6 +15,7 @@ from bgmodel.integrators.rivals import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from circuits.anatomy import load_circuit
+from circuits.engines import Ensemble, Rate
 from circuits.laws.controls import linear_stn, shuffled_stn
 
 pytestmark = pytest.mark.validate
@@ -53,7 +54,7 @@ def test_the_rate_circuit_agrees_where_it_settles():
         )
         exact = first_crossing(Msprt().run(evidence), threshold).choice
         for sample_ms in (step_ms, step_ms / 10):
-            model = BasalGanglia(table, "rate", options={"sample_ms": sample_ms, "dt_ms": 1.0})
+            model = BasalGanglia(table, Rate(sample_ms=sample_ms, dt_ms=1.0))
             found = [
                 first_crossing(trace, threshold).choice for _, _, trace in model.batches(evidence)
             ]
@@ -83,10 +84,10 @@ def test_a_circuit_without_what_computes_agrees_less():
     evidence = separated_evidence(
         1000, 40, 1 / np.sqrt(2), rng=stream(SCORING_SEED, "control"), hypotheses=4, step_ms=50.0
     )
-    model = BasalGanglia(table, "ensemble", 0.5, SCORING_SEED, {"workers": 2})
+    model = BasalGanglia(table, Ensemble(workers=2), 0.5, SCORING_SEED)
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
     change = found[found["kind"] == "change"].set_index(["variant", "measure"])
-    rival = compare(
+    rival = matched_measures(
         tradeoff(Msprt(0.5).run(evidence), evidence),
         tradeoff(MaxVsAverage().run(evidence), evidence),
         rng=stream(SCORING_SEED, "bootstrap"),

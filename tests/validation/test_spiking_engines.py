@@ -9,8 +9,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.steady import steady_shifts
 from bgmodel.support.seeds import stream
 from circuits import anatomy
-from circuits.engines.brian2 import run as spiking
-from circuits.engines.ensemble import run as ensemble
+from circuits.engines import Ensemble
+from tests.circuits.helpers import run_brian2, run_ensemble
 
 pytestmark = pytest.mark.validate
 
@@ -28,8 +28,8 @@ def test_decisions_of_the_two_spiking_engines_are_the_same():
     circuit = anatomy.spiking_msprt(2)
     drive = drive_of(evidence(200), GAIN)
     given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS, "seed": 5}
-    fast = ensemble.run(circuit, drive, workers=2, **given)
-    slow = spiking.run(circuit, drive, **given)
+    fast = run_ensemble(circuit, drive, workers=2, **given)
+    slow = run_brian2(circuit, drive, **given)
     decided = [
         first_crossing(Trace(found.output_nats, found.time_ms, 0.0, STEP_MS), 0.2)
         for found in (fast, slow)
@@ -44,8 +44,8 @@ def test_rates_of_the_two_spiking_engines_agree_on_independent_noise():
     circuit = anatomy.spiking_msprt(2)
     drive = drive_of(evidence(trials), GAIN)
     given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}
-    fast = ensemble.run(circuit, drive, seed=5, workers=2, **given)
-    slow = spiking.run(circuit, drive, seed=6, **given)
+    fast = run_ensemble(circuit, drive, seed=5, workers=2, **given)
+    slow = run_brian2(circuit, drive, seed=6, **given)
     for name in NUCLEI:
         a, b = (activity.rates_hz[name].mean() for activity in (fast, slow))
         print(f"{name}: {a:.2f} and {b:.2f} Hz")
@@ -59,7 +59,7 @@ def test_half_the_tick_changes_mean_out_by_less_than_its_standard_error(channels
     drive = drive_of(evidence(trials, channels), GAIN)
     given = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS, "workers": 2, "rates": False}
     means = [
-        ensemble.run(circuit, drive, seed=5, dt_ms=dt, **given).output_nats.mean(axis=1)
+        run_ensemble(circuit, drive, seed=5, dt_ms=dt, **given).output_nats.mean(axis=1)
         for dt in (0.1, 0.05)
     ]
     change = (means[1] - means[0]).mean(axis=0)
@@ -71,7 +71,7 @@ def test_half_the_tick_changes_mean_out_by_less_than_its_standard_error(channels
 def test_accuracy_comes_from_the_evidence():
     shown = evidence(400, name="shuffled")
     order = stream(31, "shuffle").permutation(shown.trials)
-    model = BasalGanglia(anatomy.spiking_msprt(2), "ensemble", GAIN, 5, {"workers": 2})
+    model = BasalGanglia(anatomy.spiking_msprt(2), Ensemble(workers=2), GAIN, 5)
     trace = model.run(shown)
     choice = first_crossing(trace, 0.2).choice
     right = (choice == shown.truth).mean()

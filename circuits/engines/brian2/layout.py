@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Index
 from circuits.cells.cell import tick_constants
-from circuits.declaration.spec import Projection
+from circuits.declaration.rows import Projection
 from circuits.dynamics import noise
 from circuits.dynamics.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
 from circuits.dynamics.timed import Timed

@@ -18,13 +18,14 @@ libraries; a rate that it changes is rounded to single precision, nearly always 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
@@ -33,41 +34,20 @@ from circuits.engines.brian2.layout import Layout
 from circuits.engines.brian2.network import Network
 from circuits.engines.brian2.noise import load_brian
 
+if TYPE_CHECKING:
+    from circuits.engines.shipped import Brian2
+
 
 def run(
     circuit: Circuit,
     drive: npt.ArrayLike,
+    engine: Brian2,
     *,
     step_ms: float,
     seed: int,
-    dt_ms: float = 0.1,
-    sample_ms: float = 1.0,
-    settle_ms: float = 300.0,
     first_trial: int = 0,
-    spikes: Iterable[str] = (),
-    explicit: bool = False,
 ) -> Activity:
-    """Run a circuit in Brian2.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    drive : array (trials, steps, channels), nats
-        Accumulated evidence; 0 is rest.
-    step_ms : float
-        Time from one reading to the next, ms.
-    seed : int
-        Key of all noise; trial t has the noise of (seed, first_trial + t), whatever runs beside it.
-    dt_ms, sample_ms, settle_ms : float
-        As in ``Clock``.
-    first_trial : int
-        Number of the first trial.
-    spikes : names
-        Populations whose spikes are written down.
-    explicit : bool
-        Whether connections of probability 1 become synapses too, N^2 of them: to check the
-        shared inputs.
+    """Run a circuit in Brian2; the arguments are those of ``Engine.run``.
 
     Raises
     ------
@@ -77,13 +57,13 @@ def run(
     drive = checked_drive(circuit, drive)
     noise.stream_key(seed, first_trial, "")  # says at once if they are out of range
     trials, steps, _ = drive.shape
-    clock = Clock(steps, step_ms, dt_ms, sample_ms, settle_ms)
+    clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
     warn_beyond_range(circuit, drive)
-    scheme = Scheme(wired(circuit), dt_ms)
+    scheme = Scheme(wired(circuit), engine.dt_ms)
     courses = timed(scheme.wiring, clock)
-    layout = Layout(scheme, trials, explicit, None if courses.still else courses)
+    layout = Layout(scheme, trials, engine.explicit, None if courses.still else courses)
     with _in_numpy():
-        network = Network(layout, clock, spikes)
+        network = Network(layout, clock, engine.spikes)
         network.reading.values[:] = network.readings(drive)
         network.set(layout.start(seed, first_trial))
         network.run()

@@ -12,7 +12,7 @@ import numpy as np
 from circuits.arrays import Array
 from circuits.cells.cell import BrianText
 from circuits.declaration import transfer
-from circuits.declaration.spec import Population
+from circuits.declaration.rows import Population
 
 # ---- delay line of the blocks' rates, oldest first: each element takes over the next one's value
 

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.cells.cell import tick_constants
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.rows import Population, Projection
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz
 from circuits.dynamics.timed import Timed, rows, timed
 from circuits.dynamics.wiring import Wiring, fan_in
@@ -76,7 +77,7 @@ class _Places:
         return self.scheme.wiring
 
     @property
-    def circuit(self) -> Circuit:
+    def circuit(self) -> CircuitTable:
         return self.wiring.circuit
 
     @cached_property
@@ -135,7 +136,7 @@ class _Places:
         return cell_factors(self.circuit, name, int(self.wiring.channel[block]))
 
 
-def _sparse(circuit: Circuit, p: Projection) -> bool:
+def _sparse(circuit: CircuitTable, p: Projection) -> bool:
     between = circuit.population(p.source).spiking and circuit.population(p.target).spiking
     return bool(p.probability < 1 and between)
 

@@ -9,9 +9,8 @@ runs differ.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +18,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
-from circuits.checks import is_whole
-from circuits.declaration.spec import Circuit
+from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock
@@ -29,6 +27,9 @@ from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble.plan import plan, workspace
 from circuits.engines.ensemble.records import Plan
 
+if TYPE_CHECKING:
+    from circuits.engines.shipped import Ensemble
+
 TRIALS_A_TASK = 8
 FIRST_CAPACITY = 4096
 
@@ -36,45 +37,13 @@ FIRST_CAPACITY = 4096
 def run(
     circuit: Circuit,
     drive: npt.ArrayLike,
+    engine: Ensemble,
     *,
     step_ms: float,
     seed: int,
-    dt_ms: float = 0.1,
-    sample_ms: float = 1.0,
-    settle_ms: float = 300.0,
     first_trial: int = 0,
-    spikes: Iterable[str] = (),
-    rates: bool = True,
-    drop_below: float | None = None,
-    workers: int = 1,
-    progress: bool = False,
 ) -> Activity:
-    """Run a circuit of spiking cells on many trials.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    drive : array (trials, steps, channels), nats
-        Accumulated evidence; 0 is rest.
-    step_ms : float
-        Time from one reading to the next, ms.
-    seed : int
-        Key of all noise; trial t has the noise of (seed, first_trial + t), whatever runs beside it.
-    dt_ms, sample_ms, settle_ms : float
-        As in ``Clock``.
-    first_trial : int
-        Number of the first trial.
-    spikes : names
-        Populations whose spikes are written down.
-    rates : bool
-        Whether to keep the rates: 4 bytes per trial, sample and channel of each population.
-    drop_below : float, optional
-        OUT, nats, below which a trial is over: what follows is NaN.
-    workers : int
-        Threads; they change no byte.
-    progress : bool
-        Whether to show how far it is.
+    """Run a circuit of spiking cells on many trials; the arguments are those of ``Engine.run``.
 
     Raises
     ------
@@ -84,36 +53,33 @@ def run(
     drive = checked_drive(circuit, drive)
     warn_beyond_range(circuit, drive)
     trials, steps, _ = drive.shape
-    clock = Clock(steps, step_ms, dt_ms, sample_ms, settle_ms)
-    if not is_whole(workers) or workers < 1:
-        raise ValueError(f"workers must be a whole number >= 1, got {workers!r}")
+    clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
     wiring = wired(circuit)
-    names = circuit.spiking(spikes)
+    names = circuit.spiking(engine.spikes)
     written = np.array([wiring.row(b).name in names for b in range(wiring.blocks)])
-    level = -np.inf if drop_below is None else float(drop_below)
     streams = noise.stream_keys(seed, first_trial + np.arange(trials), wiring.names)
     out = np.empty((trials, clock.samples, circuit.channels))
-    shape = (trials, clock.samples, wiring.blocks) if rates else (trials, clock.samples, 0)
+    shape = (trials, clock.samples, wiring.blocks) if engine.rates else (trials, clock.samples, 0)
     kept = np.empty(shape, dtype=np.float32)
     p = plan(wiring, clock, kept=written)
-    found = _trials(p, (drive, streams, out, kept), level, workers, progress)
-    about = {"seed": int(seed), "first_trial": first_trial, "dt_ms": dt_ms, "settle_ms": settle_ms}
+    found = _trials(p, (drive, streams, out, kept), engine)
+    about = {"seed": int(seed), "first_trial": first_trial}
     return Activity(
         circuit=circuit,
         time_ms=clock.time_ms,
         rates_hz={
-            row.name: kept[..., wiring.blocks_of(row.name)] for row in circuit.populations if rates
+            row.name: kept[..., wiring.blocks_of(row.name)]
+            for row in circuit.populations
+            if engine.rates
         },
         output_nats=out,
-        engine="ensemble",
+        engine=engine.id,
         spikes=_spike_tables(wiring, names, found, clock) if names else None,
-        about=about,
+        about=about | {"dt_ms": engine.dt_ms, "settle_ms": engine.settle_ms},
     )
 
 
-def _trials(
-    p: Plan, arrays: tuple[Any, ...], level: float, workers: int, progress: bool
-) -> list[npt.NDArray[np.int32]]:
+def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDArray[np.int32]]:
     """Run all trials, a few per task; return the spikes of each.
 
     Parameters
@@ -122,12 +88,11 @@ def _trials(
         The circuit.
     arrays : tuple
         Drive, keys of noise, OUT and rates, a row per trial; the last two are written.
-    level : float
-        OUT below which a trial is over.
-    workers, progress :
-        As for ``run``.
+    engine : Ensemble
+        Threads, and the OUT below which a trial is over.
     """
     trials = len(arrays[0])
+    level = -np.inf if engine.drop_below is None else float(engine.drop_below)
     found = [np.empty((0, 3), np.int32)] * trials
 
     def task(first: int) -> int:
@@ -142,8 +107,8 @@ def _trials(
         return last - first
 
     with (
-        ThreadPoolExecutor(max_workers=workers) as pool,
-        tqdm(total=trials, unit="trial", disable=not progress) as bar,
+        ThreadPoolExecutor(max_workers=engine.workers) as pool,
+        tqdm(total=trials, unit="trial", disable=not engine.progress) as bar,
     ):
         for done in pool.map(task, range(0, trials, TRIALS_A_TASK)):
             bar.update(done)

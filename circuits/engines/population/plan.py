@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from functools import cached_property
 from math import lcm
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.checks import is_bool
-from circuits.declaration.spec import Population
+from circuits.declaration.rows import Population
 from circuits.declaration.transfer import named
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.timed import Timed, timed
@@ -30,9 +28,9 @@ from circuits.engines.population.answers import (
     looked_up,
 )
 
-LINES, CELLS = "lines", "cells"
-LAWS = {LINES: "the table's lines, behind each membrane", CELLS: "the cells' own laws and lags"}
-"""What rates follow."""
+if TYPE_CHECKING:
+    from circuits.engines.shipped import PopulationsEngine
+
 SLOW_MS = 50.0
 """Time in which coefficients follow the state: well above the noise, well below a decision."""
 RUNAWAY_HZ = 1e6
@@ -54,28 +52,7 @@ TICKS_MS = (0.5, 0.25, 0.2, 0.1)
 """Ticks that are tried, ms, the longest first."""
 
 
-@dataclass(frozen=True)
-class Laws:
-    """What rates follow, and whether they have the noise of a finite number of cells.
-
-    Parameters
-    ----------
-    rates : str
-        A name in ``LAWS``.
-    noise : bool
-    """
-
-    rates: str
-    noise: bool
-
-    def __post_init__(self) -> None:
-        if self.rates not in tuple(LAWS):
-            raise ValueError(f"laws must be one of {', '.join(LAWS)}, got {self.rates!r}")
-        if not is_bool(self.noise):
-            raise ValueError(f"noise must be True or False, got {self.noise!r}")
-
-
-def plan(scheme: Scheme, clock: Clock, laws: Laws) -> records.Plan:
+def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Plan:
     """Lay a circuit out for the population engine.
 
     Parameters
@@ -84,8 +61,8 @@ def plan(scheme: Scheme, clock: Clock, laws: Laws) -> records.Plan:
         The circuit as arrays, and its tick.
     clock : Clock
         Times of the run.
-    laws : Laws
-        What rates follow.
+    engine : PopulationsEngine
+        What rates follow, and whether they have noise.
 
     Raises
     ------
@@ -93,9 +70,9 @@ def plan(scheme: Scheme, clock: Clock, laws: Laws) -> records.Plan:
         If a cell type lacks an answer, or cells differ in a way that theory does not tell.
     """
     wiring = scheme.wiring
-    if laws.noise or laws.rates == CELLS:
+    if engine.noise or engine.by_cells:
         _check(wiring)
-    tables, courses = _Tables(wiring, laws, clock.dt_ms), timed(wiring, clock)
+    tables, courses = _Tables(wiring, engine, clock.dt_ms), timed(wiring, clock)
     source_from, sources = edges(records.EDGE, wiring.deliver)
     input_from, inputs = edges(records.EDGE, wiring.weight)
     blocks = _blocks(scheme, tables, courses, input_from)
@@ -150,8 +127,8 @@ def _check(wiring: Wiring) -> None:
 class _Tables:
     """Laws and coefficients that are looked up, each once, and which of them each block has."""
 
-    def __init__(self, wiring: Wiring, laws: Laws, dt_ms: float) -> None:
-        self.wiring, self.chosen, self.dt_ms = wiring, laws, dt_ms
+    def __init__(self, wiring: Wiring, engine: PopulationsEngine, dt_ms: float) -> None:
+        self.wiring, self.engine, self.dt_ms = wiring, engine, dt_ms
         self.laws: dict[Any, Array] = {}
         self.rows: dict[Any, Array] = {}
         self.rough: dict[str, None] = {}
@@ -165,20 +142,20 @@ class _Tables:
         found = NO_ANSWERS | self.transfer(row.transfer)
         found["baseline"], found["hz_per_nat"] = row.baseline_hz, row.gain_hz_per_nat
         found["floor"] = row.cell.lowest_hz
-        own_law = self.chosen.rates == CELLS and row.cell.hears == "nats"
-        if not (row.spiking and (own_law or self.chosen.noise)):
+        own_law = self.engine.by_cells and row.cell.hears == "nats"
+        if not (row.spiking and (own_law or self.engine.noise)):
             return found
         line = Straight(row.transfer, row.baseline_hz, row.gain_hz_per_nat)
         key = Mixture(row.cell, line, row.spread)
         own = answers(key, self.dt_ms)
         ends, whole = (own.lowest, own.highest), (own.lowest, own.top)
-        if own.rough and self.chosen.noise:
+        if own.rough and self.engine.noise:
             self.rough[own.rough] = None
         found["table"] = _place(self.rows, key, own.rows.T.ravel())
         found["state_lowest"], found["state_per"] = own.lowest, _per(ends, STEPS)
-        if self.chosen.noise and row.neurons < FEW:
+        if self.engine.noise and row.neurons < FEW:
             self.rough[FEW_CELLS] = None
-        if self.chosen.noise:
+        if self.engine.noise:
             found["noise"] = (row.neurons * self.dt_ms / 1000) ** -0.5
         if own_law:
             found |= self._looked_up(key, whole, own.hz)
@@ -228,7 +205,7 @@ def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) ->
     drives[wiring.blocks_of(circuit.input)] = np.arange(circuit.channels)
     of_rows = [tables.block(row) for row in tables.blocks]
     columns = {name: [one[name] for one in of_rows] for name in of_rows[0]}
-    own = tables.chosen.rates == CELLS
+    own = tables.engine.by_cells
     tau_ms = np.array(
         [row.tau_ms + (0 if own else row.cell.membrane_ms()) for row in tables.blocks]
     )

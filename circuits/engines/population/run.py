@@ -17,24 +17,26 @@ Comput Biol 13, e1005507) for what is exact.
 
 from __future__ import annotations
 
-import math
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
-from circuits.checks import check_number, check_time, is_whole
-from circuits.declaration.spec import Circuit
+from circuits.checks import check_time, is_whole
+from circuits.circuit import Circuit
 from circuits.dynamics import noise as noises
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.engines.population import kernel
-from circuits.engines.population.plan import CELLS, Laws, plan, tick_ms, workspace
+from circuits.engines.population.plan import plan, tick_ms, workspace
 from circuits.laws.stability import ringing
+
+if TYPE_CHECKING:
+    from circuits.engines.shipped import PopulationsEngine
 
 RINGING = 8.0
 """Amplification of fluctuations by the loops above which a run warns."""
@@ -44,49 +46,15 @@ _ringing = lru_cache(maxsize=64)(ringing)
 def run(
     circuit: Circuit,
     drive: npt.ArrayLike,
+    engine: PopulationsEngine,
     *,
     step_ms: float,
     seed: int | None = None,
-    laws: str = CELLS,
-    noise: bool = True,
-    dt_ms: float | None = None,
-    sample_ms: float = 1.0,
-    settle_ms: float = 300.0,
     first_trial: int = 0,
-    rates: bool = True,
-    drop_below: float | None = None,
-    workers: int = 1,
 ) -> Activity:
-    """Run a circuit's populations on many trials.
+    """Run a circuit's populations on many trials; the arguments are those of ``Engine.run``.
 
     Warns near an oscillation, below 30 cells, and where a filter is far off theory.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    drive : array (trials, steps, channels), nats
-        Accumulated evidence; 0 is rest. Each reading is held until the next.
-    step_ms : float
-        Time from one reading to the next, ms.
-    seed : int, optional
-        Key of the noise; trial t has the noise of (seed, first_trial + t), whatever runs beside it.
-    laws : str
-        "lines" or "cells": see ``plan.LAWS``.
-    noise : bool
-        Whether rates have the noise of a finite number of cells.
-    dt_ms : float, optional
-        One tick; the longest of .5, .25, .2 and .1 ms that all delays and times are multiples of.
-    sample_ms, settle_ms : float
-        As in ``Clock``.
-    first_trial : int
-        Number of the first trial.
-    rates : bool
-        Whether to keep the rates: 4 bytes a trial, sample and channel of each population.
-    drop_below : float, optional
-        OUT, nats, below which a trial is over: what follows is NaN.
-    workers : int
-        Threads; they change no byte.
 
     Returns
     -------
@@ -100,48 +68,43 @@ def run(
         type lacks an answer, the circuit has no fixed point at rest, or rates run away.
     """
     drive = checked_drive(circuit, drive)
-    chosen = Laws(laws, noise)
-    for name, whole, least in (("workers", workers, 1), ("first_trial", first_trial, 0)):
-        if not is_whole(whole) or whole < least:
-            raise ValueError(f"{name} must be a whole number >= {least}, got {whole!r}")
-    if drop_below is not None:
-        check_number("drop_below", drop_below)
-        if math.isnan(drop_below):
-            raise ValueError("drop_below must be a number, got nan")
-    if noise and seed is None:
-        raise ValueError("the noise of the population engine needs a seed")
-    for name, value in (("step_ms", step_ms), ("sample_ms", sample_ms), ("settle_ms", settle_ms)):
-        check_time(name, value, zero=name == "settle_ms")
+    if not is_whole(first_trial) or first_trial < 0:
+        raise ValueError(f"first_trial must be a whole number >= 0, got {first_trial!r}")
+    check_time("step_ms", step_ms)
+    noise, times = engine.noise, (step_ms, engine.sample_ms, engine.settle_ms)
     wiring = wired(circuit)
-    dt = tick_ms(wiring, step_ms, sample_ms, settle_ms) if dt_ms is None else dt_ms
-    clock = Clock(drive.shape[1], step_ms, dt, sample_ms, settle_ms)
-    p = plan(Scheme(wiring, dt), clock, chosen)
+    dt = tick_ms(wiring, *times) if engine.dt_ms is None else engine.dt_ms
+    clock = Clock(drive.shape[1], step_ms, dt, *times[1:])
+    p = plan(Scheme(wiring, dt), clock, engine)
     warn_beyond_range(circuit, drive)
     if noise:
         _warn_of_ringing(circuit)
     names = wiring.names if noise else []
     streams = noises.stream_keys(seed or 0, first_trial + np.arange(len(drive)), names)
     out = np.empty((len(drive), clock.samples, circuit.channels))
-    shape = (len(drive), clock.samples, wiring.blocks if rates else 0)
+    shape = (len(drive), clock.samples, wiring.blocks if engine.rates else 0)
     kept = np.empty(shape, dtype=np.float32)
-    level = -np.inf if drop_below is None else float(drop_below)
-    late = _trials(p, (drive, streams if noise else streams[:0], out, kept), level, int(workers))
+    late = _trials(p, (drive, streams if noise else streams[:0], out, kept), engine)
     if late:
-        raise ValueError(f"rates of {circuit.name} run away, {late * sample_ms:g} ms after onset")
-    about: dict[str, Any] = {"dt_ms": dt, "settle_ms": settle_ms, "laws": laws, "noise": noise}
+        when_ms = late * engine.sample_ms
+        raise ValueError(f"rates of {circuit.name} run away, {when_ms:g} ms after onset")
+    about: dict[str, Any] = {"dt_ms": dt, "settle_ms": engine.settle_ms}
+    about |= {"laws": engine.laws, "noise": noise}
     return Activity(
         circuit=circuit,
         time_ms=clock.time_ms,
         rates_hz={
-            row.name: kept[..., wiring.blocks_of(row.name)] for row in circuit.populations if rates
+            row.name: kept[..., wiring.blocks_of(row.name)]
+            for row in circuit.populations
+            if engine.rates
         },
         output_nats=out,
-        engine="population",
+        engine=engine.id,
         about=about | ({"seed": int(seed or 0), "first_trial": first_trial} if noise else {}),
     )
 
 
-def _trials(p: Any, arrays: tuple[Any, ...], level: float, workers: int) -> int:
+def _trials(p: Any, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:
     """Run all trials; return 0, or one more than the first sample at which rates ran away.
 
     Parameters
@@ -150,9 +113,11 @@ def _trials(p: Any, arrays: tuple[Any, ...], level: float, workers: int) -> int:
         The circuit.
     arrays : tuple
         Drive, keys of noise, OUT and rates, a row per trial; the last two are written.
-    level, workers :
-        As for ``run``.
+    engine : PopulationsEngine
+        Threads, and the OUT below which a trial is over.
     """
+    level = -np.inf if engine.drop_below is None else float(engine.drop_below)
+    workers = int(engine.workers)
     edges = np.linspace(0, len(arrays[0]), workers + 1).astype(int)
 
     def task(k: int) -> int:

@@ -11,8 +11,8 @@ import pytest
 
 from circuits import anatomy
 from circuits.anatomy.humphries import GPE, MSN, SNR, STN, psp_area
+from circuits.cells.membrane import fit_current
 from circuits.engines import run
-from circuits.laws.firing import fit_current
 from tests.circuits.helpers import hashes
 
 PRINTED_HZ = {"GPe": 30, "SNr": 30, "STN": 12}

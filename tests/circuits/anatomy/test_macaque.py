@@ -13,7 +13,7 @@ from bgmodel.evidence import Evidence, minus_log_softmax, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits import anatomy
 from circuits.declaration.transfer import MOST_NATS
-from circuits.engines import run
+from circuits.engines import Population, run
 from circuits.laws import stability
 from circuits.laws.posterior import off_nats
 from tests.circuits.helpers import hashes
@@ -33,7 +33,7 @@ def stepped(table, lead, size):
     drive = np.zeros((1, 40, table.channels))
     drive[0, :, 0] = lead
     drive[0, 10:] += size
-    model = BasalGanglia(table, "population", 1.0, options={"noise": False})
+    model = BasalGanglia(table, Population(noise=False), 1.0)
     found = model.run_drive(drive, STEP_MS)
     moved = found.output_nats[0, :, 0]
     before = (found.time_ms >= 450) & (found.time_ms < LEADER_MS)
@@ -153,7 +153,7 @@ def test_it_does_not_oscillate_at_rest_nor_where_it_decides(channels):
 
 def test_endless_evidence_saturates_cortex_and_nothing_runs_away():
     evidence = Evidence(np.tile([4.0, -4.0], (1, 60, 1)), baseline=0.0, step_ms=50.0)
-    model = BasalGanglia(anatomy.macaque(2), "population", 0.55, options={"noise": False})
+    model = BasalGanglia(anatomy.macaque(2), Population(noise=False), 0.55)
     found = model.run_drive(model.drive(evidence), evidence.step_ms)  # too strong for ``activity``
     assert found.rates_hz["ctx"].max() <= 0.8 + 11 * MOST_NATS + 1e-3
     assert found.output_nats[0, -1].argmin() == 0

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circuits import anatomy
+from circuits import anatomy, table_reader
 from circuits.cells import Rate
-from circuits.declaration import table_files, table_reader
+from circuits.declaration import table_files
 from circuits.declaration.courses import Course, extremes
-from circuits.declaration.spec import Population
+from circuits.declaration.rows import Population
 from circuits.show import courses, html, text
 
 TABLE = anatomy.spiking_msprt()

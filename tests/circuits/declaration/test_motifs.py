@@ -8,8 +8,8 @@ from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.seeds import stream
 from circuits import anatomy
-from circuits.anatomy.printed_rates import MACAQUE, at_rest
 from circuits.declaration.motifs import MOTIFS
+from circuits.dynamics.fixed_point import resting_hz
 from circuits.edit_lists import Edits
 from circuits.show import ASSUMED
 
@@ -19,12 +19,12 @@ INTERNEURONS = "striatal_FSI"
 
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt", "appendix_b"])
 @pytest.mark.parametrize("channels", [2, 4])
-def test_adding_striatal_interneurons_leaves_all_rates_at_rest(name, channels):
+def test_adding_striatal_interneurons_leaves_all_rates_resting_hz(name, channels):
     table = anatomy.load_circuit(name, channels)
     added = table.add(INTERNEURONS)
-    before, after = at_rest(table), at_rest(added)
+    before, after = resting_hz(table), resting_hz(added)
     assert {key: after[key] for key in before} == pytest.approx(before, abs=1e-6)
-    low, high = MACAQUE["FSI"]
+    low, high = added.population("FSI").published_hz
     assert low < after["FSI"] < high
     new = {row.name for row in added.populations + added.projections}
     new -= {row.name for row in table.populations + table.projections}
@@ -48,7 +48,7 @@ def test_a_motif_is_added_by_its_name_as_by_its_rows():
 
 def test_a_loss_of_half_of_them_frees_d1_and_d2_and_leaves_cortex():
     added = anatomy.macaque(2).add(INTERNEURONS)
-    before, after = at_rest(added), at_rest(added.lesion("FSI", 0.5))
+    before, after = resting_hz(added), resting_hz(added.lesion("FSI", 0.5))
     assert after["D1"] > before["D1"] + 1
     assert after["D2"] > before["D2"] + 0.1
     for name in CORTEX:

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.declaration.courses import Course
-from circuits.declaration.spec import Population, Projection
-from circuits.engines import algebra
+from circuits.declaration.rows import Population, Projection
+from tests.circuits.helpers import run_algebra
 
 TABLE = anatomy.spiking_msprt()
 TABLES = [anatomy.load_circuit(name) for name in anatomy.CIRCUITS]
@@ -185,7 +185,7 @@ def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
     assert edited.populations == other.populations
     assert set(edited.projections) == set(other.projections)
     drive = np.zeros((1, 1, 2))
-    assert (algebra.run(edited, drive).output_nats > algebra.run(TABLE, drive).output_nats).all()
+    assert (run_algebra(edited, drive).output_nats > run_algebra(TABLE, drive).output_nats).all()
 
 
 def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
@@ -288,3 +288,9 @@ def test_fields_of_a_row_and_of_its_cell_are_told_apart_in_python_too():
         TABLE.with_cell("STN", tau_ms=0.1)
     with pytest.raises(ValueError, match="STN has no 'name': cell, "):
         TABLE.with_population("STN", **{"name": "GPi"})
+
+
+def test_a_nucleus_like_another_has_no_published_rates_of_that_one():
+    table = anatomy.macaque().add("TRN like=STN")
+    assert table.population("STN").published_hz
+    assert table.population("TRN").published_hz == ()

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuits import anatomy
+from circuits import anatomy, table_reader
 from circuits.cells import CELLS, Lif, Phase, Rate
-from circuits.declaration import table_files, table_reader
-from circuits.declaration.spec import Population, Projection
+from circuits.declaration import table_files
+from circuits.declaration.rows import Population, Projection
 
 ALL = sorted(anatomy.CIRCUITS)
 NUMBERS = st.floats(-1e6, 1e6)
@@ -93,6 +93,17 @@ def test_equal_circuits_have_one_hash_and_others_another():
         anatomy.spiking_msprt(3),
     ):
         assert table_files.digest(other) != table_files.digest(circuit)
+
+
+def test_published_rates_are_in_the_file_and_in_no_hash():
+    circuit = anatomy.macaque()
+    bare = [replace(row, published_hz=()) for row in circuit.populations]
+    found = table_reader.parse(table_files.text(circuit), "mine.toml")
+    assert found == circuit
+    assert found.population("STN").published_hz == (15.2, 22.8)
+    assert table_files.digest(replace(circuit, populations=tuple(bare))) == table_files.digest(
+        found
+    )
 
 
 EDITED = {

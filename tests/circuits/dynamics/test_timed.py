@@ -7,11 +7,13 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells import Rate
-from circuits.declaration.spec import Circuit, Course, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.courses import Course
+from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.timed import timed
 from circuits.dynamics.wiring import wire
-from circuits.engines import ENGINES, NOISY, SPIKING, run
+from circuits.engines import ENGINES, run
 from circuits.laws.spectra import out_variance
 from circuits.laws.stability import growth, ringing
 
@@ -65,11 +67,13 @@ def test_a_course_of_the_input_is_a_drive_of_all_channels(engine):
     table = TABLES["macaque"].with_neurons(30)
     drive = np.tile(SPREAD, (1, 3, 1))
     given = {"engine": engine, "step_ms": 20.0, "settle_ms": 10.0}
-    given |= {"seed": 4} if engine in NOISY else {}
+    given |= {"seed": 4}
     pushed = drive + np.array([0, 0.3, 0])[:, None] / table.drive_gain
     expected = run(table, pushed, **given).output_nats
     found = run(table.add(Course(table.input, 0.3, 20, 40)), drive, **given).output_nats
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 if engine in SPIKING else 1e-4)
+    np.testing.assert_allclose(
+        found, expected, rtol=0, atol=1e-12 if ENGINES[engine].spiking else 1e-4
+    )
 
 
 def relay(tau_ms=20.0, **path):
@@ -191,7 +195,7 @@ def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
 def test_a_course_of_nothing_changes_no_byte(engine):
     table = TABLES["macaque"].with_neurons(20)
     given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0}
-    given |= {"seed": 4} if engine in NOISY else {}
+    given |= {"seed": 4}
     nothing = table.add("dopamine amount=0 to_ms=9", "STN amount=-0.0", "GPe amount=0")
     one, two = (run(circuit, HELD[:, :2], **given) for circuit in (table, nothing))
     np.testing.assert_array_equal(one.output_nats, two.output_nats)

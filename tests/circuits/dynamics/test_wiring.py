@@ -7,7 +7,8 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells import Rate
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import fixed_point
 from circuits.dynamics.wiring import fan_in, wire
 from circuits.engines import run

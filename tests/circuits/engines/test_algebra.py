@@ -11,14 +11,13 @@ from scipy.optimize import brentq
 from scipy.special import lambertw, logsumexp
 
 from circuits import anatomy
-from circuits.declaration.spec import Projection
-from circuits.engines import algebra
-from tests.circuits.helpers import CLOSE, REFERENCE, evidence
+from circuits.declaration.rows import Projection
+from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_algebra
 
 
 def output(circuit, drive):
     """OUT (trials, channels), nats, of drives (trials, channels)."""
-    return algebra.run(circuit, np.asarray(drive)[:, None]).output_nats[:, 0]
+    return run_algebra(circuit, np.asarray(drive)[:, None]).output_nats[:, 0]
 
 
 def surprise(drive):
@@ -269,7 +268,7 @@ def test_a_loss_of_stn_with_all_pathways_shifts_s_alone(fraction):
 def test_readings_and_trials_do_not_mix():
     circuit = anatomy.appendix_b(3)
     drive = evidence(3, trials=12)
-    activity = algebra.run(circuit, drive.reshape(4, 3, 3), step_ms=50)
+    activity = run_algebra(circuit, drive.reshape(4, 3, 3), step_ms=50)
     assert np.abs(activity.output_nats.reshape(12, 3) - output(circuit, drive)).max() < 1e-12
     assert activity.time_ms.tolist() == [0, 50, 100]
     assert activity.engine == "algebra"
@@ -280,7 +279,7 @@ def test_the_common_mode_holds_stn_near_its_set_point_and_leaves_out_as_it_is():
     circuit = anatomy.spiking_msprt(2)
     drive = np.zeros((1, 2, 2))
     drive[0, 1] = np.array([0.6, -0.6])
-    activity = algebra.run(circuit, drive)
+    activity = run_algebra(circuit, drive)
     taken = activity.decoded_nats("common")[0, :, 0]
     sigma = activity.decoded_nats("STN")[0].sum(axis=1)
     assert np.diff(sigma) == pytest.approx(np.diff(taken) / 10, abs=1e-9)
@@ -292,7 +291,7 @@ def test_the_common_mode_holds_stn_near_its_set_point_and_leaves_out_as_it_is():
 def test_a_loop_without_fixed_point_says_so():
     runaway = anatomy.spiking_msprt(4).add(Projection("STN", "STN", 3.0, "diffuse"))
     with pytest.raises(ValueError, match="spiking_msprt has no fixed point at drive"):
-        algebra.run(runaway, np.zeros((1, 1, 4)))
+        run_algebra(runaway, np.zeros((1, 1, 4)))
     # The bounded one of the table stops at silence.
-    lesioned = algebra.run(anatomy.spiking_msprt(4).lesion("STN"), np.zeros((1, 1, 4)))
+    lesioned = run_algebra(anatomy.spiking_msprt(4).lesion("STN"), np.zeros((1, 1, 4)))
     assert lesioned.rates_hz["common"][0, 0, 0] == 0

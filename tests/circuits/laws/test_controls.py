@@ -5,9 +5,9 @@ import pytest
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
+from circuits.cells.phase import phase_spectrum
 from circuits.engines import run
 from circuits.laws.controls import correlated, linear_stn, perturbed
-from circuits.laws.response import phase_spectrum
 
 SEED = 51
 TABLE = load_circuit("spiking_msprt", 4)

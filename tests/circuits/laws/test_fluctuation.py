@@ -7,12 +7,11 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.spec import Circuit, Population, Projection
-from circuits.engines import algebra
-from circuits.engines.ensemble import run as ensemble
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population, Projection
 from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, swept
 from circuits.laws.spectra import out_variance
-from tests.circuits.helpers import creeping, state
+from tests.circuits.helpers import creeping, run_algebra, run_ensemble, state
 
 TABLE = anatomy.spiking_msprt()
 
@@ -61,7 +60,7 @@ def test_noise_of_spikes_lifts_an_exponential_by_half_its_variance(tau_ms):
 def test_a_circuit_of_rates_has_no_noise(name):
     table = anatomy.load_circuit(name, 3)
     drive = np.array([[[1.0, 0.0, -1.0]]])
-    line, finite = (algebra.run(table, drive, laws=laws) for laws in ("table", "finite"))
+    line, finite = (run_algebra(table, drive, laws=laws) for laws in ("table", "finite"))
     np.testing.assert_allclose(finite.output_nats, line.output_nats, atol=1e-9)
 
 
@@ -71,11 +70,11 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     # So many that the error of the mean is a fortieth of what is computed.
     drive = np.zeros((200, 1, 2))
     drive[:, 0] = 1.0, -1.0
-    spikes = ensemble.run(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
+    spikes = run_ensemble(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
     measured = spikes.output_nats[:, 200:, 0].mean(axis=1)
     error = measured.std(ddof=1) / np.sqrt(len(measured))
     cells, finite = (
-        algebra.run(table, drive[:1], laws=laws).output_nats[0, 0, 0]
+        run_algebra(table, drive[:1], laws=laws).output_nats[0, 0, 0]
         for laws in ("cells", "finite")
     )
     print(f"{measured.mean():.4f} +- {error:.4f}, cells {cells:.4f}, finite {finite:.4f}")
@@ -97,12 +96,12 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
 )
 def test_a_circuit_whose_noise_is_not_known_is_refused(table, what):
     with pytest.raises(ValueError, match=what):
-        algebra.run(table, np.zeros((1, 1, 2)), laws="finite")
+        run_algebra(table, np.zeros((1, 1, 2)), laws="finite")
 
 
 def test_an_unknown_law_lists_the_known_ones():
     with pytest.raises(ValueError, match="laws must be one of table, cells, finite, got 'own'"):
-        algebra.run(TABLE, np.zeros((1, 1, 2)), laws="own")
+        run_algebra(TABLE, np.zeros((1, 1, 2)), laws="own")
 
 
 def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():

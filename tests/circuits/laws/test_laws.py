@@ -11,15 +11,16 @@ from scipy.optimize import brentq
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
+from circuits.circuit import Circuit
 from circuits.declaration import transfer
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import fixed_point
-from circuits.engines import algebra, run
-from circuits.engines.ensemble import run as ensemble
+from circuits.engines import run
 from circuits.laws.fluctuation import linear, swept
 from circuits.laws.mean_field import own_rates, settled
 from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.laws.stability import growth, ringing
+from tests.circuits.helpers import run_algebra, run_ensemble
 
 S0 = 2.2
 LAW = transfer.named("s_minus_log_s")
@@ -182,7 +183,7 @@ def test_noise_moves_the_mean_of_a_loop_where_cells_and_pathways_bend():
     known = by_cells + curvature * sums / 2 / (1 + slope * s)
     assert known > 1.9 * by_cells
     finite, table = (
-        algebra.run(loop(cells), np.zeros((1, 1, 2)), laws=laws).output_nats[0, 0, 0]
+        run_algebra(loop(cells), np.zeros((1, 1, 2)), laws=laws).output_nats[0, 0, 0]
         for laws in ("finite", "table")
     )
     assert (finite - table) * cells == pytest.approx(known, rel=0.02)
@@ -209,7 +210,7 @@ def test_linear_noise_of_a_loop_is_met_as_cells_grow():
         (variance, error), (shift, shift_error) = measured(cells)
         table = loop(cells, delay_ms=2.0)
         known = cells * out_variance(table)["STN"][0]
-        finite = algebra.run(table, np.zeros((1, 1, 2)), laws="finite").output_nats[0, 0, 0]
+        finite = run_algebra(table, np.zeros((1, 1, 2)), laws="finite").output_nats[0, 0, 0]
         moved = cells * (finite - float(LAW(3.0)))
         off[cells] = variance / known - 1
         print(f"{cells}: {variance:.4f} +- {error:.4f}, computed {known:.4f}; "
@@ -240,7 +241,7 @@ def test_out_of_30_000_cells_scatters_as_computed(make, drive):
 def test_spikes_of_a_bent_circuit_scatter_as_computed():
     """Means of 50 ms, 40 a trial, as for the shipped table."""
     table = spiking()
-    out = ensemble.run(table, np.tile(np.array(FAVOURED), (30, 1, 1)), step_ms=5000, seed=74,
+    out = run_ensemble(table, np.tile(np.array(FAVOURED), (30, 1, 1)), step_ms=5000, seed=74,
                        rates=False, sample_ms=5.0).output_nats[:, 200:, 0]  # fmt: skip
     found = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
     whose = out_variance(table, FAVOURED, mean_ms=50)

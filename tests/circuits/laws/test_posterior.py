@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.engines import algebra
 from circuits.laws.posterior import off_nats
+from tests.circuits.helpers import run_algebra
 
 
 @pytest.mark.parametrize("make", [anatomy.bogacz_gurney, anatomy.appendix_b])
@@ -32,7 +32,7 @@ def test_rivals_beyond_the_reach_of_a_centred_drive_are_cut_there():
     table = replace(table, readable_nats=(np.log(2) - 1e-9, np.log(2)))
     found = off_nats(table, 1)
     drive = np.array([0.0, 0.0, -2.0])
-    out = algebra.run(table, (drive - drive.mean())[None, None]).output_nats[0, 0, 0]
+    out = run_algebra(table, (drive - drive.mean())[None, None]).output_nats[0, 0, 0]
     assert found == pytest.approx((out - np.log(2),) * 2, abs=1e-6)
     assert found[0] == pytest.approx(np.log(2 + np.exp(-2)) - np.log(2), abs=1e-6)
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.engines.ensemble import run as ensemble
-from circuits.laws.response import phase_spectrum
+from circuits.cells.phase import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
-from tests.circuits.helpers import state
+from tests.circuits.helpers import run_ensemble, state
 
 TABLE = anatomy.spiking_msprt()
 MANY = TABLE.with_neurons(1000)
@@ -16,7 +15,7 @@ MANY = TABLE.with_neurons(1000)
 @pytest.fixture(scope="module")
 def at_rest():
     """Return 1 000 cells at rest: of 300, D1 near silence bends too much for small noise."""
-    return ensemble.run(MANY, np.zeros((10, 3, 2)), step_ms=1000, seed=72)
+    return run_ensemble(MANY, np.zeros((10, 3, 2)), step_ms=1000, seed=72)
 
 
 @pytest.mark.parametrize("name", ["ctx", "D1", "STN", "GPe", "SNr"])
@@ -35,7 +34,7 @@ def test_beta_of_cells_that_differ_is_what_spikes_show(level):
     """The macaque's, of which each cell has a rate of its own, from 13 to 30 Hz."""
     table = anatomy.macaque().dopamine(level)
     assert table.population("STN").spread
-    found = ensemble.run(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
+    found = run_ensemble(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
     for name in ("ctx", "STN", "GPe", "SNr"):
         frequency, power = found.spectrum(name, from_ms=1000, segment_ms=500)
         band = (frequency >= 13) & (frequency <= 30)
@@ -63,7 +62,7 @@ def test_out_scatters_as_computed(edit):
     drive = np.array([0.85, -0.85])
     held = np.tile(drive, (30, 1, 1))
     given = {"step_ms": 5000, "seed": 74, "rates": False, "sample_ms": 5.0}
-    out = ensemble.run(table, held, **given).output_nats[:, 200:, 0]
+    out = run_ensemble(table, held, **given).output_nats[:, 200:, 0]
     measured = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
     whose = out_variance(table, drive, mean_ms=50)
     law = np.sqrt(sum(part[0] for part in whose.values()))

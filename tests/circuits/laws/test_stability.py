@@ -8,10 +8,9 @@ import pytest
 from scipy.optimize import brentq
 
 from circuits import anatomy
-from circuits.engines import algebra
 from circuits.laws import stability
 from circuits.laws.stability import growth, onset, roots
-from tests.circuits.helpers import MEMBERS, creeping, run_rate
+from tests.circuits.helpers import MEMBERS, creeping, run_algebra, run_rate
 
 
 @pytest.mark.filterwarnings("ignore:S runs from")
@@ -100,7 +99,7 @@ def fluctuation(circuit, totals):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         activity = run_rate(circuit, drive, step_ms=step_ms, settle_ms=0)
-    still = algebra.run(circuit, drive[:, -1:]).decoded_nats("STN").sum(axis=2)
+    still = run_algebra(circuit, drive[:, -1:]).decoded_nats("STN").sum(axis=2)
     return activity.decoded_nats("STN").sum(axis=2)[:, 700:] - still
 
 

@@ -11,9 +11,9 @@ from scipy.special import log_softmax
 
 from circuits import anatomy
 from circuits.cells import Lif, Phase, Rate
-from circuits.declaration.spec import GABA, Circuit, Population, Projection
-from circuits.engines import plain
-from circuits.engines.brian2 import run as spiking
+from circuits.circuit import Circuit
+from circuits.declaration.rows import GABA, Population, Projection
+from tests.circuits.helpers import run_brian2, run_plain
 
 # Brian2 2.9 calls pyparsing by its old names.
 
@@ -65,9 +65,9 @@ def assert_same(a, b):
 
 def both(circuit, drive=DRIVE, **options):
     given = STEPS | {"seed": 5, "spikes": cells_of(circuit)} | options
-    fast = spiking.run(circuit, drive, **given)
+    fast = run_brian2(circuit, drive, **given)
     given.pop("explicit", None)
-    return fast, plain.run(circuit, drive, **given)
+    return fast, run_plain(circuit, drive, **given)
 
 
 @pytest.mark.parametrize(
@@ -106,8 +106,8 @@ def test_spikes_are_those_of_the_plain_engine_on_any_grid_of_time():
 
 def test_a_trial_has_its_noise_whatever_runs_beside_it():
     given = STEPS | {"seed": 5, "spikes": ("SNr",)}
-    two = spiking.run(small(), DRIVE, **given)
-    one = spiking.run(small(), DRIVE[1:], first_trial=1, **given)
+    two = run_brian2(small(), DRIVE, **given)
+    one = run_brian2(small(), DRIVE[1:], first_trial=1, **given)
     npt.assert_array_equal(one.output_nats[0], two.output_nats[1])
     rows = two.spikes["SNr"].query("trial == 1").drop(columns="trial")
     npt.assert_array_equal(one.spikes["SNr"].drop(columns="trial"), rows)
@@ -117,7 +117,7 @@ def test_a_trial_has_its_noise_whatever_runs_beside_it():
 def test_a_table_of_rates_settles_at_the_log_posterior():
     y = np.array([0.6, -0.4, 0.1])
     drive = np.tile(y, (1, 25, 1))
-    out = spiking.run(anatomy.bogacz_gurney(3), drive, step_ms=10, seed=1)
+    out = run_brian2(anatomy.bogacz_gurney(3), drive, step_ms=10, seed=1)
     npt.assert_allclose(out.output_nats[0, -1], -log_softmax(y), atol=1e-6)
     assert out.spikes is None
 
@@ -133,7 +133,7 @@ def test_a_table_of_rates_settles_at_the_log_posterior():
 )
 def test_an_option_that_does_not_fit_is_refused_before_the_run(options, message):
     with pytest.raises(ValueError, match=message):
-        spiking.run(small(), DRIVE, **STEPS | {"seed": 1} | options)
+        run_brian2(small(), DRIVE, **STEPS | {"seed": 1} | options)
 
 
 def test_brian2_loads_when_it_runs_and_leaves_the_hook_for_errors():

@@ -7,13 +7,13 @@ import numpy.testing as npt
 import pytest
 
 from circuits import anatomy
-from circuits.declaration.spec import Projection
+from circuits.declaration.rows import Projection
 from circuits.dynamics.ticks import Clock, cell_factors
 from circuits.dynamics.wiring import wire
-from circuits.engines import plain as plain_engine
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble import run as ensemble
 from circuits.engines.ensemble.plan import plan
+from tests.circuits.helpers import run_ensemble, run_plain
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)
@@ -33,7 +33,7 @@ def spike_set(table):
 
 def both(circuit, drive, **options):
     given = {"step_ms": 40, "seed": 7, "settle_ms": 60, "spikes": NAMES} | options
-    return ensemble.run(circuit, drive, **given), plain_engine.run(circuit, drive, **given)
+    return run_ensemble(circuit, drive, **given), run_plain(circuit, drive, **given)
 
 
 @pytest.mark.parametrize(
@@ -76,9 +76,9 @@ def test_sparse_inputs_make_cells_spike_as_in_the_plain_scheme_up_to_single_prec
 
 
 def test_another_seed_or_trial_has_other_spikes():
-    one = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=("STN",)).spikes["STN"]
-    two = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=8, spikes=("STN",)).spikes["STN"]
-    third = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=7, first_trial=1, spikes=("STN",))
+    one = run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=("STN",)).spikes["STN"]
+    two = run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=8, spikes=("STN",)).spikes["STN"]
+    third = run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=7, first_trial=1, spikes=("STN",))
     for other in (two, third.spikes["STN"]):
         assert len(spike_set(one) & spike_set(other)) < 0.1 * len(one)
 
@@ -92,7 +92,7 @@ def test_cells_differ_by_their_spread_and_channels_do_not(wiring_seed):
         npt.assert_allclose(factors.mean(axis=1), 1, rtol=1e-12)
         npt.assert_allclose(factors.std(axis=1), 0.1, rtol=0.2)
     drive = np.array([[[0.85, -0.85]], [[-0.85, 0.85]]]).repeat(8, axis=0)
-    found = ensemble.run(table, drive, step_ms=1500, seed=9, rates=False, sample_ms=5.0)
+    found = run_ensemble(table, drive, step_ms=1500, seed=9, rates=False, sample_ms=5.0)
     mean = found.output_nats[:, 100:].mean(axis=1)
     assert abs(mean[:8, 0].mean() - mean[8:, 1].mean()) < 0.012
 
@@ -101,9 +101,9 @@ def test_cells_differ_by_their_spread_and_channels_do_not(wiring_seed):
 def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
     drive = ramp(20, 3)
     given = {"step_ms": 20, "seed": 3, "settle_ms": 20}
-    whole = ensemble.run(circuit, drive, **given)
-    threads = ensemble.run(circuit, drive, workers=2, **given)
-    parts = [ensemble.run(circuit, drive[i : i + 7], first_trial=i, **given) for i in (14, 0, 7)]
+    whole = run_ensemble(circuit, drive, **given)
+    threads = run_ensemble(circuit, drive, workers=2, **given)
+    parts = [run_ensemble(circuit, drive[i : i + 7], first_trial=i, **given) for i in (14, 0, 7)]
     batches = np.concatenate([parts[1].output_nats, parts[2].output_nats, parts[0].output_nats])
     assert whole.output_nats.tobytes() == threads.output_nats.tobytes() == batches.tobytes()
     for name in NAMES:
@@ -115,10 +115,10 @@ def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
 )
 def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
     given = {"step_ms": 20.1, "sample_ms": 0.3, "seed": 3, "settle_ms": 20.3}
-    whole = ensemble.run(circuit, ramp(2, 3), spikes=NAMES, **given)
-    unrecorded = ensemble.run(circuit, ramp(2, 3), **given)
+    whole = run_ensemble(circuit, ramp(2, 3), spikes=NAMES, **given)
+    unrecorded = run_ensemble(circuit, ramp(2, 3), **given)
     monkeypatch.setattr(kernel, "WINDOW", 1)
-    one = ensemble.run(circuit, ramp(2, 3), spikes=NAMES, **given)
+    one = run_ensemble(circuit, ramp(2, 3), spikes=NAMES, **given)
     for other in (unrecorded, one):
         assert other.output_nats.tobytes() == whole.output_nats.tobytes()
     for name in NAMES:
@@ -128,21 +128,21 @@ def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
 def test_what_lies_downstream_never_changes_what_lies_upstream():
     drive = ramp(2, 2)
     given = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
-    whole = ensemble.run(BASE, drive, **given).spikes
+    whole = run_ensemble(BASE, drive, **given).spikes
     edits = [
         BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0),
         BASE.lesion("D1", 0.5),
         BASE.scale("STN", "SNr", 0.2),
     ]
     for edited in edits:
-        for name, table in ensemble.run(edited, drive, **given).spikes.items():
+        for name, table in run_ensemble(edited, drive, **given).spikes.items():
             assert spike_set(table) == spike_set(whole[name])
 
 
 def test_more_spikes_than_room_are_all_there(monkeypatch):
-    plenty = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
+    plenty = run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
     monkeypatch.setattr(ensemble, "FIRST_CAPACITY", 5)
-    little = ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
+    little = run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
     for name in NAMES:
         assert spike_set(little[name]) == spike_set(plenty[name])
 
@@ -150,15 +150,15 @@ def test_more_spikes_than_room_are_all_there(monkeypatch):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=-1), "seed must be"),
-        (lambda: ensemble.run(BASE, ramp(1, 2), step_ms=0.25, seed=1), "no multiple of dt_ms"),
-        (lambda: ensemble.run(BASE, ramp(1, 2, 3), step_ms=40, seed=1), "3 hypotheses"),
-        (lambda: ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("X",)), "no nucleus"),
+        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=-1), "seed must be"),
+        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=0.25, seed=1), "no multiple of dt_ms"),
+        (lambda: run_ensemble(BASE, ramp(1, 2, 3), step_ms=40, seed=1), "3 hypotheses"),
+        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("X",)), "no nucleus"),
         (
-            lambda: ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("common",)),
+            lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("common",)),
             "no cells that spike",
         ),
-        (lambda: ensemble.run(BASE, ramp(1, 2), step_ms=40, seed=1, workers=0), "workers must be"),
+        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=1, workers=0), "workers must be"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(call, says):
@@ -168,7 +168,7 @@ def test_bad_input_gets_one_clear_sentence(call, says):
 
 def test_a_drive_beyond_the_range_warns_once_with_the_number():
     with pytest.warns(UserWarning, match=r"S runs from .* to 2\d\.\d\d nats") as caught:
-        ensemble.run(BASE, ramp(3, 2, top=40.0), step_ms=20, seed=1)
+        run_ensemble(BASE, ramp(3, 2, top=40.0), step_ms=20, seed=1)
     assert len(caught) == 1
 
 
@@ -180,14 +180,14 @@ def test_strong_inhibition_is_not_taken_for_a_refractory_period():
 def test_an_edit_without_a_state_of_rest_warns():
     runaway = BASE.add(Projection("STN", "STN", 0.5, "diffuse")).lesion("common")
     with pytest.warns(UserWarning, match="as edited has no state of rest"):
-        ensemble.run(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
+        run_ensemble(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
 
 
 def test_a_run_shows_a_bar_of_progress_only_on_request(capsys):
     given = {"step_ms": 1, "seed": 7, "settle_ms": 0}
-    ensemble.run(BASE, np.zeros((9, 1, 2)), **given)
+    run_ensemble(BASE, np.zeros((9, 1, 2)), **given)
     assert not capsys.readouterr().err
-    ensemble.run(BASE, np.zeros((9, 1, 2)), progress=True, **given)
+    run_ensemble(BASE, np.zeros((9, 1, 2)), progress=True, **given)
     assert "9/9" in capsys.readouterr().err
 
 

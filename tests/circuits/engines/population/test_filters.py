@@ -5,9 +5,9 @@ import pytest
 from scipy import optimize, signal
 
 from circuits.cells import Phase
+from circuits.cells.phase import phase_spectrum
 from circuits.engines.population import filters
 from circuits.engines.population.filters import FREQUENCIES_HZ, PER_RAD_S
-from circuits.laws.response import phase_spectrum
 
 
 def test_how_a_rational_answer_follows_is_found_again():

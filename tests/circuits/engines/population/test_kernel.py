@@ -11,8 +11,7 @@ from circuits import anatomy
 from circuits.activity import total_nats
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
-from circuits.engines import algebra
-from tests.circuits.helpers import MEMBERS, run_rate
+from tests.circuits.helpers import MEMBERS, run_algebra, run_rate
 
 SINGLE = 5e-5
 """What single precision leaves, nats, or as a fraction of a rate."""
@@ -101,7 +100,7 @@ def test_steady_state_is_the_fixed_point(name, channels):
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "S runs")  # the highest S is the limit but for rounding
         late = run_rate(circuit, drive, step_ms=3000, sample_ms=100).output_nats[:, -1]
-    exact = algebra.run(circuit, drive).output_nats[:, 0]
+    exact = run_algebra(circuit, drive).output_nats[:, 0]
     assert np.abs(late - exact).max() < SINGLE
 
 
@@ -109,7 +108,7 @@ def test_a_circuit_at_rest_stays_there():
     for name in anatomy.CIRCUITS:
         circuit = anatomy.load_circuit(name, 4)
         activity = run_rate(circuit, np.zeros((1, 1, 4)), step_ms=50, settle_ms=0)
-        rest = algebra.run(circuit, np.zeros((1, 1, 4))).output_nats
+        rest = run_algebra(circuit, np.zeros((1, 1, 4))).output_nats
         assert np.abs(activity.output_nats - rest).max() < SINGLE
 
 

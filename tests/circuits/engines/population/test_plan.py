@@ -6,7 +6,8 @@ import pytest
 from circuits import anatomy
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.wiring import wire
-from circuits.engines.population.plan import CELLS, LINES, Laws, plan, tick_ms
+from circuits.engines import Population
+from circuits.engines.population.plan import plan, tick_ms
 
 
 @pytest.mark.parametrize(
@@ -31,7 +32,7 @@ def test_the_tick_is_the_longest_that_all_delays_and_times_are_multiples_of(
 def test_filters_follow_the_state_with_a_time_constant_of_fifty_milliseconds():
     """After 50 ms their coefficients lack 1/e of a step of the state."""
     scheme = Scheme(wire(anatomy.spiking_msprt(2)), 0.5)
-    clock = plan(scheme, Clock(1, 50, 0.5), Laws(CELLS, noise=True)).clock[0]
+    clock = plan(scheme, Clock(1, 50, 0.5), Population(noise=True)).clock[0]
     assert (1 - clock["follow_slowly"]) ** (50 / 0.5) == pytest.approx(np.exp(-1), rel=1e-4)
 
 
@@ -40,7 +41,7 @@ def test_noise_falls_with_the_number_of_cells_and_the_length_of_a_tick():
     table = anatomy.spiking_msprt(2).with_neurons(70)
     scheme = Scheme(wire(table), 0.5)
     made = {
-        noise: plan(scheme, Clock(1, 50, 0.5), Laws(LINES, noise=noise)).blocks
+        noise: plan(scheme, Clock(1, 50, 0.5), Population(laws="lines", noise=noise)).blocks
         for noise in (True, False)
     }
     spiking = [wire(table).row(b).spiking for b in range(len(made[True]))]
@@ -55,7 +56,7 @@ def test_what_units_pass_on_at_rest_keeps_blocks_at_rest(name):
     """Tone and pathways that bend included."""
     wiring = wire(anatomy.load_circuit(name, 3))
     scheme = Scheme(wiring, 0.5)
-    laid = plan(scheme, Clock(1, 50, 0.5), Laws(LINES, noise=False))
+    laid = plan(scheme, Clock(1, 50, 0.5), Population(laws="lines", noise=False))
     arrives = wiring.weight @ laid.units["passed"] + wiring.bias
     np.testing.assert_allclose(arrives, laid.blocks["rest_x"], rtol=1e-5, atol=1e-5)
     assert (wiring.constant != 0).any()

@@ -11,16 +11,18 @@ from scipy.signal import welch
 from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.cells.cell import Line
+from circuits.cells.phase import phase_spectrum
+from circuits.circuit import Circuit
 from circuits.declaration import transfer
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.ticks import cell_factors
-from circuits.engines import algebra, run
+from circuits.engines import run
 from circuits.engines.population import kernel
 from circuits.engines.population import plan as layout
 from circuits.engines.population import run as engine
 from circuits.engines.population.answers import Mixture, Straight
-from circuits.laws.response import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
+from tests.circuits.helpers import run_algebra
 from tests.circuits.spiking import ADEX
 
 SEED = 3
@@ -78,7 +80,7 @@ def test_mean_rates_are_those_of_a_finite_number_of_cells():
     """Noise moves means where cells bend; by theory to first order in 1/n."""
     held = np.array([0.5, -0.5])
     activity = populations(FULL, np.tile(held, (200, 5, 1)), settle_ms=1000)
-    known = algebra.run(FULL, held[None, None], laws="finite")
+    known = run_algebra(FULL, held[None, None], laws="finite")
     for name, rates in activity.rates_hz.items():
         late = rates[:, 1000:].mean(axis=(0, 1))
         np.testing.assert_allclose(late, known.rates_hz[name][0, 0], rtol=0.01, atol=0.15)
@@ -88,7 +90,7 @@ def test_mean_rates_are_those_of_a_finite_number_of_cells():
 def test_without_noise_it_settles_at_the_fixed_point_of_its_laws(laws, exact):
     held = np.array([0.4, -0.4])
     found = populations(FULL, np.tile(held, (1, 10, 1)), laws=laws, noise=False)
-    known = algebra.run(FULL, held[None, None], laws=exact)
+    known = run_algebra(FULL, held[None, None], laws=exact)
     np.testing.assert_allclose(found.output_nats[0, -1], known.output_nats[0, 0], atol=SINGLE)
 
 
@@ -227,7 +229,7 @@ def test_a_transfer_of_ones_own_is_looked_up(monkeypatch):
     )
     drive = np.array([[[0.5, -0.5]]])
     found = run(circuit, drive, engine="rate", step_ms=500).output_nats[0, -1]
-    np.testing.assert_allclose(found, algebra.run(circuit, drive).output_nats[0, 0], atol=1e-3)
+    np.testing.assert_allclose(found, run_algebra(circuit, drive).output_nats[0, 0], atol=1e-3)
 
 
 def test_a_transfer_that_bends_too_much_is_refused(monkeypatch):

@@ -1,4 +1,4 @@
-"""How cells answer an input that fluctuates, and how irregular their spikes are.
+"""How a leaky membrane responds to a fluctuating input, and how irregular its spikes are.
 
 All to second order in the fluctuation and exact in the noise of the cells: the stationary density
 of the membrane, its answer to a modulated mean and the answer to that answer (the Fokker-Planck
@@ -7,16 +7,14 @@ equation as in Richardson 2007, Phys Rev E 76, 021919).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array, Complex
-
-if TYPE_CHECKING:
-    from circuits.cells import Lif, Phase
-
+from circuits.cells.membrane import Membrane
+from circuits.cells.renewal import renewal_spectrum
 
 NODES = 100
 """Steps from threshold to reset: right to .5 % up to 4 kHz, .2 % up to 300 Hz."""
@@ -44,12 +42,14 @@ class LifResponse(NamedTuple):
     spectrum: Array
 
 
-def lif_response(cell: Lif, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> LifResponse:
+def lif_response(
+    cell: Membrane, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike
+) -> LifResponse:
     """Return how a leaky integrate-and-fire cell answers about its mean potentials.
 
     Parameters
     ----------
-    cell : Lif
+    cell : Membrane
         Its constants.
     mean_mv : array (S,)
         Mean potentials without a threshold, mV.
@@ -63,28 +63,28 @@ def lif_response(cell: Lif, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike)
     density, and at second order, frequency 0, that first-order density.
     """
     mean = np.maximum(mean_mv, cell.threshold_mv - DEEPEST * cell.noise_mv)[:, None]
-    membrane = _Membrane(cell, mean)
+    density = _Density(cell, mean)
     held_s = cell.refractory_ms / 1000
-    (passed,) = membrane.solve(np.zeros(1), membrane.injected)
-    rate = 1 / (membrane.area(passed) + held_s)
+    (passed,) = density.solve(np.zeros(1), density.injected)
+    rate = 1 / (density.area(passed) + held_s)
     omega = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
-    push, at_once = membrane.pushed(rate * passed)
-    passing, moved = membrane.solve(omega, membrane.injected, push)
+    push, at_once = density.pushed(rate * passed)
+    passing, moved = density.solve(omega, density.injected, push)
     # The transform of intervals, and what was pushed out with all that comes back later.
-    interval = membrane.outflow(passing) * np.exp(-omega * held_s)
-    gain = (membrane.outflow(moved) + at_once) / (1 - interval)
+    interval = density.outflow(passing) * np.exp(-omega * held_s)
+    gain = (density.outflow(moved) + at_once) / (1 - interval)
     first = moved + gain * np.exp(-omega * held_s) * passing
     # exp(i omega t) and its conjugate, variance 2, act on the density that each of them made.
-    push, _ = membrane.pushed(2 * first.real)
-    (second,) = membrane.solve(np.zeros(1), push)
-    bend = -rate * membrane.area(second) / 2
-    return LifResponse(gain, bend, _renewal(rate, interval))
+    push, _ = density.pushed(2 * first.real)
+    (second,) = density.solve(np.zeros(1), push)
+    bend = -rate * density.area(second) / 2
+    return LifResponse(gain, bend, renewal_spectrum(rate, interval))
 
 
-class _Membrane:
+class _Density:
     """Density of the potential on nodes from far below to a step below threshold, (nodes, S, F)."""
 
-    def __init__(self, cell: Lif, mean: Array) -> None:
+    def __init__(self, cell: Membrane, mean: Array) -> None:
         tau_s = cell.tau_ms / 1000
         lowest = min(float(mean.min(initial=cell.reset_mv)), cell.reset_mv) - DEPTH * cell.noise_mv
         self.step = (cell.threshold_mv - cell.reset_mv) / NODES
@@ -139,22 +139,3 @@ class _Membrane:
     def area(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return the whole probability."""
         return np.asarray(self.step * density.sum(axis=0))
-
-
-def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Array:
-    """Return the two-sided power of a Phase cell's spikes, (S, F) Hz; 0 for a regular one.
-
-    Its intervals are inverse Gaussian, with the characteristic function
-    ``exp((1 - sqrt(1 - 2 i omega cv^2/r))/cv^2)``.
-    """
-    rate = np.asarray(rate_hz, dtype=np.float64)[:, None]
-    if cell.cv == 0:
-        return np.zeros((len(rate), np.size(frequency_hz)))
-    turn = 2j * np.pi * np.asarray(frequency_hz) / np.maximum(rate, 1e-9)
-    interval = np.exp((1 - np.sqrt(1 - 2 * turn * cell.cv**2)) / cell.cv**2)
-    return _renewal(rate, interval)
-
-
-def _renewal(rate: Array, interval: Complex) -> Array:
-    """Return the power of a renewal process from the transform of its intervals (Cox 1962)."""
-    return np.asarray(rate * (1 - np.abs(interval) ** 2) / np.abs(1 - interval) ** 2)

@@ -1,24 +1,50 @@
-"""Exact firing rates of the cell types, and the current that gives a wanted f-I line."""
+"""A leaky membrane with a threshold: its exact firing rate, and the current for a wanted line."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from circuits.cells import Lif
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(120)
+from circuits.arrays import Array
 
 
-def lif_rate_hz(cell: Lif, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float64]:
+@dataclass(frozen=True)
+class Membrane:
+    """A leaky membrane with white noise, a threshold and a reset, in mV above a reference.
+
+    Parameters
+    ----------
+    tau_ms, refractory_ms : float
+        Membrane time constant and absolute refractory period, ms.
+    noise_mv : float
+        Standard deviation of the membrane without a threshold, mV.
+    threshold_mv, reset_mv : float
+        mV above the reference.
+    """
+
+    tau_ms: float
+    noise_mv: float
+    threshold_mv: float
+    reset_mv: float
+    refractory_ms: float
+
+
+@cache
+def _legendre() -> tuple[Array, Array]:
+    """Return nodes and weights of the integral in ``lif_rate_hz``."""
+    nodes, weights = np.polynomial.legendre.leggauss(120)
+    return nodes, weights
+
+
+def lif_rate_hz(cell: Membrane, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return the stationary rate of a leaky integrate-and-fire cell with white noise, Hz.
 
     Parameters
     ----------
-    cell : Lif
+    cell : Membrane
         Its constants.
     mean_mv : array
         Mean potential without a threshold, mV.
@@ -35,15 +61,16 @@ def lif_rate_hz(cell: Lif, mean_mv: npt.ArrayLike) -> npt.NDArray[np.float64]:
     width = np.sqrt(2) * cell.noise_mv
     low, high = (cell.reset_mv - mean) / width, (cell.threshold_mv - mean) / width
     half = (high - low) / 2
-    u = (high + low)[..., None] / 2 + half[..., None] * _NODES
+    nodes, weights = _legendre()
+    u = (high + low)[..., None] / 2 + half[..., None] * nodes
     # exp(u^2)(1 + erf u), capped where the cell is silent for longer than any run.
     inside = erfcx(np.maximum(-u, -26.0))
-    time_ms = cell.refractory_ms + cell.tau_ms * np.sqrt(np.pi) * half * (inside @ _WEIGHTS)
+    time_ms = cell.refractory_ms + cell.tau_ms * np.sqrt(np.pi) * half * (inside @ weights)
     rate_hz: npt.NDArray[np.float64] = 1000.0 / time_ms
     return rate_hz
 
 
-def lif_mean_mv(cell: Lif, rate_hz: float) -> float:
+def lif_mean_mv(cell: Membrane, rate_hz: float) -> float:
     """Return the mean potential at which the cell fires at a rate, mV."""
     from scipy.optimize import brentq
 
@@ -54,14 +81,14 @@ def lif_mean_mv(cell: Lif, rate_hz: float) -> float:
 
 
 def fit_current(
-    cell: Lif, baseline_hz: float, gain_hz_per_nat: float, range_hz: tuple[float, float]
+    cell: Membrane, baseline_hz: float, gain_hz_per_nat: float, range_hz: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the (rest_mv, mv_per_nat) that make the cell's f-I follow a line best.
 
     Parameters
     ----------
-    cell : Lif
-        Its own rest_mv and mv_per_nat play no part.
+    cell : Membrane
+        Its constants; the rest_mv and mv_per_nat of a Lif cell are not used.
     baseline_hz, gain_hz_per_nat : float
         The wanted line ``baseline_hz + gain_hz_per_nat * x``.
     range_hz : (low, high)

@@ -11,7 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from circuits.cells import CELLS
-from circuits.declaration.spec import NOT_WRITTEN, Circuit, Course, Population
+from circuits.circuit import Circuit
+from circuits.declaration.courses import Course
+from circuits.declaration.rows import Population
+from circuits.declaration.table import NOT_WRITTEN
 from circuits.declaration.table_files import FORMAT, SPARE, TABLES, TYPE
 
 OWN_KEYS = (f.name for f in fields(Circuit) if f.init and f.name not in NOT_WRITTEN)

@@ -9,8 +9,9 @@ from scipy.special import erfcx
 
 from circuits import anatomy
 from circuits.cells import Phase
-from circuits.laws.firing import lif_rate_hz
-from circuits.laws.response import NODES, lif_response, phase_spectrum
+from circuits.cells.membrane import lif_rate_hz
+from circuits.cells.phase import phase_spectrum
+from circuits.cells.response import NODES, lif_response
 
 TABLE = anatomy.spiking_msprt()
 SLOW, FAST = [1e-3], [3000.0]

@@ -6,18 +6,11 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison.circuits import (
-    MSPRT,
-    MSPRT_AT_GAIN,
-    at_rest,
-    compare_edits,
-    compare_with_msprt,
-    msprt_tradeoffs,
-    sample_ms,
-    with_other_noise,
-)
-from bgmodel.comparison.compare import OTHER_NOISE, compare
+from bgmodel.comparison.compare import compare, with_other_noise
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import OTHER_NOISE, matched_measures
 from bgmodel.comparison.page import behaviour, page
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators import basal_ganglia
@@ -27,11 +20,14 @@ from bgmodel.integrators.deciding import (
     DECODER,
     decide_at_thresholds,
     is_noisy,
+    sample_ms,
     thresholds_about,
     without_noise_alone,
 )
 from bgmodel.integrators.rivals import RIVALS
+from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
+from circuits.engines import Ensemble, engine_of
 from circuits.laws.controls import shuffled_stn
 
 SEED, GAIN = 51, 0.5
@@ -39,7 +35,7 @@ TABLE = load_circuit("spiking_msprt", 4)
 EVIDENCE = separated_evidence(
     120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
 )
-MODEL = BasalGanglia(TABLE, "ensemble", GAIN, SEED, {"workers": 2})
+MODEL = BasalGanglia(TABLE, Ensemble(workers=2), GAIN, SEED)
 
 
 def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", **more):
@@ -52,7 +48,9 @@ def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", *
 
 @pytest.fixture(scope="module")
 def table():
-    return compare_with_msprt(MODEL, EVIDENCE, seed=SEED, accuracies=(0.9, 0.95), resamples=200)
+    every = tuple(RIVALS)
+    given = {"seed": SEED, "accuracies": (0.9, 0.95), "resamples": 200}
+    return compare(MODEL, EVIDENCE, rivals=every, **given).table
 
 
 def test_the_spiking_circuit_decides_as_the_msprt(table):
@@ -69,7 +67,7 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     for name, rival in RIVALS.items():
         options = {"truth": EVIDENCE.truth, "accuracies": (0.9, 0.95), "resamples": 2}
         swept = tradeoff(rival().run(EVIDENCE), EVIDENCE)
-        alone = compare(full, swept, rng=stream(1, "b"), latency_ms=0.0, **options)
+        alone = matched_measures(full, swept, rng=stream(1, "b"), latency_ms=0.0, **options)
         gap = alone[alone["measure"] == "accuracy_gap"].set_index("accuracy")["value"][0.95]
         np.testing.assert_equal(of(table, "accuracy_gap", name, MSPRT, accuracy=0.95), gap)
     text = page(table)
@@ -90,7 +88,7 @@ def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind
     known = np.exp(-Msprt().run(EVIDENCE).out_nats)[:, -1]
     chosen = known[np.arange(EVIDENCE.trials), found.choice]
     assert chosen.mean(axis=1).max() < 0.6
-    measured = compare(test, found, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
+    measured = matched_measures(test, found, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
     agreement = measured.set_index("measure")["value"]["agreement"]
     assert np.isnan(agreement) or agreement < 0.5
 
@@ -121,7 +119,7 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms):
     # Batches of 10: a trial that is run again has the noise of its place among all.
     monkeypatch.setattr(basal_ganglia, "BATCH", 10)
     dropped = decide_at_thresholds(model, EVIDENCE[:20], given, decoder_tau_ms=tau_ms)
-    monkeypatch.setattr(basal_ganglia, "DROPPING", ())
+    monkeypatch.setattr(Ensemble, "until", lambda engine, level_nats, rates: engine)
     whole = decide_at_thresholds(model, EVIDENCE[:20], given, decoder_tau_ms=tau_ms)
     assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
     for name, one in whole.items():
@@ -142,7 +140,9 @@ def test_trials_do_not_depend_on_their_batch(monkeypatch):
 def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
     """MSN at most 5 Hz, STN 8-25, GPe 25-75, SNr 20-80 (the ranges of rat and macaque)."""
     for channels in (2, 4):
-        found = at_rest(load_circuit("spiking_msprt", channels), seed=SEED).set_index("nucleus")
+        found = resting_activity(load_circuit("spiking_msprt", channels), seed=SEED).set_index(
+            "nucleus"
+        )
         for name, low, high in (
             ("D1", 0, 5),
             ("D2", 0, 5),
@@ -185,7 +185,7 @@ def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given()
     """At .8 the MSPRT decides where OUT rests, at .999 where no OUT is read."""
     given = {"seed": SEED, "rivals": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
     with pytest.warns(UserWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: sp"):
-        found = compare_with_msprt(QUICK, LONG, **given)
+        found = compare(QUICK, LONG, **given).table
     known = found[(found["model"] == CIRCUIT) & (found["measure"] == "agreement")]
     known = known[known["reference"] == MSPRT_AT_GAIN].set_index("accuracy")["value"]
     assert known.notna().to_dict() == {0.8: False, 0.95: True, 0.999: False}
@@ -209,7 +209,7 @@ def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
 
 def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     given = {"seed": SEED, "rivals": (), "accuracies": (0.95,), "resamples": 20, "ceiling": True}
-    noisy = compare_with_msprt(QUICK, LONG, **given)
+    noisy = compare(QUICK, LONG, **given).table
     r = of(noisy, "pearson_r", reference=OTHER_NOISE)
     assert 0.8 < r < 1
     exact = of(noisy, "pearson_r") / np.sqrt(r)
@@ -226,7 +226,7 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     text = page(noisy)
     assert "circuit with other noise: the circuit beside itself" in text
     assert "by chance (agreement_chance)" in text
-    without = compare_with_msprt(replace(QUICK, engine="algebra"), LONG, **given)
+    without = compare(replace(QUICK, engine="algebra"), LONG, **given).table
     for measure in ("agreement", "agreement_corrected", "pearson_r", "within_50_ms"):
         assert of(without, measure, reference=OTHER_NOISE) == pytest.approx(1)
     assert of(without, "pearson_r_of_ceiling") == pytest.approx(of(without, "pearson_r"))
@@ -271,7 +271,7 @@ def test_only_noise_keeps_thresholds_away_from_rest(monkeypatch, engine, options
     rest = np.full((1000, 3, 2), 0.8)
     rest[:20, 1, 0], rest[20, 2, 1] = 0.5, 0.6
     monkeypatch.setattr(BasalGanglia, "out_at_rest", lambda self: rest)
-    model = replace(QUICK, engine=engine, options=options)
+    model = replace(QUICK, engine=engine_of(engine, **options))
     assert is_noisy(model) == noisy
     levels = np.array([0.9, 0.6, 0.55, 0.5, 0.3])
     kept = without_noise_alone(model, levels).tolist()
@@ -285,7 +285,7 @@ def test_each_seed_has_another_noise_of_its_own(monkeypatch):
         asked.append(model.seed)
         return {CIRCUIT: None}
 
-    monkeypatch.setattr("bgmodel.integrators.deciding.decide_at_thresholds", decided)
+    monkeypatch.setattr("bgmodel.comparison.compare.decide_at_thresholds", decided)
     test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
     for seed in (7, 8, None, 0):
         with_other_noise(replace(QUICK, seed=seed), EVIDENCE, test)
@@ -302,7 +302,7 @@ def test_the_decoder_beside_a_circuit_counts_for_20_ms_by_default(monkeypatch):
         taken.append(tau_ms)
         return trace
 
-    monkeypatch.setattr("bgmodel.comparison.circuits.decoded", recorded)
+    monkeypatch.setattr("bgmodel.integrators.deciding.decoded", recorded)
     decide_at_thresholds(QUICK, LONG[:2], [0.4])
     assert taken == [20.0]
 
@@ -325,7 +325,7 @@ def test_an_edit_that_changes_nothing_is_warned_of():
 def test_what_a_circuit_is_no_edit_of_is_no_reference_of_it(other):
     given = {"seed": SEED, "accuracies": (0.95,), "resamples": 20}
     for call in (
-        lambda: compare_with_msprt(QUICK, LONG, intact=other, **given),
+        lambda: compare(QUICK, LONG, intact=other, **given).table,
         lambda: compare_edits(replace(QUICK, circuit=other), {"mine": TABLE}, LONG, **given),
     ):
         with pytest.raises(ValueError, match="is no edit of"):

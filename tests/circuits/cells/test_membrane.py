@@ -10,9 +10,9 @@ from scipy.special import erfc
 
 from circuits import anatomy
 from circuits.cells import Lif
+from circuits.cells.membrane import fit_current, lif_mean_mv, lif_rate_hz
 from circuits.checks import whole_ticks
 from circuits.dynamics import noise
-from circuits.laws.firing import fit_current, lif_mean_mv, lif_rate_hz
 
 SPIKING = anatomy.spiking_msprt()
 # Population: the rates over which its current is fitted, and the largest departure from its line.

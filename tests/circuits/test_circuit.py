@@ -11,11 +11,12 @@ from circuits import anatomy
 from circuits.anatomy import CIRCUITS
 from circuits.anatomy import load_circuit as named
 from circuits.cells import Lif, Rate
-from circuits.declaration.spec import Circuit, Population, Projection
+from circuits.circuit import Circuit
+from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table_files import digest
 from circuits.dynamics.fixed_point import rest_rates, wired
 from circuits.dynamics.wiring import wire
-from circuits.engines import algebra
+from tests.circuits.helpers import run_algebra
 
 EDITS = {
     "lesion": lambda c: c.lesion("STN", 0.3),
@@ -86,7 +87,7 @@ def test_one_channel_is_scaled_and_no_other(circuit):
         each = each.scale("D1", "SNr", 0.5, channel).scale("D1", "SNr", 1.8, channel)
     assert each.projection("D1", "SNr").factors == (0.9, 0.9, 0.9)
     out = {
-        name: algebra.run(c, drive).output_nats[0, 0]
+        name: run_algebra(c, drive).output_nats[0, 0]
         for name, c in {
             "as it is": three,
             "one": three.scale("D1", "SNr", 0.9, channel=1),
@@ -348,7 +349,7 @@ def test_receptors_at_terminals_scale_their_pathway_and_keep_rest(level):
         d2 = p.name in ("STN->GPe", "GPe->STN", "ctx->D2")
         factor = 2 - level if d2 else level if p.name == "ctx->D1" else 1
         assert p.weight == pytest.approx(factor * old.weight, rel=1e-14), p.name
-    rest, moved = (algebra.run(table, np.zeros((1, 1, 3))) for table in (circuit, changed))
+    rest, moved = (run_algebra(table, np.zeros((1, 1, 3))) for table in (circuit, changed))
     for name, rates in rest.rates_hz.items():
         np.testing.assert_allclose(moved.rates_hz[name], rates, atol=1e-9, err_msg=name)
 

@@ -1,0 +1,49 @@
+"""All commands by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bgmodel.commands.circuit import CircuitRun, CircuitShow
+from bgmodel.commands.comparing import CircuitLesion, Compare
+from bgmodel.commands.data import Data
+from bgmodel.commands.decisions import Decide, GapLearn
+from bgmodel.commands.demo import DemoRun
+from bgmodel.commands.designed import CircuitDesigned
+from bgmodel.commands.dopamine import CircuitLearn
+from bgmodel.commands.experiments import ExperimentRun
+from bgmodel.commands.figures import Figures
+from bgmodel.commands.fits import FitRun
+from bgmodel.commands.page import PageWrite
+from bgmodel.commands.sweeps import SweepRun
+from bgmodel.commands.taps import Decode, Simulate, Train
+
+CIRCUIT = {
+    "show": CircuitShow,
+    "run": CircuitRun,
+    "lesion": CircuitLesion,
+    "designed": CircuitDesigned,
+    "learn": CircuitLearn,
+}
+# A name and its command, or a name and a group: what it is about, and a table like this one with
+# two commands or more.
+COMMANDS: dict[str, Any] = {
+    "demo": DemoRun,
+    "simulate": Simulate,
+    "train": Train,
+    "decode": Decode,
+    "decide": Decide,
+    "learn": GapLearn,
+    "circuit": (
+        "A basal ganglia circuit: show its table, let it decide, lesion it, hold it to theories, "
+        "let dopamine learn. Example: bgmodel circuit show",
+        CIRCUIT,
+    ),
+    "compare": Compare,
+    "data": Data,
+    "fit": FitRun,
+    "experiment": ExperimentRun,
+    "sweep": SweepRun,
+    "page": PageWrite,
+    "figures": Figures,
+}

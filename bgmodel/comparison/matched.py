@@ -1,0 +1,234 @@
+"""Algorithm against circuit, decision by decision, on the same evidence.
+
+A ``Tradeoff`` holds the decisions of one integrator at many settings, as a rule thresholds. Two on
+the same evidence are compared at equal accuracy: their settings are matched, then trial stands
+against trial. Every interval is a bootstrap over trials (Efron 1979), drawn as weights of trials,
+so that one expression gives the value and its resamples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
+from bgmodel.comparison.pairs import side_by_side
+from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, margin, time_at
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.checks import reals
+
+ACCURACIES = (0.90, 0.95, 0.97)
+# Accuracies over which the extra time is fitted by a line.
+SPAN = np.linspace(0.85, 0.98, 14)
+MOST_FORCED = 0.5
+"""Share of trials that the deadline may decide where thresholds are compared."""
+MINUS_INTACT = "circuit minus intact"
+"""The model in rows that hold an edited circuit's measures minus the intact circuit's."""
+OTHER_NOISE = "circuit with other noise"
+"""The reference in rows that hold a circuit to itself with noise of another seed: the ceiling."""
+
+
+def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return what the other takes longer than the test at equal accuracy, as a line.
+
+    Parameters
+    ----------
+    test, other : pairs of arrays (B, K)
+        As from ``curve``.
+
+    Returns
+    -------
+    offset_ms, slope : arrays (B,)
+        Of the extra time against the test's own time, over accuracies .85 to .98 as far as both
+        reach; NaN where they share fewer than three.
+    """
+    x, late = time_at(SPAN, test), time_at(SPAN, other) - time_at(SPAN, test)
+    known = np.isfinite(late)
+    about = x - _row_means(np.where(known, x, np.nan))[:, None]
+    spread = np.where(known, about**2, 0).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = np.where(known, about * late, 0).sum(axis=1) / spread
+    slope[known.sum(axis=1) < 3] = np.nan
+    return _row_means(late - slope[:, None] * x), slope
+
+
+def matched_measures(
+    test: Tradeoff,
+    other: Tradeoff,
+    *,
+    rng: np.random.Generator,
+    truth: Integers | None = None,
+    minus: Tradeoff | None = None,
+    again: Tradeoff | None = None,
+    latency_ms: float | None = None,
+    accuracies: Sequence[float] = ACCURACIES,
+    resamples: int = RESAMPLES,
+    groups: npt.ArrayLike | None = None,
+) -> pd.DataFrame:
+    """Compare two integrators on the same evidence at equal expected accuracy.
+
+    Parameters
+    ----------
+    test, other : Tradeoff
+        The reference, and what is held to it.
+    rng : numpy.random.Generator
+        For the bootstrap.
+    truth : int array (trials,), optional
+        For the accuracy that is counted, the test's error trials, and chance: it is that of trials
+        shuffled within each truth, or among all if left out.
+    minus : Tradeoff, optional
+        A third: every measure is then the other's minus this one's, with the interval of that.
+    again : Tradeoff, optional
+        The other with noise of another seed, for pearson_r_of_ceiling.
+    latency_ms : float, optional
+        What is not decision time and taken off before accuracies are compared in equal time: 0 for
+        an abstract integrator; the mean extra time over accuracies .85 to .98 if left out.
+    accuracies : sequence of float
+        Where the test's threshold is put.
+    resamples : int
+        Of the bootstrap.
+    groups : array (trials,), optional
+        As for ``resampled``.
+
+    Returns
+    -------
+    DataFrame
+        One row an accuracy and measure: accuracy, measure, value, low, high (95 % interval).
+        Measures: threshold; accuracy, test_accuracy (counted); agreement, error_agreement (on
+        trials that the test gets wrong) and within_50_ms (share of times within 50 ms of the
+        median lag), each also as NAME_chance, for trials shuffled within a truth, and
+        NAME_corrected, (share - chance) / (1 - chance); pearson_r (of decision times) and
+        pearson_r_chance, spearman_r; residual_sd_ms (of the lag); test_ms, extra_ms; accuracy_gap
+        (in equal time); forced; with ``again`` pearson_r_of_ceiling, r over the square root of the
+        other's r with itself (Spearman 1904: what r would be without the other's noise). All are
+        NaN where one does not reach the accuracy within ``margin``, or where the deadline decides
+        most trials of one; what goes trial by trial has its interval for the thresholds as matched.
+        With accuracy NaN: offset_ms and slope of ``latency``.
+
+    Raises
+    ------
+    ValueError
+        If the tradeoffs do not hold the same trials, or are too few for an interval.
+    """
+    for one in (other, minus or other, again or other):
+        if one.trials != test.trials:
+            raise ValueError(
+                f"the same trials must be compared, got {test.trials} and {one.trials}"
+            )
+    n = test.trials
+    check_trials(n)
+    weights = resampled(n, resamples, rng, groups)
+    found = _measures(test, other, truth, accuracies, weights, latency_ms, again)
+    if minus is not None:
+        base = _measures(test, minus, truth, accuracies, weights, latency_ms)
+        found = {key: found[key] - base[key] for key in base}
+    rows = []
+    for (accuracy, name), values in found.items():
+        value, low, high = interval(values)
+        # A line through few points is none: without an interval it says nothing.
+        line = np.isnan(accuracy) and not np.isfinite(low)
+        rows.append((accuracy, name, np.nan if line else value, low, high))
+    return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
+
+
+def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> tuple[float, ...]:
+    """Return the accuracies that are asked for, one or several, as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If the list is empty, or an accuracy is not a number between chance plus ``MARGIN`` and 1.
+    """
+    given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
+    if given.ndim != 1 or not given.size:
+        raise ValueError(f"accuracies must hold one number or more, got {given.tolist()}")
+    least = 1 / hypotheses + MARGIN
+    for value in given.tolist():
+        if not least < value < 1:
+            raise ValueError(
+                f"accuracies must lie above chance, {1 / hypotheses:.3g}, and below 1, got "
+                f"{value:g}"
+            )
+    return tuple(given.tolist())
+
+
+def equivalent(table: pd.DataFrame, margin: float = MARGIN) -> pd.Series:
+    """Return, for each accuracy, whether the gap's 95 % interval lies within +-margin.
+
+    Two one-sided tests at 2.5 % (Schuirmann 1987): a gap that is merely not significant does not
+    pass.
+    """
+    gaps = table[table["measure"] == "accuracy_gap"].set_index("accuracy")
+    return (gaps["low"] > -margin) & (gaps["high"] < margin)
+
+
+Measures = dict[tuple[float, str], Array]
+
+
+def _measures(
+    test: Tradeoff,
+    other: Tradeoff,
+    truth: Integers | None,
+    accuracies: Sequence[float],
+    weights: Array,
+    latency_ms: float | None,
+    again: Tradeoff | None = None,
+) -> Measures:
+    """Return every measure, (B,) each; the first entry is the value itself."""
+    curves = curve(test, weights), curve(other, weights)
+    offset, slope = latency(*curves)
+    found = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
+    late = np.full_like(offset, latency_ms)
+    if latency_ms is None:
+        late = _row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
+    sides = [test, other, *([] if again is None else [again])]
+    reached = [curve(one, weights[:1])[0][0] for one in sides]
+    for accuracy in accuracies:
+        at = _matched(reached, accuracy)
+        j = at[1]
+        chosen = [one.choices(k) for one, k in zip(sides, at, strict=True)]
+        third = chosen[2] if again is not None else None
+        values = side_by_side(chosen[0], chosen[1], truth, weights, again=third)
+        values["forced"] = weights @ other.forced[j] / weights.sum(axis=1)
+        values["extra_ms"] = (time_at([accuracy], curves[1]) - time_at([accuracy], curves[0]))[:, 0]
+        values["accuracy_gap"] = _gap(*curves, accuracy, late)
+        values["threshold"] = np.full(len(weights), other.settings[j])
+        missed = max(abs(curve[k] - accuracy) for curve, k in zip(reached, at, strict=True))
+        # What the deadline decides crosses no threshold.
+        at_end = max(one.forced[k].mean() for one, k in zip(sides, at, strict=True))
+        if missed > margin(accuracy) or at_end > MOST_FORCED:
+            values = {name: np.full_like(value, np.nan) for name, value in values.items()}
+        found |= {(accuracy, name): value for name, value in values.items()}
+    return found
+
+
+def _matched(reached: Sequence[Array], accuracy: float) -> list[int]:
+    """Return the setting of each nearest to an accuracy: of the first, then of others to it."""
+    first = int(np.abs(reached[0] - accuracy).argmin())
+    others = [int(np.abs(one - reached[0][first]).argmin()) for one in reached[1:]]
+    return [first, *others]
+
+
+def _gap(
+    test: tuple[Array, Array], other: tuple[Array, Array], accuracy: float, late: Array
+) -> Array:
+    """Return accuracy of the other minus the test's in equal time, the latency taken off, (B,)."""
+    at_ms = time_at([accuracy], test)[:, 0] + late
+    reached = [
+        np.interp(at, time, known, np.nan, np.nan)
+        for at, known, time in zip(at_ms, *other, strict=True)
+    ]
+    return np.array(reached) - accuracy
+
+
+def _row_means(values: Array) -> Array:
+    """Return the mean of what is known in each row, NaN where nothing is."""
+    known = np.isfinite(values)
+    counts = known.sum(axis=1)
+    sums = np.where(known, values, 0).sum(axis=1)
+    means = np.full(len(values), np.nan)
+    np.divide(sums, counts, out=means, where=counts > 0)
+    return means

@@ -1,0 +1,277 @@
+"""One record of what decides on what: circuit, edits, engine, gain, seed, task and stopping rule.
+
+Experiments, sweeps, comparisons, learning and the commands hold it, so that each setting is
+declared and checked in one place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from bgmodel import names
+from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.names import CircuitName, EngineName
+from bgmodel.stimuli import Stimuli
+from bgmodel.support import toml_files
+from circuits import DEFAULT
+from circuits.edit_lists import Edits
+
+if TYPE_CHECKING:
+    from bgmodel.deciding.decision import Decision
+    from bgmodel.deciding.measures import Behaviour
+    from bgmodel.evidence import Evidence
+    from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from bgmodel.tables.trials import Trials
+    from circuits.circuit import Circuit
+
+CIRCUIT = CircuitName(DEFAULT)
+POSTERIOR = 0.82
+"""Stopping posterior unless told otherwise. The output of the default circuit follows -ln P there
+for two to eight alternatives."""
+ENGINE = EngineName("population")
+"""Engine unless told otherwise: it has the noise of spikes and is about fifty times as fast."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A circuit as it is edited and run: all that its output depends on, but the evidence.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, a number out of range, or an edit that the engine would ignore.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
+
+    circuit: CircuitName = CIRCUIT
+    """Name of the circuit, or the path of a .toml file."""
+    edits: Edits = field(default_factory=Edits)
+    """Differences from the table."""
+    engine: EngineName = ENGINE
+    """How the circuit is run: population is fast and has the noise of finitely many cells, ensemble
+    runs their spikes."""
+    gain: float | None = None
+    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that per nat);
+    the circuit's default unless given."""
+    seed: int = 0
+    """Seed of the noise, and of evidence that is drawn."""
+
+    def __post_init__(self) -> None:
+        # Looking names up imports all circuits and engines: the help of commands does without.
+        if self.circuit != CIRCUIT:
+            names.check("circuit", self.circuit, CircuitName)
+        if self.engine != ENGINE:
+            names.check("engine", self.engine, EngineName)
+        if self.seed < 0:
+            raise ValueError(f"seed must be at least 0, got {self.seed}")
+        if self.edits != Edits():
+            self.edits.check_engine(self.engine)
+
+    def intact(self, channels: int | None = None) -> Circuit:
+        """Return the circuit before its edits."""
+        from circuits.anatomy import load_circuit
+
+        return load_circuit(self.circuit, channels)
+
+    def table(self, channels: int | None = None) -> Circuit:
+        """Return the circuit as edited, with one channel per alternative.
+
+        Parameters
+        ----------
+        channels : int, optional
+            Number of alternatives; that of a file, or 2, unless given.
+        """
+        return self.edits.apply(self.intact(channels))
+
+    def model(
+        self,
+        channels: int | None = None,
+        *,
+        seed: int | None = None,
+        workers: int | None = None,
+        rates: bool | None = None,
+        sample_ms: float | None = None,
+    ) -> BasalGanglia:
+        """Return the edited circuit as an integrator.
+
+        Parameters
+        ----------
+        channels : int, optional
+            Number of alternatives.
+        seed : int, optional
+            Of the noise; the record's own unless given.
+        workers, rates, sample_ms :
+            Of engines that are made for many trials, as for ``Engine.tuned``.
+
+        Raises
+        ------
+        ValueError
+            If the circuit has no default gain and none is given.
+        """
+        from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+        from circuits.engines import engine_of
+
+        table = self.table(channels)
+        engine = engine_of(self.engine).tuned(workers=workers, rates=rates, sample_ms=sample_ms)
+        noise = (self.seed if seed is None else seed) if engine.noisy else None
+        return BasalGanglia(table, engine, gain_of(table, self.gain), noise)
+
+
+@dataclass(frozen=True)
+class Condition(Setup):
+    """A circuit, what it decides on, and when it stops.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, a number out of range, an edit that the engine would ignore, or both a
+        posterior and a threshold.
+    """
+
+    task: Stimuli = field(default_factory=Stimuli)
+    """What is decided."""
+    posterior: float | None = None
+    """Stopping posterior, in the circuit's nats; 0.82 unless given, or a threshold is."""
+    threshold: float | None = None
+    """Output (OUT) at which the circuit decides, in its own unit, in place of a posterior."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.task.check()
+        if self.threshold is None:
+            if self.posterior is None:
+                object.__setattr__(self, "posterior", POSTERIOR)
+            if self.task.evidence is None:
+                self.threshold_at(self.hypotheses)
+        elif self.posterior is not None:
+            raise ValueError("give posterior or threshold, not both")
+        elif not np.isfinite(self.threshold):
+            raise ValueError(f"threshold must be finite, got {self.threshold}")
+
+    @property
+    def hypotheses(self) -> int:
+        """Number of alternatives; a table of evidence is read for it."""
+        if self.task.evidence is not None:
+            return read_once(self.task).evidence.hypotheses
+        return 2 if self.task.task == "same-different" else self.task.channels
+
+    @property
+    def trials(self) -> int:
+        """Number of trials; a table of evidence is read for it."""
+        if self.task.evidence is not None:
+            return read_once(self.task).evidence.trials
+        return self.task.trials
+
+    def drawn(self, name: str) -> Trials:
+        """Return the trials of the task, drawn from the stream of random numbers of that name."""
+        return self.task.draw(self.seed, name)
+
+    def threshold_at(self, hypotheses: int) -> float:
+        """Return the output (OUT) at which the circuit decides among so many alternatives."""
+        if self.threshold is not None:
+            return self.threshold
+        assert self.posterior is not None
+        return float(criterion_from_posterior(self.posterior, hypotheses))
+
+    @property
+    def threshold_nats(self) -> float:
+        """The output (OUT) at which the circuit decides."""
+        return self.threshold_at(self.hypotheses)
+
+    @property
+    def stopping(self) -> str:
+        """The posterior, or the threshold, at which the circuit decides, as text."""
+        if self.threshold is not None:
+            return f"threshold {self.threshold:g}"
+        return f"{self.posterior:g}"
+
+    @property
+    def edited(self) -> Circuit:
+        """The edited circuit for this task's alternatives.
+
+        Raises
+        ------
+        ValueError
+            If it is to stop at a posterior and does not work in nats.
+        """
+        table = self.table(self.hypotheses)
+        if self.threshold is None:
+            table.check_nats("a stopping posterior", "; give a threshold in its unit")
+        return table
+
+    def check(self, control: Condition | None = None) -> None:
+        """Raise ValueError for what can be seen before a run.
+
+        Parameters
+        ----------
+        control : Condition, optional
+            That with which this one is compared; itself without edits unless given.
+        """
+        from bgmodel.integrators.basal_ganglia import check_conditions, gain_of
+
+        gain_of(self.edited, self.gain)
+        level = self.threshold_nats
+        if control is None:
+            check_conditions(self.intact(self.hypotheses), level, self.edited, level)
+        else:
+            check_conditions(control.edited, control.threshold_nats, self.edited, level)
+
+    def decide(self, name: str = "decide", *, workers: int = 1) -> Decision:
+        """Draw the evidence and let the circuit decide, with every check and warning.
+
+        Parameters
+        ----------
+        name : str
+            Of the stream of random numbers that evidence is drawn from.
+        workers : int
+            Threads of engines that can use several; they change no byte.
+        """
+        self.task.check_idle()
+        evidence = self.drawn(name).evidence
+        model = self.model(evidence.hypotheses, workers=workers, rates=False)
+        return model.decide(evidence, self.threshold_at(evidence.hypotheses))
+
+
+@dataclass(frozen=True)
+class Observed(Condition):
+    """A condition whose behaviour is measured: choices, times, and responses without evidence."""
+
+    foreperiod_ms: float = 500.0
+    """Foreperiod without evidence in which responses are anticipatory, ms."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # OUT is sampled every ms.
+        if not (self.foreperiod_ms > 0 and float(self.foreperiod_ms).is_integer()):
+            raise ValueError(
+                f"foreperiod_ms must be a whole number of ms, 1 or more, got {self.foreperiod_ms:g}"
+            )
+
+    def check(self, control: Condition | None = None) -> None:
+        """Raise ValueError as ``Condition.check`` does, and for evidence without the truth."""
+        if self.task.evidence is not None and read_once(self.task).evidence.truth is None:
+            raise ValueError("errors are counted: the evidence needs the truth of each trial")
+        super().check(control)
+
+    def behaviour(self, model: BasalGanglia, evidence: Evidence) -> Behaviour:
+        """Return the decisions of a model on evidence, at this condition's threshold."""
+        from bgmodel.integrators.deciding import behaviour_of
+
+        level = self.threshold_at(evidence.hypotheses)
+        return behaviour_of(model, evidence, level, self.foreperiod_ms)
+
+    def with_changes(self, **changes: Any) -> Observed:
+        """Return the condition alone, without what a subclass adds, with some fields changed."""
+        kept = {f.name: getattr(self, f.name) for f in fields(Observed)}
+        return Observed(**(kept | changes))
+
+
+@cache
+def read_once(task: Stimuli) -> Trials:
+    """Return the trials of a table of evidence, which is read once."""
+    return task.draw(0, "")

@@ -1,0 +1,84 @@
+"""Names of circuits and engines, each listed once where it is defined.
+
+A type checker sees plain text. The command line lists the names in its help and completes them;
+files and records refuse a name that is not listed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+from circuits import DEFAULT
+
+
+class Name(str):
+    """A name from a list that can grow."""
+
+    @classmethod
+    def known(cls) -> tuple[str, ...]:
+        """Return all names."""
+        raise NotImplementedError
+
+    @classmethod
+    def parse(cls, given: str) -> Self:
+        """Return the name; ValueError, with the names that are known, for any other text."""
+        if given not in cls.known():
+            raise ValueError(f"it must be one of {', '.join(cls.known())}, got {given!r}")
+        return cls(given)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """Let pydantic read the name from text and nothing else."""
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_after_validator_function(
+            cls.parse, core_schema.str_schema(strict=True)
+        )
+
+
+if TYPE_CHECKING:
+    CircuitName = str
+    EngineName = str
+else:
+
+    class CircuitName(Name):
+        """Name of a circuit, or the path of a .toml file."""
+
+        @classmethod
+        def known(cls) -> tuple[str, ...]:
+            """Return the circuits that come with the package."""
+            from circuits.anatomy import CIRCUITS
+
+            return tuple(CIRCUITS)
+
+        @classmethod
+        def parse(cls, given: str) -> Self:
+            """Return the name or the path; ValueError for an unknown name."""
+            from circuits.declaration.table_files import is_path
+
+            return cls(given) if is_path(given) else super().parse(given)
+
+    class EngineName(Name):
+        """Name of an engine."""
+
+        @classmethod
+        def known(cls) -> tuple[str, ...]:
+            """Return the engines."""
+            from circuits.engines import ENGINES
+
+            return tuple(ENGINES)
+
+
+MACAQUE = CircuitName(DEFAULT)
+ENSEMBLE = EngineName("ensemble")
+RATE = EngineName("rate")
+
+
+def check(what: str, given: object, kind: Any) -> None:
+    """Raise ValueError, with all names, for something that is no name of a kind."""
+    try:
+        kind.parse(given)
+    except (ValueError, TypeError):
+        known = ", ".join(kind.known())
+        hint = ", or the path of a .toml file" if kind is CircuitName else ""
+        raise ValueError(f"{what} must be one of {known}{hint}, got {given!r}") from None

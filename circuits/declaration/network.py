@@ -1,0 +1,150 @@
+"""The two tables of a circuit, populations and the projections that join them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.arrays import Array
+from circuits.checks import check_channels, check_types
+from circuits.declaration.rows import PATTERNS, SIGNS, Population, Projection
+
+
+@dataclass(frozen=True, repr=False)
+class Network(Mapping[str, "Population | Projection"]):
+    """Populations in a number of channels, and the projections between them.
+
+    It is a mapping of its rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]``
+    a projection.
+    """
+
+    name: str
+    """What it is called."""
+    populations: tuple[Population, ...]
+    """The table of populations."""
+    projections: tuple[Projection, ...]
+    """The table of projections."""
+    channels: int = 2
+    """Number of alternatives."""
+    _known: dict[str, Population] = field(init=False, repr=False, compare=False, hash=False)
+
+    def __post_init__(self) -> None:
+        check_types(self, str(self.name))
+        check_rows(self.name, Population, self.populations)
+        check_rows(self.name, Projection, self.projections)
+        object.__setattr__(self, "_known", {p.name: p for p in self.populations})
+        if len(self._known) != len(self.populations):
+            raise ValueError(f"{self.name}: two populations have one name")
+        if len({p.name for p in self.projections}) != len(self.projections):
+            raise ValueError(f"{self.name}: two projections join the same populations")
+        check_channels(self.channels)
+        object.__setattr__(self, "channels", int(self.channels))
+        for row in self.populations:
+            if row.intact_by_channel and len(row.intact_by_channel) != self.channels_of(row.name):
+                raise ValueError(
+                    f"{row.name}: intact_by_channel needs one number for each of "
+                    f"{self.channels_of(row.name)} channels, got {len(row.intact_by_channel)}"
+                )
+        for p in self.projections:
+            self._check_projection(p)
+
+    def _check_projection(self, p: Projection) -> None:
+        """Refuse a weight of the wrong sign, and numbers for other channels than the target's."""
+        channels = self.channels_of(p.target)
+        what = self.population(p.source).transmitter
+        if p.weight * SIGNS[what] < 0:
+            raise ValueError(
+                f"{p.name}: {p.source} releases {what}, so the weight must be "
+                f"{'>=' if SIGNS[what] > 0 else '<='} 0, got {p.weight}"
+            )
+        for name in ("factors", "intact_by_channel"):
+            count = len(getattr(p, name))
+            if count not in (0, channels):
+                raise ValueError(
+                    f"{p.name}: {name} must hold one number for each of {channels} channels, got "
+                    f"{count}"
+                )
+
+    def population(self, name: str) -> Population:
+        """Return a row by name.
+
+        Raises
+        ------
+        ValueError
+            If there is none, with the names that there are.
+        """
+        if not isinstance(name, str) or name not in self._known:
+            raise ValueError(f"{self.name} has no nucleus {name!r}: {', '.join(self._known)}")
+        return self._known[name]
+
+    def projection(self, source: str, target: str) -> Projection:
+        """Return a row by its two ends; raises ValueError with the valid names."""
+        for p in self.projections:
+            if (p.source, p.target) == (source, target):
+                return p
+        valid = ", ".join(p.name for p in self.projections)
+        raise ValueError(f"{self.name} has no pathway {source}->{target}: {valid}")
+
+    def row(self, name: str) -> Population | Projection:
+        """Return a population, ``"STN"``, or a projection, ``"STN->GPe"``, by its name."""
+        if not isinstance(name, str) or "->" not in name:
+            return self.population(name)
+        source, _, target = name.partition("->")
+        return self.projection(source, target)
+
+    def __getitem__(self, name: str) -> Population | Projection:
+        """Return a row by its name; KeyError with the names that there are."""
+        try:
+            return self.row(name)
+        except ValueError as error:
+            raise KeyError(str(error)) from None
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the names of populations, then of projections."""
+        yield from (row.name for row in self.populations)
+        yield from (row.name for row in self.projections)
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.populations) + len(self.projections)
+
+    def channels_of(self, name: str) -> int:
+        """Return how many channels a population has."""
+        return 1 if self.population(name).pooled else self.channels
+
+    def intact_of(self, name: str) -> Array:
+        """Return the surviving fraction of a population, (its channels,)."""
+        row = self.population(name)
+        left = row.intact_by_channel or (1.0,) * self.channels_of(name)
+        return row.intact * np.array(left, dtype=np.float64)
+
+    def axons_of(self, p: Projection) -> Array:
+        """Return the fraction of a pathway's axons that survives, (target channels,)."""
+        left = p.intact_by_channel or (1.0,) * self.channels_of(p.target)
+        return p.intact * np.array(left, dtype=np.float64)
+
+    def spiking(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return names of populations; ValueError for one whose cells do not spike."""
+        for name in (chosen := tuple(names)):
+            if not self.population(name).spiking:
+                raise ValueError(f"{name} has no cells that spike")
+        return chosen
+
+    def pattern(self, p: Projection) -> npt.NDArray[np.float64]:
+        """Return which channels reach which, (target channels, source channels), factors included.
+
+        Factors go in here and nowhere else: the pathway is linear, so they are factors on its
+        weight.
+        """
+        pattern = PATTERNS[p.pattern](self.channels_of(p.target), self.channels_of(p.source))
+        return np.asarray(pattern * np.array(p.factors)[:, None]) if p.factors else pattern
+
+
+def check_rows(owner: str, kind: type, rows: Iterable[object]) -> None:
+    """Raise ValueError for a row of a table that is not of the table's kind."""
+    for row in rows:
+        if not isinstance(row, kind):
+            raise ValueError(f"{owner}: a row must be a {kind.__name__}, got {row!r}")

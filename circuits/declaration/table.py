@@ -1,0 +1,246 @@
+"""The declaration: a circuit is tables, of populations, projections and courses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any, Self, TypeVar
+
+import numpy as np
+
+from circuits.arrays import Array
+from circuits.declaration.courses import DOPAMINE, Course, extremes
+from circuits.declaration.network import Network, check_rows
+from circuits.declaration.rows import RECEPTORS, WHOLE, Population, Projection
+
+NOT_WRITTEN = ("unedited",)
+"""Fields of a circuit that say where it came from, not what it is: no file and no hash has them."""
+
+EDITED = "edited from: "
+"""Prefix of ``about`` once a number of a table has changed: the text describes the original."""
+
+NATS = "nats"
+UNITS = (NATS, "salience")
+"""Units of a circuit's drive and OUT."""
+
+Level = TypeVar("Level", float, Array)
+"""A level of dopamine, or one per tick."""
+
+
+@dataclass(frozen=True, repr=False)
+class CircuitTable(Network):
+    """A network with an input, a read-out, and courses: all that engines and theory read.
+
+    The evidence enters ``input`` as a drive in nats, one number per channel, that is zero at rest:
+    the input is ``drive_gain * (drive + rest_drive)``. The decoded rate of ``readout`` is OUT. In
+    a circuit of another ``unit`` drive, OUT and every field whose name ends in nats are in that.
+    """
+
+    input: str = "ctx"
+    """The population where evidence enters."""
+    readout: str = "SNr"
+    """The population where OUT is read."""
+    reference_nats: float = 3.0
+    """``S = ln sum exp y`` at rest; of another unit than nats, each channel's input at rest."""
+    drive_gain: float = 1.0
+    """Factor on the drive that keeps OUT in nats."""
+    readout_tau_ms: float = 0.0
+    """Time constant of the low-pass filter of the read-out, ms."""
+    exact: bool = False
+    """Whether OUT is meant to be ``-ln P`` at the fixed point; editing a weight clears it."""
+    range_nats: tuple[float, float] = (0.0, math.inf)
+    """Lowest and highest ``S`` (of another unit than nats, input) at which the circuit works."""
+    readable_nats: tuple[float, float] = (0.0, math.inf)
+    """Lowest and highest OUT that the read-out's rate stands for."""
+    centred: bool = True
+    """Whether the mean of the drive over channels must be subtracted before it enters. A circuit
+    that cancels what channels have in common does without: each channel gets its own evidence."""
+    reach_nats: float = math.inf
+    """How far below the leader's drive another channel's may fall: a silent cell cannot fall
+    further. The leader's OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``."""
+    most_lead_nats: float = math.inf
+    """Largest mean lead, nats of drive, that one channel may gain over the mean of the others per
+    100 ms, or per reading where readings are further apart. Beyond it decisions come late or
+    never. Infinite where it was not measured."""
+    most_channels: int = 1000
+    """Most alternatives for which the circuit has a state of rest."""
+    wiring_seed: int = 0
+    """Key of what differs from cell to cell: connections and spread."""
+    courses: tuple[Course, ...] = ()
+    """The third table: what changes within a trial. Most circuits have none."""
+    about: str = field(default="", compare=False)
+    """One sentence with its source, of the table before any edit: an edited one begins with
+    ``EDITED``. It is no part of what makes two circuits equal."""
+    unit: str = NATS
+    """Of drive and OUT: "nats", or "salience", from which no posterior follows."""
+    default_gain: float | None = None
+    """Nats of drive per nat of evidence that the circuit was made with; None if not known."""
+    chronic: bool = False
+    """Whether lesions are old: the circuit starts at its own rest, not at that of the intact
+    one."""
+    unedited: Self | None = field(default=None, compare=False)
+    """The table before its edits, which set it. It is no part of what makes two circuits equal,
+    and no file keeps it."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_rows(self.name, Course, self.courses)
+        if self.channels > self.most_channels:
+            raise ValueError(
+                f"{self.name} takes at most {self.most_channels} alternatives, got {self.channels}"
+            )
+        self._check_numbers()
+        self._check_unit()
+        self._reaches()
+        self._check_courses()
+
+    def _check_numbers(self) -> None:
+        for name in ("reach_nats", "most_lead_nats"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+        if not 0 <= self.readout_tau_ms < math.inf:
+            raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
+        for name in ("range_nats", "readable_nats"):
+            if any(map(math.isnan, getattr(self, name))):
+                raise ValueError(f"{name} must be two numbers, got {getattr(self, name)}")
+            if sorted(getattr(self, name)) != list(getattr(self, name)):
+                raise ValueError(f"{name} must rise, got {getattr(self, name)}")
+        for name in ("reference_nats", "drive_gain"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
+
+    def _check_unit(self) -> None:
+        if self.unit not in UNITS:
+            raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
+        if self.exact:
+            self.check_nats("exact, OUT = -ln P,")
+        if self.default_gain is not None and not 0 < self.default_gain < math.inf:
+            raise ValueError(f"default_gain must be > 0 and finite, got {self.default_gain}")
+
+    def _reaches(self) -> None:
+        """Refuse a circuit whose evidence cannot reach its read-out."""
+        for role in ("input", "readout"):
+            if getattr(self, role) not in self._known:
+                raise ValueError(
+                    f"{self.name} has no nucleus {getattr(self, role)!r}: its {role} must be one "
+                    f"of {', '.join(self._known)}"
+                )
+        if self.population(self.input).pooled or self.population(self.readout).pooled:
+            raise ValueError(f"{self.input} and {self.readout} need a channel an alternative")
+        reached = {self.input}
+        for _ in self.populations:
+            reached |= {
+                p.target
+                for p in self.projections
+                if p.source in reached
+                and p.weight
+                and any(p.factors or (1,))
+                and self.axons_of(p).any()
+                and self.intact_of(p.source).any()
+            }
+        if self.readout not in reached:
+            raise ValueError(f"no pathway is left from {self.input} to {self.readout}")
+
+    def _check_courses(self) -> None:
+        """Refuse a course of nothing, and one that takes dopamine out of its range."""
+        for row in self.courses:
+            if row.what not in (DOPAMINE, *self._known):
+                names = ", ".join(self._known)
+                raise ValueError(
+                    f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of "
+                    f"{DOPAMINE}, {names}"
+                )
+        rows = [row for row in self.courses if row.what == DOPAMINE]
+        if not rows:
+            return
+        if DOPAMINE in self._known:
+            raise ValueError(f"{rows[0].name}: a nucleus of {self.name} has that name too")
+        if not self.receptors():
+            raise ValueError(
+                f"{rows[0].name}: no row of {self.name} has a receptor, it would change nothing"
+            )
+        self.dopamine_changes(1.0)
+        for moved, time_ms in extremes(rows):
+            if not -1 <= moved <= 1:
+                at = np.array([time_ms])
+                there = [row for row in rows if float(row.at(at)[0]) * moved > 0]
+                raise ValueError(
+                    f"{max(there, key=lambda row: row.from_ms).name}: the level of dopamine must "
+                    f"lie in 0..2, with this row it is {1 + moved:.3g} at {time_ms:.4g} ms"
+                )
+
+    def check_steady(self, what: str) -> None:
+        """Raise ValueError, in a circuit with courses, for what knows no time."""
+        if self.courses:
+            raise ValueError(
+                f"{self.name} has courses, and {what} knows no time: take circuit.steady, the "
+                "circuit without them, or circuit.dopamine(level) for a level that stays"
+            )
+
+    def check_nats(self, what: str, instead: str = "") -> None:
+        """Raise ValueError, in a circuit of another unit, for what has a meaning in nats alone."""
+        if self.unit != NATS:
+            raise ValueError(
+                f"{self.name} works in {self.unit}, not nats: {what} has no meaning there{instead}"
+            )
+
+    @property
+    def rest_drive(self) -> float:
+        """What the input adds to the drive of each channel: its input at rest."""
+        return self.reference_nats - (np.log(self.channels) if self.unit == NATS else 0.0)
+
+    def receptors(self) -> tuple[tuple[Projection, Population | Projection], ...]:
+        """Return the pathways that dopamine scales, each with the row that has the receptor.
+
+        That is a pathway with receptors at its terminals, or one from the input onto cells with
+        receptors; where both have them, those of the pathway count.
+        """
+        found: list[tuple[Projection, Population | Projection]] = []
+        for p in self.projections:
+            cells = self.population(p.target)
+            if p.receptor:
+                found.append((p, p))
+            elif cells.receptor and p.source == self.input:
+                found.append((p, cells))
+        return tuple(found)
+
+    def dopamine_changes(self, level: Level) -> list[tuple[Projection, Level, Level]]:
+        """Return the changes by a level of dopamine, relative to this circuit's; 1 changes nothing.
+
+        The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
+        ``2 - level``; see ``receptors``. What it adds at the ``pivot_nats`` stays what it was.
+
+        Parameters
+        ----------
+        level : float or array
+            The level, or one per tick.
+
+        Returns
+        -------
+        list of (Projection, change, nats)
+            Each pathway, what is added to the factor 1 of its weight, and nats that are added to
+            its target's bias.
+        """
+        found = []
+        for p, row in self.receptors():
+            if p.factors and row.pivot_nats:
+                raise ValueError(
+                    f"{p.name} differs from channel to channel: dopamine about a pivot would "
+                    "need a bias for each"
+                )
+            change = RECEPTORS[row.receptor] * (level - 1)
+            found.append((p, change, -(change * p.weight * row.pivot_nats)))
+        return found
+
+    @property
+    def steady(self) -> Self:
+        """The circuit without courses: what it is while it settles, before the drive begins."""
+        return replace(self, courses=()) if self.courses else self
+
+    @property
+    def unlesioned(self) -> Self:
+        """The circuit with every lesion and cut undone; biases that recovered from one stay."""
+        whole: dict[str, Any] = {"intact": 1.0, "intact_by_channel": ()}
+        rows = tuple(replace(p, **WHOLE) for p in self.populations)
+        paths = tuple(replace(p, **whole) for p in self.projections)
+        return replace(self, populations=rows, projections=paths, chronic=False)

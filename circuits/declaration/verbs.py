@@ -1,0 +1,338 @@
+"""Edits of a circuit, each a method that returns a new circuit and leaves the old one as it is.
+
+Edits that need a fixed point, such as compensation, are in ``circuits.circuit``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from typing import Any, Self
+
+from circuits.checks import check_number
+from circuits.declaration.courses import Course
+from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
+from circuits.declaration.rows import Population, Projection
+from circuits.declaration.table import EDITED, CircuitTable
+
+NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite", "published_hz")
+"""Fields of rows that leave the fixed point as it is."""
+
+
+class EditableTable(CircuitTable):
+    """A table with its edits."""
+
+    def with_population(self, name: str, /, **fields: object) -> Self:
+        """Return the circuit with fields of a population changed: ``bias_nats=-2.3``."""
+        return self._with(with_fields(self.population(name), fields, name))
+
+    def with_cell(self, name: str, /, **constants: object) -> Self:
+        """Return the circuit with constants of a population's cells changed: ``cv=0.2``."""
+        cell = with_fields(self.population(name).cell, constants, f"the cell of {name}")
+        return self.with_population(name, cell=cell)
+
+    def with_projection(self, source: str, target: str, /, **fields: object) -> Self:
+        """Return the circuit with fields of a projection changed: ``delay_ms=4``."""
+        row = self.projection(source, target)
+        return self._with(with_fields(row, fields, row.name))
+
+    def edited(self, *changes: str) -> Self:
+        """Return the circuit with fields changed by text, all at once.
+
+        ``circuit.edited("STN.bias_nats=-2.3", "STN.cell.cv=0.2", "STN->GPe.delay_ms=4")``: the
+        forms are those of ``circuits.declaration.row_edits``. ValueError names the change as it
+        was written.
+        """
+        rows = changed_rows(self, changes)
+        with naming(*changes):
+            return self._with(*rows)
+
+    def lesion(
+        self,
+        name: str,
+        fraction: float = 1.0,
+        *,
+        replaced: bool = False,
+        channel: int | None = None,
+    ) -> Self:
+        """Return the circuit with a fraction of a nucleus lesioned.
+
+        Its rate is scaled in all that it reaches, tone included; its own cells are still shown, for
+        they go on unheard. So a lesion is more than its pathways scaled: see ``scale``.
+
+        Parameters
+        ----------
+        name : str
+            The nucleus.
+        fraction : float
+            Lost part, 0..1.
+        replaced : bool
+            Whether its targets get the lost output back as a constant: its rate at rest.
+        channel : int, optional
+            The channel in which it is lost; all if left out.
+
+        Raises
+        ------
+        ValueError
+            For an unknown nucleus or channel, a fraction out of range, the input or the read-out
+            itself, or, in one channel, a pooled nucleus.
+        """
+        row = self.population(name)
+        if name in (self.input, self.readout):
+            raise ValueError(
+                f"{name} is the {'input' if name == self.input else 'read-out'}: without it "
+                "nothing is decided"
+            )
+        if (self.intact_of(name) < 1).any() and row.replaced != replaced:
+            raise ValueError(f"{name} is lesioned already, its output replaced: {row.replaced}")
+        check_number("fraction", fraction)
+        if not 0 <= fraction <= 1:
+            raise ValueError(f"fraction must lie in 0..1, got {fraction}")
+        if channel is not None:
+            self._check_own_channel(row, channel)
+        if fraction == 0:
+            return self
+        if channel is None:
+            return self.with_population(name, intact=row.intact * (1 - fraction), replaced=replaced)
+        left = list(row.intact_by_channel or (1.0,) * self.channels)
+        left[int(channel)] *= 1 - fraction
+        return self.with_population(name, intact_by_channel=tuple(left), replaced=replaced)
+
+    def _check_own_channel(self, row: Population, channel: int) -> None:
+        if row.pooled:
+            raise ValueError(
+                f"{row.name} is pooled, one for all alternatives: it has no channel {channel} to "
+                "lesion, give none"
+            )
+        if channel not in range(self.channels):
+            raise ValueError(
+                f"{row.name}: channel must lie in 0..{self.channels - 1}, got {channel!r}"
+            )
+
+    def scale(self, source: str, target: str, factor: float, channel: int | None = None) -> Self:
+        """Return the circuit with the weight of one pathway multiplied by a factor.
+
+        A pathway carries the change from its source's ``baseline_hz``, whose tone the table takes
+        to be in the target's bias: scaled to 0 it takes what the source signals, not its tone. Of
+        axons that are lost both go: ``cut``.
+
+        Parameters
+        ----------
+        source, target : str
+            The two ends of the pathway.
+        factor : float
+            At least 0.
+        channel : int, optional
+            The target's channel in which it is scaled; all if left out.
+
+        Raises
+        ------
+        ValueError
+            For an unknown pathway or channel, a factor below 0, or, in one channel, a pathway that
+            is not linear.
+        """
+        row = self.projection(source, target)
+        check_number("factor", factor)
+        if not 0 <= factor < math.inf:
+            raise ValueError(f"factor must be >= 0, got {factor}")
+        if channel is None:
+            return self.with_projection(source, target, weight=row.weight * factor)
+        return self._multiplied(row, "factors", factor, channel)
+
+    def cut(
+        self, source: str, target: str, fraction: float = 1.0, channel: int | None = None
+    ) -> Self:
+        """Return the circuit without a fraction of the axons of one pathway.
+
+        The target lacks what these carried: what the source signals, and its tone. ``scale``
+        leaves the tone. A nucleus all of whose pathways are cut by a fraction is lesioned by it.
+
+        Parameters
+        ----------
+        source, target : str
+            The two ends of the pathway.
+        fraction : float
+            What is lost, 0..1.
+        channel : int, optional
+            The target's channel in which it is lost; all if left out.
+
+        Raises
+        ------
+        ValueError
+            For an unknown pathway or channel, a fraction out of range, or if no pathway is left
+            from the input to the read-out.
+        """
+        row = self.projection(source, target)
+        check_number("fraction", fraction)
+        if not 0 <= fraction <= 1:
+            raise ValueError(f"fraction must lie in 0..1, got {fraction}")
+        if channel is None:
+            return self.with_projection(source, target, intact=row.intact * (1 - fraction))
+        return self._multiplied(row, "intact_by_channel", 1 - fraction, channel)
+
+    def _multiplied(self, row: Projection, field: str, factor: float, channel: int) -> Self:
+        """Return the circuit with one target channel's number of a pathway multiplied."""
+        count = self.channels_of(row.target)
+        if channel not in range(count):
+            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel!r}")
+        if factor == 1:
+            return self
+        values = list(getattr(row, field) or (1.0,) * count)
+        values[int(channel)] *= factor
+        return self.with_projection(row.source, row.target, **{field: tuple(values)})
+
+    def dopamine(self, level: float) -> Self:
+        """Return the circuit at a dopamine level relative to this one; the range is 0..2.
+
+        See ``dopamine_changes``. Courses of dopamine stay, relative to what is now the circuit's
+        own level: the level 1.2 and a course of +0.5 multiply a weight with D1 receptors by 1.2
+        and 1.5.
+        """
+        check_number("dopamine level", level)
+        if not 0 <= level <= 2:
+            raise ValueError(f"dopamine level must lie in 0..2, got {level}")
+        circuit = self
+        for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
+            bias = circuit.population(p.target).bias_nats + nats
+            circuit = circuit.scale(p.source, p.target, 1 + change)
+            circuit = circuit.with_population(p.target, bias_nats=bias)
+        return circuit
+
+    def with_channels(self, channels: int) -> Self:
+        """Return the circuit for another number of alternatives.
+
+        The default gain and the largest lead were measured for one number: neither is kept.
+        """
+        same = channels == self.channels
+        return self._edited(
+            channels=channels,
+            default_gain=self.default_gain if same else None,
+            most_lead_nats=self.most_lead_nats if same else math.inf,
+        )
+
+    def with_neurons(self, neurons: int) -> Self:
+        """Return the circuit with another number of cells in every spiking population.
+
+        This and the next two raise ValueError where there is none: they would change nothing.
+        """
+        return self._everywhere(neurons=neurons)
+
+    def with_neurons_times(self, factor: float) -> Self:
+        """Return the circuit with so many times the cells of every spiking population, rounded."""
+        check_number("factor", factor)
+        if not 0 < factor < math.inf:
+            raise ValueError(f"factor must be > 0 and finite, got {factor}")
+        rows = tuple(
+            replace(p, neurons=max(1, round(p.neurons * factor))) if p.spiking else p
+            for p in self.populations
+        )
+        return self._edited(populations=rows)
+
+    def with_spread(self, spread: float) -> Self:
+        """Return the circuit with cells that differ by a fraction in every spiking population."""
+        return self._everywhere(spread=spread)
+
+    def with_connections(self, probability: float) -> Self:
+        """Return the circuit with sparse connections, of fixed in-degree, between spiking cells.
+
+        A pathway that bends stays as it is: it is the sum of all that bends.
+        """
+        between = [
+            p.transfer == "linear"
+            and all(self.population(end).spiking for end in (p.source, p.target))
+            for p in self.projections
+        ]
+        if not any(between):
+            raise ValueError(f"{self.name} has no pathway between cells that spike")
+        rows = tuple(
+            replace(p, probability=probability) if spikes else p
+            for p, spikes in zip(self.projections, between, strict=True)
+        )
+        return self._edited(projections=rows)
+
+    def add(self, *rows: Population | Projection | Course | str) -> Self:
+        """Return the circuit with rows added: a nucleus, a pathway or a course of your own.
+
+        Parameters
+        ----------
+        *rows : Population, Projection, Course or str
+            What is added. A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``,
+            ``"TRN like=STN bias_nats=-1"``, ``"dopamine amount=0.5 to_ms=300"``, or the name of a
+            motif, ``"striatal_FSI"``.
+        """
+        for row in rows:
+            if not isinstance(row, (Population, Projection, Course, str)):
+                raise ValueError(
+                    f"a row is a Population, a Projection, a Course or text, got {row!r}"
+                )
+        new = new_rows(self, rows)
+        with naming(*(row for row in rows if isinstance(row, str))):
+            return self._with_tables(
+                self.populations + tuple(row for row in new if isinstance(row, Population)),
+                self.projections + tuple(row for row in new if isinstance(row, Projection)),
+                self.courses + tuple(row for row in new if isinstance(row, Course)),
+            )
+
+    def _with(self, *rows: Population | Projection) -> Self:
+        """Return the circuit with these rows in place of those of their names."""
+        new: dict[str, Any] = {row.name: row for row in rows}
+        return self._with_tables(
+            tuple(new.get(p.name, p) for p in self.populations),
+            tuple(new.get(p.name, p) for p in self.projections),
+        )
+
+    def _with_tables(
+        self,
+        populations: tuple[Population, ...],
+        projections: tuple[Projection, ...],
+        courses: tuple[Course, ...] | None = None,
+    ) -> Self:
+        """Return the circuit with other tables; itself if they are the same.
+
+        It stays exact if they differ in nothing that a fixed point depends on. The largest lead
+        that it follows, measured for its delays and time constants, becomes unknown when one of
+        these changes. Courses stay unless others are given.
+        """
+        tables = populations, projections, self.courses if courses is None else courses
+        if tables == (self.populations, self.projections, self.courses):
+            return self
+        old, new = self.populations + self.projections, populations + projections
+        exact = self.exact and [*map(_computes, old)] == [*map(_computes, new)]
+        exact = exact and tables[2] == self.courses
+        times = {row.name: _times(row) for row in new}
+        same = all(times.get(row.name) == _times(row) for row in old)
+        return self._edited(
+            populations=populations,
+            projections=projections,
+            courses=tables[2],
+            exact=exact,
+            most_lead_nats=self.most_lead_nats if same else math.inf,
+        )
+
+    def _edited(self, **changes: Any) -> Self:
+        """Return the circuit with fields changed, and marked as edited if they differ."""
+        if all(getattr(self, name) == value for name, value in changes.items()):
+            return self
+        about = EDITED + self.about.removeprefix(EDITED) if self.about else ""
+        unedited = self if self.unedited is None else self.unedited
+        return replace(self, about=about, unedited=unedited, **changes)
+
+    def _everywhere(self, **values: Any) -> Self:
+        if not any(row.spiking for row in self.populations):
+            raise ValueError(
+                f"{self.name} has no cells that spike: {', '.join(values)} say nothing"
+            )
+        rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
+        return self._edited(populations=rows)
+
+
+def _computes(row: Population | Projection) -> list[object]:
+    """Return the fields of a row that a fixed point depends on."""
+    return [getattr(row, f.name) for f in fields(row) if f.name not in NOT_COMPUTED]
+
+
+def _times(row: Population | Projection) -> tuple[float, ...]:
+    """Return the delay and the time constants of a row, ms."""
+    if isinstance(row, Population):
+        return row.tau_ms, getattr(row.cell, "tau_ms", 0.0)
+    return row.delay_ms, row.tau_ms

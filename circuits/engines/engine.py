@@ -1,0 +1,308 @@
+"""What an engine is: a record that names its options, says what it can do, and runs a table."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy.typing as npt
+
+from circuits.cells import CELLS
+from circuits.checks import check_time, check_types, is_whole
+
+if TYPE_CHECKING:
+    from circuits.activity import Activity
+    from circuits.circuit import Circuit
+
+OF_CELLS = ("neurons", "probability", "spread")
+"""Fields of rows that act through the number of cells, their connections and their differences."""
+OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
+"""Fields of rows on which a fixed point does not depend."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Engine:
+    """Base of all engines: a frozen record whose fields are the engine's options.
+
+    A new engine derives from this class, or from ``TimedEngine`` or ``SpikingEngine``, sets ``id``
+    and ``description``, declares its options as fields with defaults, and answers ``run``. The
+    class variables say what it can do; nothing else tells engines apart. ``register`` enters it.
+    """
+
+    id: ClassVar[str]
+    """Name under which it is registered: ``engine="rate"``, ``--engine rate``."""
+    description: ClassVar[str]
+    """What it is, in one line."""
+    module: ClassVar[str]
+    """Module whose ``run`` computes; it is imported when the engine runs, so that a record costs
+    nothing. An engine that overrides ``run`` needs none."""
+    timed: ClassVar[bool] = True
+    """Whether rates take time to change; a fixed point has no time constants and no delays."""
+    spiking: ClassVar[bool] = False
+    """Whether cells fire one by one, so that spikes can be recorded."""
+    sparse: ClassVar[bool] = False
+    """Whether each cell can have connections of its own (``probability`` below 1)."""
+    threaded: ClassVar[bool] = False
+    """Whether it is compiled and can run trials in several threads."""
+    drops: ClassVar[bool] = False
+    """Whether it can drop a trial once it is decided, and leave rates out."""
+
+    @property
+    def noisy(self) -> bool:
+        """Whether a second seed would change the result; if so, a run needs a seed."""
+        return False
+
+    @property
+    def rates(self) -> bool:
+        """Whether rates are kept."""
+        return True
+
+    @property
+    def sample_ms(self) -> float:
+        """Time between samples of OUT, ms; an engine without time has one per reading."""
+        return 1.0
+
+    def __post_init__(self) -> None:
+        """Check the options."""
+        check_types(self, f"the {self.id} engine")
+
+    def __str__(self) -> str:
+        """Return the id."""
+        return self.id
+
+    def __repr__(self) -> str:
+        """Return the record with the options that differ from their defaults."""
+        text = ", ".join(f"{name}={value!r}" for name, value in self.changed().items())
+        return f"{type(self).__name__}({text})"
+
+    def changed(self) -> dict[str, object]:
+        """Return the options that differ from their defaults."""
+        values = {f.name: (getattr(self, f.name), f.default) for f in fields(self)}
+        return {name: value for name, (value, default) in values.items() if value != default}
+
+    def run(
+        self,
+        circuit: Circuit,
+        drive: npt.ArrayLike,
+        *,
+        step_ms: float,
+        seed: int | None = None,
+        first_trial: int = 0,
+    ) -> Activity:
+        """Run a circuit.
+
+        Parameters
+        ----------
+        circuit : Circuit
+            The table.
+        drive : array (trials, steps, channels), nats
+            Accumulated evidence; 0 is rest. Each reading is held until the next.
+        step_ms : float
+            Time from one reading to the next, ms.
+        seed : int, optional
+            Key of all noise; trial t has the noise of (seed, first_trial + t), whatever runs with
+            it. Engines without noise make no use of it.
+        first_trial : int
+            Number of the first trial.
+
+        Raises
+        ------
+        ValueError
+            If the drive, a time or the table does not fit, or an engine with noise gets no seed.
+        """
+        if self.noisy and seed is None:
+            raise ValueError(f"the {self.id} engine needs a seed")
+        run: Callable[..., Activity] = importlib.import_module(self.module).run
+        return run(circuit, drive, self, step_ms=step_ms, seed=seed, first_trial=first_trial)
+
+    # ---- the same engine with other options; an engine without the option returns itself
+
+    def tuned(
+        self,
+        *,
+        workers: int | None = None,
+        rates: bool | None = None,
+        sample_ms: float | None = None,
+    ) -> Self:
+        """Return the engine set for many trials: threads, whether rates are kept, and samples.
+
+        What is None stays. An engine that is not made for many trials returns itself.
+        """
+        return self
+
+    def until(self, level_nats: float, *, rates: bool = False) -> Self:
+        """Return the engine that drops a trial once its OUT is below a level, nats."""
+        return self
+
+    def recording(self, names: tuple[str, ...]) -> Self:
+        """Return the engine that records the spikes of populations."""
+        return self
+
+    def coarse(self) -> Self:
+        """Return the engine with the longer ticks that thousands of trials at many levels need."""
+        return self
+
+    def at_rest(self) -> Engine:
+        """Return the engine that measures the noise of OUT at rest fastest."""
+        return self
+
+    # ---- questions about a run
+
+    def ignores(self, field: str) -> bool:
+        """Return whether the engine makes no use of a field of a row, such as ``"cell.cv"``."""
+        return False
+
+    def samples(self, steps: int, step_ms: float) -> int:
+        """Return the number of samples of OUT in so many readings."""
+        return round(steps * step_ms / self.sample_ms)
+
+    def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
+        """Return about how much memory a run takes, bytes.
+
+        Parameters
+        ----------
+        circuit : Circuit
+            The table.
+        trials, samples : int
+            Trials at a time, and samples of OUT in each.
+        """
+        kept = 4.0 * trials * samples * blocks(circuit) if self.rates else 0.0
+        return 8.0 * trials * samples * circuit.channels + kept
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class TimedEngine(Engine):
+    """Base of the engines in which time passes."""
+
+    sample_ms: float = 1.0
+    """Time from one recorded sample to the next, ms."""
+    settle_ms: float = 300.0
+    """Time at rest before the first reading, ms; it is not recorded."""
+
+    def __post_init__(self) -> None:
+        """Check the times too."""
+        super().__post_init__()
+        for name in ("dt_ms", "sample_ms", "settle_ms"):
+            if (time_ms := getattr(self, name, None)) is not None:
+                check_time(name, time_ms, zero=name == "settle_ms")
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SpikingEngine(TimedEngine):
+    """Base of the engines in which cells fire one by one: all have the same noise and spikes."""
+
+    spiking: ClassVar[bool] = True
+    sparse: ClassVar[bool] = True
+    cell_bytes: ClassVar[float] = 100.0
+    """Memory of a cell in each trial, or in each thread, that runs at a time; measured."""
+
+    dt_ms: float = 0.1
+    """One tick, ms."""
+    spikes: tuple[str, ...] = ()
+    """Populations whose spikes are recorded."""
+
+    def __post_init__(self) -> None:
+        """Take the names of populations from any collection."""
+        given = self.spikes
+        names = given if isinstance(given, Collection) and not isinstance(given, str) else (None,)
+        if not all(isinstance(name, str) for name in names):
+            raise ValueError(f"spikes must be a tuple of names of populations, got {given!r}")
+        object.__setattr__(self, "spikes", tuple(given))
+        super().__post_init__()
+
+    @property
+    def noisy(self) -> bool:
+        """Every cell has noise of its own."""
+        return True
+
+    def recording(self, names: tuple[str, ...]) -> Self:
+        """Return the engine that records the spikes of populations."""
+        return replace(self, spikes=names)
+
+    def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
+        """Add connections, and the cells of all trials or threads that run at a time."""
+        of_cells = self.cell_bytes * cells(circuit) * self.copies(trials)
+        return super().memory_bytes(circuit, trials, samples) + connection_bytes(circuit) + of_cells
+
+    def copies(self, trials: int) -> int:
+        """Return how many trials hold their cells in memory at a time."""
+        return 1
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CompiledEngine(TimedEngine):
+    """Base of the compiled engines, made for thousands of trials."""
+
+    threaded: ClassVar[bool] = True
+    drops: ClassVar[bool] = True
+
+    rates: bool = True
+    """Whether to keep the rates: 4 bytes per trial, sample and channel of each population."""
+    drop_below: float | None = None
+    """OUT, nats, below which a trial is over: what follows is NaN."""
+    workers: int = 1
+    """Threads; they change no byte."""
+
+    def __post_init__(self) -> None:
+        """Check the threads and the level too."""
+        super().__post_init__()
+        if not is_whole(self.workers) or self.workers < 1:
+            raise ValueError(f"workers must be a whole number >= 1, got {self.workers!r}")
+        if self.drop_below is not None and self.drop_below != self.drop_below:
+            raise ValueError("drop_below must be a number, got nan")
+
+    def tuned(
+        self,
+        *,
+        workers: int | None = None,
+        rates: bool | None = None,
+        sample_ms: float | None = None,
+    ) -> Self:
+        """Return the engine set for many trials; what is None stays."""
+        return replace(
+            self,
+            workers=self.workers if workers is None else workers,
+            rates=self.rates if rates is None else rates,
+            sample_ms=self.sample_ms if sample_ms is None else sample_ms,
+        )
+
+    def until(self, level_nats: float, *, rates: bool = False) -> Self:
+        """Return the engine that drops a trial once its OUT is below a level, nats."""
+        return replace(self, drop_below=level_nats, rates=rates)
+
+    def at_rest(self) -> Engine:
+        """Return the engine that keeps OUT alone, sampled every ms."""
+        return replace(self, rates=False, drop_below=None, sample_ms=1.0).recording(())
+
+
+# ---- what engines share
+
+
+def of_cells_alone(field: str) -> bool:
+    """Return whether a field of a row acts only where cells fire, or where their number counts."""
+    of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
+    return field in OF_CELLS or (field.startswith("cell.") and field not in of_rates)
+
+
+def blocks(circuit: Circuit) -> int:
+    """Return the number of populations, counted in each channel that they have."""
+    return sum(circuit.channels_of(row.name) for row in circuit.populations)
+
+
+def cells(circuit: Circuit) -> float:
+    """Return the number of spiking cells of a circuit."""
+    rows = (row for row in circuit.populations if row.spiking)
+    return float(sum(row.neurons * circuit.channels_of(row.name) for row in rows))
+
+
+def connection_bytes(circuit: Circuit) -> float:
+    """Return the memory of sparse connections: an index of 8 bytes each, and a mark per pair."""
+    total = 0.0
+    for p in circuit.projections:
+        ends = [circuit.population(name) for name in (p.source, p.target)]
+        if p.probability < 1 and all(row.spiking for row in ends):
+            size = [float(row.neurons) * circuit.channels_of(row.name) for row in ends]
+            total += size[0] * size[1] * (8 * p.probability + 1)
+    return total

@@ -1,0 +1,188 @@
+"""The engines that are shipped, one record each; what computes is imported when it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+from circuits.engines.engine import (
+    OF_TIME,
+    CompiledEngine,
+    Engine,
+    SpikingEngine,
+    blocks,
+    of_cells_alone,
+)
+from circuits.engines.registry import register
+
+if TYPE_CHECKING:
+    from circuits.circuit import Circuit
+
+LAWS_AT_REST = ("table", "cells", "finite")
+LAWS_OF_RATES = ("lines", "cells")
+COARSE_MS, COARSE_SAMPLE_MS = 0.5, 2.0
+"""Tick and sample of the rate engine where thousands of trials are run at each of many levels."""
+
+
+@register
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Algebra(Engine):
+    """The fixed point of the table for every reading: no time passes."""
+
+    id: ClassVar[str] = "algebra"
+    module: ClassVar[str] = "circuits.engines.algebra"
+    description: ClassVar[str] = "the fixed point, exact"
+    timed: ClassVar[bool] = False
+
+    laws: str = "table"
+    """What populations follow: "table", the lines of their rows; "cells", their cells' own f-I
+    laws, which bend away from the lines; "finite", those laws and the effect that the noise of the
+    row's number of cells has on the means (``circuits.laws.fluctuation``)."""
+
+    def __post_init__(self) -> None:
+        """Check the laws."""
+        if self.laws not in LAWS_AT_REST:
+            raise ValueError(f"laws must be one of {', '.join(LAWS_AT_REST)}, got {self.laws!r}")
+
+    def ignores(self, field: str) -> bool:
+        """Return whether a field is of cells or of time: the lines of the table have neither."""
+        # The fixed point by the cells' own laws does use their constants.
+        return self.laws == "table" and (of_cells_alone(field) or field in OF_TIME)
+
+    def samples(self, steps: int, step_ms: float) -> int:
+        """There is one sample per reading."""
+        return steps
+
+    def memory_bytes(self, circuit: Circuit, trials: int, samples: int) -> float:
+        """Rates of all populations are in double precision on the way."""
+        outputs = 8.0 * trials * samples * circuit.channels
+        return outputs + 12.0 * trials * samples * blocks(circuit)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PopulationsEngine(CompiledEngine):
+    """Base of the engines that pass on rates in place of spikes."""
+
+    dt_ms: float | None = None
+    """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that all times fit."""
+
+    @property
+    def laws(self) -> str:
+        """What rates follow: the lines of the table, behind each membrane."""
+        return "lines"
+
+    @property
+    def noise(self) -> bool:
+        """Whether rates have the noise of a finite number of cells."""
+        return False
+
+    @property
+    def by_cells(self) -> bool:
+        """Whether rates follow the cells' own laws."""
+        return self.laws == "cells"
+
+
+@register
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Rate(PopulationsEngine):
+    """Populations that follow the lines of their rows behind their membranes, without noise."""
+
+    id: ClassVar[str] = "rate"
+    module: ClassVar[str] = "circuits.engines.population.run"
+    description: ClassVar[str] = "rates with time constants and delays, without noise"
+
+    def ignores(self, field: str) -> bool:
+        """Return whether a field is of cells: the lines of the table have none."""
+        return of_cells_alone(field)
+
+    def coarse(self) -> Rate:
+        """Return the engine with longer ticks and samples."""
+        return replace(self, dt_ms=COARSE_MS, sample_ms=COARSE_SAMPLE_MS)
+
+
+@register
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Population(PopulationsEngine):
+    """Populations that follow their cells' laws, with the noise of a finite number of cells."""
+
+    id: ClassVar[str] = "population"
+    module: ClassVar[str] = "circuits.engines.population.run"
+    description: ClassVar[str] = (
+        "rates with the noise of a finite number of cells, by the cells' own laws"
+    )
+
+    laws: str = "cells"
+    """What rates follow: "cells", the cells' own laws and lags, or "lines", those of the table,
+    behind each membrane."""
+    noise: bool = True
+    """Whether rates have the noise of a finite number of cells."""
+
+    def __post_init__(self) -> None:
+        """Check the laws too."""
+        super().__post_init__()
+        if self.laws not in LAWS_OF_RATES:
+            raise ValueError(f"laws must be one of {', '.join(LAWS_OF_RATES)}, got {self.laws!r}")
+
+    @property
+    def noisy(self) -> bool:
+        """It is where its noise is left on."""
+        return self.noise
+
+
+@register
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Ensemble(CompiledEngine, SpikingEngine):
+    """Spiking cells, compiled."""
+
+    id: ClassVar[str] = "ensemble"
+    module: ClassVar[str] = "circuits.engines.ensemble.run"
+    description: ClassVar[str] = "spikes, compiled, for thousands of trials"
+    cell_bytes: ClassVar[float] = 40.0
+
+    progress: bool = False
+    """Whether to show how far a run is."""
+
+    def copies(self, trials: int) -> int:
+        """Each thread holds the cells of one trial."""
+        return self.workers
+
+
+@register
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Brian2(SpikingEngine):
+    """Spiking cells in Brian2, generated from the table."""
+
+    id: ClassVar[str] = "brian2"
+    module: ClassVar[str] = "circuits.engines.brian2.run"
+    description: ClassVar[str] = "spikes in Brian2"
+
+    explicit: bool = False
+    """Whether connections of probability 1 become synapses too, N^2 of them: to check the inputs
+    that cells share."""
+
+    def copies(self, trials: int) -> int:
+        """One network holds all trials."""
+        return trials
+
+    def at_rest(self) -> Ensemble:
+        """Return the compiled engine, which has the same spikes."""
+        return compiled(self)
+
+
+@register
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Plain(SpikingEngine):
+    """Spiking cells in NumPy, one trial at a time: the readable reference."""
+
+    id: ClassVar[str] = "plain"
+    module: ClassVar[str] = "circuits.engines.plain"
+    description: ClassVar[str] = "spikes in plain NumPy, the readable reference"
+
+    def at_rest(self) -> Ensemble:
+        """Return the compiled engine, which has the same spikes."""
+        return compiled(self)
+
+
+def compiled(engine: SpikingEngine) -> Ensemble:
+    """Return the compiled engine with the times of another one, for OUT alone."""
+    return Ensemble(dt_ms=engine.dt_ms, settle_ms=engine.settle_ms, rates=False)
