@@ -93,9 +93,10 @@ class Figures:
         self._check_targets(folder)
         found = find_recordings(self.recordings)
         if found is None:
-            print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
             if "figR1" in self.targets:
                 raise ValueError("figR1 needs recordings: --recordings or BGMODEL_RECORDINGS")
+            if not self.targets:
+                print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
         if not self.unlock:
             _check_unlocked()
             self._say(folder, found is not None)
