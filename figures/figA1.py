@@ -22,8 +22,8 @@ from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.engines import Ensemble, Population
-from figures.common import Settings, run
-from figures.windows import PREFERRED, WINDOWS, averaged, label_panels, likeness, share_height
+from figures.common import Settings, letter, run
+from figures.windows import PREFERRED, WINDOWS, averaged, likeness, share_height
 
 NUCLEI = {"ctx": "ctx (as LIP)", "D1": "D1 (as caudate)", "STN": "STN", "GPe": "GPe", "SNr": "SNr"}
 D_PRIMES = (0.125, 0.25, 0.5, 0.75, 1.0)
@@ -85,7 +85,13 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         share_height(row[:3])
         row[0].set_ylabel(f"{title}\n(Hz above rest)")
         _likeness(row[3], table[(table["engine"] == "population") & (table["nucleus"] == name)])
-    label_panels(axes, "strength, d' a reading")
+    letter(axes[0, 0], "a  100-300 ms")
+    letter(axes[0, 1], "b  300-500 ms")
+    letter(axes[0, 2], "c  response ± 100 ms")
+    letter(axes[0, 3], "d  likeness")
+    for ax in axes[-1, :3]:
+        ax.set_xlabel("strength, d' a reading")
+    axes[-1, 3].set_xlabel("r with a pattern")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     unique = dict(zip(labels, handles, strict=True))
     figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=3)

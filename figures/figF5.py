@@ -16,17 +16,9 @@ from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
 from circuits.dynamics.fixed_point import resting_hz
-from figures.common import Settings, run, say_if_older
+from figures.common import Settings, letter, run, say_if_older
 from figures.fitted import MONKEYS, ONSET, STRENGTHS, Followed, fitted, fitted_table, follow
-from figures.windows import (
-    ABOUT_MS,
-    PREFERRED,
-    WINDOWS,
-    averaged,
-    label_panels,
-    likeness,
-    share_height,
-)
+from figures.windows import ABOUT_MS, PREFERRED, WINDOWS, averaged, likeness, share_height
 
 NUCLEI = ("STN", "STN_onset", "GPe", "SNr")
 SECONDS = 2.5
@@ -116,7 +108,13 @@ def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> F
         share_height(row[:3])
         row[0].set_ylabel(f"{nucleus}\n(Hz above rest)")
         _likeness(row[3], whole[whole["nucleus"] == nucleus], names)
-    label_panels(axes, "coherence (%)")
+    letter(axes[0, 0], "a  100-300 ms")
+    letter(axes[0, 1], "b  300-500 ms")
+    letter(axes[0, 2], "c  response ± 100 ms")
+    letter(axes[0, 3], "d  likeness")
+    for ax in axes[-1, :3]:
+        ax.set_xlabel("coherence (%)")
+    axes[-1, 3].set_xlabel("r with a pattern")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     more = axes[0, 3].get_legend_handles_labels()
     figure.legend(handles + more[0], labels + more[1], loc="outside lower center", ncols=3)

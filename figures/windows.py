@@ -15,7 +15,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers
-from figures.common import letter
 
 EARLY_MS, LATE_MS, ABOUT_MS = (100.0, 300.0), (300.0, 500.0), 100.0
 WINDOWS = ("100-300 ms", "300-500 ms", "response ± 100 ms")
@@ -115,15 +114,6 @@ def likeness(rows: pd.DataFrame, strengths: Sequence[float]) -> dict[str, float]
         name: float(np.corrcoef(own[there], pattern.ravel()[there])[0, 1])
         for name, pattern in patterns(strengths).items()
     }
-
-
-def label_panels(axes: Any, strength: str) -> None:
-    """Letter the columns, a window each and the likeness, and name the axes below the last row."""
-    for ax, key, title in zip(axes[0], "abcd", (*WINDOWS, "likeness"), strict=True):
-        letter(ax, f"{key}  {title}")
-    for ax in axes[-1, :3]:
-        ax.set_xlabel(strength)
-    axes[-1, 3].set_xlabel("r with a pattern")
 
 
 def share_height(axes: Iterable[Any]) -> None:
