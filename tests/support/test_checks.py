@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.methods.recursive import RecursiveMsprt
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
 from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import expecting, separated_evidence
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.integrators.deciding import decide_at_thresholds
-from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe
 from bgmodel.integrators.sprt import (
     Stream,
