@@ -43,7 +43,7 @@ def test_a_circuit_without_nats_decides_at_a_threshold_in_its_unit(tmp_path, cap
     assert table["forced"].mean() < 0.5
     assert table.loc[~table["forced"], "correct"].mean() > 0.8
     capsys.readouterr()
-    assert main([*done, "--force", "--edit", "lesion D1"]) == 0
+    assert main([*done, "--force", "--edits", "lesion D1"]) == 0
     assert pd.read_csv(path)["forced"].all()
 
 
