@@ -13,7 +13,6 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
-    EditOption,
     Writes,
     bar,
     check_ending,
@@ -22,6 +21,7 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
+from bgmodel.commands.options import EditOption
 from bgmodel.deciding.decision import Decision
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
@@ -56,7 +56,6 @@ class CircuitShow(Writes):
     channels: int | None = None
     """Number of alternatives; 2 unless given, or that of the file."""
     edits: EditOption = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     drawing: Path | None = None
     """Where a drawing goes, .pdf, .svg or .png."""
     save: Path | None = None
@@ -147,7 +146,6 @@ class CircuitRun(Writes):
     engine: EngineName = ENSEMBLE
     """How the circuit is run: compiled spikes, unless another engine is named."""
     edits: EditOption = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the

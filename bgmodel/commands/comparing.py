@@ -10,7 +10,6 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
-    EditOption,
     Shows,
     bar,
     check_ending,
@@ -20,6 +19,7 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
+from bgmodel.commands.options import EditOption
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
@@ -48,7 +48,6 @@ class Comparison(Shows):
     engine: EngineName = ENSEMBLE
     """How the circuit is run: compiled spikes, unless another engine is named."""
     edits: EditOption = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the

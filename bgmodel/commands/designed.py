@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
-    EditOption,
     Shows,
     bar,
     check_ending,
@@ -18,6 +17,7 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
+from bgmodel.commands.options import EditOption
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
@@ -49,7 +49,6 @@ class CircuitDesigned(Shows):
     engine: EngineName = POPULATION
     """How the circuit is run: populations with noise, unless another engine is named."""
     edits: EditOption = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     thresholds: tuple[float, ...] = (0.35, 0.25, 0.15)
     """OUT at which it decides, in the circuit's unit."""
     channels: int | None = None

@@ -11,7 +11,6 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
-    EditOption,
     Writes,
     bar,
     check_ending,
@@ -21,6 +20,7 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
+from bgmodel.commands.options import EditOption
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
@@ -59,7 +59,6 @@ class CircuitLearn(Writes):
     engine: EngineName = RATE
     """How the circuit is run: rates, unless another engine is named."""
     edits: EditOption = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa; the table's default unless given."""
