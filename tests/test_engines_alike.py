@@ -19,7 +19,14 @@ NOISY = [name for name, kind in ENGINES.items() if kind().noisy]
 SPIKING = [name for name, kind in ENGINES.items() if kind.spiking]
 DROPPING = [name for name, kind in ENGINES.items() if kind.drops]
 TIMED = [name for name, kind in ENGINES.items() if kind.timed]
-FAST = {"algebra": {}, "rate": {}, "population": {}, "ensemble": {}, "brian2": {}, "plain": {}}
+FAST: dict[str, dict] = {
+    "algebra": {},
+    "rate": {},
+    "population": {},
+    "ensemble": {},
+    "brian2": {},
+    "plain": {},
+}
 CLOSE = {engine: 2e-5 if engine in ("rate", "population") else 1e-6 for engine in FAST}
 """Single and double precision, nats."""
 TABLE = anatomy.spiking_msprt(3).with_neurons(20)

@@ -104,7 +104,7 @@ def test_a_table_of_evidence_is_read(tmp_path):
         (lambda: Edits("lesion STN"), r'edits must be a list of lines, such as \["lesion STN"\]'),
         (lambda: bg.load_circuit("monkey"), "macaque"),
         (lambda: bg.load_circuit(3), "circuit"),
-        (lambda: bg.BasalGanglia("monkey"), "macaque"),
+        (lambda: bg.BasalGanglia("monkey", "algebra"), "macaque"),
         (lambda: bg.Msprt().decide("a", posterior=0.9), "vidence"),
         (lambda: bg.Msprt().decide(bg.gaussian_evidence(5, seed=1), posterior=2.0), "posterior"),
         (lambda: bg.Msprt(gain=0), "gain"),

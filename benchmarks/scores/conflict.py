@@ -128,7 +128,7 @@ def _interactions(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for name, some in table.groupby("measure", sort=False):
         by = some.set_index("conflict")
-        value = by.loc["high", "change"] - by.loc["low", "change"]
+        value = by["change"]["high"] - by["change"]["low"]
         half = np.hypot(*(by["high"] - by["low"]) / 2)
         rows.append((INTERACTION, name, value, value - half, value + half))
     return pd.DataFrame(rows, columns=["conflict", "measure", "change", "low", "high"])

@@ -52,7 +52,8 @@ def loop_alone(table: Circuit) -> Circuit:
 
 def stability(table: Circuit, rises_nats: tuple[float, ...]) -> list[tuple[float, ...]]:
     """Return the rise of S above rest, Sigma, the growth in 1/s and its frequency in Hz."""
-    found, alone = [], loop_alone(table)
+    found: list[tuple[float, ...]] = []
+    alone = loop_alone(table)
     wiring = wired(alone)
     own, hz = wiring.blocks_of("STN"), table.population("STN").gain_hz_per_nat
     for rise in rises_nats:

@@ -49,7 +49,7 @@ def leader_out(
     """
     odds = np.asarray(log_odds, dtype=np.float64)
     # Edits that the fixed point makes no use of are not what is asked for here.
-    model = BasalGanglia(replace(circuit, unedited=None), Algebra(laws=laws))
+    model = BasalGanglia(replace(circuit, unedited=None), Algebra(laws=laws), gain=1.0)
     found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
     return np.asarray(found[:, 0, 0].reshape(odds.shape))
 

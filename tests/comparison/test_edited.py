@@ -154,7 +154,9 @@ def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
         # And those of the fixed point, where cells are not silent on average and swing into firing.
         silence = np.zeros((1, 1, channels))
         fixed = (
-            BasalGanglia(load_circuit("spiking_msprt", channels)).run_drive(silence, 1.0).rates_hz
+            BasalGanglia(load_circuit("spiking_msprt", channels), "algebra")
+            .run_drive(silence, 1.0)
+            .rates_hz
         )
         for name in ("ctx", "STN", "GPe"):
             rate_hz = fixed[name].mean()

@@ -139,9 +139,12 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     assert spiking == {2: 0.7, 3: 0.5, 4: 0.5, 7: 0.5, 8: 0.6, 12: 0.6}
     assert gain_of(anatomy.spiking_msprt(), 0.3) == 0.3
     for name in ("bogacz_gurney", "appendix_b", "linear_gpe"):
+        exact = load_circuit(name)
+        assert gain_of(exact) == gain_of(exact.dopamine(0.9)) == 1
+        assert gain_of(exact, 0.7) == 0.7
+    for name in ("gpr", "humphries", "stewart"):
         with pytest.raises(ValueError, match=rf"{name} has no default gain: give gain"):
-            gain_of(load_circuit(name))
-        assert gain_of(load_circuit(name), 0.7) == 0.7
+            BasalGanglia(name)
     # Numbers made for two alternatives say nothing of five.
     assert anatomy.spiking_msprt(2).with_channels(5).default_gain is None
     assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
@@ -151,13 +154,13 @@ def test_a_gain_is_the_tables_own_or_asked_for():
 @pytest.mark.parametrize("channels", [2, 4, 8])
 def test_a_model_has_the_gain_of_its_table_as_the_command_does(name, channels):
     table = load_circuit(name, channels)
-    assert BasalGanglia(table).gain == gain_of(table)
-    assert BasalGanglia(table, gain=1.0).gain == 1
-    assert BasalGanglia(table.dopamine(0.9)).gain == gain_of(table)
+    assert BasalGanglia(table, "algebra").gain == gain_of(table)
+    assert BasalGanglia(table, "algebra", gain=1.0).gain == 1
+    assert BasalGanglia(table.dopamine(0.9), "algebra").gain == gain_of(table)
 
 
 def test_a_table_without_a_gain_takes_a_nat_for_a_nat():
-    assert BasalGanglia(load_circuit("bogacz_gurney")).gain == 1
+    assert BasalGanglia(load_circuit("bogacz_gurney"), "algebra").gain == 1
 
 
 @pytest.mark.parametrize("forced", [True, False])
@@ -212,7 +215,7 @@ def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
         separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
     )
     with pytest.raises(ValueError, match=r"^what is expected is common to all channels"):
-        BasalGanglia(macaque(2), gain=0.5, centred=True).run(ahead)
+        BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)
 
 
 def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_no_other():

@@ -15,7 +15,7 @@ from tests.circuits.helpers import run_algebra
 
 TABLE = anatomy.spiking_msprt()
 TABLES = [anatomy.load_circuit(name) for name in anatomy.CIRCUITS]
-ROWS = [row.name for row in (*TABLE.populations, *TABLE.projections)]
+ROWS = [*(p.name for p in TABLE.populations), *(p.name for p in TABLE.projections)]
 NAMES = st.text("abcDGNST_19", min_size=1, max_size=5)
 NUMBERS = st.floats(0, 1000).map(lambda x: round(x, 3))
 
