@@ -39,7 +39,8 @@ COMMANDS = {
         --channels 2000, --noise 0.1, --drawing x.doc, more, --rest 3""",
     f"circuit run {OUT} --trials 1..5 "
     f"--t-max 1..5 --channels 2..4 --posterior 0.7..0.88 --d-prime 0.2..2 {SEED} "
-    f"--engine «ensemble --edits 'neurons 20'|«algebra|rate» «{OPTIONS}»»": f"""{CIRCUIT}, --gain 0, --gain nan, --posterior 0.2, --posterior 1,
+    f"--engine «ensemble --edits 'neurons 20'|«algebra|rate» «{OPTIONS}»»": f"""{CIRCUIT},
+        --gain 0, --gain nan, --posterior 0.2, --posterior 1,
         --posterior 0.9999, --workers 0, --engine pen, --circuit cortex, --rates r.txt,
         --engine ensemble --edits 'neurons 1e9'""",
     f"circuit lesion {OUT} «{LESIONS}» {COMPARED} --accuracies 0.85..0.97": f"""{CIRCUIT},
