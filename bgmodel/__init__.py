@@ -19,6 +19,7 @@ from bgmodel.integrators.sprt import (
 )
 from bgmodel.support.seeds import stream
 from bgmodel.version import __version__
+from circuits.errors import BgmodelWarning, InputError
 
 if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare
@@ -46,10 +47,12 @@ LAZY = {
 
 __all__ = [
     "BasalGanglia",
+    "BgmodelWarning",
     "Circuit",
     "Decision",
     "Evidence",
     "Experiment",
+    "InputError",
     "Msprt",
     "Sprt",
     "Sweep",
