@@ -62,7 +62,7 @@ def rendered(template: Path, results: Path = RESULTS) -> str:
         return found
 
     def rows(name: str) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = read_table(path(name)).to_dict("records")
+        found: list[dict[Any, Any]] = read_table(path(name)).to_dict("records")
         return found
 
     def measured(name: str) -> str:

@@ -61,7 +61,10 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
     # Imported inside main, which says it in one sentence if another package is called circuits.
     from bgmodel.commands.table import COMMANDS
 
-    _check_named(COMMANDS, sys.argv[1:] if arguments is None else arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    _check_named(COMMANDS, given)
+    if [word.partition("=")[0] for word in given].count("--edit") > 1:
+        raise ValueError("--edit is given twice: write all edits after one --edit")
     printed = io.StringIO()
     try:
         with redirect_stderr(printed):
@@ -99,8 +102,9 @@ def _check_named(top: Mapping[str, Any], arguments: Sequence[str]) -> None:
 
 
 def _registry() -> ConstructorRegistry:
-    """Return tyro's rules and two more: a whole number may be written 1e5; names are listed."""
+    """Return tyro's rules and more: of whole numbers such as 1e5, of names, and of edits."""
     from bgmodel.names import Name
+    from circuits.declaration.edits import Edits
 
     registry = ConstructorRegistry()
 
@@ -127,6 +131,18 @@ def _registry() -> ConstructorRegistry:
             instance_from_str=lambda given: kind.parse(given[0]),
             is_instance=lambda value: isinstance(value, str),
             str_from_instance=lambda value: [str(value)],
+        )
+
+    @registry.primitive_rule
+    def edits(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Edits] | None:
+        if info.type is not Edits:
+            return None
+        return PrimitiveConstructorSpec(
+            nargs="*",
+            metavar="EDIT [EDIT ...]",
+            instance_from_str=Edits,
+            is_instance=lambda value: isinstance(value, Edits),
+            str_from_instance=list,
         )
 
     return registry

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
 from circuits.declaration.courses import Course
+from circuits.declaration.edits import VERBS, Edit, Edits
 from circuits.declaration.row_edits import naming
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
@@ -25,7 +26,8 @@ class Circuit(EditableTable):
     It is a mapping of its rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]``
     a projection. Its fields, each with a description, are those of
     ``circuits.declaration.table.CircuitTable``. Every edit is a method that returns a new circuit:
-    ``lesion``, ``cut``, ``scale``, ``dopamine``, ``add``, ``edited``, ``compensate`` and others.
+    ``lesion``, ``clamp``, ``cut``, ``scale``, ``set``, ``add``, ``dopamine``, ``compensate`` and
+    others; ``edited`` takes them as text.
     """
 
     def __repr__(self) -> str:
@@ -96,7 +98,7 @@ class Circuit(EditableTable):
         Raises
         ------
         ValueError
-            Without a reference where there is no lesion, for a lesion whose output is replaced, an
+            Without a reference where there is no lesion, for a nucleus that is clamped, an
             unknown population, a rate that a population cannot have, or channels that would need
             different biases.
         """
@@ -126,3 +128,36 @@ class Circuit(EditableTable):
         """
         weight = balanced_weight(self, source)
         return self.with_projection(source, self.readout, weight=weight)
+
+    def edited(self, *lines: str) -> Self:
+        """Return the circuit with edits that are written as text.
+
+        ``circuit.edited("lesion STN 10%", "set STN->GPe.delay_ms 4", "dopamine 0.9")``: the
+        grammar is that of ``circuits.declaration.edits``. The order of the lines does not matter.
+
+        Raises
+        ------
+        ValueError
+            One sentence with the edit as it was written and what is allowed.
+        """
+        edits = Edits(lines)
+        added, keep_rest = edits.of("add"), bool(edits.of("keep"))
+        if keep_rest and not added:
+            raise ValueError("'keep rest' is for rows that are added: add one")
+        circuit = self._called(edits.of("neurons", "connections", "spread"))
+        circuit = circuit.add(*(str(edit.value) for edit in added), keep_rest=keep_rest)
+        circuit = circuit._set(edits.of("set"))
+        circuit = circuit._called(edits.of("lesion", "clamp", "cut", "scale", "dopamine"))
+        if not edits.compensates:
+            return circuit
+        rebound = {edit.row: float(edit.value) for edit in edits.of("rebound")}
+        return circuit.compensate(self, rebound_nats=rebound)
+
+    def _called(self, edits: Iterable[Edit]) -> Self:
+        """Return the circuit after edits that are made by a method each, one after another."""
+        circuit = self
+        for edit in edits:
+            channel = {} if edit.channel is None else {"channel": edit.channel}
+            with naming(edit.text):
+                circuit = getattr(circuit, VERBS[edit.verb].method)(*edit.arguments, **channel)
+        return circuit

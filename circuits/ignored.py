@@ -7,8 +7,20 @@ from dataclasses import fields
 from typing import Any
 
 from circuits.circuit import Circuit
+from circuits.declaration.edits import VERBS, Edits
 from circuits.declaration.rows import Population
-from circuits.engines import Engine
+from circuits.engines import Engine, engine_of
+
+
+def check_edits(edits: Edits, engine: Engine | str) -> None:
+    """Raise ValueError for the edit of a field that an engine makes no use of."""
+    chosen = engine_of(engine)
+    for edit in edits.parsed():
+        if chosen.ignores(edit.field or VERBS[edit.verb].changes):
+            raise ValueError(
+                f"{edit.text!r} says nothing to the {engine} engine: take another engine, such as "
+                "population"
+            )
 
 
 def ignored_edits(circuit: Circuit, engine: Engine) -> list[str]:

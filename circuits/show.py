@@ -217,8 +217,8 @@ def _text(table: pd.DataFrame) -> str:
 
 def _intact(p: Population | Projection) -> str:
     left = [p.intact * part for part in p.intact_by_channel or (1.0,)]
-    replaced = isinstance(p, Population) and p.replaced
-    return " ".join(f"{part:g}" for part in left) + (", replaced" if replaced else "")
+    clamped = isinstance(p, Population) and p.clamped
+    return " ".join(f"{part:g}" for part in left) + (", clamped" if clamped else "")
 
 
 def _dropping(table: pd.DataFrame, **defaults: object) -> pd.DataFrame:

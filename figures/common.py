@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
@@ -118,7 +119,8 @@ def run(**steps: Callable[..., Any]) -> None:
 
 
 def begin() -> None:
-    """Begin a process of steps, which ends as soon as its parent is gone."""
+    """Begin a process of steps, which ends with its parent alone: that hears Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def end() -> None:
         parent = parent_process()

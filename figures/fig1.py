@@ -16,6 +16,7 @@ from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.camera import render
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
+from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
 from figures.common import Settings, letter, run
 
@@ -42,7 +43,7 @@ def compute(settings: Settings, done: Path, *, output: Path) -> None:
 def draw(settings: Settings, data: Path, taps: Path, *, output: Path) -> Figure:
     """Draw camera and pins above, maps, response and psychometric curve below."""
     figure = plt.figure(figsize=(7.2, 5.0), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=[1, 1.1])
+    top, bottom = figure.subfigures(2, 1, height_ratios=[1, 1.1], squeeze=False)[:, 0]
     left, right = top.subfigures(1, 2, width_ratios=[1.15, 1.6])
     pins = _example(settings)
     ax = left.subplots()
@@ -70,14 +71,12 @@ def draw(settings: Settings, data: Path, taps: Path, *, output: Path) -> Figure:
     return figure
 
 
-def _example(settings: Settings):
+def _example(settings: Settings) -> Taps:
     """Return one tap a grating, all at the same place, without marker noise."""
     labels = pd.DataFrame({"period_mm": settings.periods_mm, "yaw_deg": YAW_DEG, "phase": 0.0})
     labels["force_n"] = 1.5
     labels[["offset_x_mm", "offset_y_mm", "shear_x_mm", "shear_y_mm"]] = 0.0
     moved = noiseless(labels, Tip(), contact_library())
-    from bgmodel.tactile.taps import Taps
-
     return Taps(moved, Tip().rest_mm(), labels)
 
 

@@ -31,6 +31,7 @@ def follow(readings: Source, settings: Settings, trials: int = 2000) -> pd.DataF
     trace = Sprt().run(evidence)
     decision = first_crossing(trace, float(threshold_from_gap(GAP)))
     z = trace.out_nats[..., 0]  # OUT of R1 is Z itself
+    assert evidence.truth is not None
     trial, step = np.indices(z.shape)
     table = pd.DataFrame({"trial": trial.ravel(), "step": step.ravel(), "z": z.ravel()})
     table["truth"] = evidence.truth[table["trial"]]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from figures.common import Settings, run
 
@@ -25,7 +27,7 @@ def draw(settings: Settings, *, output: Path) -> Figure:
     ax.set(xlim=(-0.55, 5.55), ylim=(-1.15, 1.1))
     ax.set_axis_off()
     for i, (name, text) in enumerate(BOXES):
-        box = plt.Rectangle((i - 0.44, -0.5), 0.88, 1.0, fc=f"C{i}", alpha=0.13, ec="none")
+        box = Rectangle((i - 0.44, -0.5), 0.88, 1.0, fc=f"C{i}", alpha=0.13, ec="none")
         ax.add_patch(box)
         ax.text(i, 0.36, name, ha="center", va="center", fontweight="bold", color=f"C{i}")
         ax.text(i, -0.1, text, ha="center", va="center", fontsize=6.3)
@@ -38,7 +40,9 @@ def draw(settings: Settings, *, output: Path) -> Figure:
     return figure
 
 
-def _arrow(ax, start, end, colour: str, bend: float = 0.0) -> None:
+def _arrow(
+    ax: Axes, start: tuple[float, float], end: tuple[float, float], colour: str, bend: float = 0.0
+) -> None:
     style = {"arrowstyle": "-|>", "color": "0.3", "lw": 1, "shrinkA": 0, "shrinkB": 0}
     ax.annotate("", end, start, arrowprops={**style, "connectionstyle": f"arc3,rad={bend}"})
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -27,7 +28,10 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         folds = here.pivot(index="period_mm", columns="fold", values="accuracy")
         # Trials are many, taps are few: the interval is that of six folds of taps.
         half = t.ppf(0.975, folds.shape[1] - 1) * folds.sem(axis=1)
-        style = {"color": plt.get_cmap("viridis")(0.85 * i / (len(GAPS) - 1)), "capsize": 2}
+        style: dict[str, Any] = {
+            "color": plt.get_cmap("viridis")(0.85 * i / (len(GAPS) - 1)),
+            "capsize": 2,
+        }
         # Side by side, so that no bar hides another.
         x = folds.index + 0.03 * (i - (len(GAPS) - 1) / 2)
         ax.errorbar(x, folds.mean(axis=1), half, lw=0.7 + 0.3 * i, label=f"{gap:g}", **style)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
@@ -26,7 +27,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         colour = COLOUR.get(period, "0.5" if period else "0.75")
         window = min(10, max(1, len(mean) // 8))
         time, accuracy = (smoothed(mean[n].to_numpy(), window) for n in ("mean_steps", "accuracy"))
-        style = {"color": colour, "label": f"{period:g} mm" if period else "smooth"}
+        style: dict[str, Any] = {"color": colour, "label": f"{period:g} mm" if period else "smooth"}
         # Forced ties of both lie on one line: dashes leave the lower one to be seen.
         speed_accuracy(ax, time, accuracy, ls="--" if period == 1.0 else "-", **style)
         ax.plot(mean["exact_mean_steps"], mean["exact_accuracy"], ":", color=colour, lw=0.9)

@@ -80,7 +80,8 @@ def _gaps(ax: Axes, here: pd.DataFrame, colour: str) -> None:
 def _regret(ax: Axes, here: pd.DataFrame, colour: str) -> None:
     """Draw how many runs end with which cost beyond the optimum of their fold."""
     final = here.groupby(["start_delta", "fold", "repeat"])["regret"].first() * 100
-    bins = np.linspace(-1, max(6, np.ceil(final.max())), 22)
+    bins: Any = np.linspace(-1, max(6, np.ceil(final.max())), 22)
+    kind: Any
     for start, kind in zip(STARTS, ("stepfilled", "step"), strict=True):
         ax.hist(final[start], bins, histtype=kind, color=colour, lw=0.8)
     ax.set(xlabel="cost beyond the optimum (%)")
@@ -89,7 +90,7 @@ def _regret(ax: Axes, here: pd.DataFrame, colour: str) -> None:
 def _key() -> list[Any]:
     """Return the marks of all panels, in no grating's colour."""
     narrow, wide = (f"from {start:g} nats: " for start in STARTS)
-    grey = {"color": "0.4"}
+    grey: dict[str, Any] = {"color": "0.4"}
     return [
         Line2D([], [], **grey, label=f"{narrow}median"),
         Line2D([], [], **grey, ls="--", label=f"{wide}median"),

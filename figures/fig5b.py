@@ -8,6 +8,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -48,6 +49,7 @@ def dots(settings: Settings, taps: Path, *, output: Path) -> None:
         evidence = fold_sources(table, period)[0].draw(DOTS, settings.t_max, rng=rng)
         gaps = rng.uniform(0, 8, DOTS)
         decision = crossing_of_each(Sprt().run(evidence), threshold_from_gap(gaps), checked=False)
+        assert evidence.truth is not None
         rewards = reward(decision, evidence.truth, settings.xi)
         parts.append(pd.DataFrame({"period_mm": period, "delta": gaps, "reward": rewards}))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
@@ -66,7 +68,7 @@ def draw(
             _curves(ax, curve, settings.xi, colour)
             _learned(ax, values)
         axes[0, column].plot(cloud["delta"], cloud["reward"], ".", ms=1, color="0.75", zorder=0)
-        best = -curve.groupby("delta").apply(_exact_cost, xi=settings.xi, include_groups=False)
+        best = -_exact_costs(curve, settings.xi)
         span = max(0.15, 0.6 * (best.max() - best.min()))
         axes[1, column].set_ylim(best.max() - span, best.max() + 0.12 * span)
         axes[1, column].set_xlabel("gap δ (nats)")
@@ -88,19 +90,21 @@ def _key() -> list[Any]:
     ]
 
 
-def _exact_cost(rows: pd.DataFrame, xi: float) -> float:
-    return float(-reward_of(1 - rows["exact_accuracy"], rows["exact_mean_steps"], xi).mean())
+def _exact_costs(curve: pd.DataFrame, xi: float) -> pd.Series[float]:
+    """Return the exact mean cost at each gap."""
+    costs = -reward_of(1 - curve["exact_accuracy"], curve["exact_mean_steps"], xi)
+    return pd.Series(costs, curve.index).groupby(curve["delta"]).mean()
 
 
-def _curves(ax, curve: pd.DataFrame, xi: float, colour: str) -> None:
+def _curves(ax: Axes, curve: pd.DataFrame, xi: float, colour: str) -> None:
     sampled = reward_of(1 - curve["accuracy"], curve["mean_steps"], xi)
     mean = pd.Series(sampled, curve.index).groupby(curve["delta"]).mean()
     ax.plot(mean.index, mean, color=colour, lw=2.2, alpha=0.5)
-    exact = curve.groupby("delta").apply(_exact_cost, xi=xi, include_groups=False)
+    exact = _exact_costs(curve, xi)
     ax.plot(exact.index, -exact, color="k", lw=0.8, ls=":")
 
 
-def _learned(ax, values: pd.DataFrame) -> None:
+def _learned(ax: Axes, values: pd.DataFrame) -> None:
     final = values.groupby(["start_delta", "fold", "repeat"])["learned_delta"].first()
     ax.axvline(final.mean(), color="0.2", lw=1)
     ax.axvspan(*np.percentile(final, [10, 90]), color="0.5", alpha=0.15, lw=0)

@@ -67,7 +67,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     figure, axes = plt.subplots(
         len(NUCLEI), 4, figsize=(7.2, 7.4), sharex="col", width_ratios=[1, 1, 1, 1.1]
     )
-    by = table.set_index(["engine", "nucleus", "window", "own"]).sort_index()
+    by: Any = table.set_index(["engine", "nucleus", "window", "own"]).sort_index()
     for row, (name, title) in zip(axes, NUCLEI.items(), strict=True):
         for ax, window in zip(row[:3], WINDOWS, strict=True):
             for own, colour in ((True, "C0"), (False, "C1")):

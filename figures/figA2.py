@@ -47,7 +47,7 @@ def with_fast(gain: float, channels: int = CHANNELS) -> Circuit:
     """Return the default circuit with a gain of cortical inhibition, all rates at rest kept."""
     table = load_circuit(DEFAULT, channels)
     if not gain:
-        return table.lesion("ctx_inh", replaced=True)
+        return table.clamp("ctx_inh")
     tone = table.population("ctx").bias_nats
     tone += (gain + table.projection("ctx_inh", "ctx").weight) * table.rest_drive
     table = table.with_projection("ctx_inh", "ctx", weight=-gain)
@@ -206,8 +206,8 @@ def frontier(settings: Settings, *, output: Path) -> None:
             found = matched_measures(test, own, rng=rng, accuracies=(AT,)).set_index("measure")
             row = found.loc["pearson_r", ["value", "low", "high"]]
             rows.append((gain, channels, "pearson_r", *row))
-    table = pd.DataFrame(rows, columns=["gain", "channels", "measure", "value", "low", "high"])
-    write_table(table, output, seed=settings.seed, settings=settings)
+    columns = ["gain", "channels", "measure", "value", "low", "high"]
+    write_table(pd.DataFrame(rows, columns=columns), output, seed=settings.seed, settings=settings)
 
 
 def fall_of_out(table: Circuit) -> float:
@@ -261,7 +261,7 @@ def _gains(ax: Any, table: pd.DataFrame) -> None:
         rest = rows[rows["circuit"] == OLD]
         ax.errorbar([old], rest["value"], _off(rest), **given)
         spikes = stn[(stn["d_prime"] == d_prime) & (stn["engine"] == "ensemble")]
-        x = [old if name == OLD else float(name) for name in spikes["circuit"]]
+        x = pd.Series([old if name == OLD else float(name) for name in spikes["circuit"]])
         given |= {"fmt": "s", "mfc": "w", "ms": 4}
         ax.errorbar(np.add(x, 0.06), spikes["value"], _off(spikes), **given)
         theory = stn[(stn["d_prime"] == d_prime) & (stn["engine"] == "theory")]

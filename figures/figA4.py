@@ -22,7 +22,7 @@ CHANGES = (
     ("accuracy", 1, "change of accuracy"),
 )
 """A measure, what it is divided by, and its axis."""
-CAVANAGH = {
+CAVANAGH: dict[str, Any] = {
     "mean_ms": {0.0: (-74, 57), CONFLICT: (-126, 71)},
     "accuracy": {0.0: (-0.034, 0.038), CONFLICT: (-0.013, 0.041)},
 }
@@ -43,8 +43,8 @@ def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Fig
     behaviour, anticipation = read_table(behaved), read_table(ahead)
     tasks = list(behaviour["evidence"].unique())
     figure = plt.figure(figsize=(7.4, 6.6))
-    above, below = figure.add_gridspec(2, 1, height_ratios=[1.9, 1])
-    grid = above.subgridspec(2, len(tasks)).subplots(sharex=True, sharey="row")
+    grids = figure.add_gridspec(2, 1, height_ratios=[1.9, 1])
+    grid: Any = grids[0].subgridspec(2, len(tasks)).subplots(sharex=True, sharey="row")
     for column, task in zip(grid.T, tasks, strict=True):
         rows = behaviour[behaviour["evidence"] == task]
         for ax, (measure, unit, _) in zip(column, CHANGES, strict=True):
@@ -58,7 +58,7 @@ def draw(settings: Settings, behaved: Path, ahead: Path, *, output: Path) -> Fig
         letter(row[0], name)
     grid[1, 1].set_xlabel("rebound of SNr after a loss of all of STN (nats)")
     handles, labels = grid[0, 0].get_legend_handles_labels()
-    lower = below.subgridspec(1, 3).subplots()
+    lower: Any = grids[1].subgridspec(1, 3).subplots()
     rows = behaviour[behaviour["evidence"] == SHOWN]
     for ax, (measure, unit, label) in zip(lower, CHANGES, strict=False):
         _by_loss(ax, rows, measure, unit)
@@ -87,7 +87,8 @@ def tuned_rebound(rows: pd.DataFrame) -> float:
 def _off(rows: pd.DataFrame, name: str, unit: float) -> np.ndarray:
     """Return the distances from a value to the ends of its interval, (2, rows)."""
     ends = [rows[name] - rows[f"{name}_low"], rows[f"{name}_high"] - rows[name]]
-    return np.maximum(np.stack(ends), 0) / unit
+    away: np.ndarray = np.maximum(np.stack(ends), 0) / unit
+    return away
 
 
 def _against_rebound(ax: Any, rows: pd.DataFrame, measure: str, unit: float) -> None:

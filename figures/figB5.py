@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 
 from bgmodel.comparison.designed import CLOSE_MS
 from bgmodel.support.files import read_table
@@ -53,7 +53,9 @@ def draw(
     compared = read_table(decisions)
     names = [name for name in NAMES if name in set(compared["circuit"])]
     figure = plt.figure(figsize=(7.4, 2.7 + 0.55 * len(names)))
-    above, below = figure.subfigures(2, 1, height_ratios=(2.2, 0.5 * len(names) + 1.2))
+    above, below = figure.subfigures(
+        2, 1, height_ratios=(2.2, 0.5 * len(names) + 1.2), squeeze=False
+    )[:, 0]
     left, right = above.subplots(1, 2, sharey=True)
     _theories(left, read_table(computes), names)
     _beside(right, compared, names)
@@ -70,6 +72,7 @@ def draw(
 
 def _theories(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
     """Show the largest difference of each circuit from each test on designed trials."""
+    row: Any
     for row in table.itertuples():
         if row.circuit in names:
             colour, mark = THEORIES[row.theory]
@@ -110,15 +113,14 @@ def _beside(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
 def _edits(ax: Any, table: pd.DataFrame, names: list[str]) -> None:
     """Show a cell per circuit, edit and number of alternatives."""
     counts = sorted(table["alternatives"].unique())
+    row: Any
     for row in table.itertuples():
         if row.circuit not in names:
             continue
         _, measure = EDITS[row.edit]
         x = len(counts) * list(EDITS).index(row.edit) + counts.index(row.alternatives)
         y = names.index(row.circuit)
-        ax.add_patch(
-            plt.Rectangle((x - 0.48, y - 0.46), 0.96, 0.92, color=COLOURS[row.outcome], lw=0)
-        )
+        ax.add_patch(Rectangle((x - 0.48, y - 0.46), 0.96, 0.92, color=COLOURS[row.outcome], lw=0))
         value = getattr(row, measure)
         text = {"nothing to change": "–", "does not decide": "never"}.get(
             row.outcome, _number(value, measure)

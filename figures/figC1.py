@@ -52,7 +52,7 @@ def driven_alike(engine: Engine, settings: Settings) -> pd.DataFrame:
         Columns what (the engine), s_nats, sigma_nats, gpe_nats, heard_nats (what SNr hears of STN
         and GPe), all above rest but Sigma, and their standard errors over trials.
     """
-    held = CIRCUIT.lesion("GPe_ctx", replaced=True).lesion("D2", replaced=True)
+    held = CIRCUIT.clamp("GPe_ctx").clamp("D2")
     drive = np.repeat(COMMON_NATS[:, None, None], HELD_S, axis=1) * np.ones(CIRCUIT.channels)
     trials = settings.repeats if engine.noisy else 1
     done = engine.run(held, np.repeat(drive, trials, 0), step_ms=1000.0, seed=settings.seed)

@@ -65,7 +65,7 @@ def one_trial(model: BasalGanglia, evidence: Evidence) -> pd.DataFrame:
     total = evidence.own_totals[0]
     parts = [_long("evidence", "L", np.arange(len(total)) * evidence.step_ms, total)]
     for name in NUCLEI:
-        spikes = activity.spikes[name]
+        spikes = (activity.spikes or {})[name]
         shown = spikes[(spikes["neuron"] < CELLS) & (spikes["time_ms"] > 0)]
         parts.append(
             shown[["channel", "time_ms"]].assign(panel="spike", name=name, value=shown["neuron"])
@@ -138,7 +138,7 @@ def _long(panel: str, name: str, time_ms: npt.ArrayLike, values: npt.ArrayLike) 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw the trial from evidence to OUT above the nuclei, a row each."""
-    panels = dict(iter(read_table(data).groupby("panel")))
+    panels = {str(kind): part for kind, part in read_table(data).groupby("panel")}
     tight = ConstrainedLayoutEngine(h_pad=0.02, hspace=0.01)
     figure = plt.figure(figsize=(7.2, 6.2), layout=tight)
     grid = figure.add_gridspec(

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -37,7 +40,7 @@ def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Ev
     for count, share in ((2, 1.0), (4, 0.5), (8, 0.2)):
         rng = stream(settings.seed, "figC3", count)
         trials = max(int(share * most), FEWEST_TRIALS)
-        given = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
+        given: dict[str, Any] = {"rng": rng, "hypotheses": count, "step_ms": 50.0}
         yield (
             f"N = {count}",
             separated_evidence(trials, 120, settings.d_prime / np.sqrt(2), **given),
@@ -136,7 +139,7 @@ def draw(settings: Settings, data: Path, trials: Path, *, output: Path) -> Figur
     return figure
 
 
-def _scatter(ax, rows: pd.DataFrame, colour: str) -> None:
+def _scatter(ax: Axes, rows: pd.DataFrame, colour: str) -> None:
     top = 1.05 * rows[["test_ms", "circuit_ms"]].to_numpy().max() / 1000
     ax.plot([0, top], [0, top], color="0.8", lw=0.8, zorder=0)
     for same, style in ((True, {"color": colour, "alpha": 0.35}), (False, {"color": "k"})):
@@ -148,7 +151,7 @@ def _scatter(ax, rows: pd.DataFrame, colour: str) -> None:
     ax.set(xlabel="MSPRT (s)", xlim=(0, top), ylim=(0, top), aspect="equal")
 
 
-def _measures(ax, rows: pd.DataFrame) -> None:
+def _measures(ax: Axes, rows: pd.DataFrame) -> None:
     for i, (name, colour) in enumerate(COLOURS.items()):
         # Side by side: where both are 1, neither mark hides the other.
         for label, aside, face in ((CIRCUIT, -0.045, colour), (DECODER, 0.045, "w")):
@@ -165,8 +168,8 @@ def _measures(ax, rows: pd.DataFrame) -> None:
     ax.set_xticks(range(len(ACCURACIES)), [f"{a:.2f}".lstrip("0") for a in ACCURACIES])
 
 
-def _speed_accuracy(ax, rows: pd.DataFrame):
-    styles = {
+def _speed_accuracy(ax: Axes, rows: pd.DataFrame) -> tuple[list[Artist], list[Any]]:
+    styles: dict[str, dict[str, Any]] = {
         MSPRT_AT_GAIN: {"color": "k", "lw": 1.2},
         MSPRT: {"color": "k", "lw": 0.8, "ls": ":"},
         CIRCUIT: {"color": "C3", "lw": 1.2},

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import stream
@@ -60,10 +62,10 @@ def neurons(settings: Settings, *, output: Path) -> None:
                 test, found, rng=rng, truth=evidence.truth, accuracies=(AT,)
             )
             parts.append(measured.assign(model=name, size=size))
-        found = steady_out(table, [ODDS], seed=settings.seed, trials=60, mean_ms=int(SPAN_MS))
+        steady = steady_out(table, [ODDS], seed=settings.seed, trials=60, mean_ms=int(SPAN_MS))
         whose = out_variance(table, [ODDS / 2, -ODDS / 2], mean_ms=SPAN_MS)
         law = np.sqrt(sum(part[0] for part in whose.values()))
-        row = {"measure": "sd_nats", "value": found.std(ddof=1), "exact": law, "size": size}
+        row = {"measure": "sd_nats", "value": steady.std(ddof=1), "exact": law, "size": size}
         parts.append(pd.DataFrame([row]))
     write_table(pd.concat(parts), output, seed=settings.seed, settings=settings)
 
@@ -77,12 +79,12 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "cells alike": table.with_spread(0.0),
         "shared noise .05 nats": correlated(table, 0.05),
         "shared noise .1 nats": correlated(table, 0.1),
-        "GPe at its rest": table.lesion("GPe", replaced=True),
+        "GPe at its rest": table.clamp("GPe"),
         "linear STN": linear_stn(table),
         "STN-SNr shuffled": shuffled_stn(table),
     }
     model = BasalGanglia(table, Population(settle_ms=BRIEF_MS), gain_of(table), settings.seed)
-    given = {"accuracies": (AT,), "highest": HIGHEST}
+    given: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST}
     found = compare_edits(model, edited, evidence, seed=settings.seed, **given)
     write_table(found, output, seed=settings.seed, settings=settings)
 
@@ -97,7 +99,7 @@ def numbers(settings: Settings, *, output: Path) -> None:
     every = perturbed(table)
     moved = [np.abs(out_shift(table, edit, OUTS, laws="cells")).max() for edit in every.values()]
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]
-    given = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
+    given: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST, "resamples": 200}
     parts = []
     for engine, count in (
         (Population(settle_ms=BRIEF_MS), len(names)),
@@ -124,7 +126,7 @@ def draw(settings: Settings, *data: Path, output: Path) -> Figure:
     return figure
 
 
-def _noise(ax, table: pd.DataFrame) -> None:
+def _noise(ax: Axes, table: pd.DataFrame) -> None:
     rows = table[table["measure"] == "sd_nats"]
     n, sd, law = (rows[name].to_numpy(float) for name in ("size", "value", "exact"))
     ax.loglog(n, sd, "o", ms=4, label="measured")
@@ -137,9 +139,13 @@ def _noise(ax, table: pd.DataFrame) -> None:
     letter(ax, "a  noise of OUT, N = 2")
 
 
-def _correlation(ax, table: pd.DataFrame) -> None:
+def _correlation(ax: Axes, table: pd.DataFrame) -> None:
     rows = table[(table["measure"] == "pearson_r") & (table["accuracy"] == AT)]
-    for name, style in ((CIRCUIT, {"fmt": "o-"}), (DECODER, {"fmt": "o--", "mfc": "w"})):
+    styles: dict[str, dict[str, Any]] = {
+        CIRCUIT: {"fmt": "o-"},
+        DECODER: {"fmt": "o--", "mfc": "w"},
+    }
+    for name, style in styles.items():
         here = rows[rows["model"] == name]
         off = np.stack([here["value"] - here["low"], here["high"] - here["value"]])
         ax.errorbar(
@@ -152,13 +158,13 @@ def _correlation(ax, table: pd.DataFrame) -> None:
     letter(ax, "b  agreement, N = 2")
 
 
-def _size_ticks(ax) -> None:
+def _size_ticks(ax: Axes) -> None:
     ax.set(xlim=(0.7 * SIZES[0], SIZES[-1] / 0.7))
     ax.set_xticks(SIZES, [f"{size:g}" for size in SIZES])
     ax.set_xticks([], minor=True)
 
 
-def _edits(ax, table: pd.DataFrame) -> None:
+def _edits(ax: Axes, table: pd.DataFrame) -> None:
     rows = table[(table["kind"] == "value") & (table["measure"] == "within_50_ms")]
     places = np.arange(len(rows))[::-1]
     off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
@@ -176,13 +182,15 @@ def _edits(ax, table: pd.DataFrame) -> None:
     letter(ax, "c  edits, N = 4")
 
 
-def _numbers(ax, table: pd.DataFrame) -> None:
+def _numbers(ax: Axes, table: pd.DataFrame) -> None:
     """Show the numbers whose change moves accuracy most, and what a new threshold leaves of it."""
     spiking, table = (table[table["engine"] == name] for name in ("ensemble", "population"))
-    in_spikes = spiking[(spiking["kind"] == "fixed") & (spiking["measure"] == "expected_accuracy")]
-    in_spikes = in_spikes.set_index("variant")["value"]
-    fixed = table[(table["kind"] == "fixed") & (table["measure"] == "expected_accuracy")]
-    fixed = fixed.set_index("variant")["value"]
+    in_spikes, fixed = (
+        part[(part["kind"] == "fixed") & (part["measure"] == "expected_accuracy")].set_index(
+            "variant"
+        )["value"]
+        for part in (spiking, table)
+    )
     tuned = table[(table["kind"] == "change") & (table["measure"] == "pearson_r")]
     tuned = tuned.set_index("variant")
     moved = (fixed - fixed["intact"]).drop("intact")

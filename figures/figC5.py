@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import stream
@@ -43,7 +45,7 @@ def behaviour(settings: Settings, *, output: Path) -> None:
         hypotheses=CHANNELS,
         step_ms=50.0,
     )
-    given = {"accuracies": (AT,), "highest": HIGHEST}
+    given: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST}
     every, parts = lesions(table), []
     in_spikes = list(every)[:: settings.spiking_every]
     for engine, names in (
@@ -75,7 +77,7 @@ def draw(settings: Settings, shifts: Path, decided: Path, *, output: Path) -> Fi
         values, in_spikes = (_fixed(rows, measure) for rows in (lesioned, spiking))
         ax.axvline(values["intact"], color="0.8", lw=0.8, zorder=0)
         ax.plot([], [], "o", ms=4, color="0.4", label="populations")
-        colours = [_colour(name) for name in names]
+        colours: Any = [_colour(name) for name in names]
         ax.scatter(values[names], [places[name] for name in names], c=colours, s=14)
         ax.plot(in_spikes, [places[name] for name in in_spikes.index], "kx", ms=4, label="spikes")
         ax.set(xlabel=label)
@@ -107,14 +109,14 @@ def _colour(name: str) -> str:
     return kinds.get(name.replace(",", "").split(" ")[0], "k")
 
 
-def _shifts(ax, table: pd.DataFrame) -> None:
+def _shifts(ax: Axes, table: pd.DataFrame) -> None:
     seen = set()
     for name, rows in table.groupby("variant", sort=False):
         colour = _colour(str(name))
         label = None if colour in seen else str(name).replace(",", "").split(" ")[0]
         seen.add(colour)
         off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
-        style = {"fmt": "o", "ms": 3, "lw": 0.8, "color": colour, "label": label}
+        style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.8, "color": colour, "label": label}
         ax.errorbar(rows["finite_nats"], rows["value"], np.maximum(off, 0), **style)
         ax.plot(rows["exact_nats"], rows["value"], "o", c=colour, mfc="w", ms=3, mew=0.5, zorder=1)
     ax.plot([], [], "o", c="0.4", mfc="w", ms=3, mew=0.5, label="fixed point of the table's lines")
@@ -124,11 +126,11 @@ def _shifts(ax, table: pd.DataFrame) -> None:
     letter(ax, "a  shift of OUT")
 
 
-def _tuned(ax, table: pd.DataFrame, places: dict[str, int]) -> None:
+def _tuned(ax: Axes, table: pd.DataFrame, places: dict[str, int]) -> None:
     rows = table[(table["kind"] == "value") & (table["measure"] == "within_50_ms")]
     off = np.stack([rows["value"] - rows["low"], rows["high"] - rows["value"]])
     where = [places[name] for name in rows["variant"]]
-    colours = [_colour(name) for name in rows["variant"]]
+    colours: Any = [_colour(name) for name in rows["variant"]]
     ax.errorbar(rows["value"], where, xerr=np.maximum(off, 0), fmt="none", lw=0.8, ecolor=colours)
     ax.scatter(rows["value"], where, c=colours, s=14)
     ax.axvline(rows["value"].iloc[0], color="0.8", lw=0.8, zorder=0)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel.comparison.designed import (
@@ -43,7 +45,7 @@ def traces(settings: Settings, *, output: Path) -> None:
     for design in designs(CHANNELS):
         evidence = design.evidence(READINGS, kappa=GAIN)
         engine = Population(noise=False, rates=False, sample_ms=EVERY_MS)
-        models = {
+        models: dict[str, Any] = {
             name: BasalGanglia(load_circuit(name, CHANNELS), engine, GAIN, settings.seed)
             for name in CIRCUITS
         }
@@ -76,8 +78,8 @@ def draw(settings: Settings, traced: Path, decided: Path, *, output: Path) -> Fi
     curves, table = read_table(traced), read_table(decided)
     every = designs(CHANNELS)
     figure = plt.figure(figsize=(7.6, 4.9))
-    above, below = figure.add_gridspec(2, 1, height_ratios=[1, 1.25])
-    row = above.subgridspec(1, len(every)).subplots(sharex=True, sharey=True)
+    grids = figure.add_gridspec(2, 1, height_ratios=[1, 1.25])
+    row: Any = grids[0].subgridspec(1, len(every)).subplots(sharex=True, sharey=True)
     for ax, design in zip(row, every, strict=True):
         key = (design.name, design.held)
         _traces(ax, *(t[(t["design"] == key[0]) & (t["held"] == key[1])] for t in (curves, table)))
@@ -85,7 +87,7 @@ def draw(settings: Settings, traced: Path, decided: Path, *, output: Path) -> Fi
     row[0].set(ylabel="OUT of the leader (nats)", xlim=(0, 1.9), ylim=(0, 1.7))
     row[2].set_xlabel("time from the onset of evidence (s)")
     letter(row[0], "a  ")
-    pair = below.subgridspec(1, 2).subplots(sharex=True, sharey=True)
+    pair: Any = grids[1].subgridspec(1, 2).subplots(sharex=True, sharey=True)
     for ax, name in zip(pair, CIRCUITS, strict=True):
         _differences(ax, table[table["model"] == name])
     letter(pair[0], "b  macaque, spikes")
@@ -96,9 +98,9 @@ def draw(settings: Settings, traced: Path, decided: Path, *, output: Path) -> Fi
     return figure
 
 
-def _traces(ax, curves: pd.DataFrame, table: pd.DataFrame) -> None:
+def _traces(ax: Axes, curves: pd.DataFrame, table: pd.DataFrame) -> None:
     for name, rows in curves.groupby("model", sort=False):
-        style = {"color": CIRCUITS.get(str(name), "k"), "lw": 1.0}
+        style: dict[str, Any] = {"color": CIRCUITS.get(str(name), "k"), "lw": 1.0}
         style |= {"ls": "--", "zorder": 3} if name == MINUS_LN_P else {}
         label = name if name == MINUS_LN_P else f"OUT, {name}"
         ax.plot(rows["time_ms"] / 1000, rows["out_nats"], label=label, **style)
@@ -110,7 +112,7 @@ def _traces(ax, curves: pd.DataFrame, table: pd.DataFrame) -> None:
         ax.plot(when, [SHOWN], "v", color=colour, ms=5, zorder=4)
 
 
-def _differences(ax, table: pd.DataFrame) -> None:
+def _differences(ax: Axes, table: pd.DataFrame) -> None:
     """Show one row per design, one colour per theory and one mark per threshold."""
     rows = table[table["held"] != ""]
     names = rows.drop_duplicates(["design", "held"])[["design", "held"]]
@@ -126,7 +128,7 @@ def _differences(ax, table: pd.DataFrame) -> None:
                 for key in zip(part["design"], part["held"], strict=True)
             ]
             off = np.stack([part["value"] - part["low"], part["high"] - part["value"]])
-            style = {"fmt": mark, "ms": 3, "lw": 0.8, "color": colour}
+            style: dict[str, Any] = {"fmt": mark, "ms": 3, "lw": 0.8, "color": colour}
             ax.errorbar(part["value"], where, xerr=np.maximum(off, 0), **style)
         ax.plot([], [], "v", color=colour, ms=5, label=theory)
     for level, mark in MARKS.items():

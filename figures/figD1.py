@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -20,12 +22,12 @@ from bgmodel import stream
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (
-    LevelOutcomes,
     learn_level,
     level_outcomes,
     scored_runs,
 )
 from bgmodel.learning.reinforce import Learner, smoothed
+from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import SameDifferent, source
 from circuits.anatomy import DEFAULT, load_circuit
@@ -64,6 +66,8 @@ def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> No
     model = _model(settings, Ensemble(settle_ms=BRIEF_MS))
     model = replace(model, seed=settings.seed + 1)
     parts = []
+    period: Any
+    start: Any
     for period, runs in read_table(learned).groupby("period_mm"):
         ends = runs.drop_duplicates(["start_level", "run"])
         at = [*ends["start_level"], ends["best_level"].iloc[0], *ends["learned_level"]]
@@ -154,7 +158,7 @@ def draw(
 
 def _key() -> list[Line2D]:
     """Return the marks that no grating's colour belongs to."""
-    black = {"color": "k", "lw": 0.8}
+    black: dict[str, Any] = {"color": "k", "lw": 0.8}
     return [
         Line2D([], [], lw=0.4, color="0.3", label="one run"),
         Line2D([], [], **black, ls=":", label="a-c: optimum, d: 3 %"),
@@ -163,7 +167,8 @@ def _key() -> list[Line2D]:
     ]
 
 
-def _gap(ax, table: pd.DataFrame) -> None:
+def _gap(ax: Axes, table: pd.DataFrame) -> None:
+    period: Any
     for period, rows in table.groupby("period_mm"):
         for _, one in rows.groupby(["start_delta", "repeat"]):
             ax.plot(
@@ -175,7 +180,8 @@ def _gap(ax, table: pd.DataFrame) -> None:
     letter(ax, "a  algorithm (SPRT)")
 
 
-def _levels(ax, table: pd.DataFrame) -> None:
+def _levels(ax: Axes, table: pd.DataFrame) -> None:
+    period: Any
     for period, rows in table.groupby("period_mm"):
         for _, one in rows.groupby(["start_level", "run"]):
             ax.plot(one["episode"] / 1000, one["level"], lw=0.4, alpha=0.5, c=COLOUR[period])
@@ -184,8 +190,9 @@ def _levels(ax, table: pd.DataFrame) -> None:
 
 
 def _regret(
-    ax, gap: pd.DataFrame, rates: pd.DataFrame, noisy: pd.DataFrame, spiking: pd.DataFrame
+    ax: Axes, gap: pd.DataFrame, rates: pd.DataFrame, noisy: pd.DataFrame, spiking: pd.DataFrame
 ) -> None:
+    period: Any
     deciders = {"algorithm": gap, "rates": rates, "noise": noisy, "spikes": spiking}
     for place, table in enumerate(deciders.values()):
         by = ["period_mm", "start_level" if "start_level" in table else "start_delta"]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel.comparison.thresholds import MSPRT
@@ -68,7 +69,7 @@ def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
     return found[found["reference"].isin(["", MSPRT])].set_index("level")
 
 
-def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
+def _map(ax: Axes, rows: pd.DataFrame, channels: int, colour: str) -> None:
     table = load_circuit(DEFAULT, channels)
     low, high = working_range(table, THRESHOLD_NATS)
     levels = levels_between(low * 1.001, high * 0.999, 24)
@@ -94,7 +95,7 @@ def _map(ax, rows: pd.DataFrame, channels: int, colour: str) -> None:
         ax.plot(points.index[early], points["value"][early], "x", ms=6, color="k", mew=0.8)
 
 
-def _tradeoff(ax, rows: pd.DataFrame, colour: str) -> None:
+def _tradeoff(ax: Axes, rows: pd.DataFrame, colour: str) -> None:
     line = rows[(rows["measure"] == "curve") & (rows["reference"] == MSPRT)]
     ax.plot(line["value"] / 1000, line["level"], lw=0.8, color=colour)
     for engine, mark, _ in ENGINES:
@@ -103,7 +104,7 @@ def _tradeoff(ax, rows: pd.DataFrame, colour: str) -> None:
         ax.plot(time["value"] / 1000, known["value"], mark, ms=3, color=colour, mfc=face)
 
 
-def _gap(ax, rows: pd.DataFrame, colour: str) -> None:
+def _gap(ax: Axes, rows: pd.DataFrame, colour: str) -> None:
     for engine, mark, _ in ENGINES:
         gap, known = (_points(rows, engine, name) for name in ("accuracy_gap", "criterion"))
         off = [gap["value"] - gap["low"], gap["high"] - gap["value"]]

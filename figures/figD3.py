@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -39,7 +40,7 @@ WORLDS = {"xi": ((2.0, 50.0), (2.0, 400.0)), "grating": ((2.0, 50.0), (1.5, 50.0
 """Grating (mm) and cost of an error (readings), in turn."""
 CARRIED = (0.0, 0.2)
 STEADY = Learner(rate=0.02, half_episodes=np.inf)
-EXPLORED = {"first_share": 0.08, "last_share": 0.08}
+EXPLORED: dict[str, Any] = {"first_share": 0.08, "last_share": 0.08}
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:

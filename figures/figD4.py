@@ -7,12 +7,15 @@ beside it, on fewer trials, is a score's table.
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -20,6 +23,7 @@ from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, outcomes
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, PERCENT, WITHOUT
 from bgmodel.support.files import read_table, write_table
+from circuits.engines import engine_of
 from figures.common import FULL, Settings, run, say_if_older
 
 AGREE, NOT = "C2", "C1"
@@ -55,7 +59,7 @@ def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
         source = one.source.rsplit(", ", 1)[0].removeprefix("derived from ")
         about = {"file": file, "name": one.name, "by": source, "seed": one.seed}
         for engine, measures in found.items():
-            known = about | {"engine": engine, "trials": measures["trials"].iloc[0]}
+            known: dict[str, Any] = about | {"engine": engine, "trials": measures["trials"].iloc[0]}
             parts.append(_rows(one, measures).assign(**known))
     write_table(pd.concat(parts), output, settings=settings)
 
@@ -105,15 +109,15 @@ def draw(settings: Settings, data: Path, spikes: Path, *, output: Path) -> Figur
     return figure
 
 
-def _at(ax: plt.Axes, side: str, **more) -> dict:
+def _at(ax: Axes, side: str, **more: Any) -> dict[str, Any]:
     """Return the coordinates of a text beside the panel, in its rows."""
     across = ax.get_yaxis_transform()
     return {"transform": across, "ha": side, "va": "center", "fontsize": SIZE, **more}
 
 
-def _marks(ax: plt.Axes, k: int, row: dict) -> None:
+def _marks(ax: Axes, k: int, row: Mapping[Hashable, Any]) -> None:
     """Draw the published number at the top of a row, the model's below it."""
-    spikes = row["engine"] == "ensemble"
+    spikes = engine_of(row["engine"]).spiking
     if not spikes and np.isfinite(row["published"]):
         _interval(ax, k - 0.22, row, "published", color="k", marker="s")
     colour = COLOUR.get(row["comparison"], "0.45")
@@ -121,14 +125,14 @@ def _marks(ax: plt.Axes, k: int, row: dict) -> None:
     _interval(ax, k + (0.28 if spikes else 0.06), row, "value", color=colour, marker="o", **fill)
 
 
-def _interval(ax: plt.Axes, y: float, row: dict, name: str, **style) -> None:
+def _interval(ax: Axes, y: float, row: Mapping[Hashable, Any], name: str, **style: Any) -> None:
     """Draw a value with its interval."""
     prefix = "published_" if name == "published" else ""
     value, low, high = row[name], row[f"{prefix}low"], row[f"{prefix}high"]
     ax.errorbar(value, y, xerr=[[value - low], [high - value]], ms=3, lw=0.9, capsize=1.5, **style)
 
 
-def _words(axes, k: int, rows: pd.DataFrame) -> None:
+def _words(axes: Sequence[Axes], k: int, rows: pd.DataFrame) -> None:
     """Write the name of an experiment at the left, its predictions at the right, coloured."""
     first = rows.iloc[0]
     axes[0].text(-0.02, k - 0.17, first["name"], **_at(axes[0], "right"))

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -167,7 +169,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     return figure
 
 
-def _spectra(ax, rows: pd.DataFrame) -> None:
+def _spectra(ax: Axes, rows: pd.DataFrame) -> None:
     rows = rows[(rows["measure"] == "power") & (rows["drive"] == "rest")]
     ax.axvspan(*PARKINSONIAN_HZ, color="0.88", lw=0, zorder=0)
     for level, colour in COLOUR.items():
@@ -181,7 +183,7 @@ def _spectra(ax, rows: pd.DataFrame) -> None:
     ax.minorticks_off()
 
 
-def _power(ax, rows: pd.DataFrame) -> None:
+def _power(ax: Axes, rows: pd.DataFrame) -> None:
     for nucleus, colour in zip(NUCLEI, ("C0", "C3"), strict=True):
         one = rows[rows["nucleus"] == nucleus]
         for drive, face, line in (("rest", colour, "-"), ("evidence", "w", ":")):
@@ -189,7 +191,7 @@ def _power(ax, rows: pd.DataFrame) -> None:
             theory, spikes = (of[of["by"] == name] for name in ("closed form", "spikes"))
             ax.plot(theory["level"], theory["value"], lw=1, ls=line, color=colour)
             off = [spikes["value"] - spikes["low"], spikes["high"] - spikes["value"]]
-            style = {"fmt": "o", "ms": 3, "lw": 0.8, "color": colour, "mfc": face}
+            style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.8, "color": colour, "mfc": face}
             ax.errorbar(spikes["level"], spikes["value"], off, **style)
         end = theory.iloc[-1]
         ax.text(1.25, 1.25 * end["value"], nucleus, color=colour, ha="right", va="bottom")
@@ -200,14 +202,14 @@ def _power(ax, rows: pd.DataFrame) -> None:
     letter(ax, "c  power against the level")
 
 
-def _striatum(ax, rows: pd.DataFrame) -> None:
+def _striatum(ax: Axes, rows: pd.DataFrame) -> None:
     for name, colour in zip(MSN, ("k", "0.55"), strict=True):
         one = rows[rows["nucleus"] == f"{name} leader"]
         for drive, face in (("rest", colour), ("evidence", "w")):
             spikes = one[one["drive"] == drive].sort_values("level")
             normal = float(spikes.loc[spikes["level"] == 1, "value"].iloc[0])
             off = [spikes["value"] - spikes["low"], spikes["high"] - spikes["value"]]
-            style = {"fmt": "o-", "ms": 3, "lw": 0.8, "color": colour, "mfc": face}
+            style: dict[str, Any] = {"fmt": "o-", "ms": 3, "lw": 0.8, "color": colour, "mfc": face}
             ax.errorbar(spikes["level"], spikes["value"] / normal, np.array(off) / normal, **style)
         first = (LOW, spikes["value"].iloc[0] / normal)
         ax.annotate(name, first, (-4, 6), textcoords="offset points", color=colour)
@@ -216,7 +218,7 @@ def _striatum(ax, rows: pd.DataFrame) -> None:
     letter(ax, "d  striatum")
 
 
-def _frequency(ax, rows: pd.DataFrame) -> None:
+def _frequency(ax: Axes, rows: pd.DataFrame) -> None:
     ax.axhspan(*PARKINSONIAN_HZ, color="0.88", lw=0, zorder=0)
     for k, (name, one) in enumerate(rows.groupby("nucleus", sort=False)):
         ax.plot(one["at"], one["value"], lw=1, color="k", ls=("-", "--", ":")[k], label=name)
@@ -251,7 +253,7 @@ def _key(table: pd.DataFrame) -> list[Line2D | Patch]:
         decides = "none" if pd.isna(known[level]) else f"{known[level]:.2f}"
         text = f"{level:g}: {decides}, {-1000 / growth[level]:.0f} ms"
         handles.append(Line2D([], [], color=colour, lw=1, label=text))
-    grey = {"color": "0.3", "lw": 0}
+    grey: dict[str, Any] = {"color": "0.3", "lw": 0}
     handles += [
         Line2D([], [], color="0.3", lw=1, label="closed form, at rest"),
         Line2D([], [], color="0.3", lw=1, ls=":", label="closed form, under evidence"),

@@ -107,7 +107,8 @@ def criterion(model: str, values: dict[str, float], settings: Settings) -> pd.Da
     by = seen.groupby((seen["time_s"] // STEP_S).astype(int))
     found = by["evidence"].agg(value="mean", se="sem", trials="size")
     found["time_s"] = by["time_s"].mean() + values["t0_s"]
-    return found[found["trials"] >= FEWEST]
+    enough: pd.DataFrame = found[found["trials"] >= FEWEST]
+    return enough
 
 
 def draw(

@@ -109,11 +109,12 @@ def _coverage(ax: Any, table: pd.DataFrame) -> None:
     names: list[str] = []
     for by, mark, move in (("test", "o", -0.12), ("circuit", "s", 0.12)):
         rows = table[table["by"] == by]
+        row: Any
         for place, row in enumerate(rows.itertuples()):
             ends = interval(row.coverage, row.sets)
             ax.errorbar(
-                [place + move], [row.coverage], np.abs(ends - row.coverage)[:, None], fmt=mark,
-                ms=3.5, lw=0.9, color=COLOUR[row.parameter],
+                [place + move], [row.coverage], np.abs(np.array(ends) - row.coverage)[:, None],
+                fmt=mark, ms=3.5, lw=0.9, color=COLOUR[row.parameter],
                 mfc="w" if by == "test" else COLOUR[row.parameter],
             )  # fmt: skip
         names = list(rows["parameter"])

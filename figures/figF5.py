@@ -89,7 +89,7 @@ def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> F
     figure, axes = plt.subplots(
         len(NUCLEI), 4, figsize=(7.4, 6.6), sharex="col", width_ratios=[1, 1, 1, 1.1]
     )
-    by = table.set_index(["participant", "nucleus", "window", "own"]).sort_index()
+    by: Any = table.set_index(["participant", "nucleus", "window", "own"]).sort_index()
     for row, nucleus in zip(axes, NUCLEI, strict=True):
         for ax, window in zip(row[:3], WINDOWS, strict=True):
             for name, mark in zip(names, MARKS, strict=False):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -81,7 +82,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     return figure
 
 
-def _bars(ax: Axes, ends: list[tuple[float, float, float, str]]) -> None:
+def _bars(ax: Axes, ends: list[tuple[float, float, float, Any]]) -> None:
     """Draw the intervals of the last points (steps, accuracy, half, colour).
 
     Where several lines end together their bars stand side by side to the right.

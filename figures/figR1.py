@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -60,7 +61,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     for i, difference in enumerate(DIFFERENCES_DEG):
         here = table[table["difference_deg"] == difference]
         for half, rows in here.groupby("half"):
-            style = {"color": f"C{i}", "ls": "-" if half else "--"}
+            style: dict[str, Any] = {"color": f"C{i}", "ls": "-" if half else "--"}
             style["label"] = f"{difference:g}°" if half else None
             speed_accuracy(ax, rows["mean_steps"], rows["accuracy"], **style)
     sd = table["error_sd_deg"].iloc[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ from bgmodel.tactile.task import Orientations, SameDifferent
 from bgmodel.tactile.tips import Tip
 from figures.common import Settings, run
 
-SENSOR = {"tip": Tip(), "skin": Skin(), "nuisance": Nuisance()}
+SENSOR: dict[str, Any] = {"tip": Tip(), "skin": Skin(), "nuisance": Nuisance()}
 TRAINING = Training()
 
 

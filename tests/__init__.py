@@ -3,4 +3,4 @@
 import pytest
 
 # What helpers assert is shown as what tests assert.
-pytest.register_assert_rewrite("tests.circuits.spiking", "tests.fuzzing")
+pytest.register_assert_rewrite("tests.circuits.spiking", "tests.strategies")

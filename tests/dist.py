@@ -42,7 +42,7 @@ SWEEP = """name = "a sweep"
 [task]
 trials = 50
 [grid]
-STN = [0.0, 0.05]
+"lesion STN" = [0.0, 0.05]
 """
 IMPORTS = f"""
 import importlib, pkgutil, sys

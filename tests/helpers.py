@@ -28,7 +28,7 @@ circuit = "spiking_msprt"
 trials = 120
 t_max = 40
 [manipulation]
-without = ["STN=0.2"]
+edits = ["lesion STN 20%"]
 [[predictions]]
 measure = "mean_ms"
 direction = "down"

@@ -17,7 +17,6 @@ from bgmodel import Evidence, Msprt, first_crossing
 from bgmodel.cli import choices, main, parsed
 from bgmodel.commands.table import CIRCUIT, COMMANDS
 from bgmodel.support.files import read_provenance, read_table
-from circuits.edit_lists import Edits
 from tests.helpers import run
 
 
@@ -120,8 +119,8 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["decide", "out.csv", "--evidence", "x.csv", "--seed", "-1"], "seed must be a whole"),
         (["learn", "out.csv", "--learner.episodes", "200"], "--learner: episodes must be at least"),
         (
-            ["circuit", "run", "out.csv", "--engine", "rate", "--edits.neurons", "3"],
-            "neurons is of cells, it says nothing to the rate engine",
+            ["circuit", "run", "out.csv", "--engine", "rate", "--edit", "neurons 3"],
+            "'neurons 3' says nothing to the rate engine",
         ),
         (["decide", "out.csv", "--posterior", "0.5"], "posterior must lie between chance, 0.5"),
         (
@@ -138,13 +137,13 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["learn", "out.csv", "--runs", "1e9"], "of memory"),
         (["simulate", "taps.npz", "--taps", "1e12"], "of memory"),
         (["circuit", "run", "out.csv", "--trials", "1e12"], "of memory"),
-        (["circuit", "run", "out.csv", "--edits.neurons", "1e9", "--trials", "2"], "of memory"),
-        (["circuit", "run", "out.csv", "--edits.neurons", "1e12"], "neurons must be"),
+        (["circuit", "run", "out.csv", "--edit", "neurons 1e9", "--trials", "2"], "of memory"),
+        (["circuit", "run", "out.csv", "--edit", "neurons 1e12"], "neurons must be"),
         (["circuit", "run", "out.csv", "--gain", "0"], "gain must be > 0"),
         (["circuit", "run", "out.csv", "--gain", "inf"], "gain must be > 0 and finite"),
         (["circuit", "run", "out.csv", "--posterior", ".4"], "posterior must lie between chance"),
         (["circuit", "run", "out.csv", "--channels", "0"], "channels must be at least 2, got 0"),
-        (["circuit", "run", "out.csv", "--edits.spread", "5"], "spread must lie in 0..1, got 5"),
+        (["circuit", "run", "out.csv", "--edit", "spread 5"], "spread must lie in 0..1, got 5"),
         (["circuit", "show", "--channels", "0"], "channels must be a whole number >= 2, got 0"),
         (["decide", "."], "is a folder"),
     ],
@@ -187,7 +186,7 @@ def test_options_say_what_they_are():
             if field.name not in ("network", "tol", "stored_dx_mm", "skin"):
                 assert any(word in after for word in sourced), f"{kind.__name__}.{field.name}"
     plain = [kind for kind in COMMANDS.values() if not isinstance(kind, tuple)]
-    kinds = (*plain, *CIRCUIT.values(), Edits, GaussianPolicy, BernoulliPolicy)
+    kinds = (*plain, *CIRCUIT.values(), GaussianPolicy, BernoulliPolicy)
     assert all(is_dataclass(kind) for kind in kinds)
 
 
@@ -236,26 +235,26 @@ def numbers(options):
         ),
         (
             "compare a.csv",
-            f"dopamine=1 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+            f"{MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
         ),
         ("fit mine.csv", "noise_nats=2 trials=16000 seed=24001"),
         ("experiment", "workers=2"),
         ("sweep mine.toml", "workers=2 parts=10"),
         ("figures", "cores=2"),
-        ("circuit show", "dopamine=1"),
+        ("circuit show", ""),
         (
             "circuit run a.csv",
-            f"dopamine=1 channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
+            f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
             f"step_ms=50 {EXPECTED} workers=2 spike_trials=10 seed=0",
         ),
         (
             "circuit lesion a.csv",
-            f"dopamine=1 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+            f"{MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
         ),
-        ("circuit designed", "dopamine=1 thresholds=0.35,0.25,0.15 trials=200 workers=2 seed=0"),
+        ("circuit designed", "thresholds=0.35,0.25,0.15 trials=200 workers=2 seed=0"),
         (
             "circuit learn a.csv",
-            "dopamine=1 channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
+            "channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
             f"step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER} seed=0",
         ),
     ],

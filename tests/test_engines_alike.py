@@ -19,7 +19,14 @@ NOISY = [name for name, kind in ENGINES.items() if kind().noisy]
 SPIKING = [name for name, kind in ENGINES.items() if kind.spiking]
 DROPPING = [name for name, kind in ENGINES.items() if kind.drops]
 TIMED = [name for name, kind in ENGINES.items() if kind.timed]
-FAST = {"algebra": {}, "rate": {}, "population": {}, "ensemble": {}, "brian2": {}, "plain": {}}
+FAST: dict[str, dict] = {
+    "algebra": {},
+    "rate": {},
+    "population": {},
+    "ensemble": {},
+    "brian2": {},
+    "plain": {},
+}
 CLOSE = {engine: 2e-5 if engine in ("rate", "population") else 1e-6 for engine in FAST}
 """Single and double precision, nats."""
 TABLE = anatomy.spiking_msprt(3).with_neurons(20)
@@ -208,7 +215,7 @@ def in_plain(circuit):
         TABLE,
         LOST,
         anatomy.macaque(3).with_neurons(20).add(*COURSES),
-        TABLE.add(*COURSES).lesion("GPe", 0.3, replaced=True).with_spread(0.1),
+        TABLE.add(*COURSES).clamp("GPe", 0.3).with_spread(0.1),
     ],
     ids=["as it is", "one channel", "courses at terminals", "courses and a lesion"],
 )
@@ -239,7 +246,7 @@ def edited(number):
     circuit = circuit.with_population("STN", bias_nats=stn)
     return [
         circuit.add(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
-        circuit.lesion("STN", 0.4, replaced=True),
+        circuit.clamp("STN", 0.4),
         circuit.with_population("STN", cell=Phase(0.9)),
         circuit.with_spread(0.2),
     ][number % 4]

@@ -53,7 +53,7 @@ def ran(words, folder):
     done = subprocess.run(
         [*program, *words[1:]],
         cwd=folder,
-        env=os.environ | {"PYTHONPATH": where, "MPLBACKEND": "Agg"},
+        env=os.environ | {"PYTHONPATH": where, "MPLBACKEND": "Agg", "BGMODEL_RECORDINGS": ""},
         capture_output=True,
         text=True,
         check=False,
@@ -76,10 +76,14 @@ def follow(folder, text):
 def test_a_recipe_works_as_it_stands(recipe, tmp_path):
     if recipe == "A figure":
         shutil.copytree(ROOT / "figures", tmp_path / "figures", ignore=lambda *_: ["out", "fast"])
+        (line,) = blocks(RECIPES[recipe], "text", tmp_path / "recipe.md")
+        rules = tmp_path / "figures" / "Snakefile"
+        after = "# What is drawn at once"
+        rules.write_text(rules.read_text().replace(after, f"{line}\n{after}"))
     save(tmp_path, RECIPES[recipe])
     follow(tmp_path, RECIPES[recipe])
 
 
 def test_every_kind_of_thing_has_its_recipe():
-    kinds = ("law of cells", "transfer", "table", "rival", "task", "experiment", "figure")
-    assert list(RECIPES) == [f"A{'n' if kind == 'experiment' else ''} {kind}" for kind in kinds]
+    kinds = ("law of cells", "transfer", "engine", "table", "rival", "task", "experiment", "figure")
+    assert list(RECIPES) == [f"A{'n' if kind[0] == 'e' else ''} {kind}" for kind in kinds]

@@ -1,5 +1,6 @@
 """The figures' rules hang together, and two of them show what they say; `make figures` draws."""
 
+import os
 import re
 import subprocess
 import sys
@@ -22,14 +23,15 @@ from tests.helpers import ROOT
 SCRIPTS = sorted(path.stem for path in (ROOT / "figures").glob("fig*.py"))
 
 
-def dry_run(*more):
+def dry_run(recordings):
     command = [sys.executable, "-m", "snakemake", "-s", "figures/Snakefile", "-n", "--cores", "1"]
     # Another folder for the figures would be asked for by an option; a dry run writes nothing.
     done = subprocess.run(
-        [*command, "--forceall", "--nolock", *more],
+        [*command, "--forceall", "--nolock", "--config", "fast=1"],
         capture_output=True,
         text=True,
         cwd=ROOT,
+        env=os.environ | {"BGMODEL_RECORDINGS": recordings},
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -37,13 +39,13 @@ def dry_run(*more):
 
 
 def test_every_script_is_drawn():
-    planned = dry_run("--config", "fast=1", "recordings=tests")
+    planned = dry_run("tests")
     for script in SCRIPTS:
         assert re.search(rf"figures/fast/{script}\.png", planned), script
 
 
 def test_real_taps_are_drawn_only_where_given():
-    assert "figR1" not in dry_run("--config", "fast=1", "recordings=")
+    assert "figR1" not in dry_run("")
 
 
 @pytest.mark.parametrize("script", [*SCRIPTS, "prepare", "sweep"])

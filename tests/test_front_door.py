@@ -7,7 +7,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.stimuli import Stimuli
-from circuits.edit_lists import Edits
+from circuits.declaration.edits import Edits
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
@@ -101,10 +101,10 @@ def test_a_table_of_evidence_is_read(tmp_path):
         (lambda: bg.gaussian_evidence(5, t_max=0, seed=1), "t_max"),
         (lambda: bg.gaussian_evidence(5, step_ms="50", seed=1), "step_ms"),
         (lambda: bg.gaussian_evidence(5, seed="a"), "^seed"),
-        (lambda: Edits(without="STN=0.1"), r'without is a list of edits, such as \["STN=0.1"\]'),
+        (lambda: Edits("lesion STN"), r'edits must be a list of lines, such as \["lesion STN"\]'),
         (lambda: bg.load_circuit("monkey"), "macaque"),
         (lambda: bg.load_circuit(3), "circuit"),
-        (lambda: bg.BasalGanglia("monkey"), "macaque"),
+        (lambda: bg.BasalGanglia("monkey", "algebra"), "macaque"),
         (lambda: bg.Msprt().decide("a", posterior=0.9), "vidence"),
         (lambda: bg.Msprt().decide(bg.gaussian_evidence(5, seed=1), posterior=2.0), "posterior"),
         (lambda: bg.Msprt(gain=0), "gain"),

@@ -144,6 +144,7 @@ def test_a_file_of_tests_in_a_folder_has_the_name_of_its_module(path):
     long = re.search(r"^(@|pytestmark = )pytest\.mark\.validate", path.read_text(), re.MULTILINE)
     assert (inside.parts[0] == "validation") == bool(long)
     if inside.parts[0] != "validation":
-        folder = (ROOT if inside.parts[0] == "circuits" else ROOT / "bgmodel") / inside.parent
+        flat = inside.parts[0] in ("circuits", "benchmarks")
+        folder = (ROOT if flat else ROOT / "bgmodel") / inside.parent
         name = path.stem.removeprefix("test_")
         assert name == folder.name or (folder / f"{name}.py").exists()

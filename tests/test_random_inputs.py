@@ -1,13 +1,216 @@
-"""A share of the random inputs that `make validate` tries."""
+"""Random inputs are tried: each gives a result that an oracle confirms, or one sentence."""
 
-import os
+import re
+import shlex
+import shutil
+from pathlib import Path
 
-from tests.fuzzing.trying import all_tried
+import numpy as np
+import pandas as pd
+import pytest
+import tomlkit
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from scipy.special import log_softmax, logsumexp
 
-SHARE = float(os.environ.get("FUZZ_SHARE", 0.01))
-"""Share of the inputs that `make test` tries."""
+from bgmodel import Msprt, first_crossing
+from bgmodel.cli import main
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.support.files import read_table
+from bgmodel.tables.evidence import trials_from_table
+from bgmodel.tables.trials import trial_table
+from tests.helpers import GOOD, ROOT
+from tests.strategies import experiments, filled, numbers, tables
+from tests.strategies.commands import COMMANDS, check_result, options
+from tests.strategies.edits import driven, edited_circuits, refused_edits
+
+QUICK = ["--training.width", "0.1", "--training.epochs", "1", "--training.batch", "8"]
+OTHER_WORDS = {"ctx->STN=0.3": "without evidence", "1e12": "memory", "1e13": "memory"}
+OTHER_WORDS["0.9999"] = "reads no OUT below"
+"""What a sentence says of a value that it does not repeat."""
+FOLDER, FILE = Path("here"), Path("mine.toml")
+SENTENCE = r"^[^\n]{10,}$"
 
 
-def test_some_random_inputs_give_a_result_or_one_sentence(tmp_path, monkeypatch, capsys):
-    counts, _ = all_tried(SHARE, tmp_path, monkeypatch, capsys)
-    assert counts["checked"] >= 50 * SHARE / 0.01
+def counted(few):
+    """Try as many inputs in `make test`, a hundred times as many in `make validate`."""
+    many = pytest.param(100 * few, marks=pytest.mark.validate)
+    return pytest.mark.parametrize("count", [few, many])
+
+
+def tried(count, test, *strategies):
+    """Try a test with so many random inputs; to shrink what fails would take too long."""
+    alike = settings(
+        max_examples=count, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+    )
+    alike(given(*strategies)(test))()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder with figures, taps, a decoder and an experiment."""
+    folder = tmp_path_factory.mktemp("inputs")
+    figures = shutil.ignore_patterns("out", "fast")
+    shutil.copytree(ROOT / "figures", folder / "figures", ignore=figures)
+    taps, decoder = str(folder / "taps.npz"), str(folder / "decoder.safetensors")
+    assert main(["simulate", taps, "--taps", "30", "--periods-mm", "0", "5"]) == 0
+    assert main(["train", taps, decoder, *QUICK]) == 0
+    (folder / "small.toml").write_text(GOOD)
+    return folder
+
+
+@pytest.fixture
+def typed(folder, monkeypatch, capsys):
+    """Return what runs a command in the folder: its status, and what it said."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("BGMODEL_RECORDINGS", "")
+    monkeypatch.setattr("bgmodel.commands.figures.run_snakemake", lambda *given: 0)
+    return lambda arguments: (main(arguments), capsys.readouterr().err)
+
+
+def emptied():
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    FOLDER.mkdir()
+
+
+def assert_refused(typed, arguments, words=("",)):
+    """Hold a command to one sentence that names one of the words, and to writing nothing."""
+    before = sorted(FOLDER.rglob("*"))
+    status, said = typed(arguments)
+    assert status == 2, (arguments, said)
+    assert "Traceback" not in said
+    last = said.strip().splitlines()[-1]
+    assert last.startswith("bgmodel: "), said
+    assert 20 < len(last) < 400, said
+    assert any(word in last for word in words), (last, words)
+    assert sorted(FOLDER.rglob("*")) == before
+
+
+def words_of(options):
+    """Return names and values of options, as a sentence on them may hold them."""
+    words = []
+    for one in options:
+        words += [OTHER_WORDS.get(one, one), *re.split(r"[=>\[\]-]+", one)]
+        words += [name.replace("-", "_") for name in one.lstrip("-").split(".")]
+    return [word for word in words if word]
+
+
+@counted(2)
+@pytest.mark.parametrize("text", COMMANDS, ids=lambda text: text.partition(" here")[0][:14])
+def test_a_command_gives_a_result_or_one_sentence(text, count, typed):
+    def one(line, wrong):
+        emptied()
+        for added in wrong:
+            assert_refused(typed, [*line, *added], words_of(added))
+        assert typed(line)[0] == 0, line
+        check_result(FOLDER)
+
+    lists = st.lists(
+        st.sampled_from(options(COMMANDS[text])), min_size=3, max_size=3, unique_by=str
+    )
+    tried(count, one, filled(text).map(shlex.split), lists)
+
+
+@counted(5)
+def test_an_experiments_file_is_run_as_it_is_written(count, typed):
+    def one(file):
+        emptied()
+        FILE.write_text(tomlkit.dumps(file))
+        found = Experiment.from_toml(FILE)
+        assert (found.name, found.seed, found.note) == (file["name"], file["seed"], file["note"])
+        assert found.predictions[0].at_least == file["predictions"][0]["at_least"]
+        assert list(found.manipulation.without) == file["manipulation"]["without"]
+        assert typed(["experiment", str(FILE), f"{FOLDER}/out.csv", "--trials", "220"])[0] == 0
+        assert len(read_table(FOLDER / "out_trials.csv")) in (220, 440)
+        assert read_table(FOLDER / "out.csv")["outcome"].notna().sum() == 1
+
+    tried(count, one, experiments.files())
+
+
+@counted(20)
+def test_an_experiments_file_with_one_thing_wrong_gets_one_sentence(count, typed):
+    def one(text):
+        FILE.write_text(text)
+        with pytest.raises(ValueError, match=SENTENCE):
+            Experiment.from_toml(FILE)
+
+    tried(count, one, experiments.wrong_files())
+
+
+@counted(12)
+def test_a_circuit_that_was_edited_runs_and_treats_its_channels_alike(count):
+    def one(circuit, seed):
+        rng = np.random.default_rng(seed)
+        drive = rng.uniform(-0.7, 0.7, (3, 1, circuit.channels))
+        drive -= drive.mean(axis=2, keepdims=True)
+        out = driven(circuit, drive).output_nats
+        assert out.shape == drive.shape
+        assert np.isfinite(out).all()
+        order = rng.permutation(circuit.channels)
+        turned = driven(circuit, drive[:, :, order]).output_nats
+        assert np.abs(turned - out[:, :, order]).max() < 1e-6
+        if circuit.exact:
+            plain = logsumexp(drive, axis=2, keepdims=True) - drive
+            assert np.abs(out - plain).max() < 1e-6
+
+    tried(count, one, edited_circuits(), st.integers(0, 2**31))
+
+
+@counted(12)
+def test_an_edit_that_means_nothing_gets_one_sentence(count):
+    def one(circuit, edit):
+        call, value = edit
+        with pytest.raises(ValueError, match=SENTENCE):
+            call(circuit, value)
+
+    tried(count, one, edited_circuits(), refused_edits())
+
+
+def decided(table, posterior):
+    trials = trials_from_table(table, step_ms=50.0)
+    decision = first_crossing(Msprt().run(trials.evidence), -np.log(posterior))
+    return trial_table(decision, trials, model="m")
+
+
+@counted(10)
+def test_a_table_is_decided_as_its_trials_are_one_by_one(count):
+    def one(table, posterior):
+        names = [name.removeprefix("ll_") for name in table if name.startswith("ll_")]
+        found = decided(table, posterior).to_dict("records")
+        for (key, rows), trial in zip(tables.trials_of(table), found, strict=True):
+            total = rows[[f"ll_{name}" for name in names]].to_numpy(dtype=float).cumsum(axis=0)
+            out = -log_softmax(total, axis=1)
+            met = (out <= -np.log(posterior) + 1e-10).any(axis=1)
+            k = int(np.argmax(met)) if met.any() else len(out) - 1
+            assert (trial["trial"], trial["steps"], trial["forced"]) == (key, k + 1, not met.any())
+            assert out[k, names.index(trial["response"])] <= out[k].min() + 1e-9
+            if "truth" in table:
+                assert trial["correct"] == (trial["response"] == rows["truth"].iloc[0])
+
+    tried(count, one, tables.tables(), numbers(0.55, 0.99))
+
+
+@counted(8)
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_a_command_decides_a_table_as_python_does_or_says_what_is_wrong(ending, count, typed):
+    path, out = Path(f"mine{ending}"), FOLDER / f"out{ending}"
+    circuit = "circuit run", "--engine", "algebra", "--circuit", "bogacz_gurney", "--gain"
+
+    def one(table, wrong, gain, posterior):
+        emptied()
+        words = ["decide"] if gain == 1 else [*circuit[0].split(), *circuit[1:], str(gain)]
+        words += [str(out), "--evidence", str(path), "--step-ms", "50"]
+        words += ["--posterior", str(posterior)]
+        tables.write(wrong(table), path)
+        assert_refused(typed, words)
+        tables.write(table, path)
+        assert typed(words)[0] == 0
+        as_text = {"dtype": str, "keep_default_na": False}
+        found = pd.read_csv(out, **as_text) if ending == ".csv" else read_table(out)
+        scaled = {name: gain * table[name] for name in table if name.startswith("ll_")}
+        expected = decided(table.assign(**scaled), posterior)
+        for name in expected.columns.intersection(["trial", "row", "forced", "steps", *tables.OWN]):
+            assert found[name].astype(str).tolist() == expected[name].astype(str).tolist(), name
+
+    choices = st.sampled_from(tables.WRONG), st.sampled_from([1, 0.7]), numbers(0.55, 0.99)
+    tried(count, one, tables.tables(), *choices)

@@ -1,6 +1,5 @@
 """Every row of a sweep is the single run with exactly the edits and settings that it names."""
 
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -15,58 +14,55 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
 from circuits.anatomy import load_circuit
+from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import digest
-from circuits.edit_lists import Edits
 from circuits.engines import Population
 
 FRACTIONS = st.sampled_from([0, 0.1, 0.25, 0.5])
 FACTORS = st.sampled_from([0, 0.5, 0.9, 1, 1.2])
 NATS = st.sampled_from([-0.2, 0.0, 0.3])
 WEIGHTS = st.sampled_from([-0.1, -0.05])
-LESIONS, SCALES, CHANGES, ADDED, REBOUNDS = "without", "scale", "change", "add", "rebound"
-CUTS = "cut"
 EDITS = {
-    "STN": (LESIONS, FRACTIONS),
-    "STN[0]": (LESIONS, FRACTIONS),
-    "STN[1]": (LESIONS, FRACTIONS),
-    "GPe": (LESIONS, FRACTIONS),
-    "D2": (LESIONS, FRACTIONS),
-    "STN->SNr": (SCALES, FACTORS),
-    "ctx->D1": (SCALES, FACTORS),
-    "ctx->D1[0]": (SCALES, FACTORS),
-    "ctx->D1[1]": (SCALES, FACTORS),
-    "cut GPe->STN": (CUTS, FRACTIONS),
-    "cut GPe->STN[1]": (CUTS, FRACTIONS),
-    "cut STN->SNr": (CUTS, FRACTIONS),
-    "STN.bias_nats": (CHANGES, NATS),
-    "STN.intact": (CHANGES, FRACTIONS.map(lambda lost: 1 - lost)),
-    "STN->SNr.weight": (CHANGES, FACTORS),
-    "STN->SNr.delay_ms": (CHANGES, st.sampled_from([1, 5.5])),
-    "GPe.cell.cv": (CHANGES, st.sampled_from([0.1, 0.3])),
-    "D2->SNr weight": (ADDED, WEIGHTS),
-    "D1->GPe delay_ms=4 weight": (ADDED, WEIGHTS),
-    "rebound SNr": (REBOUNDS, NATS),
-}
-"""Left sides of edits of rows, with what each may be."""
-OVERLAPS = [
-    {"STN", "STN[0]"},
-    {"STN", "STN[1]"},
-    {"STN", "STN.intact"},
-    {"STN[0]", "STN.intact"},
-    {"STN[1]", "STN.intact"},
-    {"cut GPe->STN", "cut GPe->STN[1]"},
-    {"ctx->D1", "ctx->D1[0]"},
-    {"ctx->D1", "ctx->D1[1]"},
-    {"STN->SNr", "STN->SNr.weight"},
-]
-"""Edits of one number in two ways."""
-OF_ALL = {
+    "lesion STN": FRACTIONS,
+    "lesion STN[0]": FRACTIONS,
+    "lesion STN[1]": FRACTIONS,
+    "lesion GPe": FRACTIONS,
+    "clamp GPe": FRACTIONS,
+    "lesion D2": FRACTIONS,
+    "scale STN->SNr": FACTORS,
+    "scale ctx->D1": FACTORS,
+    "scale ctx->D1[0]": FACTORS,
+    "scale ctx->D1[1]": FACTORS,
+    "cut GPe->STN": FRACTIONS,
+    "cut GPe->STN[1]": FRACTIONS,
+    "cut STN->SNr": FRACTIONS,
+    "set STN.bias_nats": NATS,
+    "set STN.intact": FRACTIONS.map(lambda lost: 1 - lost),
+    "set STN->SNr.weight": FACTORS,
+    "set STN->SNr.delay_ms": st.sampled_from([1, 5.5]),
+    "set GPe.cell.cv": st.sampled_from([0.1, 0.3]),
+    "add D2->SNr weight": WEIGHTS,
+    "add D1->GPe delay_ms=4 weight": WEIGHTS,
+    "rebound SNr": NATS,
     "neurons": st.sampled_from([20, 50]),
     "spread": st.sampled_from([0.0, 0.1]),
     "dopamine": st.sampled_from([0.9, 1.0, 1.1]),
-    "recovered": st.booleans(),
-    "replaced": st.booleans(),
+    "compensate": st.booleans(),
 }
+"""Edits without their values, with what each may be."""
+OVERLAPS = [
+    {"lesion STN", "lesion STN[0]"},
+    {"lesion STN", "lesion STN[1]"},
+    {"lesion STN", "set STN.intact"},
+    {"lesion STN[0]", "set STN.intact"},
+    {"lesion STN[1]", "set STN.intact"},
+    {"lesion GPe", "clamp GPe"},
+    {"cut GPe->STN", "cut GPe->STN[1]"},
+    {"scale ctx->D1", "scale ctx->D1[0]"},
+    {"scale ctx->D1", "scale ctx->D1[1]"},
+    {"scale STN->SNr", "set STN->SNr.weight"},
+]
+"""Edits of one number in two ways."""
 RUN = {
     "circuit": st.sampled_from(["spiking_msprt", "macaque"]),
     "engine": st.sampled_from(["population", "ensemble"]),
@@ -77,7 +73,7 @@ RUN = {
     "task.channels": st.sampled_from([2, 3]),
     "task.trials": st.sampled_from([20, 50]),
 }
-VALUES = {key: values for key, (_, values) in EDITS.items()} | OF_ALL | RUN
+VALUES = EDITS | RUN
 
 
 @st.composite
@@ -94,15 +90,12 @@ def sweeps(draw):
 
 
 def edited(values):
-    """Return the edits of these values by key, as an experiment's file has them."""
-    of_rows = {kind: [] for kind in (LESIONS, CUTS, SCALES, CHANGES, ADDED, REBOUNDS)}
-    for key, value in values.items():
-        if key in EDITS:
-            of_rows[EDITS[key][0]].append(
-                f"{key.removeprefix('rebound ').removeprefix('cut ')}={value}"
-            )
-    named = {key: value for key, value in values.items() if key in OF_ALL}
-    return Edits(**{kind: tuple(texts) for kind, texts in of_rows.items()}, **named)
+    """Return the lines of these edits by key, as a file has them."""
+    made = {key: value for key, value in values.items() if value is not False}
+    return [
+        key if value is True else f"{key}{'=' if key.startswith('add') else ' '}{value}"
+        for key, value in made.items()
+    ]
 
 
 def of_plan(base, grid, spelling="{}", wide=False):
@@ -111,7 +104,7 @@ def of_plan(base, grid, spelling="{}", wide=False):
     of_task = {key.removeprefix("task."): v for key, v in base.items() if key.startswith("task.")}
     keys = {key: spelling.format(key.replace("->", " -> ") if wide else key) for key in grid}
     return Plan(
-        edits=edited({key: value for key, value in base.items() if key not in RUN}),
+        edits=Edits(edited({key: value for key, value in base.items() if key not in RUN})),
         task=Stimuli(**{"trials": 20, **of_task}),
         grid={keys[key]: values for key, values in grid.items()},
         **run,
@@ -123,28 +116,30 @@ def single(values):
     task = {key.removeprefix("task."): v for key, v in values.items() if key.startswith("task.")}
     task = Stimuli(**{"trials": 20, **task})
     own = {key: value for key, value in values.items() if key not in RUN}
-    table = edited(own).apply(load_circuit(values.get("circuit", "macaque"), task.channels))
+    table = load_circuit(values.get("circuit", "macaque"), task.channels).edited(*edited(own))
     gain, posterior = gain_of(table, values.get("gain")), values.get("posterior", 0.82)
     return table, gain, posterior, values.get("seed", 0), task
 
 
 def overlap(base, grid):
-    """Whether a key of the grid and another edit set one number."""
-    kept = base.keys() | grid.keys()
-    pairs = [{one, other} for one, other in combinations(kept, 2) if grid.keys() & {one, other}]
-    return any(pair in OVERLAPS for pair in pairs)
+    """Whether two edits change one number."""
+    return any({one, other} in OVERLAPS for one, other in combinations(base | grid, 2))
 
 
 @settings(max_examples=200)
 @given(sweeps())
 def test_every_row_is_a_single_run_with_exactly_what_it_names(drawn):
     base, grid, *_ = drawn
+    if overlap(base, {}):
+        with pytest.raises(ValueError, match="edit the same"):
+            of_plan(*drawn)
+        return
     plan = of_plan(*drawn)
     points = [dict(zip(grid, point.values(), strict=True)) for point in plan.each]
     try:
         wanted = [single(base | point) for point in points]
     except ValueError:
-        wanted = None  # an edit without sense, such as a rebound of what is replaced
+        wanted = None  # an edit without sense, such as a rebound of what is clamped
     if overlap(base, grid) or wanted is None:
         with pytest.raises(ValueError, match=r"the point|edit the same"):
             plan.all_points()
@@ -162,9 +157,9 @@ def test_every_row_is_a_single_run_with_exactly_what_it_names(drawn):
 @pytest.mark.parametrize(
     ("base", "point"),
     [
-        ({"STN": 0.1}, {"STN": 0.1}),
-        ({"STN->SNr": 0.5, "GPe": 0.1}, {"STN->SNr": 0.9}),
-        ({"STN.bias_nats": 0.3, "seed": 3}, {"STN.bias_nats": -0.2, "seed": 4}),
+        ({"lesion STN": 0.1}, {"lesion STN": 0.1}),
+        ({"scale STN->SNr": 0.5, "lesion GPe": 0.1}, {"scale STN->SNr": 0.9}),
+        ({"set STN.bias_nats": 0.3, "seed": 3}, {"set STN.bias_nats": -0.2, "seed": 4}),
     ],
 )
 def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
@@ -185,74 +180,76 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
 @pytest.mark.parametrize(
     ("edits", "grid", "rows"),
     [
-        # One of each kind, in another spelling than that of [edits].
-        ({"without": ("STN = 0.1",)}, {"STN": (0.2,)}, {"without": ("STN=0.2",)}),
-        ({"without": ("GPe[0]",)}, {" GPe[0]": (0.2,)}, {"without": ("GPe[0]=0.2",)}),
-        ({"scale": ("STN->GPe=0.5",)}, {"STN  ->  GPe": (2,)}, {"scale": ("STN->GPe=2",)}),
+        # One of each kind, in another spelling than that of the edits.
+        (["lesion STN 10%"], {" lesion  STN": (0.2,)}, ["lesion STN 20%"]),
+        (["lesion GPe[0]"], {"lesion GPe [0]": ("20%",)}, ["lesion GPe[0] 0.2"]),
+        (["clamp GPe"], {"clamp GPe": (0.2,)}, ["clamp GPe 20%"]),
+        (["cut GPe->STN"], {"cut GPe -> STN": (0.2,)}, ["cut GPe->STN 20%"]),
+        (["scale STN->GPe 0.5"], {"scale STN  ->  GPe": (2,)}, ["scale STN->GPe 2"]),
+        (["set STN -> GPe.tau_ms = 4"], {"set STN->GPe.tau_ms": (5,)}, ["set STN->GPe.tau_ms 5"]),
         (
-            {"change": ("STN -> GPe.delay_ms = 4",)},
-            {"STN->GPe.delay_ms": (5,)},
-            {"change": ("STN->GPe.delay_ms=5",)},
+            ["add TRN like=STN", "add D1->GPe weight=-0.1"],
+            {"add TRN like=STN bias_nats": (1,)},
+            ["add D1->GPe weight=-0.1", "add TRN like=STN bias_nats=1"],
         ),
+        (["rebound SNr 0.5"], {"rebound  SNr": (0.2,)}, ["rebound SNr 0.2"]),
+        (["dopamine 0.9"], {" dopamine": (1.1,)}, ["dopamine 1.1"]),
+        (["neurons 20"], {"neurons": (50,)}, ["neurons 50"]),
+        # An edit by itself is made or not.
+        (["lesion STN 10%", "compensate"], {"compensate": (False,)}, ["lesion STN 10%"]),
+        (["lesion STN 10%"], {"compensate": (True,)}, ["lesion STN 10%", "compensate"]),
+        (["lesion STN 10%"], {"lesion STN": (False,)}, []),
+        (["lesion STN 10%"], {"lesion STN": (True,)}, ["lesion STN"]),
+        ([], {"add striatal_FSI": (True,)}, ["add striatal_FSI"]),
+        ([], {"set common.pooled": (True,), "circuit": ("spiking_msprt",)}, []),
+        # What is lost, scaled or set of a row that is added.
         (
-            {"add": ("TRN like=STN", "D1->GPe weight=-0.1")},
-            {"TRN like=STN bias_nats": (1,)},
-            {"add": ("TRN like=STN bias_nats=1", "D1->GPe weight=-0.1")},
+            ["add TRN like=STN bias_nats=1", "add TRN->GPe weight=0.1"],
+            {"set TRN.tau_ms": (2,), "lesion TRN": (0.5,), "scale TRN->GPe": (0.5,)},
+            [
+                "add TRN like=STN bias_nats=1", "add TRN->GPe weight=0.1", "set TRN.tau_ms 2",
+                "lesion TRN 50%", "scale TRN->GPe 0.5",
+            ],
         ),
-        ({"rebound": ("SNr=0.5",)}, {"rebound  SNr": (0.2,)}, {"rebound": ("SNr=0.2",)}),
-        ({"dopamine": 0.9}, {" dopamine": (1.1,)}, {"dopamine": 1.1}),
-        # What is changed of a new row, and a loss of it, are what they are called.
-        (
-            {"add": ("TRN like=STN bias_nats=1",)},
-            {"TRN.bias_nats": (2,), "TRN": (0.5,)},
-            {
-                "add": ("TRN like=STN bias_nats=1",),
-                "change": ("TRN.bias_nats=2",),
-                "without": ("TRN=0.5",),
-            },
-        ),
-        (
-            {"add": ("striatal_FSI",)},
-            {"FSI": (0.5,)},
-            {"add": ("striatal_FSI",), "without": ("FSI=0.5",)},
-        ),
+        (["add striatal_FSI"], {"lesion FSI": (0.5,)}, ["add striatal_FSI", "lesion FSI 50%"]),
     ],
-)
+)  # fmt: skip
 def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):
-    (found,) = Plan(edits=Edits(**edits), grid=grid).all_points()
-    assert digest(found.edited) == digest(Edits(**rows).apply(load_circuit("macaque")))
+    (found,) = Plan(edits=Edits(edits), grid=grid).all_points()
+    assert digest(found.edited) == digest(load_circuit(found.circuit).edited(*rows))
 
 
 @pytest.mark.parametrize(
     ("edits", "grid"),
     [
-        ({"without": ("STN=0.1",)}, {"STN[0]": (0.1,)}),
-        ({"without": ("STN[1]=0.1",)}, {"STN": (0.1,)}),
-        ({"scale": ("ctx->D1=0.9",)}, {"ctx->D1[0]": (0.9,)}),
-        ({"scale": ("STN->GPe=0.5",)}, {"STN->GPe.weight": (0.5,)}),
-        ({"change": ("STN->GPe.weight=0.5",)}, {"STN->GPe": (0.5,)}),
-        ({"scale": ("STN->GPe[0]=0.5",)}, {"STN->GPe.factors": ("1,1",)}),
-        ({"change": ("STN.intact_by_channel=0.5,1",)}, {"STN": (0.1,)}),
-        ({"change": ("TRN.bias_nats=1",)}, {"TRN like=STN bias_nats": (2,)}),
-        ({"scale": ("D1->GPe=0.5",)}, {"D1->GPe weight": (-0.1,)}),
-        ({"add": ("STN amount=0.1",)}, {"STN to_ms=300 amount": (0.1,)}),
-        ({}, {"STN": (0.1,), "STN [0]": (0.1,)}),
-        ({}, {"STN->GPe": (0.5,), "STN -> GPe": (0.5,)}),
-        ({}, {"D1->GPe weight=-0.1 delay_ms": (4,), "D1->GPe delay_ms=4 weight": (-0.1,)}),
+        (["lesion STN 10%"], {"lesion STN[0]": (0.1,)}),
+        (["lesion STN[1] 10%"], {"lesion STN": (0.1,)}),
+        (["lesion STN 10%"], {"clamp STN": (0.1,)}),
+        (["scale ctx->D1 0.9"], {"scale ctx->D1[0]": (0.9,)}),
+        (["scale STN->GPe 0.5"], {"set STN->GPe.weight": (0.5,)}),
+        (["set STN->GPe.weight 0.5"], {"scale STN->GPe": (0.5,)}),
+        (["scale STN->GPe[0] 0.5"], {"set STN->GPe.factors": ("1,1",)}),
+        (["set STN.intact_by_channel 0.5,1"], {"lesion STN": (0.1,)}),
+        (["set TRN.bias_nats 1"], {"add TRN like=STN bias_nats": (2,)}),
+        (["add TRN like=STN bias_nats=1"], {"set TRN.bias_nats": (2,)}),
+        (["add STN amount=0.1"], {"add STN to_ms=300 amount": (0.1,)}),
+        ([], {"lesion STN": (0.1,), "lesion STN [0]": (0.1,)}),
+        ([], {"scale STN->GPe": (0.5,), "scale STN -> GPe": (0.5,)}),
+        ([], {"add D1->GPe weight=-0.1 delay_ms": (4,), "add D1->GPe delay_ms=4 weight": (-0.1,)}),
     ],
 )
 def test_two_edits_of_one_number_are_refused_with_both(edits, grid):
     with pytest.raises(ValueError, match=r"' and '.* edit the same number"):
-        Plan(edits=Edits(**edits), grid=grid).all_points()
+        Plan(edits=Edits(edits), grid=grid).all_points()
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"grid": {"STN": (0.1,), " STN": (0.2,)}},
+        {"grid": {"lesion STN": (0.1,), " lesion STN": (0.2,)}},
         {"grid": {"posterior": (0.7,), "posterior ": (0.8,)}},
-        {"grid": {"STN": (0.1, 0.2, 0.1)}},
-        {"points": ({"STN": 0.1}, {"STN": 0.1})},
+        {"grid": {"lesion STN": (0.1, 0.2, 0.1)}},
+        {"points": ({"lesion STN": 0.1}, {"lesion STN": 0.1})},
     ],
 )
 def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong):
@@ -261,17 +258,6 @@ def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong):
 
 
 def test_two_courses_of_one_nucleus_may_both_be_named():
-    early, late = "dopamine to_ms=300 amount", "dopamine from_ms=400 amount"
+    early, late = "add dopamine to_ms=300 amount", "add dopamine from_ms=400 amount"
     (found,) = Plan(grid={early: (0.1,), late: (0.2,)}).all_points()
-    assert found.edited == load_circuit("macaque").add(f"{early}=0.1", f"{late}=0.2")
-
-
-@pytest.mark.parametrize("kind", [LESIONS, SCALES])
-def test_one_edit_given_twice_is_refused_wherever_edits_are(kind):
-    """Two losses of a tenth would be one of 19 %."""
-    place = {LESIONS: "STN", SCALES: "STN->SNr"}[kind]
-    twice = Edits(**{kind: (f"{place}=0.9", f"{place} = 0.9")})
-    with pytest.raises(ValueError, match="edit the same number"):
-        twice.apply(load_circuit("macaque"))
-    apart = replace(twice, **{kind: (f"{place}[0]=0.9", f"{place}[1]=0.9")})
-    assert apart.apply(load_circuit("macaque")) != load_circuit("macaque")
+    assert found.edited == load_circuit("macaque").edited(f"{early}=0.1", f"{late}=0.2")

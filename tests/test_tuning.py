@@ -42,7 +42,11 @@ def test_another_cortical_code_does_the_same_until_losers_fall_silent(channels):
     near, far = (np.array([[[odds] + [0.0] * (channels - 1)]]) for odds in (1.5, 4.5))
 
     def out(c, drive):
-        return BasalGanglia(c).run_drive(drive - drive.mean(), step_ms=1.0).output_nats[0, -1, 0]
+        return (
+            BasalGanglia(c, "algebra")
+            .run_drive(drive - drive.mean(), step_ms=1.0)
+            .output_nats[0, -1, 0]
+        )
 
     np.testing.assert_allclose(out(coded(table, top, hz), near), out(table, near), atol=1e-12)
     for other in (top - 0.3, top + 1):

@@ -28,7 +28,7 @@ def test_what_needs_nats_is_refused_without_them():
         lambda: dopamine.decided_out(circuit, 1.0, 1.0),
         lambda: dopamine.working_range(circuit, 0.1),
         lambda: dopamine.criterion(circuit, 1.0, 0.1, 1.0),
-        lambda: dopamine.usable_range(BasalGanglia(circuit), 0.1),
+        lambda: dopamine.usable_range(BasalGanglia(circuit, "algebra", 1.0), 0.1),
     ):
         with pytest.raises(ValueError, match=r"gpr works in salience, not nats: .* has no meaning"):
             refused()
@@ -43,7 +43,7 @@ def test_a_circuit_without_nats_decides_at_a_threshold_in_its_unit(tmp_path, cap
     assert table["forced"].mean() < 0.5
     assert table.loc[~table["forced"], "correct"].mean() > 0.8
     capsys.readouterr()
-    assert main([*done, "--force", "--edits.without", "D1"]) == 0
+    assert main([*done, "--force", "--edit", "lesion D1"]) == 0
     assert pd.read_csv(path)["forced"].all()
 
 

@@ -64,7 +64,7 @@ class Kind(NamedTuple):
     """A kind of evidence: alternatives, most readings, drawing, CPU seconds per 100 trials."""
 
     name: str
-    count: int
+    channels: int
     most: int
     draw: Draw
     seconds: float
@@ -128,11 +128,11 @@ def conditions(fast: bool = False, trials: int | None = None) -> Iterator[Condit
     """Yield the conditions, each with its usual trials unless their number is given."""
     usual = trials or (COARSE_TRIALS if fast else TRIALS)
     for kind in kinds():
-        table = load_circuit(TABLE, kind.count)
+        table = load_circuit(TABLE, kind.channels)
         many = usual if fast or trials else MORE_TRIALS.get(kind.name, usual)
         one = partial(_condition, kind)
         yield one("", table, many)
-        if kind.name.startswith("Gaussian, d' 0.5") and kind.count < 8:
+        if kind.name.startswith("Gaussian, d' 0.5") and kind.channels < 8:
             yield one(", Poisson cortex", table.with_cell("ctx", cv=1.0), usual)
             apart = table.with_spread(0.1).with_connections(0.25)
             yield one(", 10 % spread, 25 % connections", apart, usual, times=4)
@@ -205,8 +205,8 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     )
     by = ["evidence", "channels", "trials", "gain"]
     lines = own[own["accuracy"].isna()]
-    shown = ("agreement", "agreement_chance", "error_agreement", "within_50_ms", "pearson_r")
-    shown += ("within_50_ms_chance", "extra_ms", "decoder_pearson_r")
+    shown = ["agreement", "agreement_chance", "error_agreement", "within_50_ms", "pearson_r"]
+    shown += ["within_50_ms_chance", "extra_ms", "decoder_pearson_r"]
     at = own[own["accuracy"].notna() & own["measure"].isin(shown)]
     gaps = found[(found["reference"] == MSPRT) & (found["measure"] == "accuracy_gap")]
     gaps = gaps[gaps["evidence"].str.fullmatch(rf"{RIVALLED}, N = \d+")]

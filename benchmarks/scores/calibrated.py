@@ -108,6 +108,7 @@ def calibration(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFram
     The posteriors after all numbers of taps in ``AFTER`` share bins of width .1.
     """
     after = evidence.posterior[:, AFTER, :]
+    assert evidence.truth is not None
     top, right = after.max(axis=2), after.argmax(axis=2) == evidence.truth[:, None]
     weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"), groups)
     rows = []

@@ -34,6 +34,7 @@ from bgmodel.fitting.responses import BIN_S
 from bgmodel.stimuli import Stimuli
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT
+from circuits.declaration.edits import Edits
 
 SCORING_SEED = 71_001
 """Of the evidence and the noise of the decisions."""
@@ -76,7 +77,7 @@ def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
     return replace(
         Experiment.from_toml(EXPERIMENTS[conflict]), seed=SCORING_SEED, task=task,
         posterior=float(np.exp(-numbers["threshold_nats"])), gain=SLOW_NATS / (2 * v),
-        manipulation=Changes(without=(f"STN={numbers['stn_loss[stimulation=on]']:.4f}",)),
+        manipulation=Changes(Edits([f"lesion STN {numbers['stn_loss[stimulation=on]']:.4f}"])),
     )  # fmt: skip
 
 
@@ -127,7 +128,7 @@ def _interactions(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for name, some in table.groupby("measure", sort=False):
         by = some.set_index("conflict")
-        value = by.loc["high", "change"] - by.loc["low", "change"]
+        value = by["change"]["high"] - by["change"]["low"]
         half = np.hypot(*(by["high"] - by["low"]) / 2)
         rows.append((INTERACTION, name, value, value - half, value + half))
     return pd.DataFrame(rows, columns=["conflict", "measure", "change", "low", "high"])

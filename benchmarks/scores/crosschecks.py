@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks.methods.means import fit_means
 from benchmarks.scores.other_tools import (
     Accumulators,
     Ends,
@@ -32,7 +33,6 @@ from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.means import fit_means
 from bgmodel.support.arrays import Array
 from bgmodel.tables.choices import Choices
 from bgmodel.theory.sprt import OVERSHOOT
@@ -95,7 +95,7 @@ def held(correct: Array, readings: Array, ends: Ends, times: Array) -> dict[str,
     return {
         "error_rate": rate,
         "mean": ends.mean,
-        "z_error": (np.mean(~correct) - rate) / np.sqrt(rate * (1 - rate) / n),
+        "z_error": (np.mean(np.logical_not(correct)) - rate) / np.sqrt(rate * (1 - rate) / n),
         "z_mean": (readings.mean() - ends.mean) / (readings.std() / np.sqrt(n)),
         "ks": float(test.statistic),
         "p": float(test.pvalue),
@@ -116,7 +116,10 @@ def walks(d: float, share: float, trials: int) -> pd.DataFrame:
             f"PyDDM, drift times {WRONG:g}": by_pyddm(*at, drift=WRONG),
         }
         point = {"separation": d, "bound": theta, "start": share * theta}
-        seen = {"simulated_error_rate": np.mean(~correct), "simulated_mean": readings.mean()}
+        seen = {
+            "simulated_error_rate": np.mean(np.logical_not(correct)),
+            "simulated_mean": readings.mean(),
+        }
         for name, ends in solutions.items():
             rows.append({"solution": name} | point | seen | held(correct, readings, ends, times))
     return pd.DataFrame(rows)

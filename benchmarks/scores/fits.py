@@ -14,6 +14,8 @@ import numpy as np
 import pandas as pd
 
 from benchmarks import OUT
+from benchmarks.methods.means import fit_means
+from benchmarks.methods.predicted import Better, Predicted, better_by, predicted
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel.fitting.algorithms import GapModel, Model
 from bgmodel.fitting.circuit import (
@@ -25,9 +27,7 @@ from bgmodel.fitting.circuit import (
 )
 from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.fit import cells_of, fit_likelihood
-from bgmodel.fitting.means import fit_means
 from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
-from bgmodel.fitting.predicted import Better, Predicted, better_by, predicted
 from bgmodel.tables.choices import read_choices
 from circuits.anatomy import DEFAULT, load_circuit
 

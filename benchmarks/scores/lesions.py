@@ -49,7 +49,7 @@ def controls(trials: int, workers: int) -> pd.DataFrame:
     """Return the cost of each part that is left out, and max-vs-average beside the MSPRT."""
     table = load_circuit(TABLE, CHANNELS)
     edited = {
-        "GPe held at its rest": table.lesion("GPe", replaced=True),
+        "GPe held at its rest": table.clamp("GPe"),
         "a linear STN": linear_stn(table),
         "STN's sum to the wrong channel": shuffled_stn(table),
     }

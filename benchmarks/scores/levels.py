@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -43,7 +44,9 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     by = {name: part.set_index(index) for name, part in found.groupby("measure")}
     known = by["criterion"]["value"]
     known = known[by["premature"]["value"].loc[known.index] <= NOISE]
-    for (channels, engine), part in known.groupby(level=[0, 1], sort=False):
+    at: Any
+    for at, part in known.groupby(level=[0, 1], sort=False):
+        channels, engine = at
         inside = part.index[part.between(*ASKED)]
         row = {"channels": channels, "engine": engine, "latency_ms": LATENCY_MS[channels]}
         row |= {"lowest": part.min(), "highest": part.max(), "levels": len(part)}

@@ -63,7 +63,7 @@ def with_times(table: Circuit, factor: float) -> Circuit:
 
 def times(kind: Kind, trials: int, workers: int) -> pd.DataFrame:
     """Return the comparison of each case with the MSPRT at the circuit's gain."""
-    table, parts = load_circuit(DEFAULT, kind.count), []
+    table, parts = load_circuit(DEFAULT, kind.channels), []
     for case, engine, edited in cases(table):
         chosen = engine_of(engine).tuned(workers=workers)
         model = BasalGanglia(edited, chosen, gain_of(table), SCORING_SEED)
@@ -83,7 +83,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield a piece per evidence of up to four alternatives."""
     trials = COARSE_TRIALS if fast else TRIALS
     for kind in kinds():
-        if kind.count <= 4:
+        if kind.channels <= 4:
             make = partial(times, kind, trials, workers)
             yield Piece("times", kind.name, trials, trials / 50 * (1 + kind.seconds / 3), make)
 

@@ -48,7 +48,7 @@ INTACT, ACUTE, RECOVERED = "intact", "acute", "recovered"
 class Task(NamedTuple):
     """Gaussian evidence, its longest trial, and the intact circuit's threshold."""
 
-    count: int
+    channels: int
     d_prime: float
     readings: int
     threshold_nats: float
@@ -56,7 +56,7 @@ class Task(NamedTuple):
     @property
     def name(self) -> str:
         """What a row of the tables calls it."""
-        return f"d' {self.d_prime:g}, N = {self.count}"
+        return f"d' {self.d_prime:g}, N = {self.channels}"
 
 
 TASKS = (Task(2, 0.5, 120, 0.30), Task(4, 0.5, 120, 0.45), Task(4, 1.0, 40, 0.48))
@@ -70,7 +70,7 @@ def evidence(task: Task, conflict: float, trials: int) -> Evidence:
         task.readings,
         task.d_prime / np.sqrt(2),
         rng=stream(SCORING_SEED, "loss", task.name),
-        hypotheses=task.count,
+        hypotheses=task.channels,
         step_ms=STEP_MS,
         conflict=conflict,
     )
@@ -78,12 +78,12 @@ def evidence(task: Task, conflict: float, trials: int) -> Evidence:
 
 def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:
     """Return the circuits by what is lost, how long ago, and the rebound in nats."""
-    table = load_circuit(DEFAULT, task.count)
+    table = load_circuit(DEFAULT, task.channels)
     found = {(0.0, INTACT, 0.0): table}
     for lost in LOST:
         acute = table.lesion("STN", lost)
         found[lost, ACUTE, 0.0] = acute
-        part = round(lost * REBOUND_NATS[task.count], 2)
+        part = round(lost * REBOUND_NATS[task.channels], 2)
         for nats in REBOUNDS_NATS if lost == 1 else (0.0, part):
             found[lost, RECOVERED, nats] = acute.compensate(rebound_nats={"SNr": nats})
     return found
@@ -136,7 +136,7 @@ def anticipation(task: Task, trials: int, workers: int) -> pd.DataFrame:
     weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
     share = weights / weights.sum(axis=1, keepdims=True)
     plain = evidence(task, 0.0, trials)
-    gain = gain_of(load_circuit(DEFAULT, task.count))
+    gain = gain_of(load_circuit(DEFAULT, task.channels))
     rows = []
     for most in EXPECTED_NATS:
         rng = stream(SCORING_SEED, "expectancy")

@@ -33,7 +33,7 @@ MEASURES = ("agreement", "within_50_ms", "pearson_r", "extra_ms")
 
 
 def _held(name: str) -> Callable[[Circuit], Circuit]:
-    return lambda table: table.lesion(name, replaced=True)
+    return lambda table: table.clamp(name)
 
 
 EDITS: dict[str, tuple[str, Callable[[Circuit], Circuit]]] = {

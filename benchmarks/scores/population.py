@@ -271,7 +271,7 @@ def _draw_decisions(found: pd.DataFrame, panels: Any) -> None:
 def _draw_edits(found: pd.DataFrame, panel: Any) -> None:
     by = found.set_index(["channels", "edit", "engine"]).unstack("engine")["later_ms"]
     errors = found.set_index(["channels", "edit", "engine"]).unstack("engine")["later_se_ms"]
-    for channels, marker in zip(by.index.levels[0], "os", strict=False):
+    for channels, marker in zip(by.index.unique(0), "os", strict=False):
         own, se = by.loc[channels], 2 * errors.loc[channels]
         panel.errorbar(own[SPIKES], own[POPULATION], se[POPULATION], se[SPIKES], fmt=marker, ms=4,
                        color=COLOURS[POPULATION], lw=0.8, label=f"N = {channels}")  # fmt: skip

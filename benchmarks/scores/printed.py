@@ -66,10 +66,10 @@ def humphries(seeds: int) -> Iterator[dict[str, Any]]:
         yield {"what": what, "printed": printed, "where": SELECTION, **over_seeds(one[:, k])}
     inputs = (np.array([20.0, 15, 3]) - TONIC_HZ) / 40
     for level, printed in ((0.0, "fewer than at .3"), (0.3, "1"), (0.8, "more than at .3")):
-        found = out_of(anatomy.humphries(3, dopamine=level), inputs, seeds) < 0.05
+        selected = out_of(anatomy.humphries(3, dopamine=level), inputs, seeds) < 0.05
         what = f"channels selected of 20, 15, 3 Hz, dopamine {level:g}"
         yield {"what": what, "printed": printed, "where": "abstract, in words"} | over_seeds(
-            found.sum(axis=1).astype(float)
+            selected.sum(axis=1).astype(float)
         )
 
 

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks.methods.intervals import PREFERRED, interval_evidence
+from benchmarks.methods.recursive import RecursiveMsprt
 from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, time_at, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.intervals import PREFERRED, interval_evidence
-from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
 from bgmodel.integrators.sprt import Integrator
 from circuits.anatomy import DEFAULT

@@ -46,7 +46,7 @@ def decisions(
     accuracies: Sequence[float] = ACCURACIES,
 ) -> pd.DataFrame:
     """Return the comparison of the circuit on a kind of evidence, raw or centred."""
-    table = load_circuit(DEFAULT, kind.count)
+    table = load_circuit(DEFAULT, kind.channels)
     chosen = engine_of(engine, workers=workers, sample_ms=sample_ms(step_ms))
     model = BasalGanglia(table, chosen, gain_of(table), SCORING_SEED, centred or None)
     found = compare(

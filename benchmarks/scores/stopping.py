@@ -3,10 +3,10 @@
 Two clones of what is committed here, both run with this interpreter's environment. One run is left
 alone; the other is stopped at random moments (fixed seed), fifteen times, and then left alone:
 five times each by SIGINT to make's process group (Ctrl-C), SIGINT to `bgmodel figures` alone, and
-SIGKILL of the command, of Snakemake, of make's group, of the command and Snakemake together (their
-jobs live on) and of everything. Early steps are long, few end between stops: so all pictures are
-then removed, and the run that draws them again, in short steps, is stopped fifteen times more. Then
-the SHA-256 of every file under figures/fast is compared, the cache of the contact library included.
+SIGKILL of the command, of a job, of make's group and of everything, after which the lock that a
+killed run leaves is removed. Early steps are long, few end between stops: so all pictures are then
+removed, and the run that draws them again, in short steps, is stopped fifteen times more. Then the
+SHA-256 of every file under figures/fast is compared, the cache of the contact library included.
 Linux; about half an hour on two cores:
 
     python -m benchmarks.scores.stopping --folder /tmp/stopping
@@ -33,13 +33,18 @@ from bgmodel.support.files import checksum, write_table
 ROOT = Path(__file__).parents[2]
 SEED = 2023
 WAYS = ["SIGINT group", "SIGINT command"] * 5
-WAYS += [f"SIGKILL {who}" for who in ("command", "Snakemake", "group", "both", "everything")]
+WAYS += [f"SIGKILL {who}" for who in ("command", "job", "group", "everything", "command")]
 
 
 def clone(folder: Path) -> Path:
     """Clone what is committed here."""
     subprocess.run(["git", "clone", "-q", str(ROOT), str(folder)], check=True)
     return folder
+
+
+def environment(folder: Path) -> dict[str, str]:
+    """Return our environment, with the package of a clone."""
+    return os.environ | {"PYTHONPATH": str(folder)}
 
 
 def start(folder: Path, cores: int) -> psutil.Popen:
@@ -51,7 +56,7 @@ def start(folder: Path, cores: int) -> psutil.Popen:
         return psutil.Popen(
             command,
             cwd=folder,
-            env=os.environ | {"PYTHONPATH": str(folder)},
+            env=environment(folder),
             stdout=said,
             stderr=said,
             start_new_session=True,
@@ -59,7 +64,7 @@ def start(folder: Path, cores: int) -> psutil.Popen:
 
 
 def family(make: psutil.Popen) -> list[psutil.Process]:
-    """Return the command, Snakemake and its jobs, as far as they have begun."""
+    """Return the command and its jobs, as far as they have begun."""
     command = make.children()
     return command + [child for parent in command for child in parent.children(recursive=True)]
 
@@ -74,8 +79,7 @@ def stop(make: psutil.Popen, way: str) -> list[psutil.Process]:
         return every
     chosen = {
         "command": every[:1],
-        "Snakemake": every[1:2],
-        "both": every[1::-1],
+        "job": every[1:2],
         "everything": [make, *every],
     }[who]
     for process in chosen[1:]:
@@ -107,7 +111,7 @@ def stopped_run(folder: Path, cores: int, longest_s: float) -> pd.DataFrame:
         if row["ran"]:
             every = stop(make, way)
             begun = time.monotonic()
-            row["jobs"] = len(every[2:])
+            row["jobs"] = len(every[1:])
             row["status"] = make.wait(60)
             row["left"] = len(psutil.wait_procs(every, timeout=3)[1])
             row["ended_in_s"] = round(time.monotonic() - begun, 2)
@@ -115,6 +119,8 @@ def stopped_run(folder: Path, cores: int, longest_s: float) -> pd.DataFrame:
         row["figures"] = len(list((folder / "figures" / "fast").glob("*.png")))
         rows.append(row)
         print(row, flush=True)
+        unlock = [sys.executable, "-m", "bgmodel", "figures", "--fast", "--unlock"]
+        subprocess.run(unlock, cwd=folder, env=environment(folder), check=True)
     return pd.DataFrame(rows)
 
 

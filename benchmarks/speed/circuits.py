@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +166,7 @@ def _cost(
     }
 
 
-KINDS = {
+KINDS: dict[str, Callable[..., Any]] = {
     "ensemble": ensemble,
     "population": population,
     "brian2": brian2,
@@ -294,7 +295,7 @@ def main() -> None:
     side.to_csv(OUT / "circuits.csv")
     about = machine()
     print(about)
-    columns = ["ns_per_cell_tick", *(c for c in side if c.startswith("times"))]
+    columns = ["ns_per_cell_tick", *(c for c in side if str(c).startswith("times"))]
     print(side[[*columns, "trial_s_per_cpu_s", "peak_mb"]].round(3).to_string())
     columns = [*keys, "ns_per_cell_tick", "mean_ns_per_cell_tick", "peak_mb"]
     print(grown[columns].round(3).to_string(index=False))

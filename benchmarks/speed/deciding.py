@@ -80,6 +80,7 @@ def main() -> None:
     four = separated_evidence(FEW, T_MAX, SEPARATION, rng=stream(1, "four"), hypotheses=4)
     levels = -np.log(POSTERIORS)
 
+    assert four.truth is not None
     exhaustive_search(small, DELTAS)  # compile
     tally(Msprt().run(four[:10]), four.truth[:10], levels)
     work: dict[str, tuple[int, Callable[[], object]]] = {

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def synapses(table: Circuit, cortical_ms: float, striatal_ms: float) -> Circuit:
 
 def steeper_d1(table: Circuit, gain_hz_per_nat: float) -> Circuit:
     """Return the circuit with another gain of D1, its currents fitted anew."""
-    cell = table.population("D1").cell
+    cell: Any = table.population("D1").cell
     rest, slope = fit_current(cell, 0, gain_hz_per_nat, (4, 90))
     cell = replace(cell, rest_mv=rest, mv_per_nat=slope)
     return table.with_population("D1", cell=cell, gain_hz_per_nat=gain_hz_per_nat)
@@ -72,7 +73,7 @@ def neighbours(table: Circuit) -> dict[str, Circuit]:
     return {
         "common mode 100 ms": common(100),
         "common mode 400 ms": common(400),
-        "GPe replaced by its rest": table.lesion("GPe", replaced=True),
+        "GPe replaced by its rest": table.clamp("GPe"),
         "synapses of 8 ms, read-out 25": replace(synapses(table, 8, 8), readout_tau_ms=25),
         "STN-GPe loop 5 and 8 ms": table.with_projection("STN", "GPe", tau_ms=5).with_projection(
             "GPe", "STN", tau_ms=8

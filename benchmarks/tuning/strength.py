@@ -31,28 +31,29 @@ ALTERNATIVES = (2, 3, 4, 5, 6, 7, 8, 10, 12)
 
 def variants(table: Circuit) -> dict[str, Circuit]:
     """Return the table, and what changes one of the suspects at a time."""
-    loop = ("STN->GPe.delay_ms=1", "GPe->STN.delay_ms=1")
-    short = (*loop, "STN->GPe.tau_ms=1", "GPe->STN.tau_ms=1")
+    loop = ("set STN->GPe.delay_ms 1", "set GPe->STN.delay_ms 1")
+    short = (*loop, "set STN->GPe.tau_ms 1", "set GPe->STN.tau_ms 1")
     return {
         "as it is": table,
-        "GPe->STN with a delay of 3 ms": table.edited("GPe->STN.delay_ms=3"),
+        "GPe->STN with a delay of 3 ms": table.set("GPe->STN.delay_ms", 3),
         "STN-GPe loop with times of 1 ms": table.edited(*short),
-        "no ceiling of cortex": table.edited("ctx.transfer=rectified"),
-        "both": table.edited(*short, "ctx.transfer=rectified"),
-        "GPe_ctx 10 times faster": table.edited("GPe_ctx.tau_ms=500"),
-        "cortical inhibition held": table.lesion("ctx_inh", replaced=True),
+        "no ceiling of cortex": table.set("ctx.transfer", "rectified"),
+        "both": table.edited(*short, "set ctx.transfer rectified"),
+        "GPe_ctx 10 times faster": table.set("GPe_ctx.tau_ms", 500),
+        "cortical inhibition held": table.clamp("ctx_inh"),
     }
 
 
 def loop_alone(table: Circuit) -> Circuit:
     """Return the circuit with all but the loop of STN and GPe held at rest."""
-    held = table.lesion("GPe_ctx", replaced=True).lesion("ctx_inh", replaced=True)
-    return held.edited("ctx.transfer=rectified")
+    held = table.clamp("GPe_ctx").clamp("ctx_inh")
+    return held.set("ctx.transfer", "rectified")
 
 
 def stability(table: Circuit, rises_nats: tuple[float, ...]) -> list[tuple[float, ...]]:
     """Return the rise of S above rest, Sigma, the growth in 1/s and its frequency in Hz."""
-    found, alone = [], loop_alone(table)
+    found: list[tuple[float, ...]] = []
+    alone = loop_alone(table)
     wiring = wired(alone)
     own, hz = wiring.blocks_of("STN"), table.population("STN").gain_hz_per_nat
     for rise in rises_nats:

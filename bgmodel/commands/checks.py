@@ -8,17 +8,21 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
 
 from bgmodel.support import files, progress
+from circuits.declaration.edits import Edits
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from circuits.edit_lists import Edits
 
+EditOption = Annotated[Edits, tyro.conf.arg(name="edit")]
+"""Edits of a circuit: one option, followed by a line for each."""
 COMPILES = "compiling, once for this kind of circuit"
 """What a command says when an engine compiles, which is kept on disk."""
 OUTPUTS = ("output", "drawing", "save", "rates", "nwb")

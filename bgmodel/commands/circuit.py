@@ -13,6 +13,7 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
+    EditOption,
     Writes,
     bar,
     check_ending,
@@ -27,7 +28,7 @@ from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
-from circuits.edit_lists import Edits
+from circuits.declaration.edits import Edits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,8 +46,8 @@ class CircuitShow(Writes):
     """Print a circuit's table, as edited; draw it if a file is given.
 
     Examples: bgmodel circuit show macaque;
-    bgmodel circuit show appendix_b --edits.without STN=0.5 --drawing circuit.pdf;
-    bgmodel circuit show --edits.change "STN->GPe.delay_ms=4" --edits.add "D1->GPe weight=-0.1";
+    bgmodel circuit show appendix_b --edit "lesion STN 50%" --drawing circuit.pdf;
+    bgmodel circuit show --edit "set STN->GPe.delay_ms 4" "add D1->GPe weight=-0.1";
     bgmodel circuit show macaque --channels 4 --save mine.toml; bgmodel circuit show mine.toml
     """
 
@@ -54,7 +55,8 @@ class CircuitShow(Writes):
     """Name of the table, or the path of a .toml file."""
     channels: int | None = None
     """Number of alternatives; 2 unless given, or that of the file."""
-    edits: Edits = field(default_factory=Edits)
+    edits: EditOption = field(default_factory=Edits)
+    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     drawing: Path | None = None
     """Where a drawing goes, .pdf, .svg or .png."""
     save: Path | None = None
@@ -71,7 +73,7 @@ class CircuitShow(Writes):
 
         if self.save is not None:
             check_ending("save", self.save, ".toml")
-        table = self.edits.apply(load_circuit(self.circuit, self.channels))
+        table = load_circuit(self.circuit, self.channels).edited(*self.edits)
         scatter = None if self.noise is None else _scatter(table, self.noise)
         if self.drawing is not None:
             from circuits.plots import draw
@@ -135,7 +137,7 @@ class CircuitRun(Writes):
     """Let a circuit decide, on Gaussian or tactile evidence or on a table of your own.
 
     Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
-    bgmodel circuit run lesioned.csv --edits.without STN=0.1 --engine rate
+    bgmodel circuit run lesioned.csv --edit "lesion STN 10%" --engine rate
     """
 
     output: Positional[Path]
@@ -144,7 +146,8 @@ class CircuitRun(Writes):
     """Name of the table, or the path of a .toml file."""
     engine: EngineName = ENSEMBLE
     """How the circuit is run: compiled spikes, unless another engine is named."""
-    edits: Edits = field(default_factory=Edits)
+    edits: EditOption = field(default_factory=Edits)
+    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the
@@ -218,7 +221,7 @@ class CircuitRun(Writes):
         from circuits.anatomy import load_circuit
         from circuits.engines import engine_of
 
-        table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
+        table = load_circuit(self.circuit, evidence.hypotheses).edited(*self.edits)
         say_of_edits(self.edits)
         engine = engine_of(self.engine).tuned(workers=self.workers)
         return BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
@@ -245,9 +248,10 @@ class CircuitRun(Writes):
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         from circuits.engines import engine_of
+        from circuits.ignored import check_edits
 
         check_ending("output", self.output, ".parquet", ".csv")
-        self.edits.check_engine(self.engine)
+        check_edits(self.edits, self.engine)
         self.stimuli.check()
         self.stimuli.check_idle(Stimuli())
         check_whole(workers=self.workers)

@@ -10,6 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
+    EditOption,
     Shows,
     bar,
     check_ending,
@@ -24,12 +25,14 @@ from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
-from circuits.edit_lists import Edits, written
+from circuits.declaration.edits import Edits
 
 if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
 
-LESIONS = ("STN=0.2", "GPe=0.2", "D2", "ctx->STN=0.9", "D1->SNr=0.9")
+LESIONS = (
+    "lesion STN 20%", "lesion GPe 20%", "lesion D2", "scale ctx->STN 0.9", "scale D1->SNr 0.9"
+)  # fmt: skip
 """Edits of `circuit lesion` where none is given."""
 MANY = Stimuli(trials=1000, t_max=110)
 
@@ -44,7 +47,8 @@ class Comparison(Shows):
     """Name of the table, or the path of a .toml file."""
     engine: EngineName = ENSEMBLE
     """How the circuit is run: compiled spikes, unless another engine is named."""
-    edits: Edits = field(default_factory=Edits)
+    edits: EditOption = field(default_factory=Edits)
+    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the
@@ -72,7 +76,7 @@ class Compare(Comparison):
     Examples: bgmodel compare agreement.csv --channels 4;
     bgmodel compare ceiling.csv --engine population --ceiling;
     bgmodel compare tactile.csv --task same-different --period-mm 1.5;
-    bgmodel compare clamped.csv --channels 4 --edits.without GPe --edits.replaced
+    bgmodel compare clamped.csv --channels 4 --edit "clamp GPe"
     """
 
     ceiling: bool = False
@@ -112,16 +116,15 @@ class Compare(Comparison):
 class CircuitLesion(Comparison):
     """Compare edited circuits with the circuit as it is, on the same evidence and noise.
 
-    Each edit is a circuit of its own: a nucleus to lesion, whole ("STN"), by a fraction ("STN=0.2")
-    or in one channel ("GPe[0]=0.25"), a pathway to scale ("D1->SNr=0.9") or to cut
-    ("cut GPe->STN=0.3"), a field to change ("STN->GPe.delay_ms=4"), a new row
-    ("D1->GPe weight=-0.1") or a level of dopamine ("dopamine=0.9"); --edits are made before, in all
-    of them, and the circuit that has these alone is called "as edited"; with --edits.recovered each
-    nucleus comes back to its rate at rest after each edit. Behaviour is shown at the threshold of
-    the circuit before its lesions, and with thresholds tuned anew. No experiment says that this is
-    what happens: what a lesion does here is the model's prediction.
+    Each edit makes a circuit of its own: "lesion STN 20%", "clamp GPe", "cut GPe->STN 30%",
+    "scale D1->SNr 0.9", "set STN->GPe.delay_ms 4", "add D1->GPe weight=-0.1", "dopamine 0.9". Those
+    of --edit are made before, in all of them, and the circuit that has these alone is called "as
+    edited"; with --edit compensate each nucleus returns to its resting rate after each edit too.
+    Behaviour is shown at the threshold of the circuit before its lesions, and with thresholds tuned
+    anew. What a lesion does here is the model's prediction, not what an experiment found.
 
-    Example: bgmodel circuit lesion lesions.csv STN=0.2 "STN->GPe.delay_ms=4" --channels 4
+    Example: bgmodel circuit lesion lesions.csv "lesion STN 20%" "set STN->GPe.delay_ms 4"
+    --channels 4
     """
 
     lesions: Positional[tuple[str, ...]] = LESIONS
@@ -132,18 +135,17 @@ class CircuitLesion(Comparison):
         from bgmodel.comparison.edited import AS_EDITED, INTACT, compare_edits
         from bgmodel.comparison.page import behaviour, page
         from circuits.anatomy import load_circuit
+        from circuits.ignored import check_edits
 
         model, evidence = _model(self)
         whole = load_circuit(self.circuit, evidence.hypotheses)
         before = INTACT if model.circuit == whole else AS_EDITED
-        edited, asked = {}, []
-        for edit in self.lesions:
-            of_all = {"replaced": self.edits.replaced, "recovered": self.edits.recovered}
-            one = written(edit, **of_all)
-            one.check_engine(self.engine)
-            edited[edit] = one.apply(model.circuit)
-            asked.append(one)
-        say_of_edits(*asked)
+        compensate = ["compensate"] * self.edits.compensates
+        asked = {line: Edits([line]).replacing(compensate) for line in self.lesions}
+        for edits in asked.values():
+            check_edits(edits, self.engine)
+        edited = {line: model.circuit.edited(*edits) for line, edits in asked.items()}
+        say_of_edits(*asked.values())
         if self.lesions == LESIONS:
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         circuits = 1 + len(edited)
@@ -176,13 +178,14 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     from bgmodel.conditions import Setup
     from bgmodel.integrators.deciding import sample_ms
     from circuits.declaration.table import NATS
+    from circuits.ignored import check_edits
 
     stimuli = asked_for.stimuli
     check_ending("output", asked_for.output, ".parquet", ".csv")
     stimuli.check()
     stimuli.check_idle(MANY)
     check_whole(workers=asked_for.workers)
-    asked_for.edits.check_engine(asked_for.engine)
+    check_edits(asked_for.edits, asked_for.engine)
     trials = stimuli.draw(asked_for.seed, "compare")
     if stimuli.evidence is not None:
         asked_for.note(trials.summary())

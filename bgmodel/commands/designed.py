@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
+    EditOption,
     Shows,
     bar,
     check_ending,
@@ -19,7 +20,7 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.support import files
-from circuits.edit_lists import Edits
+from circuits.declaration.edits import Edits
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -47,7 +48,8 @@ class CircuitDesigned(Shows):
     """Name of the table, or the path of a .toml file."""
     engine: EngineName = POPULATION
     """How the circuit is run: populations with noise, unless another engine is named."""
-    edits: Edits = field(default_factory=Edits)
+    edits: EditOption = field(default_factory=Edits)
+    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     thresholds: tuple[float, ...] = (0.35, 0.25, 0.15)
     """OUT at which it decides, in the circuit's unit."""
     channels: int | None = None
@@ -112,9 +114,11 @@ class CircuitDesigned(Shows):
 
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
+        from circuits.ignored import check_edits
+
         if self.output is not None:
             check_ending("output", self.output, ".parquet", ".csv")
-        self.edits.check_engine(self.engine)
+        check_edits(self.edits, self.engine)
         check_whole(workers=self.workers, trials=self.trials)
         if not self.thresholds:
             raise ValueError("thresholds must hold one number or more")

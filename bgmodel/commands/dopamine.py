@@ -11,6 +11,7 @@ import tyro
 from tyro.conf import Positional
 
 from bgmodel.commands.checks import (
+    EditOption,
     Writes,
     bar,
     check_ending,
@@ -28,7 +29,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
 from bgmodel.support.memory import check_learning_memory, check_memory
-from circuits.edit_lists import Edits
+from circuits.declaration.edits import Edits
 
 if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -57,7 +58,8 @@ class CircuitLearn(Writes):
     """Name of the table, or the path of a .toml file."""
     engine: EngineName = RATE
     """How the circuit is run: rates, unless another engine is named."""
-    edits: Edits = field(default_factory=Edits)
+    edits: EditOption = field(default_factory=Edits)
+    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa; the table's default unless given."""
@@ -131,7 +133,7 @@ class CircuitLearn(Writes):
         from circuits.anatomy import load_circuit
         from circuits.engines import engine_of
 
-        table = self.edits.apply(load_circuit(self.circuit, evidence.hypotheses))
+        table = load_circuit(self.circuit, evidence.hypotheses).edited(*self.edits)
         say_of_edits(self.edits)
         table.check_nats("a criterion that dopamine sets")
         engine = engine_of(self.engine).coarse()
@@ -173,9 +175,10 @@ class CircuitLearn(Writes):
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         from circuits.engines import engine_of
+        from circuits.ignored import check_edits
 
         check_ending("output", self.output, ".parquet", ".csv")
-        self.edits.check_engine(self.engine)
+        check_edits(self.edits, self.engine)
         self.stimuli.check()
         self.stimuli.check_idle(TOUCHED)
         if not engine_of(self.engine).timed:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import sys
+import multiprocessing
+import os
+import signal
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +13,8 @@ from tyro.conf import Positional
 from bgmodel.commands.checks import check_whole
 from bgmodel.support.files import remove_partial_files
 
-SETTINGS = Path(".snakemake/figures.json")
-"""Where Snakemake reads the settings of a run."""
+LOCKS = Path(".snakemake/locks")
+"""Where Snakemake locks the files of a run; one that was killed leaves its locks behind."""
 MINUTES = {True: 6.0, False: 18.0}
 """CPU time of all figures, minutes, coarse or not; measured on two cores of an AMD EPYC."""
 
@@ -21,6 +22,42 @@ MINUTES = {True: 6.0, False: 18.0}
 def _names() -> list[str]:
     """Return the names of all figures."""
     return sorted(path.stem for path in Path("figures").glob("fig*.py"))
+
+
+def _check_unlocked() -> None:
+    """Raise ValueError where Snakemake's locks lie."""
+    if LOCKS.is_dir() and any(LOCKS.iterdir()):
+        raise ValueError(
+            "another run draws figures in this checkout, or was killed: wait for its end, or, if "
+            "it is gone, remove its lock with `bgmodel figures --unlock`"
+        )
+
+
+def run_snakemake(arguments: list[str]) -> int:
+    """Run Snakemake in this process; return its exit status.
+
+    Ctrl-C also ends the processes of its steps, so that Snakemake waits for none and puts its
+    lock away.
+    """
+    from snakemake.cli import args_to_api, parse_args
+
+    stopped = []
+
+    def stop(*_: object) -> None:
+        stopped.append(True)
+        for process in multiprocessing.active_children():
+            process.kill()
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        parser, options = parse_args(arguments)
+        drawn = args_to_api(options, parser)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if stopped:
+        raise KeyboardInterrupt("The same command goes on where it was.")
+    return 0 if drawn else 1
 
 
 @dataclass(frozen=True)
@@ -38,10 +75,11 @@ class Figures:
     """Jobs at a time; they change no byte."""
     recordings: Path | None = None
     """Folder of real taps for figure R1; BGMODEL_RECORDINGS if left out."""
+    unlock: bool = False
+    """Draw nothing, but remove the lock and the unfinished files of a run that was killed."""
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.commands.one_run import only_run, run_to_end
         from bgmodel.tactile.recordings import find_recordings
 
         check_whole(cores=self.cores)
@@ -55,33 +93,30 @@ class Figures:
         self._check_targets(folder)
         found = find_recordings(self.recordings)
         if found is None:
-            print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
             if "figR1" in self.targets:
                 raise ValueError("figR1 needs recordings: --recordings or BGMODEL_RECORDINGS")
-        self._say(folder, found is not None)
-        try:
-            with only_run(SETTINGS.parent, "`bgmodel figures`") as jobs:
-                remove_partial_files(folder)
-                # On a command line Snakemake takes a folder that is named 010 for the number 10.
-                settings = {"fast": int(self.fast), "recordings": str(found or "")}
-                SETTINGS.write_text(json.dumps(settings))
-                status = run_to_end(self._snakemake, jobs)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt("The same command goes on where it was.") from None
+            if not self.targets:
+                print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
+        if not self.unlock:
+            _check_unlocked()
+            self._say(folder, found is not None)
+        remove_partial_files(folder)
+        # Not on Snakemake's command line: there a folder that is named 010 is the number 10.
+        os.environ["BGMODEL_RECORDINGS"] = str(found or "")
+        status = run_snakemake(self._arguments())
         if status:
+            _check_unlocked()
             raise SystemExit(
                 f"bgmodel: not every figure is drawn, Snakemake ended with status {status}"
             )
 
-    def _snakemake(self, owner: int) -> list[str]:
-        """Return the command line; ``owner`` is the number of the file for ``end_with``."""
-        command = [sys.executable, "-m", "snakemake", "-s", "figures/Snakefile"]
-        # A run that was killed leaves Snakemake's own lock behind: those of `only_run` do its work.
-        command += ["--cores", str(self.cores), "--rerun-incomplete", "--nolock"]
+    def _arguments(self) -> list[str]:
+        """Return the arguments of Snakemake."""
+        arguments = ["-s", "figures/Snakefile", "--cores", str(self.cores), "--rerun-incomplete"]
         # Steps are handed to processes that the file of rules keeps: threads wait for them.
-        command += ["--force-use-threads"]
-        command += ["--quiet", "all", "--configfile", str(SETTINGS), "--config", f"owner={owner}"]
-        return [*command, "--", *(self.targets or ["all"])]
+        arguments += ["--force-use-threads", "--quiet", "all", "--config", f"fast={int(self.fast)}"]
+        arguments += ["--unlock"] if self.unlock else []
+        return [*arguments, "--", *(self.targets or ["all"])]
 
     def _say(self, folder: Path, recordings: bool) -> None:
         """Say what is drawn, and about how long all of it takes."""

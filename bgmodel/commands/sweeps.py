@@ -171,11 +171,21 @@ class SweepRun:
             # Jobs on other machines read the settings too; a dry run leaves nothing behind.
             settings = Path(empty if self.dry_run else folder).absolute() / "jobs.json"
             settings.write_text(json.dumps(self._settings(folder, shards)))
-            place = folder.absolute() if folder.is_dir() else empty
+            place = folder.absolute() if folder.is_dir() else Path(empty)
             command += ["--directory", str(place), "--configfile", str(settings)]
-            status = subprocess.run(command).returncode
+            process = subprocess.Popen(command)
+            try:
+                status = process.wait()
+            except KeyboardInterrupt:
+                process.wait()  # Ctrl-C reached it too: it ends its jobs and puts its lock away
+                raise
         if status:
-            raise SystemExit(f"bgmodel: the sweep is not finished, Snakemake ended with {status}")
+            locks = place / ".snakemake" / "locks"
+            more = f"; `rm -r {locks}` removes the lock of a run that was killed"
+            raise SystemExit(
+                f"bgmodel: the sweep is not finished, Snakemake ended with status {status}"
+                + (more if locks.is_dir() else "")
+            )
 
     def _settings(self, folder: Path, shards: list[Shard]) -> dict[str, str | int]:
         """Return what the Snakefile needs to know."""

@@ -7,7 +7,7 @@ and, before anything is run, which measure goes which way by how much at least.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,7 +36,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
-from circuits.edit_lists import Edits
+from circuits.declaration.edits import Edits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,9 +51,11 @@ CONDITIONS = ("control", "manipulation", "change")
 
 
 @dataclass(frozen=True)
-class Changes(Edits):
-    """What a condition changes; nothing unless it is said."""
+class Changes:
+    """What a condition changes; nothing unless it is given."""
 
+    edits: Edits = field(default_factory=Edits)
+    """Differences from the table, one line each."""
     posterior: float | None = None
     """Posterior at which it decides, if it is another one: an instruction."""
 
@@ -89,16 +91,15 @@ class Experiment(Observed):
         self.task.check_idle(Stimuli())
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
-        if self.edits != Edits():
+        if self.edits:
             raise ValueError("edits belong in [control] or [manipulation] of an experiment")
         for changes in (self.control, self.manipulation):
             self.condition(changes)
 
     def condition(self, changes: Changes) -> Observed:
         """Return the control or the manipulation as a condition of its own."""
-        own = Edits(**{f.name: getattr(changes, f.name) for f in fields(Edits)})
         posterior = self.posterior if changes.posterior is None else changes.posterior
-        return self.with_changes(edits=own, posterior=posterior)
+        return self.with_changes(edits=changes.edits, posterior=posterior)
 
     @property
     def conditions(self) -> tuple[Observed, Observed]:

@@ -383,8 +383,8 @@ def _withheld(experiment: Experiment, table: pd.DataFrame) -> list[str]:
 def _edits(experiment: Experiment) -> list[str]:
     """Return what is edited in each condition that is, in the order in which it is done."""
     conditions = {"control": experiment.control, "manipulation": experiment.manipulation}
-    edits = {name: condition.text() for name, condition in conditions.items()}
-    notes = dict.fromkeys(note for one in conditions.values() for note in one.notes())
+    edits = {name: condition.edits.text() for name, condition in conditions.items()}
+    notes = dict.fromkeys(note for one in conditions.values() for note in one.edits.notes())
     return [*(f"{name}: {text}" for name, text in edits.items() if text), *notes]
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.support.arrays import Array
-from circuits.edit_lists import written
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -45,7 +44,7 @@ class Criterion:
     Parameters
     ----------
     edits : tuple of str
-        As a person writes them, with names in braces: ``("dopamine={dopamine}",)``.
+        As a person writes them, with names in braces: ``("dopamine {dopamine}",)``.
     axes : tuple of Axis
         One for each name.
     about : str
@@ -63,38 +62,36 @@ class Criterion:
         """Return the circuit at values of the axes."""
         names = (axis.parameter.name for axis in self.axes)
         values = {name: f"{value:.6g}" for name, value in zip(names, point, strict=True)}
-        for edit in self.edits:
-            circuit = written(edit.format(**values)).apply(circuit)
-        return circuit
+        return circuit.edited(*(edit.format(**values) for edit in self.edits))
 
 
 NONE = Criterion((), (), "the threshold alone")
 ONSET_ROWS = (
-    "STN_onset like=STN transfer=linear bias_nats=0 baseline_hz=15",
-    "STN_onset->SNr like=STN->SNr weight=1",
+    "add STN_onset like=STN transfer=linear bias_nats=0 baseline_hz=15",
+    "add STN_onset->SNr like=STN->SNr weight=1",
 )
 CRITERIA = {
     "threshold": NONE,
     "dopamine": Criterion(
-        ("dopamine={dopamine}",),
+        ("dopamine {dopamine}",),
         (Axis(Parameter("dopamine", 0.6, 1.4, 1.0, "level of dopamine; 1 is the table's")),),
         "the level of dopamine",
         instead=True,
     ),
     "stn_loss": Criterion(
-        ("STN={stn_loss}",),
+        ("lesion STN {stn_loss}",),
         (Axis(Parameter("stn_loss", 0.0, 0.4, 0.0, "share of STN that is lost")),),
         "a share of STN that is lost",
         instead=True,
     ),
     "gpe_loss": Criterion(
-        ("GPe={gpe_loss}",),
+        ("lesion GPe {gpe_loss}",),
         (Axis(Parameter("gpe_loss", 0.0, 0.4, 0.0, "share of GPe that is lost")),),
         "a share of GPe that is lost",
         instead=True,
     ),
     "rising_dopamine": Criterion(
-        ("dopamine amount={dopamine_rise} rise_ms={rise_ms}",),
+        ("add dopamine amount={dopamine_rise} rise_ms={rise_ms}",),
         (
             Axis(Parameter("dopamine_rise", 0.0, 1.0, 0.0, "what dopamine rises by in a trial"), 7),
             Axis(Parameter("rise_ms", 100.0, 2100.0, 900.0, "its time constant, ms"), 6),
@@ -102,7 +99,7 @@ CRITERIA = {
         "dopamine that rises within a trial",
     ),
     "onset_stn": Criterion(
-        (*ONSET_ROWS, "STN_onset amount={onset_nats} to_ms=1 decay_ms={decay_ms}"),
+        (*ONSET_ROWS, "add STN_onset amount={onset_nats} to_ms=1 decay_ms={decay_ms}"),
         (
             Axis(Parameter("onset_nats", 0.0, 1.2, 0.0, "drive of STN_onset at onset, nats"), 13),
             Axis(Parameter("decay_ms", 200.0, 1000.0, 400.0, "time constant of its decay, ms"), 5),

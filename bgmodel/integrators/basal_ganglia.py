@@ -35,8 +35,7 @@ try:
     from circuits.activity import RateMeans, checked_drive, warn_beyond_range
     from circuits.anatomy import load_circuit as named
     from circuits.circuit import Circuit
-    from circuits.engines import EngineOrName
-    from circuits.engines import run as run_engine
+    from circuits.engines import Algebra, EngineOrName
     from circuits.ignored import ignored_edits
 except ImportError as error:
     raise explained(error) from error
@@ -51,8 +50,6 @@ WIDE_BATCH, WIDE_NUMBERS = 2000, 4_000_000
 """
 ROUNDING_NATS = 0.01
 """How far below its threshold a trial is dropped."""
-SETTLE_MS = 300.0
-"""Time at rest before each trial in the engines that need it, ms, unless an option says so."""
 LEAD_MS = 100.0
 """Time per which a circuit states the largest lead that it follows, ms."""
 REFUSED_TIMES = 8.0
@@ -74,13 +71,14 @@ class BasalGanglia(Facts):
         The table; or a name or a .toml file: that of 2 channels, or of as many as the file has.
     engine : Engine or str
         A record of ``circuits.engines`` with its options, as ``Population(dt_ms=0.5)``; or the name
-        of one with its defaults.
+        of one with its defaults. Population has the noise of spikes and is the fastest engine that
+        has it.
     gain : float, optional
         Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then
-        ``-ln softmax(kappa L)``. The table's default unless given, as in the commands, or 1 for a
-        table that states none.
+        ``-ln softmax(kappa L)``. The circuit's default unless given; a circuit that states none
+        needs one.
     seed : int, optional
-        Key of the noise; the engines that have noise need one.
+        Key of the noise.
     centred : bool, optional
         Whether the mean over channels is taken off the evidence outside the circuit; as the table
         says unless given. True for a circuit that gets raw evidence is a control: what does it
@@ -98,15 +96,15 @@ class BasalGanglia(Facts):
     """
 
     circuit: Circuit
-    engine: EngineOrName = EngineOrName("algebra")
+    engine: EngineOrName = EngineOrName("population")
     gain: float = None  # type: ignore[assignment]  # a number once the model is made
-    seed: int | None = None
+    seed: int | None = 0
     centred: bool | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
         if self.gain is None:
-            object.__setattr__(self, "gain", self.circuit.default_gain or 1.0)
+            object.__setattr__(self, "gain", gain_of(self.circuit))
         if not (is_number(self.gain) and 0 < self.gain < np.inf):
             raise ValueError(f"gain must be > 0 and finite, got {self.gain!r}")
         if self.seed is not None:
@@ -452,7 +450,7 @@ def checked_circuit(given: Circuit | str | Path, channels: int | None = None) ->
 
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:
-    """Return the gain that is given, or else the circuit's default.
+    """Return the gain that is given, or else the circuit's default, 1 for an exact circuit.
 
     Parameters
     ----------
@@ -467,6 +465,8 @@ def gain_of(circuit: Circuit, given: float | None = None) -> float:
         If none is given and the circuit has no default: that of another table would mean nothing.
     """
     found = circuit.default_gain if given is None else given
+    if found is None and (circuit.unedited or circuit).exact:
+        return 1.0  # an exact table follows -ln P at any gain
     if found is None:
         raise ValueError(
             f"{circuit.name} has no default gain: give gain=... (at the terminal --gain), the "
@@ -489,7 +489,7 @@ def rest_out(circuit: Circuit) -> float:
     """
     try:
         silence = np.zeros((1, 1, circuit.channels))
-        found = run_engine(circuit.steady, silence, engine="algebra", step_ms=1.0).output_nats.min()
+        found = Algebra().run(circuit.steady, silence, step_ms=1.0).output_nats.min()
     except ValueError:
         return np.inf  # Without a state of rest there is nothing to compare with.
     return float(found)

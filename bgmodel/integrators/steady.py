@@ -49,7 +49,7 @@ def leader_out(
     """
     odds = np.asarray(log_odds, dtype=np.float64)
     # Edits that the fixed point makes no use of are not what is asked for here.
-    model = BasalGanglia(replace(circuit, unedited=None), Algebra(laws=laws))
+    model = BasalGanglia(replace(circuit, unedited=None), Algebra(laws=laws), gain=1.0)
     found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
     return np.asarray(found[:, 0, 0].reshape(odds.shape))
 
@@ -150,17 +150,17 @@ def steady_shifts(
 
 
 def lesions(table: Circuit) -> dict[str, Circuit]:
-    """Return ten lesions of a circuit by name, lost drive replaced where the name says so.
+    """Return ten lesions of a circuit by name, clamped ("replaced") where the name says so.
 
     They are those of figure C5 and of its score.
     """
     return {
         "STN 10 %": table.lesion("STN", 0.1),
         "STN 20 %": table.lesion("STN", 0.2),
-        "STN 50 %, replaced": table.lesion("STN", 0.5, replaced=True),
+        "STN 50 %, replaced": table.clamp("STN", 0.5),
         "GPe 10 %": table.lesion("GPe", 0.1),
         "GPe 20 %": table.lesion("GPe", 0.2),
-        "GPe, replaced": table.lesion("GPe", replaced=True),
+        "GPe, replaced": table.clamp("GPe"),
         "D1 10 %": table.lesion("D1", 0.1),
         "D1 20 %": table.lesion("D1", 0.2),
         "D2": table.lesion("D2"),

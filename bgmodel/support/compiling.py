@@ -38,7 +38,7 @@ def inlined(function: Function) -> Function:
     return compiled(function, inline="always")
 
 
-class _Listener(event.Listener):  # type: ignore[misc]
+class _Listener(event.Listener):
     """Calls a function when the first function of the circuits' engines is compiled."""
 
     def __init__(self, call: Callable[[], None]) -> None:

@@ -46,7 +46,7 @@ def generator(rng: np.random.Generator | int, name: str = "rng") -> np.random.Ge
     if isinstance(rng, np.random.Generator):
         return rng
     if isinstance(rng, numbers.Real):
-        return stream(rng)  # type: ignore[arg-type]
+        return stream(rng)
     raise InputError.of(
         name, "must be a numpy Generator, as from stream(seed), or a seed, a whole number >= 0", rng
     )

@@ -21,6 +21,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.sweeps.plan import Plan, Point
 from bgmodel.sweeps.shards import REMARK, read
+from circuits.declaration.edits import FRACTION, VERBS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -210,12 +211,9 @@ def _places(values: list[Any]) -> list[float]:
 
 
 def _label(key: str) -> str:
-    """Return the axis label of a key."""
-    if "." in key or " " in key:
-        return key
-    return (
-        f"{key}, factor" if "->" in key else f"{key}, part lesioned" if key[:1].isupper() else key
-    )
+    """Return what the numbers of a key are of."""
+    verb = VERBS.get(key.partition(" ")[0])
+    return f"{key}, fraction" if verb is not None and verb.takes == FRACTION else key
 
 
 def _measure(name: str) -> str:

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cache, cached_property
+from functools import cached_property
 from importlib.resources import files as resources
 from itertools import product
 from pathlib import Path
@@ -25,10 +25,8 @@ from bgmodel.support import files, toml_files
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
-from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
-from circuits.declaration.motifs import expanded
-from circuits.edit_lists import ROWS, Edits, with_edits, written
+from circuits.declaration.edits import VERBS, parsed
 
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
@@ -82,12 +80,6 @@ class Point(Observed):
 
 
 OWN = tuple(f.name for f in fields(Point) if f.name not in ("task", "edits"))
-OF_EDITS = tuple(f.name for f in fields(Edits) if f.name not in ROWS)
-
-
-@cache
-def _nuclei(name: str) -> set[str]:
-    return {row.name for row in load_circuit(name).populations}
 
 
 @dataclass(frozen=True)
@@ -132,10 +124,10 @@ class Plan(Point):
     """A sweep: what is the same everywhere, and what changes from point to point.
 
     A key of ``grid`` or ``points`` is a field of ``Point``, a field of its task as
-    ``task.d_prime``, or the left side of an edit as everywhere else: ``STN`` is lesioned by a
-    fraction, ``STN->GPe`` scaled, ``STN.bias_nats`` changed, ``dopamine`` set; ``rebound SNr``
-    lets SNr recover to rest above its old rate. It replaces the same edit in ``edits``; an edit
-    that it would only add to, such as a factor on a weight, is refused.
+    ``task.d_prime``, or an edit without its value: ``lesion STN``, ``scale STN->GPe``,
+    ``set STN.bias_nats``, ``dopamine``. It replaces the same edit in ``edits``; an edit that it
+    would only add to, such as a factor on a weight that is set, is refused. The values of a key
+    that is an edit by itself may be true and false: the edit is made, or not.
     """
 
     name: str = ""
@@ -203,27 +195,8 @@ class Plan(Point):
 
 def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
     owner = f"the point {point_text(point)}"
-    values = asdict(same)
-    edits = []
-    for key, value in point.items():
-        key = key.strip()
-        if key == "circuit":
-            value = circuit_seen_from(folder, str(value))
-        elif key == "task.evidence":
-            value = str(folder / str(value))
-        if key.startswith(TASK):
-            values["task"][key.removeprefix(TASK)] = value
-        elif key in OWN:
-            values[key] = value
-        elif key in OF_EDITS:
-            values["edits"][key] = value
-        else:
-            edits.append(f"{key}={value}")
-    if values["task"]["evidence"] is not None:
-        values["task"]["evidence"] = str(values["task"]["evidence"])
     try:
-        # With the circuit of the point, whatever comes first.
-        values["edits"] |= _edited(same.edits, edits, str(values["circuit"]))
+        values = _values(same, point, folder)
     except ValueError as error:
         raise ValueError(f"{owner}: {error}") from None
     found = toml_files.decoded(values, Point, owner)
@@ -234,22 +207,48 @@ def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
     return found
 
 
-def _edited(edits: Edits, texts: list[str], name: str) -> dict[str, Any]:
-    """Return the edits of rows of a point: the plan's, those that it names replaced."""
-    rows = expanded(load_circuit(name), edits.add)
-    added = {row.split()[0] if isinstance(row, str) else row.name for row in rows}
-    for text in texts:
-        place = text.partition("=")[0]
-        if written(text).without and place.partition("[")[0].strip() not in _nuclei(name) | added:
-            of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
-            nuclei = ", ".join(sorted(_nuclei(name)))
-            raise ValueError(
-                f"there is no {place!r} to change; there are {', '.join((*OWN, *of_task))}, "
-                f"{', '.join(OF_EDITS)}, the nuclei {nuclei}, and edits such as "
-                "STN->GPe or STN.bias_nats"
-            )
-    found = with_edits(edits, texts)
-    return {name: getattr(found, name) for name in ROWS}
+def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, Any]:
+    """Return the fields of a point, as a file has them."""
+    values = asdict(same)
+    made: list[str] = []
+    left_out: list[str] = []
+    for key, value in point.items():
+        key = key.strip()
+        if key == "circuit":
+            value = circuit_seen_from(folder, str(value))
+        elif key == "task.evidence":
+            value = str(folder / str(value))
+        if key.startswith(TASK):
+            values["task"][key.removeprefix(TASK)] = value
+        elif key in OWN:
+            values[key] = value
+        elif isinstance(value, bool) and _is_whole(key):
+            (made if value else left_out).append(key)
+        else:
+            made.append(_line(key, value))
+    if values["task"]["evidence"] is not None:
+        values["task"]["evidence"] = str(values["task"]["evidence"])
+    return values | {"edits": same.edits.replacing(made, left_out)}
+
+
+def _is_whole(key: str) -> bool:
+    """Whether a key is an edit by itself, such as "compensate" or "lesion STN"."""
+    try:
+        return bool(parsed(key))
+    except ValueError:
+        return False
+
+
+def _line(key: str, value: Value) -> str:
+    """Return the edit of a key and its value; ValueError if it begins with no verb."""
+    verb = key.partition(" ")[0]
+    if verb not in VERBS:
+        of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
+        raise ValueError(
+            f"there is no {key!r} to change; there are {', '.join((*OWN, *of_task))}, and edits, "
+            f"which begin with {', '.join(VERBS)}, such as 'lesion STN'"
+        )
+    return f"{key}{'=' if verb == 'add' else ' '}{value}"
 
 
 def point_text(point: Mapping[str, Value]) -> str:

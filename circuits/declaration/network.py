@@ -133,6 +133,17 @@ class Network(Mapping[str, "Population | Projection"]):
                 raise ValueError(f"{name} has no cells that spike")
         return chosen
 
+    def joins_cells(self, p: Projection) -> bool:
+        """Return whether a projection joins cells that spike to cells that spike."""
+        return all(self.population(name).spiking for name in (p.source, p.target))
+
+    def is_sparse(self, p: Projection) -> bool:
+        """Return whether each cell of the target hears other cells of the source.
+
+        Where either end passes rates on, there is one input for all cells of a channel.
+        """
+        return p.probability < 1 and self.joins_cells(p)
+
     def pattern(self, p: Projection) -> npt.NDArray[np.float64]:
         """Return which channels reach which, (target channels, source channels), factors included.
 

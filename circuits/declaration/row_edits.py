@@ -1,11 +1,11 @@
-"""Edits of a circuit as text: the same words in Python, in a file and at the terminal.
+"""Rows from text: those that are added, and those of which fields are set.
 
-A change names one field of one row, and a value of the type that the field declares::
+A value that is set has the type that the field declares::
 
-    STN.bias_nats=-2.3                  a field of a population
-    STN.cell.cv=0.2                     a constant of its cell
-    STN.cell=Phase                      another type of cell, with its constants as cell.NAME
-    STN->GPe.delay_ms=4                 a field of a pathway
+    STN.bias_nats -2.3                  a field of a population
+    STN.cell.cv 0.2                     a constant of its cell
+    STN.cell Phase                      another type of cell, with its constants as cell.NAME
+    STN->GPe.delay_ms 4                 a field of a pathway
 
 A new row is its name and its fields; what is not given is the default, or that of the row which
 it is like; a row with an amount is a course. A value with blanks needs quotes::
@@ -30,6 +30,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from circuits.cells import CELLS, Cell
 from circuits.declaration.courses import DOPAMINE, Course
+from circuits.declaration.edits import Edit
 from circuits.declaration.motifs import MOTIFS, expanded
 from circuits.declaration.rows import WHOLE, Population, Projection
 from circuits.declaration.table import CircuitTable
@@ -37,7 +38,6 @@ from circuits.declaration.table import CircuitTable
 Row = Population | Projection
 Edited = TypeVar("Edited", Population, Projection, Cell)
 
-A_CHANGE = 'a change is ROW.FIELD=VALUE, such as "STN->GPe.delay_ms=4"'
 A_ROW = 'a new row is its name and FIELD=VALUE, such as "D1->GPe weight=-0.1 delay_ms=4"'
 NAMES = ("name", "source", "target")
 """Fields that say which row it is: no edit changes them."""
@@ -69,31 +69,27 @@ def with_fields(row: Edited, values: Mapping[str, object], owner: str) -> Edited
     return new
 
 
-def changed_rows(circuit: CircuitTable, changes: Sequence[str]) -> list[Row]:
-    """Return the rows that changes in text name, as changed.
+def changed_rows(circuit: CircuitTable, edits: Sequence[Edit]) -> list[Row]:
+    """Return the rows of which edits set fields, as changed.
 
-    All changes of a row are made at once, so their order does not matter.
+    All fields of a row are set at once, so their order does not matter.
 
     Raises
     ------
     ValueError
-        One sentence with the change as it was written and what is allowed.
+        One sentence with the edit as it was written and what is allowed.
     """
-    written: dict[str, list[str]] = {}
-    for text in changes:
-        with naming(text):
-            row = circuit.row(_change(text)[0])
-        written.setdefault(row.name, []).append(text)
-    return [_changed(circuit.row(name), texts) for name, texts in written.items()]
+    by_row: dict[str, list[Edit]] = {}
+    for edit in edits:
+        with naming(edit.text):
+            circuit.row(edit.row)
+        by_row.setdefault(edit.row, []).append(edit)
+    return [_changed(circuit.row(name), own) for name, own in by_row.items()]
 
 
-def _changed(row: Row, texts: Sequence[str]) -> Row:
-    with naming(*texts):
-        changes = [_change(text) for text in texts]
-        given = {field: value for _, field, value in changes}
-        if len(given) < len(changes):
-            raise ValueError(f"one field of {row.name} is changed twice")
-        return _row(type(row), row, given, {})
+def _changed(row: Row, edits: Sequence[Edit]) -> Row:
+    with naming(*(edit.text for edit in edits)):
+        return _row(type(row), row, {edit.field: str(edit.value) for edit in edits}, {})
 
 
 def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
@@ -140,7 +136,7 @@ def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | C
         if name == DOPAMINE or any(field in OF_COURSES for field in given):
             return _course(name, given)
         if name in known:
-            raise ValueError(f"{name} is there already; {A_CHANGE}")
+            raise ValueError(f"{name} exists already: use set for its fields")
         source, arrow, target = name.partition("->")
         kind = Projection if arrow else Population
         old = given.pop("like", None)
@@ -184,15 +180,6 @@ def _tidied(text: str) -> str:
     if not isinstance(text, str):
         raise ValueError("an edit is text")
     return re.sub(r"\s*(->|=)\s*", r"\1", text.strip())
-
-
-def _change(text: str) -> tuple[str, str, str]:
-    """Return row, field and value of a change."""
-    place, equals, value = _tidied(text).partition("=")
-    row, _, field = place.partition(".")
-    if not (row and field and equals) or " " in place:
-        raise ValueError(A_CHANGE)
-    return row, field, value
 
 
 def _new(text: str) -> tuple[str, dict[str, str]]:

@@ -30,7 +30,7 @@ MOST_HZ, USUAL_HZ = 1000.0, 200.0
 """Highest ``baseline_hz``: no cell fires at more than a spike per ms, its refractory period. Above
 the second a row is warned of: pallidal and nigral cells, the fastest, rest at 50 to 100 Hz."""
 RECEPTORS = {"": 0, "D1": 1, "D2": -1}
-WHOLE: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "replaced": False}
+WHOLE: dict[str, Any] = {"intact": 1.0, "intact_by_channel": (), "clamped": False}
 """The fields of a population by which it is lesioned, without any lesion."""
 
 
@@ -80,8 +80,9 @@ class Population:
     spread : float
         Standard deviation across cells of the cell's constants, as a fraction of each; their mean
         in a channel is the row's.
-    intact, replaced : float, bool
-        The fraction that survives a lesion, and whether the lost output is replaced by its rest.
+    intact, clamped : float, bool
+        The fraction that survives a lesion, and whether the targets receive the lost output as a
+        constant, its resting rate.
     intact_by_channel : tuple of float
         What ``intact`` is multiplied by in each channel; none means 1 in all.
     cite : str
@@ -105,7 +106,7 @@ class Population:
     pivot_nats: float = 0.0
     spread: float = 0.0
     intact: float = 1.0
-    replaced: bool = False
+    clamped: bool = False
     intact_by_channel: tuple[float, ...] = ()
     cite: str = ""
     published_hz: tuple[float, ...] = ()

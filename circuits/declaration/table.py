@@ -23,8 +23,8 @@ NATS = "nats"
 UNITS = (NATS, "salience")
 """Units of a circuit's drive and OUT."""
 
+# A level of dopamine, or one per tick.
 Level = TypeVar("Level", float, Array)
-"""A level of dopamine, or one per tick."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,7 +72,7 @@ class CircuitTable(Network):
     """One sentence with its source, of the table before any edit: an edited one begins with
     ``EDITED``. It is no part of what makes two circuits equal."""
     unit: str = NATS
-    """Of drive and OUT: "nats", or "salience", from which no posterior follows."""
+    """Unit of drive and OUT: "nats", or "salience", from which no posterior follows."""
     default_gain: float | None = None
     """Nats of drive per nat of evidence that the circuit was made with; None if not known."""
     chronic: bool = False

@@ -76,6 +76,11 @@ def _s_minus_log_s_curvature(s: Array) -> Array:
     return np.where(some, 1 / np.where(some, s, 1.0) ** 2, 0.0)
 
 
+# Each compiled engine has these functions once more, and tests hold them equal to these. One
+# compiled function cannot serve all three: the ensemble engine takes one number at a time in double
+# precision, inlined into its loop over ticks; the population engine takes a row of lanes in single
+# precision, with an exponential that the compiler vectorises; here they are NumPy's, on arrays. To
+# share one would round the others' numbers otherwise, and cost the lanes their speed.
 TRANSFERS: dict[str, Transfer] = {
     "linear": Transfer(
         lambda x: x + 0.0, np.ones_like, np.zeros_like, "{x}", "as it is", lambda a: a + 0.0

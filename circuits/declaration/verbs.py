@@ -6,11 +6,13 @@ Edits that need a fixed point, such as compensation, are in ``circuits.circuit``
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Self
 
 from circuits.checks import check_number
 from circuits.declaration.courses import Course
+from circuits.declaration.edits import Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
@@ -36,25 +38,31 @@ class EditableTable(CircuitTable):
         row = self.projection(source, target)
         return self._with(with_fields(row, fields, row.name))
 
-    def edited(self, *changes: str) -> Self:
-        """Return the circuit with fields changed by text, all at once.
+    def set(self, field: str, value: object) -> Self:
+        """Return the circuit with one field of a row, or of its cells, set to another value.
 
-        ``circuit.edited("STN.bias_nats=-2.3", "STN.cell.cv=0.2", "STN->GPe.delay_ms=4")``: the
-        forms are those of ``circuits.declaration.row_edits``. ValueError names the change as it
-        was written.
+        Parameters
+        ----------
+        field : str
+            ``"STN.bias_nats"``, ``"STN.cell.cv"`` or ``"STN->GPe.delay_ms"``.
+        value : number, str or sequence
+            Its new value.
+
+        Raises
+        ------
+        ValueError
+            For an unknown row or field, with those that there are, or an impossible value.
         """
-        rows = changed_rows(self, changes)
-        with naming(*changes):
+        text = ",".join(map(str, value)) if isinstance(value, (tuple, list)) else str(value)
+        return self._set(Edits([f"set {field}={text}"]).parsed())
+
+    def _set(self, edits: Sequence[Edit]) -> Self:
+        """Return the circuit with the fields of edits set, all at once."""
+        rows = changed_rows(self, edits)
+        with naming(*(edit.text for edit in edits)):
             return self._with(*rows)
 
-    def lesion(
-        self,
-        name: str,
-        fraction: float = 1.0,
-        *,
-        replaced: bool = False,
-        channel: int | None = None,
-    ) -> Self:
+    def lesion(self, name: str, fraction: float = 1.0, *, channel: int | None = None) -> Self:
         """Return the circuit with a fraction of a nucleus lesioned.
 
         Its rate is scaled in all that it reaches, tone included; its own cells are still shown, for
@@ -66,8 +74,6 @@ class EditableTable(CircuitTable):
             The nucleus.
         fraction : float
             Lost part, 0..1.
-        replaced : bool
-            Whether its targets get the lost output back as a constant: its rate at rest.
         channel : int, optional
             The channel in which it is lost; all if left out.
 
@@ -75,16 +81,28 @@ class EditableTable(CircuitTable):
         ------
         ValueError
             For an unknown nucleus or channel, a fraction out of range, the input or the read-out
-            itself, or, in one channel, a pooled nucleus.
+            itself, a clamped nucleus, or, in one channel, a pooled nucleus.
         """
+        return self._lost(name, fraction, channel, clamped=False)
+
+    def clamp(self, name: str, fraction: float = 1.0, *, channel: int | None = None) -> Self:
+        """Return the circuit with a fraction of a nucleus's output held at its resting rate.
+
+        It is a lesion after which the targets receive the lost output back as a constant. The
+        parameters and errors are those of ``lesion``.
+        """
+        return self._lost(name, fraction, channel, clamped=True)
+
+    def _lost(self, name: str, fraction: float, channel: int | None, *, clamped: bool) -> Self:
         row = self.population(name)
         if name in (self.input, self.readout):
             raise ValueError(
                 f"{name} is the {'input' if name == self.input else 'read-out'}: without it "
                 "nothing is decided"
             )
-        if (self.intact_of(name) < 1).any() and row.replaced != replaced:
-            raise ValueError(f"{name} is lesioned already, its output replaced: {row.replaced}")
+        if (self.intact_of(name) < 1).any() and row.clamped != clamped:
+            there = "clamped" if row.clamped else "lesioned"
+            raise ValueError(f"{name} is {there} already: it can't be both lesioned and clamped")
         check_number("fraction", fraction)
         if not 0 <= fraction <= 1:
             raise ValueError(f"fraction must lie in 0..1, got {fraction}")
@@ -93,10 +111,10 @@ class EditableTable(CircuitTable):
         if fraction == 0:
             return self
         if channel is None:
-            return self.with_population(name, intact=row.intact * (1 - fraction), replaced=replaced)
+            return self.with_population(name, intact=row.intact * (1 - fraction), clamped=clamped)
         left = list(row.intact_by_channel or (1.0,) * self.channels)
         left[int(channel)] *= 1 - fraction
-        return self.with_population(name, intact_by_channel=tuple(left), replaced=replaced)
+        return self.with_population(name, intact_by_channel=tuple(left), clamped=clamped)
 
     def _check_own_channel(self, row: Population, channel: int) -> None:
         if row.pooled:

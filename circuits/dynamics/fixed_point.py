@@ -20,8 +20,8 @@ PATIENCE, CAUTION = 100, 10.0
 
 
 def wired(circuit: CircuitTable) -> Wiring:
-    """Return the circuit's wiring, replaced lesions at the rates of the intact circuit at rest."""
-    if not any(row.replaced for row in circuit.populations):
+    """Return the circuit's wiring, clamped nuclei at the rates of the intact circuit at rest."""
+    if not any(row.clamped for row in circuit.populations):
         return wire(circuit)
     return wire(circuit, rest_rates(wire(circuit.unlesioned)))
 

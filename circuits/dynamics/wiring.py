@@ -38,7 +38,7 @@ class Wiring:
     deliver : array (units, blocks)
         Nats that a unit receives from each Hz of a block, lesions included.
     constant : array (units,)
-        Nats that a unit receives always: minus the baselines, plus replaced output.
+        Nats that a unit receives always: minus the baselines, plus clamped output.
     weight : array (blocks, units)
         Nats of input to a block a unit of transformed activity.
     bias : array (blocks,)
@@ -196,7 +196,7 @@ def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
     circuit : CircuitTable
         The table.
     rest_hz : array (blocks,), optional
-        Rates at rest of the intact circuit, Hz: what a replaced lesion delivers.
+        Rates at rest of the intact circuit, Hz: what a clamped nucleus delivers.
     """
     owner: list[int] = []
     channel: list[int] = []
@@ -216,7 +216,7 @@ def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
         first, intact = start[p.source], circuit.intact_of(p.source)
         kept = np.full(pattern.shape[1], -float(source.baseline_hz))
         given = np.zeros(pattern.shape[1])
-        if source.replaced and rest_hz is not None:
+        if source.clamped and rest_hz is not None:
             given += (1 - intact) * rest_hz[first : first + pattern.shape[1]]
         for k, row_ in enumerate(pattern):
             path.append(i)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from circuits.cells import CELLS
 from circuits.checks import check_time, check_types, is_whole
+from circuits.engines.memory import blocks, cells, connection_bytes
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -284,25 +285,3 @@ def of_cells_alone(field: str) -> bool:
     """Return whether a field of a row acts only where cells fire, or where their number counts."""
     of_rates = {f"cell.{name}" for kind in CELLS.values() for name in kind.of_rates}
     return field in OF_CELLS or (field.startswith("cell.") and field not in of_rates)
-
-
-def blocks(circuit: Circuit) -> int:
-    """Return the number of populations, counted in each channel that they have."""
-    return sum(circuit.channels_of(row.name) for row in circuit.populations)
-
-
-def cells(circuit: Circuit) -> float:
-    """Return the number of spiking cells of a circuit."""
-    rows = (row for row in circuit.populations if row.spiking)
-    return float(sum(row.neurons * circuit.channels_of(row.name) for row in rows))
-
-
-def connection_bytes(circuit: Circuit) -> float:
-    """Return the memory of sparse connections: an index of 8 bytes each, and a mark per pair."""
-    total = 0.0
-    for p in circuit.projections:
-        ends = [circuit.population(name) for name in (p.source, p.target)]
-        if p.probability < 1 and all(row.spiking for row in ends):
-            size = [float(row.neurons) * circuit.channels_of(row.name) for row in ends]
-            total += size[0] * size[1] * (8 * p.probability + 1)
-    return total

@@ -213,8 +213,7 @@ def _own_inputs(scheme: Scheme) -> tuple[dict[int, list[_OwnInputs]], Array]:
     own: dict[int, list[_OwnInputs]] = {b: [] for b in range(w.blocks)}
     weight = w.weight.copy()
     for i, p in enumerate(circuit.projections):
-        ends = circuit.population(p.source), circuit.population(p.target)
-        if p.probability < 1 and all(end.spiking for end in ends):
+        if circuit.is_sparse(p):
             weight[:, w.path == i] = 0
             for channel, b in enumerate(w.blocks_of(p.target)):
                 own[int(b)].append(_OwnInputs(scheme, i, channel))

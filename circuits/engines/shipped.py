@@ -10,9 +10,9 @@ from circuits.engines.engine import (
     CompiledEngine,
     Engine,
     SpikingEngine,
-    blocks,
     of_cells_alone,
 )
+from circuits.engines.memory import blocks
 from circuits.engines.registry import register
 
 if TYPE_CHECKING:

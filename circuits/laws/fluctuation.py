@@ -216,9 +216,8 @@ def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
 
 
 def _check(wiring: Wiring) -> None:
-    names = {row.name for row in wiring.circuit.populations if row.spiking}
     for p in wiring.circuit.projections:
-        if {p.source, p.target} <= names and p.probability < 1:
+        if wiring.circuit.is_sparse(p):
             raise ValueError(
                 "laws of a finite number of cells are known for cells connected all to all: "
                 f"{p.name} connects {p.probability:.0%}"

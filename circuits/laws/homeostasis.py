@@ -301,15 +301,15 @@ def _goal(
 def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> CircuitTable:
     """Return the circuit before the edits; ValueError where it is not known or does not fit."""
     for row in circuit.populations:
-        if row.replaced:
+        if row.clamped:
             raise ValueError(
-                f"{row.name}: its lost output is replaced, which leaves rates at rest what they "
-                "were: there is nothing to recover from"
+                f"{row.name} is clamped, which leaves resting rates what they were: there is "
+                "nothing to compensate"
             )
     if reference is None:
         if circuit == circuit.unlesioned:
             raise ValueError(
-                f"{circuit.name} has no lesion: recovered needs a reference, the circuit before "
+                f"{circuit.name} has no lesion: compensate needs a reference, the circuit before "
                 "the edits"
             )
         return circuit.unlesioned

@@ -20,7 +20,7 @@ from tests.circuits.helpers import run_algebra
 
 EDITS = {
     "lesion": lambda c: c.lesion("STN", 0.3),
-    "replaced lesion": lambda c: c.lesion("GPe", replaced=True),
+    "replaced lesion": lambda c: c.clamp("GPe"),
     "weight": lambda c: c.scale("STN", "GPe", 0.5),
     "axons": lambda c: c.cut("STN", "GPe", 0.5),
     "axons of one channel": lambda c: c.cut("D1", "SNr", 0.5, channel=1),
@@ -142,11 +142,11 @@ def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
 
 def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes():
     table = anatomy.spiking_msprt(2)
-    lost = table.lesion("GPe", channel=0, replaced=True)
+    lost = table.clamp("GPe", channel=0)
     np.testing.assert_allclose(rest_rates(wired(lost)), rest_rates(wired(table)), atol=1e-9)
-    with pytest.raises(ValueError, match="GPe is lesioned already, its output replaced: True"):
+    with pytest.raises(ValueError, match="GPe is clamped already"):
         lost.lesion("GPe", 0.5)
-    assert lost.lesion("GPe", channel=1, replaced=True).unlesioned == table
+    assert lost.clamp("GPe", channel=1).unlesioned == table
 
 
 @pytest.mark.parametrize(
@@ -156,9 +156,9 @@ def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes(
         (lambda c: c.lesion("GPe", 0.5, channel=2), r"GPe: channel must lie in 0\.\.1, got 2"),
         (lambda c: c.lesion("SNr", 0.5, channel=0), "SNr is the read-out"),
         (lambda c: c.lesion("GPe", 0.5, channel=0).with_channels(4), "4 channels, got 2$"),
-        (lambda c: c.edited("GPe.intact_by_channel=0.5"), "each of 2 channels, got 1$"),
+        (lambda c: c.edited("set GPe.intact_by_channel=0.5"), "each of 2 channels, got 1$"),
         (
-            lambda c: c.edited("GPe.intact_by_channel=0.5,2"),
+            lambda c: c.edited("set GPe.intact_by_channel=0.5,2"),
             r"intact_by_channel must lie in 0\.\.1",
         ),
         (
@@ -277,7 +277,7 @@ def test_numbers_without_sense_are_refused(row, values, message):
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
-        (lambda c: c.add("STN"), "'STN': STN is there already; a change is"),
+        (lambda c: c.add("STN"), "'STN': STN exists already: use set"),
         (lambda c: c.add(None), "a row is a Population, a Projection, a Course or text, got"),
         (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
         (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
@@ -406,16 +406,16 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
         table.lesion("GPe", 0.1),
         table.scale("ctx", "D1", 1.1),
         table.dopamine(0.9),
-        table.edited("STN.bias_nats=-2"),
+        table.edited("set STN.bias_nats=-2"),
         table.add("D1->GPe weight=-0.1"),
         table.with_neurons_times(2),
         table.with_channels(2),
     ]
     assert {edited.most_lead_nats for edited in kept} == {most}
     cleared = [
-        table.edited("STN->GPe.delay_ms=4"),
-        table.edited("GPe->STN.tau_ms=3"),
-        table.edited("GPe_ctx.tau_ms=500"),
+        table.edited("set STN->GPe.delay_ms=4"),
+        table.edited("set GPe->STN.tau_ms=3"),
+        table.edited("set GPe_ctx.tau_ms=500"),
         table.with_channels(4),
     ]
     assert {edited.most_lead_nats for edited in cleared} == {np.inf}
@@ -448,7 +448,7 @@ def test_a_rate_that_no_cell_has_is_refused(baseline_hz):
     table = named("macaque")
     for edit in (
         lambda: table.with_population("STN", baseline_hz=baseline_hz),
-        lambda: table.edited(f"STN.baseline_hz={baseline_hz}"),
+        lambda: table.edited(f"set STN.baseline_hz={baseline_hz}"),
         lambda: table.add(f"TRN like=STN baseline_hz={baseline_hz}"),
     ):
         with pytest.raises(ValueError, match="baseline_hz"):
@@ -465,16 +465,16 @@ def test_only_a_rate_that_is_a_difference_may_be_negative():
 @pytest.mark.parametrize(
     "edit",
     [
-        "STN.tau_ms=0.02",
-        "STN->GPe.tau_ms=0.003",
-        "STN->GPe.delay_ms=0.004",
-        "GPe.cell.tau_ms=0.01",
-        "STN->GPe.tau_ms=20000",
-        "STN.baseline_hz=500",
+        "set STN.tau_ms 0.02",
+        "set STN->GPe.tau_ms 0.003",
+        "set STN->GPe.delay_ms 0.004",
+        "set GPe.cell.tau_ms 0.01",
+        "set STN->GPe.tau_ms 20000",
+        "set STN.baseline_hz 500",
     ],
 )
 def test_numbers_far_outside_physiology_are_warned_of(edit):
-    name = edit.partition("=")[0].split(".", 1)[1].replace(".", "_")
+    name = edit.split(" ")[1].split(".", 1)[1].replace(".", "_")
     with pytest.warns(UserWarning, match=name):
         named("spiking_msprt").edited(edit)
 

@@ -13,7 +13,7 @@ from circuits.anatomy import DEFAULT
 from tests.helpers import run
 
 FIXED_POINT = ("--engine", "algebra", "--d-prime", 1, "--t-max", 20, "--accuracies", 0.9)
-SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edits.neurons", 100)
+SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edit", "neurons 100")
 
 
 def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsys):
@@ -46,7 +46,7 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, capsys, monkeypa
     for engine, more, said in (
         ("population", (), ""),
         ("population", ("--ceiling",), "2 circuits, "),
-        ("population", ("--ceiling", "--edits.without", "D2=0.1"), "3 circuits, "),
+        ("population", ("--ceiling", "--edit", "lesion D2 10%"), "3 circuits, "),
         ("algebra", ("--ceiling",), ""),
     ):
         asked = ("compare", tmp_path / "a.csv", "--engine", engine, "--trials", 9000, *more)
@@ -57,7 +57,7 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, capsys, monkeypa
 def test_json_is_all_that_stdout_holds(tmp_path, capsys):
     out = tmp_path / "a.csv"
     small = (*FIXED_POINT, "--trials", 100, "--json")
-    for command, edits in ((("compare",), ()), (("circuit", "lesion"), ("STN=0.2",))):
+    for command, edits in ((("compare",), ()), (("circuit", "lesion"), ("lesion STN 20%",))):
         assert run(*command, out, *edits, *small, "--force") == 0
         told = capsys.readouterr()
         found = json.loads(told.out)
@@ -71,7 +71,7 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
         assert "left out" not in told.err
         assert "json" not in json.loads(provenance_path(out).read_text())["parameters"]["command"]
     plain = (*FIXED_POINT, "--trials", 100, "--force")
-    assert run("circuit", "lesion", out, "STN=0.2", *plain) == 0
+    assert run("circuit", "lesion", out, "lesion STN 20%", *plain) == 0
     shown = capsys.readouterr().out
     assert "value [95 % interval, by a bootstrap over trials]" in shown
     assert "mean_ms in ms" in shown
@@ -80,27 +80,27 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
 def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsys):
     """Half of ctx->STN: OUT rests below every threshold."""
     task = ("--channels", 3, "--d-prime", 0.8, "--trials", 100, "--t-max", 10)
-    halved = ("--edits.scale", "ctx->STN=0.5", "--edits.neurons", 40)
+    halved = ("--edit", "scale ctx->STN 0.5", "neurons 40")
     for command in (("compare",), ("circuit", "lesion")):
         assert run(*command, tmp_path / "a.csv", *task, *halved) == 2
         assert "it would decide without evidence, or never" in capsys.readouterr().err
     learned = ("circuit", "learn", tmp_path / "a.csv", "--circuit", "spiking_msprt")
-    assert run(*learned, "--edits.scale", "ctx->STN=0.5") == 2
+    assert run(*learned, "--edit", "scale ctx->STN 0.5") == 2
     assert "no level of dopamine" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-    given = (*task[:-1], 40, "ctx->STN=0.5", "--engine", "rate", "--accuracies", 0.8)
+    given = (*task[:-1], 40, "scale ctx->STN 0.5", "--engine", "rate", "--accuracies", 0.8)
     assert run("circuit", "lesion", tmp_path / "a.csv", *given) == 0
     shown = capsys.readouterr().out
     assert re.search(r"intact +0.8 +by evidence", shown)
-    assert re.search(r"ctx->STN=0.5 0.8 +without evidence", shown)
-    assert re.search(r"ctx->STN=0.5: too few accuracies", shown)
+    assert re.search(r"scale ctx->STN 0.5 0.8 +without evidence", shown)
+    assert re.search(r"scale ctx->STN 0.5: too few accuracies", shown)
     assert "nan" not in shown
 
 
 def test_a_lesion_without_an_edit_says_which_it_runs(tmp_path, capsys):
     small = ("--trials", 100, "--t-max", 4, "--engine", "algebra", "--accuracies", 0.7)
     assert run("circuit", "lesion", tmp_path / "a.csv", *small) == 0
-    said = "no edit given, these run: STN=0.2, GPe=0.2, D2, ctx->STN=0.9, D1->SNr=0.9"
+    said = "no edit given, these run: lesion STN 20%, lesion GPe 20%, lesion D2, scale ctx->STN 0.9"
     assert said in capsys.readouterr().err
     assert run("compare", tmp_path / "b.csv", *small[:-1], 0.505) == 2
     assert (
@@ -118,7 +118,12 @@ def test_compare_leaves_out_the_race_on_gratings(tmp_path, capsys):
 
 def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsys):
     out = tmp_path / "l.csv"
-    edits = ("STN=0.1", "D1->SNr=0.95", "STN->GPe.delay_ms=4", "D1->GPe weight=-0.01")
+    edits = (
+        "lesion STN 10%",
+        "scale D1->SNr 0.95",
+        "set STN->GPe.delay_ms 4",
+        "add D1->GPe weight=-0.01",
+    )
     given = (*edits, *SMALL, "--accuracies", 0.9)
     assert run("circuit", "lesion", out, *given) == 0
     shown = capsys.readouterr().out
@@ -126,13 +131,13 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
     assert "at the threshold of the circuit as edited (a prediction)" in shown
     assert {"as edited", *edits} == set(pd.read_csv(out, comment="#")["variant"])
     quick = ("--engine", "rate", "--trials", 100, "--t-max", 40, "--accuracies", 0.9, "--force")
-    for edited, before in (((), "intact"), (("--edits.add", "D1->GPe weight=-0.01"), "as edited")):
-        assert run("circuit", "lesion", out, "STN[0]=0.1", *quick, *edited) == 0
+    for edited, before in (((), "intact"), (("--edit", "add D1->GPe weight=-0.01"), "as edited")):
+        assert run("circuit", "lesion", out, "lesion STN[0] 10%", *quick, *edited) == 0
         assert re.search(rf"{before} +0.9 ", capsys.readouterr().out)
-        assert set(pd.read_csv(out, comment="#")["variant"]) == {before, "STN[0]=0.1"}
-    idle = ("circuit", "lesion", out, "STN.neurons=3", "--engine", "rate", "--force")
+        assert set(pd.read_csv(out, comment="#")["variant"]) == {before, "lesion STN[0] 10%"}
+    idle = ("circuit", "lesion", out, "set STN.neurons 3", "--engine", "rate", "--force")
     assert run(*idle) == 2
-    assert "'STN.neurons=3' says nothing to the rate engine" in capsys.readouterr().err
+    assert "'set STN.neurons 3' says nothing to the rate engine" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -143,8 +148,8 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         (["compare", "a.csv", "--accuracies", "1.2"], "accuracies must lie above chance"),
         (["compare", "a.csv", "--channels", "40"], "takes at most 12 alternatives"),
         (["compare", "a.csv", "--task", "same-different", "--channels", "3"], "2 alternatives"),
-        (["circuit", "lesion", "a.csv", "GPi"], "has no nucleus 'GPi'"),
-        (["circuit", "lesion", "a.csv", "SNr"], "SNr is the read-out"),
+        (["circuit", "lesion", "a.csv", "lesion GPi"], "has no nucleus 'GPi'"),
+        (["circuit", "lesion", "a.csv", "lesion SNr"], "SNr is the read-out"),
     ],
 )
 def test_bad_use_of_compare_and_lesion_gets_one_clear_sentence(
@@ -170,9 +175,9 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
     assert "are left out: the zero of this evidence means nothing" in told.err
     assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
     small = ("--trials", 100, "--engine", "algebra", "--accuracies", 0.9, "--d-prime", 1)
-    assert run("circuit", "lesion", tmp_path / "b.csv", "GPe", *small, "--t-max", 40) == 0
+    assert run("circuit", "lesion", tmp_path / "b.csv", "lesion GPe", *small, "--t-max", 40) == 0
     assert re.search(r"GPe +0.9 +mostly at the deadline", capsys.readouterr().out)
-    assert run("circuit", "lesion", tmp_path / "d.csv", "GPe", *small, "--t-max", 2) == 0
+    assert run("circuit", "lesion", tmp_path / "d.csv", "lesion GPe", *small, "--t-max", 2) == 0
     assert re.search(r"intact +0.9 +not reached", capsys.readouterr().out)
     little = ("--trials", 20, "--t-max", 1, "--levels", 2, "--period-mm", 1)
     assert run("circuit", "learn", tmp_path / "c.csv", *little) == 2
@@ -181,7 +186,7 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
 
 def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
     small = (*FIXED_POINT, "--trials", 200)
-    assert run("compare", tmp_path / "a.csv", *small, "--edits.without", "STN=0.1") == 0
+    assert run("compare", tmp_path / "a.csv", *small, "--edit", "lesion STN 10%") == 0
     shown = capsys.readouterr().out
     assert "MSPRT at its gain, circuit minus intact: offset_ms" in shown
     found = pd.read_csv(tmp_path / "a.csv").query("reference == 'MSPRT at its gain'")

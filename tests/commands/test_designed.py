@@ -37,7 +37,7 @@ def test_it_takes_a_table_of_ones_own_edits_and_noise(tmp_path, capsys):
     mine = tmp_path / "mine.toml"
     assert run("circuit", "show", "macaque", "--channels", 5, "--save", mine) == 0
     capsys.readouterr()
-    given = ("--trials", 3, "--thresholds", 0.3, "--edits.dopamine", 1.01, "--seed", 2)
+    given = ("--trials", 3, "--thresholds", 0.3, "--edit", "dopamine 1.01", "--seed", 2)
     assert run(*COMMAND, mine, *given) == 0
     one = capsys.readouterr().out
     assert "1 close, 3 hopeless" in one

@@ -79,10 +79,9 @@ d_prime = 0.8
 trials = 120
 t_max = 40
 [control]
-add = ["D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"]
+edits = ["add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"]
 [manipulation]
-add = ["D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"]
-change = ["STN->GPe.delay_ms=4"]
+edits = ["set STN->GPe.delay_ms 4", "add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"]
 [[predictions]]
 measure = "accuracy"
 direction = "none"
@@ -97,11 +96,11 @@ def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_pat
     page = capsys.readouterr().out
     assert page.endswith(f"120 trials -> {out}\n")
     row = "add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"
-    assert f"control: {row}\nmanipulation: {row}; change STN->GPe.delay_ms=4\n" in page
+    assert f"control: {row}\nmanipulation: {row}; set STN->GPe.delay_ms 4\n" in page
     assert "accuracy none, to within 0.05: the model agrees" in page
     made = read_provenance(out)["parameters"]["experiment"]["manipulation"]
-    assert made["applied"] == f"{row}; change STN->GPe.delay_ms=4"
-    experiment_file.write_text(DELAY.replace('delay_ms=4"]\n[[', 'delay_ms=2"]\n[['))
+    assert made["edits"] == ["set STN->GPe.delay_ms 4", row]
+    experiment_file.write_text(DELAY.replace("GPe.delay_ms 4", "GPe.delay_ms 2"))
     assert run("experiment", experiment_file) == 2
     assert "control and manipulation are alike" in capsys.readouterr().err
 
@@ -138,7 +137,7 @@ channels = 3
 d_prime = 0.8
 trials = 120
 [manipulation]
-scale = ["ctx->STN=0.5"]
+edits = ["scale ctx->STN 0.5"]
 """
 
 
@@ -146,7 +145,7 @@ scale = ["ctx->STN=0.5"]
 def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engine, capsys):
     """Half of ctx->STN ends every trial at once, at chance: mean_ms is down, and means nothing."""
     head, rest = GOOD.replace("algebra", engine).split("[task]")
-    experiment_file.write_text(head + HALVED + rest.split('without = ["STN=0.2"]')[1])
+    experiment_file.write_text(head + HALVED + rest.split('edits = ["lesion STN 20%"]')[1])
     out = experiment_file.with_name("out.csv")
     assert run("experiment", experiment_file, out) == 0
     shown = capsys.readouterr().out
@@ -158,9 +157,10 @@ def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engi
 
 @pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
 def test_a_control_that_decides_nothing_is_refused(experiment_file, engine, capsys):
-    both = HALVED + 'without = ["D2=0.1"]\n[control]\nscale = ["ctx->STN=0.5"]\n'
+    both = HALVED.replace('0.5"', '0.5", "lesion D2 10%"')
+    both += '[control]\nedits = ["scale ctx->STN 0.5"]\n'
     head, rest = GOOD.replace("algebra", engine).split("[task]")
-    experiment_file.write_text(head + both + rest.split('without = ["STN=0.2"]')[1])
+    experiment_file.write_text(head + both + rest.split('edits = ["lesion STN 20%"]')[1])
     assert run("experiment", experiment_file) == 2
     assert "it would decide without evidence" in capsys.readouterr().err
 
@@ -195,15 +195,15 @@ def test_the_trials_of_both_conditions_lie_beside_the_outcome(experiment_file, c
 
 def test_conditions_that_say_nothing_are_refused(experiment_file, capsys):
     text = experiment_file.read_text()
-    experiment_file.write_text(text.replace("STN=0.2", "STN=0"))
+    experiment_file.write_text(text.replace("STN 20%", "STN 0"))
     assert run("experiment", experiment_file) == 2
     assert "the manipulation changes nothing" in capsys.readouterr().err
     experiment_file.write_text(text.replace("t_max = 40", "t_max = 1"))
     assert run("experiment", experiment_file) == 2
     assert "the control decides in time in" in capsys.readouterr().err
-    experiment_file.write_text(text.replace('without = ["STN=0.2"]', "neurons = 20"))
+    experiment_file.write_text(text.replace("lesion STN 20%", "neurons 20"))
     assert run("experiment", experiment_file) == 2
-    assert "neurons is of cells, it says nothing to the algebra engine" in capsys.readouterr().err
+    assert "'neurons 20' says nothing to the algebra engine" in capsys.readouterr().err
 
 
 def test_many_missed_trials_are_told_and_few_are_not(experiment_file):
@@ -271,7 +271,7 @@ def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
     kept = read_provenance(out)
     assert kept["seed"] == 5
     assert kept["parameters"]["experiment"]["task"]["trials"] == 100
-    assert kept["parameters"]["experiment"]["manipulation"]["without"] == ["STN=0.2"]
+    assert kept["parameters"]["experiment"]["manipulation"]["edits"] == ["lesion STN 20%"]
     assert run("experiment", experiment_file, again, "--trials", 100, "--seed", 6) == 0
     assert out.read_bytes() != again.read_bytes()
 
@@ -288,8 +288,8 @@ def test_the_same_bytes_for_any_number_of_workers_and_any_batch(
     experiment_file, tmp_path, monkeypatch
 ):
     spiking = GOOD.replace("algebra", "ensemble").replace("t_max = 40", "t_max = 9\nd_prime = 2.0")
-    edits = "neurons = 40\n"
-    spiking = spiking.replace("[manipulation]\n", f"[control]\n{edits}[manipulation]\n{edits}")
+    cells = '[control]\nedits = ["neurons 40"]\n[manipulation]\nedits = ["neurons 40", '
+    spiking = spiking.replace("[manipulation]\nedits = [", cells)
     experiment_file.write_text(spiking)
     files = [tmp_path / f"{name}.csv" for name in "abc"]
     assert run("experiment", experiment_file, files[0], "--workers", 1) == 0

@@ -1,12 +1,17 @@
-"""The command `figures`: names that are no figure, and what it asks Snakemake for."""
+"""The command `figures`: what it asks Snakemake for, and runs that are stopped."""
 
-import json
+import os
+import shutil
+import signal
 import subprocess
+import sys
+import time
 
+import psutil
 import pytest
 
 from bgmodel.cli import main
-from bgmodel.commands import one_run
+from bgmodel.commands import figures
 from bgmodel.commands.figures import MINUTES
 from tests.helpers import ROOT
 
@@ -21,7 +26,7 @@ from tests.helpers import ROOT
 )
 def test_what_is_no_figure_is_refused_before_snakemake_starts(monkeypatch, capsys, arguments, says):
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(subprocess, "Popen", None)
+    monkeypatch.setattr(figures, "run_snakemake", None)
     assert main(["figures", *arguments]) == 2
     error = capsys.readouterr().err
     assert error.startswith("bgmodel: targets must be among fig1, fig2b, fig3, ")
@@ -41,17 +46,16 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     tmp_path, monkeypatch, capsys, arguments, asked, count
 ):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("BGMODEL_RECORDINGS", raising=False)
+    monkeypatch.setenv("BGMODEL_RECORDINGS", "")
     (tmp_path / "figures").mkdir()
     for name in ("Snakefile", "fig2.py", "fig3.py", "fig4.py", "figR1.py"):
         (tmp_path / "figures" / name).touch()
     ran = []
-    monkeypatch.setattr(one_run, "run_to_end", lambda make, jobs: ran.append(make(0)) or 0)
+    monkeypatch.setattr(figures, "run_snakemake", lambda given: ran.append(given) or 0)
     assert main(["figures", *arguments]) == 0
     (command,) = ran
     assert command[command.index("--") + 1 :] == asked
-    settings = json.loads((tmp_path / command[command.index("--configfile") + 1]).read_text())
-    assert settings == {"fast": int("--fast" in arguments), "recordings": ""}
+    assert command[command.index("--config") + 1] == f"fast={int('--fast' in arguments)}"
     said = capsys.readouterr().out
     assert f": {count}, there already: 0" in said
     # How long all of them take; of a part nothing is known.
@@ -67,26 +71,159 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
 
 @pytest.mark.parametrize("folder", ["010", "1e3", "true", "a' b"])
 def test_a_folder_of_recordings_reaches_snakemake_as_it_is_named(tmp_path, monkeypatch, folder):
-    """Its own reading of a configuration makes 10 of 010: what it reads is looked at here."""
+    """Its own reading of a configuration makes 10 of 010."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("BGMODEL_RECORDINGS", "")
     (tmp_path / folder).mkdir()
     (tmp_path / "figures").mkdir()
     read = tmp_path / "read.txt"
     (tmp_path / "figures" / "figR1.py").touch()
     (tmp_path / "figures" / "Snakefile").write_text(
-        f"open({str(read)!r}, 'w').write(repr(config['recordings']))\nrule all:\n"
+        "import os\nwith open('read.txt', 'w') as file:\n"
+        "    file.write(os.environ['BGMODEL_RECORDINGS'])\nrule all:\n"
     )
-
-    def plan(make, jobs):
-        command = make(0)
-        at = command.index("--")
-        return subprocess.run([*command[:at], "--dry-run", *command[at:]], check=True).returncode
-
-    monkeypatch.setattr(one_run, "run_to_end", plan)
     assert main(["figures", "--recordings", folder]) == 0
-    assert read.read_text() == repr(folder)
+    assert read.read_text() == folder
 
 
 def test_the_readme_says_how_long_all_figures_take():
     said = f"({MINUTES[False]:g} minutes of CPU, FAST=1: coarse, {MINUTES[True]:g})"
     assert said in (ROOT / "README.md").read_text()
+
+
+# SIGINT is heard also where the tests run in the background of a shell, which has it ignored.
+COMMAND = [
+    sys.executable,
+    "-c",
+    "from signal import SIGINT, default_int_handler, signal; signal(SIGINT, default_int_handler)\n"
+    "from bgmodel.cli import main; raise SystemExit(main())",
+]
+# A figure that is drawn by half, one of its two files whole, for as long as a file "hold" is there.
+SLOW = """
+import time
+from pathlib import Path
+from bgmodel.support.files import replacing
+from figures.common import run
+
+def draw(settings, *, output):
+    for ending in (".pdf", ".png"):
+        with replacing(output.with_suffix(ending)) as partial:
+            partial.write_text("a half")
+            while ending == ".png" and Path("hold").exists():
+                Path("half").touch()
+                time.sleep(0.02)
+            partial.write_text("a half and a half")
+
+if __name__ == "__main__":
+    run(draw=draw)
+"""
+WHOLE = {"fig3.pdf": b"a half and a half", "fig3.png": b"a half and a half"}
+HANG_S = 600
+"""No process takes as long, however busy the machine is: one that does hangs."""
+
+
+class Checkout:
+    """The `figures` folder alone, in another place, with a figure 3 that can be held by half."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.made = folder / "figures" / "fast"
+        left_out = shutil.ignore_patterns("out", "fast", "__pycache__")
+        shutil.copytree(ROOT / "figures", folder / "figures", ignore=left_out)
+        (folder / "figures" / "fig3.py").write_text(SLOW)
+        self.started = []
+
+    def start(self, *more):
+        process = psutil.Popen(
+            [*COMMAND, "figures", "fig3", "--fast", *more],
+            cwd=self.folder,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            stdout=subprocess.DEVNULL,
+            stderr=(self.folder / f"said{len(self.started)}").open("w"),
+            start_new_session=True,
+        )
+        self.started.append(process)
+        return process
+
+    def said(self):
+        """Return the text of the last call on stderr."""
+        return (self.folder / f"said{len(self.started) - 1}").read_text()
+
+    def held(self):
+        """Start, and wait until the figure is drawn by half: the command, and its processes."""
+        (self.folder / "hold").touch()
+        command = self.start()
+        until((self.folder / "half").exists)
+        return command, *command.children(recursive=True)
+
+    def release(self):
+        for name in ("hold", "half"):
+            (self.folder / name).unlink(missing_ok=True)
+
+    def files(self):
+        return {path.name: path.read_bytes() for path in self.made.iterdir()}
+
+    def assert_goes_on(self):
+        self.release()
+        assert self.start().wait(HANG_S) == 0, self.said()
+        assert self.files() == WHOLE
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    checkout = Checkout(tmp_path)
+    yield checkout
+    checkout.release()  # a job that a failed test left behind ends by itself
+    for process in checkout.started:
+        if process.is_running():
+            process.kill()
+
+
+def until(holds):
+    end = time.monotonic() + HANG_S
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_a_live_run_refuses_a_second_and_one_that_is_stopped_goes_on(checkout):
+    command, *others = checkout.held()
+    assert checkout.start().wait(HANG_S) == 2
+    assert checkout.said().startswith("bgmodel: another run draws figures in this checkout")
+    assert checkout.said().endswith("`bgmodel figures --unlock`\n")
+    os.killpg(command.pid, signal.SIGINT)
+    assert command.wait(HANG_S) == 130
+    said = (checkout.folder / "said0").read_text()
+    assert said.endswith("bgmodel: stopped. The same command goes on where it was.\n")
+    assert "Traceback" not in said
+    assert not psutil.wait_procs(others, timeout=HANG_S)[1]
+    checkout.assert_goes_on()
+
+
+def test_nothing_of_a_killed_run_lives_on_or_is_taken_for_finished(checkout):
+    command, *others = checkout.held()
+    command.kill()
+    assert not psutil.wait_procs([command, *others], timeout=HANG_S)[1]
+    left = set(checkout.files()) - {"fig3.pdf"}
+    assert len(left) == 1, left
+    assert left.pop().endswith(".partial.fig3.png")
+    assert checkout.start().wait(HANG_S) == 2
+    assert checkout.start("--unlock").wait(HANG_S) == 0, checkout.said()
+    checkout.assert_goes_on()
+
+
+def test_a_figure_that_fails_says_so_in_the_last_line_and_leaves_no_lock(checkout):
+    for _ in range(2):
+        (checkout.folder / "figures" / "fig3.py").write_text("raise SystemExit('no such luck')")
+        assert checkout.start().wait(HANG_S) == 1
+        assert checkout.said().splitlines()[-1] == (
+            "bgmodel: not every figure is drawn, Snakemake ended with status 1"
+        )
+
+
+def test_a_file_of_a_figure_can_be_asked_for(checkout):
+    command = [*COMMAND, "figures", "figures/fast/fig3.png", "--fast"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=checkout.folder, env=environment, check=False)
+    assert done.returncode == 0
+    assert checkout.files() == WHOLE

@@ -28,7 +28,7 @@ gain = 0.7
 trials = {trials}
 t_max = 30
 [grid]
-STN = [0.0, 0.1]
+"lesion STN" = [0.0, 0.1]
 posterior = [0.7, 0.8, 0.9]
 """
 
@@ -69,9 +69,9 @@ def test_a_sweep_is_one_table_with_what_it_was_made_from(swept):
     assert said.startswith(f"points: 6; shards: 6, 0 there already; folder: {folder}\n")
     assert said.endswith(f"drawn: {folder / 'outcome.png'}\n-> {folder / 'outcome.csv'}\n")
     table = pd.read_csv(folder / "outcome.csv")
-    assert len(table.drop_duplicates(["STN", "posterior"])) == 6
+    assert len(table.drop_duplicates(["lesion STN", "posterior"])) == 6
     behind = read_provenance(folder / "outcome.csv")["parameters"]
-    assert behind["sweep"]["grid"] == {"STN": [0.0, 0.1], "posterior": [0.7, 0.8, 0.9]}
+    assert behind["sweep"]["grid"] == {"lesion STN": [0.0, 0.1], "posterior": [0.7, 0.8, 0.9]}
     assert len(set(behind["circuits"])) == 2
 
 

@@ -96,7 +96,7 @@ def test_the_spiking_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind
 def test_without_gpe_or_the_right_sum_the_spiking_circuit_agrees_less():
     """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
     edited = {
-        "GPe": TABLE.lesion("GPe", replaced=True),
+        "GPe": TABLE.clamp("GPe"),
         "shuffled": shuffled_stn(TABLE),
     }
     found = compare_edits(MODEL, edited, EVIDENCE, seed=SEED, accuracies=(0.95,), resamples=100)
@@ -154,7 +154,9 @@ def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
         # And those of the fixed point, where cells are not silent on average and swing into firing.
         silence = np.zeros((1, 1, channels))
         fixed = (
-            BasalGanglia(load_circuit("spiking_msprt", channels)).run_drive(silence, 1.0).rates_hz
+            BasalGanglia(load_circuit("spiking_msprt", channels), "algebra")
+            .run_drive(silence, 1.0)
+            .rates_hz
         )
         for name in ("ctx", "STN", "GPe"):
             rate_hz = fixed[name].mean()

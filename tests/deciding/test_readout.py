@@ -121,7 +121,7 @@ def test_a_posterior_is_the_threshold_that_it_stands_for(posterior):
 
 def test_a_posterior_needs_an_out_that_stands_for_one():
     trace = TRACES["MSPRT"]
-    salience = BasalGanglia("gpr").run(EVIDENCE)
+    salience = BasalGanglia("gpr", "algebra", 1.0).run(EVIDENCE)
     for call in (
         lambda: first_crossing(trace),
         lambda: first_crossing(trace, 0.2, posterior=0.9),
@@ -283,9 +283,12 @@ def test_nothing_is_read_where_a_trace_has_nothing(decide, broken):
             decide(odd, 0.3)
 
 
+TRUTH = np.asarray(EVIDENCE.truth)
+
+
 @pytest.mark.parametrize(
     "truth",
-    [EVIDENCE.truth[:3], EVIDENCE.truth + 2, -1 - EVIDENCE.truth, EVIDENCE.truth / 1, ["a"] * 60],
+    [TRUTH[:3], TRUTH + 2, -1 - TRUTH, TRUTH / 1, ["a"] * 60],
     ids=["few", "too high", "negative", "floats", "names"],
 )
 def test_a_tally_counts_the_truth_of_each_trial_or_nothing(truth):

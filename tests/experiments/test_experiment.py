@@ -20,7 +20,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
-from circuits.edit_lists import Edits
+from circuits.declaration.edits import Edits
 from tests.helpers import GOOD, ROOT, behaving, run
 
 EFFECT = """[[effects]]
@@ -35,7 +35,7 @@ source = "nobody"
 
 def test_a_file_says_what_is_run(experiment_file):
     experiment = Experiment.from_toml(experiment_file)
-    assert experiment.manipulation == Changes(without=("STN=0.2",))
+    assert experiment.manipulation == Changes(Edits(["lesion STN 20%"]))
     assert experiment.control == Changes()
     assert experiment.predictions == (Prediction("mean_ms", "down", 20.0),)
     assert (experiment.task.trials, experiment.posterior) == (120, 0.82)
@@ -58,7 +58,7 @@ def test_a_file_says_what_is_run(experiment_file):
         ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 where the direction is "no'),
         ('name = "a lesion"', "", "the key 'name' is missing"),
         ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
-        ('["STN=0.2"]', '"STN"', "manipulation.without should be a valid array, got 'STN'"),
+        ('["lesion STN 20%"]', '"STN"', "manipulation.edits should be a valid array, got 'STN'"),
         (
             "[task]",
             "posterior = 1.5\n[task]",
@@ -72,22 +72,22 @@ def test_a_file_says_what_is_run(experiment_file):
         ),
         ("[task]", "truth = 2\n[task]", "truth must lie in 0..1, got 2"),
         ("[task]", "[task", "small.toml is no TOML: "),
-        ('["STN=0.2"]', '["GPi=0.2"]', "has no nucleus 'GPi': ctx, common"),
-        ('without = ["STN=0.2"]', 'scale = ["ctx->D1[2]=1"]', "channel must lie in 0..1, got 2"),
+        ('"lesion STN 20%"', '"lesion GPi 20%"', "has no nucleus 'GPi': ctx, common"),
+        ('"lesion STN 20%"', '"scale ctx->D1[2] 1"', "channel must lie in 0..1, got 2"),
         (
-            'without = ["STN=0.2"]',
-            'change = ["STN.bias_nat=1"]',
-            "'STN.bias_nat=1': STN has no 'bias_nat': cell, baseline_hz, ",
+            'edits = ["lesion STN 20%"]',
+            'edits = ["set STN.bias_nat 1"]',
+            "'set STN.bias_nat 1': STN has no 'bias_nat': cell, baseline_hz, ",
         ),
         (
-            'without = ["STN=0.2"]',
-            'add = ["D1->GPe weight=0.1"]',
+            'edits = ["lesion STN 20%"]',
+            'edits = ["add D1->GPe weight=0.1"]',
             "'D1->GPe weight=0.1': D1->GPe: D1 releases GABA, so the weight must be <= 0, got 0.1",
         ),
         (
-            'without = ["STN=0.2"]',
-            'change = ["STN->GPe.delay_ms=4"]',
-            "'STN->GPe.delay_ms=4' says nothing to the algebra engine",
+            'edits = ["lesion STN 20%"]',
+            'edits = ["set STN->GPe.delay_ms 4"]',
+            "'set STN->GPe.delay_ms 4' says nothing to the algebra engine",
         ),
         ("trials = 120", "trials = 90", "an interval needs 100 trials or more, got 90"),
         ("[[pred", EFFECT.format("mean", "own", 0), "measure must be one of accuracy, choice_0, "),
@@ -104,7 +104,11 @@ def test_a_file_says_what_is_run(experiment_file):
             EFFECT.format("mean_ms", "own", 0).removesuffix("[[pred") * 2 + "[[pred",
             "effects must give a measure in one unit once",
         ),
-        ("[manipulation]", "[control]\nwithout = ['STN=0.9']\n[manipulation]", "decide without"),
+        (
+            "[manipulation]",
+            "[control]\nedits = ['lesion STN 90%']\n[manipulation]",
+            "decide without",
+        ),
     ],
 )
 def test_a_bad_file_gets_one_clear_sentence(experiment_file, tmp_path, capsys, old, new, says):
@@ -124,9 +128,11 @@ def test_the_page_has_every_key_with_its_default_and_every_measure():
     rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", keys, re.MULTILINE))
     in_words = {"the table's": None, "each in turn": None, "none": None, "needed": MISSING}
     defaults = {
-        f.name: f.default for kind in (Experiment, Stimuli, Edits, Changes) for f in fields(kind)
+        f.name: f.default if f.default_factory is MISSING else f.default_factory()
+        for kind in (Experiment, Stimuli, Changes)
+        for f in fields(kind)
     }
-    of_parts = ("manipulation", "control", "predictions", "task", "effects", "edits")
+    of_parts = ("manipulation", "control", "predictions", "task", "effects")
     # `task` is a part of an experiment and a key of that part.
     wanted = {k: v for k, v in defaults.items() if k not in of_parts} | {"task": Stimuli.task}
     wanted["posterior"] = POSTERIOR
@@ -235,7 +241,7 @@ def test_more_alternatives_have_no_diffusion(experiment_file):
 
 def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
     """It responds before anything is read: no prediction, right or wrong, is met by that."""
-    acute = Changes(without=("STN",))
+    acute = Changes(Edits(["lesion STN"]))
     experiment = replace(Experiment.from_toml("stn_lesion_chronic"), manipulation=acute)
     task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
     experiment_file = replace(experiment, task=task)
@@ -291,7 +297,7 @@ def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
 
 def test_where_something_is_expected_its_foreperiod_counts(experiment_file):
     """Written in a file: a lesion, the rebound, and the ramp of expectancy."""
-    text = experiment_file.read_text().replace('["STN=0.2"]', '["STN"]\nrebound = ["SNr=0.3"]')
+    text = experiment_file.read_text().replace('lesion STN 20%"', 'lesion STN", "rebound SNr 0.3"')
     text = text.replace("[task]", "[task]\nexpectancy_nats = 5.5\nexpectancy_ms = 800.0")
     experiment_file.write_text(text)
     experiment = replace(

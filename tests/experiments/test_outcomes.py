@@ -23,6 +23,7 @@ from bgmodel.experiments.outcomes import (
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
 from bgmodel.stimuli import Stimuli
 from bgmodel.support.seeds import stream
+from circuits.declaration.edits import Edits
 from tests.helpers import behaving
 
 
@@ -402,13 +403,15 @@ def test_percent_are_those_of_the_control():
 
 
 @pytest.mark.parametrize("direction", ["up", "down", "none"])
-@pytest.mark.parametrize("edit", ["dopamine amount=0.2 from_ms=90000 to_ms=95000", "Arky like=GPe"])
+@pytest.mark.parametrize(
+    "edit", ["add dopamine amount=0.2 from_ms=90000 to_ms=95000", "add Arky like=GPe"]
+)
 def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction):
     """A course after the end of all trials, and a nucleus without a pathway."""
     predictions = (Prediction("accuracy", direction, 0.01), Prediction("missed", direction, 0.01))
     asked = Experiment(
         name="", note="", engine="rate", circuit="macaque", predictions=predictions,
-        manipulation=Changes(add=(edit,)), task=Stimuli(trials=100, t_max=40, d_prime=1.0),
+        manipulation=Changes(Edits([edit])), task=Stimuli(trials=100, t_max=40, d_prime=1.0),
     )  # fmt: skip
     with pytest.warns(UserWarning, match="no decision differs"):
         table = asked.run().measures
@@ -417,7 +420,7 @@ def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction)
     assert found["reason"].str.len().gt(0).all()
 
 
-WITHOUT_DOPAMINE = Changes(dopamine=0.0)
+WITHOUT_DOPAMINE = Changes(Edits(["dopamine 0"]))
 
 
 def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():

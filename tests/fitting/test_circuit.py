@@ -11,7 +11,6 @@ from bgmodel.fitting.crossings import Crossings, simulated
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from circuits.anatomy import load_circuit
-from circuits.edit_lists import written
 from tests.drawn import GAIN, ideal
 
 MACAQUE = load_circuit("macaque", 2)
@@ -61,7 +60,7 @@ def test_the_same_seed_writes_the_same_bytes(kept, tmp_path):
 @pytest.mark.parametrize(
     "changed",
     [
-        {"circuit": written("dopamine=1.1").apply(MACAQUE)},
+        {"circuit": MACAQUE.dopamine(1.1)},
         {"circuit": load_circuit("spiking_msprt", 2)},
         {"seed": 5},
         {"trials": 17},

@@ -6,7 +6,6 @@ import pytest
 from bgmodel.fitting.criteria import CRITERIA, NONE
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import digest
-from circuits.edit_lists import written
 
 MACAQUE = load_circuit("macaque", 2)
 OPEN = [name for name, each in CRITERIA.items() if each.axes]
@@ -41,6 +40,6 @@ def test_the_threshold_alone_edits_nothing():
 
 def test_values_go_where_their_names_stand():
     made = CRITERIA["dopamine"].apply(MACAQUE, (0.75,))
-    assert digest(made) == digest(written("dopamine=0.75").apply(MACAQUE))
+    assert digest(made) == digest(MACAQUE.dopamine(0.75))
     with pytest.raises(ValueError, match=r"zip\(\) argument"):
         CRITERIA["dopamine"].apply(MACAQUE, (0.75, 0.8))

@@ -85,7 +85,10 @@ def test_held_is_what_stands_in_all_cells_or_in_those_of_one_level():
 
 
 MACAQUE = load_circuit("macaque", 2)
-MODELS = [GapModel(falls=True), *(CircuitModel(MACAQUE, criterion=c) for c in CRITERIA.values())]
+MODELS: list = [
+    GapModel(falls=True),
+    *(CircuitModel(MACAQUE, criterion=c) for c in CRITERIA.values()),
+]
 EVERY = {each.name: each for model in MODELS for each in model.parameters}
 
 

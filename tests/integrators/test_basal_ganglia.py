@@ -139,9 +139,12 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     assert spiking == {2: 0.7, 3: 0.5, 4: 0.5, 7: 0.5, 8: 0.6, 12: 0.6}
     assert gain_of(anatomy.spiking_msprt(), 0.3) == 0.3
     for name in ("bogacz_gurney", "appendix_b", "linear_gpe"):
+        exact = load_circuit(name)
+        assert gain_of(exact) == gain_of(exact.dopamine(0.9)) == 1
+        assert gain_of(exact, 0.7) == 0.7
+    for name in ("gpr", "humphries", "stewart"):
         with pytest.raises(ValueError, match=rf"{name} has no default gain: give gain"):
-            gain_of(load_circuit(name))
-        assert gain_of(load_circuit(name), 0.7) == 0.7
+            BasalGanglia(name)
     # Numbers made for two alternatives say nothing of five.
     assert anatomy.spiking_msprt(2).with_channels(5).default_gain is None
     assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
@@ -151,13 +154,13 @@ def test_a_gain_is_the_tables_own_or_asked_for():
 @pytest.mark.parametrize("channels", [2, 4, 8])
 def test_a_model_has_the_gain_of_its_table_as_the_command_does(name, channels):
     table = load_circuit(name, channels)
-    assert BasalGanglia(table).gain == gain_of(table)
-    assert BasalGanglia(table, gain=1.0).gain == 1
-    assert BasalGanglia(table.dopamine(0.9)).gain == gain_of(table)
+    assert BasalGanglia(table, "algebra").gain == gain_of(table)
+    assert BasalGanglia(table, "algebra", gain=1.0).gain == 1
+    assert BasalGanglia(table.dopamine(0.9), "algebra").gain == gain_of(table)
 
 
 def test_a_table_without_a_gain_takes_a_nat_for_a_nat():
-    assert BasalGanglia(load_circuit("bogacz_gurney")).gain == 1
+    assert BasalGanglia(load_circuit("bogacz_gurney"), "algebra").gain == 1
 
 
 @pytest.mark.parametrize("forced", [True, False])
@@ -212,7 +215,7 @@ def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
         separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
     )
     with pytest.raises(ValueError, match=r"^what is expected is common to all channels"):
-        BasalGanglia(macaque(2), gain=0.5, centred=True).run(ahead)
+        BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)
 
 
 def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_no_other():
@@ -321,7 +324,7 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
         (lambda c: c.with_spread(0.2), "spread"),
         (lambda c: c.with_neurons(5), "neurons"),
         (lambda c: c.with_connections(0.5), "probability"),
-        (lambda c: c.edited("STN.cell.cv=0.9", "STN.bias_nats=0.1"), "cell.cv of STN"),
+        (lambda c: c.edited("set STN.cell.cv=0.9", "set STN.bias_nats=0.1"), "cell.cv of STN"),
     ],
 )
 def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field):
@@ -337,13 +340,13 @@ def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field
 
 
 def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
-    edited = macaque().edited("STN->GPe.delay_ms=4", "STN->GPe.tau_ms=7")
+    edited = macaque().edited("set STN->GPe.delay_ms=4", "set STN->GPe.tau_ms=7")
     with pytest.warns(UserWarning, match=r"delay_ms of STN->GPe; tau_ms of STN->GPe"):
         BasalGanglia(edited, "algebra")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         BasalGanglia(edited, "rate")
-        BasalGanglia(macaque().edited("STN.neurons=9"), Algebra(laws="finite"))
+        BasalGanglia(macaque().set("STN.neurons", 9), Algebra(laws="finite"))
 
 
 def test_rare_samples_of_out_are_warned_of():

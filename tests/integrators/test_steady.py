@@ -37,7 +37,7 @@ def test_lesions_of_the_spiking_circuit_follow_its_fixed_point():
 
 
 def test_what_lines_miss_of_a_lesion_is_in_the_cells_own_laws_and_their_number():
-    edited = {"STN": TABLE.lesion("STN", 0.2), "GPe": TABLE.lesion("GPe", replaced=True)}
+    edited = {"STN": TABLE.lesion("STN", 0.2), "GPe": TABLE.clamp("GPe")}
     found = steady_shifts(TABLE, edited, [1.75, 2.75], seed=SEED, trials=10)
     assert (np.abs(found["value"] - found["finite_nats"]) < 0.005).all()
     line_misses = np.abs(found["value"] - found["exact_nats"])
@@ -83,6 +83,6 @@ def test_a_lesion_is_what_its_name_says():
         alike = (
             table.scale("ctx", "STN", 1 - lost)
             if nucleus == "hyperdirect"
-            else table.lesion(nucleus, lost, replaced=left != name)
+            else (table.lesion if left == name else table.clamp)(nucleus, lost)
         )
         assert digest(lesioned) == digest(alike)

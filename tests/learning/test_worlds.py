@@ -43,16 +43,19 @@ def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
         LevelOutcomes.of(found, evidence[:2])
 
 
+TWO = np.ones((2, 3))
+
+
 @pytest.mark.parametrize(
     ("call", "says"),
     [
         (lambda: switching([], 3), "worlds"),
         (
-            lambda: LevelOutcomes(np.array([1.0, 0.9]), *[np.ones((2, 3))] * 2, np.zeros(2)),
+            lambda: LevelOutcomes(np.array([1.0, 0.9]), TWO, TWO, np.zeros(2)),
             "levels",
         ),
         (
-            lambda: LevelOutcomes(np.array([1.0, 1.1]), *[np.ones((1, 3))] * 2, np.zeros(2)),
+            lambda: LevelOutcomes(np.array([1.0, 1.1]), TWO[:1], TWO[:1], np.zeros(2)),
             "correct",
         ),
         (

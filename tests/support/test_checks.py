@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.methods.recursive import RecursiveMsprt
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
 from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import expecting, separated_evidence
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.integrators.deciding import decide_at_thresholds
-from bgmodel.integrators.recursive import RecursiveMsprt
 from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe
 from bgmodel.integrators.sprt import (
     Stream,
@@ -79,7 +79,7 @@ CALLS = {
     "onset_ms": lambda odd: Evidence(READINGS, onset_ms=odd),
     "log_likelihood": Evidence,
     "gain": Msprt,
-    "gain of a circuit": lambda odd: BasalGanglia(TABLE, gain=odd),
+    "gain of a circuit": lambda odd: BasalGanglia(TABLE, "algebra", gain=odd),
     "circuit": BasalGanglia,
     "engine": lambda odd: BasalGanglia(TABLE, odd),
     "circuit by name": load_circuit,
@@ -123,7 +123,13 @@ def test_what_is_of_the_wrong_kind_is_one_sentence(what):
 
 @pytest.mark.parametrize(
     "integrator",
-    [Sprt(), Msprt(), RecursiveMsprt(), BasalGanglia(TABLE), *(kind() for kind in RIVALS.values())],
+    [
+        Sprt(),
+        Msprt(),
+        RecursiveMsprt(),
+        BasalGanglia(TABLE, "algebra"),
+        *(kind() for kind in RIVALS.values()),
+    ],
     ids=lambda one: type(one).__name__,
 )
 def test_an_integrator_is_given_evidence_and_no_bare_array(integrator):
@@ -141,9 +147,9 @@ def test_a_whole_number_of_channels_may_be_written_as_a_float(name):
 
 
 def test_a_circuit_may_be_named():
-    assert BasalGanglia("macaque").circuit == TABLE
+    assert BasalGanglia("macaque", "algebra").circuit == TABLE
     with pytest.raises(ValueError, match=r"load_circuit\(\.\.\., 3\)"):
-        BasalGanglia("macaque").run(some_evidence(hypotheses=3, baseline=0.0))
+        BasalGanglia("macaque", "algebra").run(some_evidence(hypotheses=3, baseline=0.0))
 
 
 def test_a_seed_in_place_of_a_generator_is_that_of_its_stream():
@@ -165,7 +171,7 @@ def test_parts_that_belong_to_other_trials_are_refused():
     evidence = some_evidence(hypotheses=2, baseline=0.0)
     trace = Msprt().run(evidence)
     decision = first_crossing(trace, 0.3)
-    low = BasalGanglia(TABLE).circuit.readable_nats[0] / 2
+    low = BasalGanglia(TABLE, "algebra").circuit.readable_nats[0] / 2
     for call in (
         lambda: tradeoff(trace, some_evidence(hypotheses=4)),
         lambda: tradeoff(trace, evidence[:10]),
@@ -180,9 +186,9 @@ def test_parts_that_belong_to_other_trials_are_refused():
         lambda: Trials(evidence, ["a"]),
         lambda: trial_table(decision, Trials(evidence[:5], ["a", "b"]), model="m"),
         lambda: trial_table(decision, evidence, model="m"),
-        lambda: decide_at_thresholds(BasalGanglia(TABLE), evidence, [low]),
+        lambda: decide_at_thresholds(BasalGanglia(TABLE, "algebra"), evidence, [low]),
         lambda: compare(BasalGanglia(TABLE, "algebra"), evidence, intact="macaque"),
-        lambda: BasalGanglia(TABLE).decide(evidence, 0.3, rates="a"),
+        lambda: BasalGanglia(TABLE, "algebra").decide(evidence, 0.3, rates="a"),
         lambda: criterion(TABLE, 1.0, 0.3, -1.0),
         lambda: engines.run("macaque", np.zeros((1, 1, 2)), engine="algebra", step_ms=1.0),
     ):

@@ -13,7 +13,9 @@ def test_every_part_of_the_trials_is_heard_of_once():
     evidence = some_evidence(trials=BATCH + 30, steps=4, hypotheses=2)
     heard = []
     with shown_by(heard.append):
-        decide_at_thresholds(BasalGanglia(load_circuit("bogacz_gurney")), evidence, np.array([0.3]))
+        decide_at_thresholds(
+            BasalGanglia(load_circuit("bogacz_gurney"), "algebra"), evidence, np.array([0.3])
+        )
     assert heard == [BATCH, 30]
     advance(5)
     assert heard == [BATCH, 30]

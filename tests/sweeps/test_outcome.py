@@ -48,8 +48,8 @@ def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch)
 
 def test_a_circuit_that_decides_without_evidence_is_said_to(tmp_path):
     long = Stimuli(trials=80, t_max=120)
-    _, table = swept(tmp_path, grid={"STN": (0.0, 1.0)}, engine="rate", task=long)
-    remarks = table.drop_duplicates("STN")["remark"]
+    _, table = swept(tmp_path, grid={"lesion STN": (0.0, 1.0)}, engine="rate", task=long)
+    remarks = table.drop_duplicates("lesion STN")["remark"]
     assert list(remarks) == ["", "the circuit decides without evidence"]
 
 
@@ -82,7 +82,7 @@ def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypat
         raise ValueError("rates run away")
 
     monkeypatch.setattr(shards, "_decided", refused)
-    plan, table = swept(tmp_path, grid={"STN": (0.5, 1.0)})
+    plan, table = swept(tmp_path, grid={"lesion STN": (0.5, 1.0)})
     assert table["value"].isna().all()
     assert set(table["remark"]) == {"rates run away"}
     outcome.draw(plan, table)
@@ -101,23 +101,27 @@ def test_lines_stand_at_their_values_and_names_beside_each_other(tmp_path):
 
 
 def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path):
-    plan, table = swept(tmp_path, grid={"STN": (0.0, 0.2), "posterior": (0.7, 0.8, 0.9)})
+    plan, table = swept(tmp_path, grid={"lesion STN": (0.0, 0.2), "posterior": (0.7, 0.8, 0.9)})
     panel = outcome.draw(plan, table).axes[0]
     seen = panel.images[0].get_array()
     assert seen.shape == (2, 3)
-    at = (table["STN"] == 0.2) & (table["posterior"] == 0.7) & (table["measure"] == "accuracy")
+    at = (
+        (table["lesion STN"] == 0.2)
+        & (table["posterior"] == 0.7)
+        & (table["measure"] == "accuracy")
+    )
     assert seen[1, 0] == pytest.approx(table[at]["value"].item())
-    assert (panel.get_ylabel(), panel.get_xlabel()) == ("STN, part lesioned", "posterior")
+    assert (panel.get_ylabel(), panel.get_xlabel()) == ("lesion STN, fraction", "posterior")
 
 
 @pytest.mark.parametrize(
     ("key", "label"),
     [
-        ("STN", "STN, part lesioned"),
-        ("STN->GPe", "STN->GPe, factor"),
-        ("STN.bias_nats", "STN.bias_nats"),
-        ("rebound SNr", "rebound SNr"),
-        ("D1->GPe delay_ms=4 weight", "D1->GPe delay_ms=4 weight"),
+        ("lesion STN", "lesion STN, fraction"),
+        ("cut STN->GPe", "cut STN->GPe, fraction"),
+        ("scale STN->GPe", "scale STN->GPe"),
+        ("set STN.bias_nats", "set STN.bias_nats"),
+        ("add D1->GPe delay_ms=4 weight", "add D1->GPe delay_ms=4 weight"),
         ("dopamine", "dopamine"),
         ("task.d_prime", "task.d_prime"),
     ],
@@ -166,7 +170,7 @@ def test_a_line_has_bars_from_the_lower_to_the_upper_end():
 def test_a_map_of_few_points_says_each_number_in_white_on_dark(across, written):
     """Below the mean is dark; a star has a remark, a dash no number, and 60 numbers are few."""
     posteriors = tuple(0.6 + 0.01 * k for k in range(across))
-    plan = Plan(grid={"STN": (0.0, 0.2), "posterior": posteriors}, show=("mean_ms",))
+    plan = Plan(grid={"lesion STN": (0.0, 0.2), "posterior": posteriors}, show=("mean_ms",))
     values = np.r_[np.full(across, 9.5), np.full(across, 300.4)]
     remarks = np.full(2 * across, "", dtype=object)
     remarks[[1, across]], values[2] = "few decide", np.nan
@@ -184,7 +188,7 @@ def test_a_map_of_few_points_says_each_number_in_white_on_dark(across, written):
 
 
 def test_a_map_without_any_number_is_a_map_of_dashes():
-    plan = Plan(grid={"STN": (0.0, 0.2), "posterior": (0.7, 0.9)}, show=("accuracy",))
+    plan = Plan(grid={"lesion STN": (0.0, 0.2), "posterior": (0.7, 0.9)}, show=("accuracy",))
     figure = outcome.draw(plan, points_of(plan, [np.nan] * 4, ["rates run away"] * 4))
     assert [text.get_text() for text in figure.axes[0].texts] == ["-*"] * 4
 
@@ -208,17 +212,17 @@ def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withhel
 
 
 def test_three_keys_have_a_table_and_no_figure():
-    plan = Plan(grid={"STN": (0.1,), "GPe": (0.1,), "dopamine": (1.0,)})
-    with pytest.raises(ValueError, match="one key or two, got STN, GPe, dopamine"):
+    plan = Plan(grid={"lesion STN": (0.1,), "lesion GPe": (0.1,), "dopamine": (1.0,)})
+    with pytest.raises(ValueError, match="one key or two, got lesion STN, lesion GPe, dopamine"):
         outcome.draw(plan, pd.DataFrame())
 
 
 @pytest.mark.parametrize(
     ("grid", "idle"),
     [
-        ({"replaced": (False, True), "posterior": (0.7, 0.8)}, ["replaced"]),
-        ({"STN.cite": ("a", "b")}, ["STN.cite"]),
-        ({"STN": (0.0, 0.1), "posterior": (0.7, 0.8)}, []),
+        ({"compensate": (False, True), "posterior": (0.7, 0.8)}, ["compensate"]),
+        ({"set STN.cite": ("a", "b")}, ["STN.cite"]),
+        ({"lesion STN": (0.0, 0.1), "posterior": (0.7, 0.8)}, []),
         ({"posterior": (0.8,)}, []),
     ],
 )

@@ -11,8 +11,8 @@ from bgmodel.experiments.experiment import Changes, Experiment
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps.plan import BLOCK, Plan, Point, read_plan
 from circuits.anatomy import load_circuit
+from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import write
-from circuits.edit_lists import Edits
 from circuits.engines import Algebra, Brian2, Ensemble, Population, Rate
 from tests.helpers import long_table, some_evidence
 
@@ -28,16 +28,18 @@ def points(tmp_path, text):
 
 
 def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
-    found = Plan(grid={"STN": (0.0, 0.1), "dopamine": (0.9, 1.0, 1.1)})
+    found = Plan(grid={"lesion STN": (0.0, 0.1), "dopamine": (0.9, 1.0, 1.1)})
     assert [tuple(point.values()) for point in found.each] == [
         (0.0, 0.9), (0.0, 1.0), (0.0, 1.1), (0.1, 0.9), (0.1, 1.0), (0.1, 1.1)
     ]  # fmt: skip
-    assert found.axes == {"STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
+    assert found.axes == {"lesion STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
 
 
 def test_points_one_by_one_make_the_settings_of_their_grid():
-    grid = Plan(grid={"STN": (0.0, 0.1), "dopamine": (0.9,)})
-    points = Plan(points=({"STN": 0.0, "dopamine": 0.9}, {"STN": 0.1, "dopamine": 0.9}))
+    grid = Plan(grid={"lesion STN": (0.0, 0.1), "dopamine": (0.9,)})
+    points = Plan(
+        points=({"lesion STN": 0.0, "dopamine": 0.9}, {"lesion STN": 0.1, "dopamine": 0.9})
+    )
     assert points.each == grid.each
     assert points.axes == grid.axes
     assert points.all_points() == grid.all_points()
@@ -54,31 +56,30 @@ def test_a_sweep_and_an_experiment_have_the_same_defaults():
 @pytest.mark.parametrize(
     ("key", "value", "edited"),
     [
-        ("STN", 0.2, lambda table: table.lesion("STN", 0.2)),
-        ("STN->GPe", 0.5, lambda table: table.scale("STN", "GPe", 0.5)),
-        ("ctx->D1[0]", 1.1, lambda table: table.scale("ctx", "D1", 1.1, 0)),
-        ("STN.bias_nats", -0.2, lambda table: table.with_population("STN", bias_nats=-0.2)),
+        ("lesion STN", 0.2, lambda table: table.lesion("STN", 0.2)),
+        ("scale STN->GPe", 0.5, lambda table: table.scale("STN", "GPe", 0.5)),
+        ("scale ctx->D1[0]", 1.1, lambda table: table.scale("ctx", "D1", 1.1, 0)),
+        ("set STN.bias_nats", -0.2, lambda table: table.with_population("STN", bias_nats=-0.2)),
         ("dopamine", 0.9, lambda table: table.dopamine(0.9)),
         ("neurons", 100, lambda table: table.with_neurons(100)),
-        ("recovered", True, lambda table: table),
+        ("compensate", True, lambda table: table),
         ("rebound SNr", 0.2, lambda table: table.compensate(table, rebound_nats={"SNr": 0.2})),
         (
-            "D1->GPe delay_ms=4 weight",
+            "add D1->GPe delay_ms=4 weight",
             -0.1,
             lambda table: table.add("D1->GPe delay_ms=4 weight=-0.1"),
         ),
     ],
 )
-def test_a_key_is_the_left_side_of_an_edit(key, value, edited):
+def test_a_key_is_an_edit_without_its_value(key, value, edited):
     (found,) = Plan(grid={key: (value,)}).all_points()
     assert found.edited == edited(load_circuit("macaque"))
 
 
 def test_edits_of_every_point_come_with_those_of_its_own():
-    base = Edits(change=("STN.bias_nats=-0.2",), without=("GPe=0.1",))
-    (found,) = Plan(edits=base, grid={"STN": (0.1,)}).all_points()
-    want = replace(base, without=("GPe=0.1", "STN=0.1"))
-    assert found.edited == want.apply(load_circuit("macaque"))
+    base = Edits(["set STN.bias_nats -0.2", "lesion GPe 10%"])
+    (found,) = Plan(edits=base, grid={"lesion STN": (0.1,)}).all_points()
+    assert found.edited == load_circuit("macaque").edited(*base, "lesion STN 10%")
 
 
 def test_numbers_of_the_task_and_the_run_change_by_their_names():
@@ -105,12 +106,21 @@ def test_a_setting_takes_a_foreperiod_of_whole_ms_and_a_seed_from_0_on():
     ("text", "says"),
     [
         ("", r"either \[grid\] or \[\[points\]\]"),
-        ("grid = {STN = [0.1]}\npoints = [{GPe = 0.1}]", "either"),
-        ("grid = {STN = []}", "each key of grid needs one value or more"),
-        ("points = [{STN = 0.1}, {GPe = 0.1}]", "all points must name the same keys"),
+        ("grid = {'lesion STN' = [0.1]}\npoints = [{'lesion GPe' = 0.1}]", "either"),
+        ("grid = {'lesion STN' = []}", "each key of grid needs one value or more"),
+        (
+            "points = [{'lesion STN' = 0.1}, {'lesion GPe' = 0.1}]",
+            "all points must name the same keys",
+        ),
         ("points = [{}]", "all points must name the same keys, one or more"),
-        ("colour = 1\ngrid = {STN = [0.1]}", "there is no key 'colour'; there are circuit, edits"),
-        ("show = ['speed']\ngrid = {STN = [0.1]}", "show must name accuracy, .*; got 'speed'"),
+        (
+            "colour = 1\ngrid = {'lesion STN' = [0.1]}",
+            "there is no key 'colour'; there are circuit, edits",
+        ),
+        (
+            "show = ['speed']\ngrid = {'lesion STN' = [0.1]}",
+            "show must name accuracy, .*; got 'speed'",
+        ),
     ],
 )
 def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
@@ -121,11 +131,15 @@ def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
 @pytest.mark.parametrize(
     ("grid", "says"),
     [
-        ("STNN = [0.1]", "the point STNN = 0.1: there is no 'STNN' to change; there are circuit"),
+        ("STN = [0.1]", "the point STN = 0.1: there is no 'STN' to change; there are circuit"),
+        ("'lesion STNN' = [0.1]", "the point lesion STNN = 0.1: .*macaque has no nucleus 'STNN'"),
         ("'task.dprime' = [1]", "there is no key 'task.dprime'; there are evidence, task"),
         ("'task.d_prime' = ['a']", "task.d_prime should be a valid number, got 'a'"),
-        ("'STN.bias' = [1]", "the point STN.bias = 1: 'STN.bias=1': STN has no 'bias'"),
-        ("STN = [0.1, 1.5]", r"the point STN = 1.5: 'STN=1.5': fraction must lie in 0..1, got 1.5"),
+        ("'set STN.bias' = [1]", "the point set STN.bias = 1: 'set STN.bias 1': STN has no 'bias'"),
+        (
+            "'lesion STN' = [0.1, 1.5]",
+            r"the point lesion STN = 1.5: 'lesion STN 1.5': a fraction lies in 0..1",
+        ),
         ("posterior = [0.4]", "posterior must lie between chance, 0.5"),
         ("engine = ['foo']", "engine must be one of algebra, .*, got 'foo'"),
         ("circuit = ['gpr']", "gpr works in salience, not nats"),
@@ -162,8 +176,8 @@ def refusal(run):
     name=st.sampled_from(["macaque", "spiking_msprt", "appendix_b"]),
     channels=st.integers(2, 4),
     edits=st.sampled_from(
-        [{}, {"without": ("STN=0.1",)}, {"without": ("STN",)}, {"dopamine": 1.3},
-         {"scale": ("ctx->STN=0.5",)}, {"change": ("STN.bias_nats=9",)}]
+        [[], ["lesion STN 10%"], ["lesion STN"], ["dopamine 1.3"], ["scale ctx->STN 0.5"],
+         ["set STN.bias_nats 9"]]
     ),
 )  # fmt: skip
 def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
@@ -175,11 +189,11 @@ def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
     run = {"circuit": name, "engine": "rate", "gain": 0.5, "task": task}
 
     def experiment():
-        words = {"name": "", "note": "", "predictions": (), "manipulation": Changes(**edits)}
+        words = {"name": "", "note": "", "predictions": (), "manipulation": Changes(Edits(edits))}
         Experiment(**words, **run, posterior=posterior).run()
 
     def sweep():
-        Plan(**run, edits=Edits(**edits), grid={"posterior": (posterior,)}).all_points()
+        Plan(**run, edits=Edits(edits), grid={"posterior": (posterior,)}).all_points()
 
     one, other = refusal(experiment), refusal(sweep)
     assert bool(one) == bool(other)
@@ -188,22 +202,25 @@ def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
 
 @pytest.mark.parametrize("posterior", [0.96, 0.98])
 def test_a_posterior_that_out_does_not_read_is_refused_before_anything_runs(posterior):
-    for grid in ({"posterior": (0.8, posterior)}, {"STN": (0.1,), "posterior": (posterior,)}):
+    for grid in (
+        {"posterior": (0.8, posterior)},
+        {"lesion STN": (0.1,), "posterior": (posterior,)},
+    ):
         with pytest.raises(ValueError, match="reads no OUT below"):
             Plan(grid=grid).all_points()
 
 
 def test_a_shard_is_named_by_what_it_computes():
     def names(**changed):
-        made = Plan(**({"grid": {"STN": (0.1, 0.2)}} | changed)).all_points()
+        made = Plan(**({"grid": {"lesion STN": (0.1, 0.2)}} | changed)).all_points()
         return [shard.name for one in made for shard in one.shards()]
 
     one, two = names()
     assert one != two
     # What stays the same keeps its shards, in whatever sweep and place it is.
-    assert names(grid={"STN": (0.3, 0.2, 0.1)})[1:] == [two, one]
+    assert names(grid={"lesion STN": (0.3, 0.2, 0.1)})[1:] == [two, one]
     assert names(name="another", show=("drift",)) == [one, two]
-    assert names(edits=Edits(without=("STN=0.1",)), grid={"dopamine": (1.0,)}) == [one]
+    assert names(edits=Edits(["lesion STN 10%"]), grid={"dopamine": (1.0,)}) == [one]
     for other in ({"seed": 1}, {"posterior": 0.9}, {"engine": "rate"}, {"gain": 0.4}):
         assert not {one, two} & set(names(**other))
 
@@ -219,7 +236,7 @@ def test_more_trials_keep_the_blocks_that_are_there():
 
 
 def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both():
-    one, other = Plan(grid={"STN": (0.1, 0.2)}).all_points()
+    one, other = Plan(grid={"lesion STN": (0.1, 0.2)}).all_points()
     first, again, later = one.block(0, 20), other.block(0, 20), one.block(BLOCK, 20)
     assert np.array_equal(first.evidence.log_likelihood, again.evidence.log_likelihood)
     assert not np.array_equal(first.evidence.log_likelihood, later.evidence.log_likelihood)
@@ -229,7 +246,7 @@ def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both(
 def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_path):
     shown = some_evidence(trials=30, steps=21, hypotheses=3)
     long_table(shown).to_csv(tmp_path / "own.csv", index=False)
-    (found,) = points(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\nSTN = [0.1]")
+    (found,) = points(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\n'lesion STN' = [0.1]")
     assert (found.trials, found.steps, found.hypotheses) == (30, 21, 3)
     assert found.edited.channels == 3
     parts = [found.block(first, 12).evidence for first in (0, 12, 24)]
@@ -241,11 +258,14 @@ def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_pa
 def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_path, monkeypatch):
     write(load_circuit("spiking_msprt", 2), tmp_path / "mine.toml")
     monkeypatch.chdir("/")
-    for text in ("circuit = 'mine.toml'\n[grid]\nSTN = [0.1]", "grid = {circuit = ['mine.toml']}"):
+    for text in (
+        "circuit = 'mine.toml'\n[grid]\n'lesion STN' = [0.1]",
+        "grid = {circuit = ['mine.toml']}",
+    ):
         (found,) = points(tmp_path, text)
         assert found.circuit == str(tmp_path / "mine.toml")
-    with pytest.raises(ValueError, match="there is no 'TRN' to change"):
-        points(tmp_path, "[grid]\nTRN = [0.1]\ncircuit = ['mine.toml']")
+    with pytest.raises(ValueError, match="spiking_msprt has no nucleus 'TRN'"):
+        points(tmp_path, "[grid]\n'lesion TRN' = [0.1]\ncircuit = ['mine.toml']")
 
 
 @pytest.mark.parametrize("truth", [True, False])
@@ -287,11 +307,14 @@ def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engi
 def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
     """ctx_inh is a nucleus of macaque alone, and common one of spiking_msprt."""
     other = load_circuit("spiking_msprt")
-    for values in ({"common": 0.2, "circuit": other.name}, {"circuit": other.name, "common": 0.2}):
+    for values in (
+        {"lesion common": 0.2, "circuit": other.name},
+        {"circuit": other.name, "lesion common": 0.2},
+    ):
         (found,) = Plan(points=(values,)).all_points()
         assert found.edited == other.lesion("common", 0.2)
-    with pytest.raises(ValueError, match=r"no 'ctx_inh' to change; .* nuclei D1, D2, GPe,"):
-        Plan(points=({"ctx_inh": 0.2, "circuit": other.name},)).all_points()
+    with pytest.raises(ValueError, match="spiking_msprt has no nucleus 'ctx_inh'"):
+        Plan(points=({"lesion ctx_inh": 0.2, "circuit": other.name},)).all_points()
 
 
 def test_a_tactile_task_depends_on_its_taps():
@@ -301,7 +324,7 @@ def test_a_tactile_task_depends_on_its_taps():
 
 
 def test_a_grid_lesions_a_nucleus_that_a_motif_adds():
-    plan = Plan(edits=Edits(add=("striatal_FSI",)), grid={"FSI": (0.0, 0.5)})
+    plan = Plan(edits=Edits(["add striatal_FSI"]), grid={"lesion FSI": (0.0, 0.5)})
     whole, half = (setting.edited for setting in plan.all_points())
     assert whole == load_circuit("macaque").add("striatal_FSI")
     assert half == whole.lesion("FSI", 0.5)

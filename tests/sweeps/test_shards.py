@@ -16,7 +16,7 @@ TASK = Stimuli(trials=60, t_max=30)
 
 
 def one_setting(**changed):
-    same = {"task": TASK, "engine": "algebra", "gain": 0.7, "grid": {"STN": (0.0,)}}
+    same = {"task": TASK, "engine": "algebra", "gain": 0.7, "grid": {"lesion STN": (0.0,)}}
     (found,) = Plan(**(same | changed)).all_points()
     return found
 

@@ -18,7 +18,7 @@ trials = 60
 t_max = 20
 d_prime = 1.0
 [grid]
-STN = [0, 0.05]
+"lesion STN" = [0, 0.05]
 "task.channels" = [2, 3]
 """
 
@@ -54,10 +54,10 @@ def test_what_lies_in_a_folder_is_not_computed_again(file, outcome, tmp_path, mo
 def test_labels_are_keys_and_measures(outcome):
     labelled = outcome.to_xarray()
     assert dict(labelled.sizes) == {
-        "STN": 2, "task.channels": 2, "measure": outcome.table["measure"].nunique(),
+        "lesion STN": 2, "task.channels": 2, "measure": outcome.table["measure"].nunique(),
     }  # fmt: skip
-    one = labelled["value"].sel({"STN": 0.05, "task.channels": 3, "measure": "accuracy"})
-    rows = outcome.table.query("STN == 0.05 and measure == 'accuracy'")
+    one = labelled["value"].sel({"lesion STN": 0.05, "task.channels": 3, "measure": "accuracy"})
+    rows = outcome.table.query("`lesion STN` == 0.05 and measure == 'accuracy'")
     assert float(one) == rows.loc[rows["task.channels"] == 3, "value"].item()
 
 

@@ -26,7 +26,7 @@ from typing import Any
 LEFT_OUT = ("compiling", "moved", "version", "__main__")
 ONE = (ast.Lt, ast.Gt, ast.Eq, ast.In, ast.Is, ast.Add, ast.Mult, ast.And)
 OTHER = (ast.GtE, ast.LtE, ast.NotEq, ast.NotIn, ast.IsNot, ast.Sub, ast.Div, ast.Or)
-SWAPPED = dict(zip(ONE + OTHER, OTHER + ONE, strict=True))
+SWAPPED: dict[type, Any] = dict(zip(ONE + OTHER, OTHER + ONE, strict=True))
 LARGEST_TOLERANCE = 1e-5
 Fault = tuple[str, Any, Any]
 
@@ -126,10 +126,12 @@ def tried(clone: Path, path: Path, fault: Fault, limits_s: list[float]) -> tuple
     (clean / "compiled").mkdir(parents=True, exist_ok=True)
     # Compiled circuits lie under a hash of their sources: faults elsewhere need not compile them.
     (cache / "compiled").symlink_to(clean / "compiled")
-    source, (_, place, new), broken = (clone / path).read_text(), fault, []
+    source, (_, place, new) = (clone / path).read_text(), fault
+    broken: list[str] = []
     for number, tests in enumerate(tests_of(clone, path)):
         # The rest of the suite takes minutes: on two cores.
-        status, shared, until = 1, ["-n2"] if number else [], time.monotonic() + limits_s[number]
+        status: int | None = 1
+        shared, until = ["-n2"] if number else [], time.monotonic() + limits_s[number]
         while tests and status not in (0, 5):
             (clone / path).write_text(edited(source, place, new))
             each = f"--timeout={limits_s[number] / 3:.0f}"

@@ -77,7 +77,7 @@ def test_a_circuit_without_what_computes_agrees_less():
     """
     table = load_circuit("spiking_msprt", 4)
     edited = {
-        "GPe": table.lesion("GPe", replaced=True),
+        "GPe": table.clamp("GPe"),
         "linear": linear_stn(table),
         "shuffled": shuffled_stn(table),
     }

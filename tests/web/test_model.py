@@ -176,7 +176,7 @@ def test_what_the_page_cannot_show_is_refused():
     assert "default_gain" in refused(load_circuit("appendix_b", 2))
     assert "5" in refused(load_circuit("macaque", 5))
     # Sliders can neither lesion the input nor what is replaced, nor change dopamine per channel.
-    assert "GPe" in refused(macaque.lesion("GPe", 0.1, replaced=True))
+    assert "GPe" in refused(macaque.clamp("GPe", 0.1))
     assert "D1" in refused(replace(macaque, input="D1"))
     assert "ctx->D1" in refused(macaque.scale("ctx", "D1", 0.9, channel=0))
 

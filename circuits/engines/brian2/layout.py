@@ -61,8 +61,8 @@ class Layout:
 
     def is_own(self, p: Projection) -> bool:
         """Whether each target cell sums this pathway for itself."""
-        ends = [self.wiring.circuit.population(name) for name in (p.source, p.target)]
-        return (p.probability < 1 or self.explicit) and all(end.spiking for end in ends)
+        circuit = self.wiring.circuit
+        return circuit.is_sparse(p) or (self.explicit and circuit.joins_cells(p))
 
     @cached_property
     def targets(self) -> list[list[int]]:

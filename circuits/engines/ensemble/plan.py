@@ -95,7 +95,7 @@ class _Places:
     @cached_property
     def sparse(self) -> npt.NDArray[np.bool_]:
         """Which units every target cell sums for itself."""
-        return np.array([_sparse(self.circuit, p) for p in self.projections], dtype=bool)
+        return np.array([self.circuit.is_sparse(p) for p in self.projections], dtype=bool)
 
     @cached_property
     def targets(self) -> list[npt.NDArray[np.intp]]:
@@ -134,11 +134,6 @@ class _Places:
         """Return the factors of a block's cells' constants."""
         name = self.rows[block].name
         return cell_factors(self.circuit, name, int(self.wiring.channel[block]))
-
-
-def _sparse(circuit: CircuitTable, p: Projection) -> bool:
-    between = circuit.population(p.source).spiking and circuit.population(p.target).spiking
-    return bool(p.probability < 1 and between)
 
 
 def _window(scheme: Scheme) -> tuple[int, int]:

@@ -114,10 +114,8 @@ def tick_ms(wiring: Wiring, *times_ms: float) -> float:
 
 def _check(wiring: Wiring) -> None:
     """Raise ValueError where cells of a channel hear different cells: that is not known here."""
-    circuit = wiring.circuit
-    spiking = {row.name for row in circuit.populations if row.spiking}
-    for p in circuit.projections:
-        if p.probability < 1 and p.source in spiking and p.target in spiking:
+    for p in wiring.circuit.projections:
+        if wiring.circuit.is_sparse(p):
             raise ValueError(
                 "the population engine takes all cells of a channel to hear the same, and "
                 f"{p.name} connects {p.probability:.0%}: use ensemble"

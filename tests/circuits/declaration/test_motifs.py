@@ -10,7 +10,6 @@ from bgmodel.support.seeds import stream
 from circuits import anatomy
 from circuits.declaration.motifs import MOTIFS
 from circuits.dynamics.fixed_point import resting_hz
-from circuits.edit_lists import Edits
 from circuits.show import ASSUMED
 
 CORTEX = ("ctx", "ctx_inh")
@@ -37,7 +36,7 @@ def test_a_motif_is_added_by_its_name_as_by_its_rows():
     table = anatomy.macaque(2)
     added = table.add(INTERNEURONS)
     assert added == table.add(*MOTIFS[INTERNEURONS](table))
-    assert added == Edits(add=(INTERNEURONS,)).apply(table)
+    assert added == table.edited(f"add {INTERNEURONS}")
     assert added != table
     like = table.add(INTERNEURONS, "other like=FSI", "ctx->other like=ctx->FSI")
     assert like.population("other").baseline_hz == added.population("FSI").baseline_hz

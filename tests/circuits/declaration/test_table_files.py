@@ -22,7 +22,7 @@ NAMES = st.from_regex(r"[^\s\[\]=/>]{1,8}", fullmatch=True).filter(
 )
 EDITS = [
     st.builds(lambda x: lambda c: c.lesion("STN", x), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.lesion("GPe", x, replaced=True), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.clamp("GPe", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.scale("D1", "SNr", x, 1), st.floats(0.01, 9)),
     st.builds(lambda x: lambda c: c.cut("GPe", "STN", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.cut("D1", "SNr", x, 1), st.floats(0, 0.99)),
@@ -110,8 +110,8 @@ EDITED = {
     "lesion": lambda c: c.lesion("STN", 0.1),
     "scale": lambda c: c.scale("STN", "SNr", 0.5),
     "channel": lambda c: c.scale("STN", "SNr", 0.5, 0),
-    "bias": lambda c: c.edited("STN.bias_nats=7"),
-    "delay": lambda c: c.edited("STN->GPe.delay_ms=40"),
+    "bias": lambda c: c.edited("set STN.bias_nats=7"),
+    "delay": lambda c: c.edited("set STN->GPe.delay_ms=40"),
     "row": lambda c: c.add("D2->SNr weight=-0.1"),
     "course": lambda c: c.add("STN amount=0.5"),
     "dopamine": lambda c: c.dopamine(0.8),
@@ -141,7 +141,7 @@ def test_an_edit_that_changes_nothing_leaves_the_description():
     row = circuit.population("STN")
     for same in (circuit.lesion("STN", 0.0), circuit.dopamine(1.0), circuit.with_channels(2)):
         assert same.about == circuit.about
-    assert circuit.edited(f"STN.neurons={row.neurons}").about == circuit.about
+    assert circuit.edited(f"set STN.neurons={row.neurons}").about == circuit.about
 
 
 def test_a_file_of_ones_own_needs_no_more_than_what_differs():

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from circuits.declaration.transfer import TRANSFERS, named
+from circuits.engines.ensemble import kernel as ensemble
+from circuits.engines.population import kernel as population
 
 X = np.array([-70.0, -3.2, -0.4, 0.3, 0.7, 1.3, 4.9, 5.4, 5.6, 8.0])
 """On both sides of every kink, and on none."""
@@ -52,3 +54,20 @@ def test_transfers_end_at_their_stated_bounds(name, x, activity):
 )
 def test_an_activity_that_no_input_has_has_no_inverse(name, activity, x):
     np.testing.assert_allclose(named(name).inverse(np.array(activity)), x)
+
+
+@pytest.mark.parametrize("name", ensemble.TRANSFERS)
+def test_the_ensemble_kernel_has_the_same_transfers(name):
+    found = [ensemble._law(ensemble.TRANSFERS[name], x) for x in X]
+    np.testing.assert_allclose(found, named(name)(X), rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", population.TRANSFERS)
+def test_the_population_kernel_has_the_same_transfers_in_single_precision(name):
+    """One row of inputs, one of results; the lanes that are left over hold zeros."""
+    values = np.zeros(2 * population.LANES, np.float32)
+    values[: len(X)] = X
+    no_table = (np.float32(0), np.float32(0), np.zeros(2, np.float32))
+    population._apply(population.LANES, population.TRANSFERS[name], values, 0, 1, *no_table)
+    found = values[population.LANES :][: len(X)]
+    np.testing.assert_allclose(found, named(name)(X.astype(np.float32)), rtol=3e-7, atol=1e-30)

@@ -65,7 +65,7 @@ def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
 
 def test_beside_a_replaced_lesion_another_one_is_not_replaced():
     table = anatomy.macaque(2)
-    both = fixed_point.wired(table.lesion("GPe", 0.5, replaced=True).lesion("D2", 0.3))
+    both = fixed_point.wired(table.clamp("GPe", 0.5).lesion("D2", 0.3))
     alone, whole = fixed_point.wired(table.lesion("D2", 0.3)), wire(table)
     of = [table.projections[path].source for path in whole.path]
     given = {name: both.constant[[s == name for s in of]] for name in ("GPe", "D2", "STN")}

@@ -148,7 +148,7 @@ def test_a_loss_of_stn_shifts_out_by_ln_of_what_is_left(fraction):
 
 def test_without_stn_out_is_a_race_or_silent():
     """With its drive replaced an unnormalised race is left; without, OUT is silent."""
-    assert agrees(Exact.circuit.lesion("STN", replaced=True), REFERENCE - Exact.y)
+    assert agrees(Exact.circuit.clamp("STN"), REFERENCE - Exact.y)
     positive = Exact.drive - Exact.y.min() + 0.1  # every y > 0, so that D1 only inhibits
     assert not output(Exact.circuit.lesion("STN"), positive).any()
 
@@ -170,7 +170,7 @@ def test_a_lost_part_of_gpe_held_at_rest_solves_its_equation():
         sigma = solved(
             lambda x, f=fraction: np.log(x) + (1 - f) * (x - np.log(x)) + f * rest, Exact.s
         )
-        found = output(Exact.circuit.lesion("GPe", fraction, replaced=True), Exact.drive)
+        found = output(Exact.circuit.clamp("GPe", fraction), Exact.drive)
         assert np.abs(found / (sigma - Exact.y) - 1).max() < CLOSE
 
 

@@ -75,7 +75,7 @@ def test_a_field_of_a_record_takes_a_name_or_an_engine():
     by_name = BasalGanglia("macaque", "population", seed=1)
     assert by_name == BasalGanglia("macaque", Population(), seed=1)
     other = replace(by_name, engine="rate")
-    assert (other.engine, BasalGanglia("macaque").engine) == (Rate(), Algebra())
+    assert (other.engine, BasalGanglia("macaque").engine) == (Rate(), Population())
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from circuits import anatomy
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.wiring import wire
 from circuits.engines import Ensemble, engine_of, run
-from circuits.engines.engine import cells
 from circuits.engines.ensemble.plan import plan, workspace
+from circuits.engines.memory import cells
 
 TABLE = anatomy.spiking_msprt()
 

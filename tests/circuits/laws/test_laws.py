@@ -38,7 +38,7 @@ def spiking(channels=2, neurons=300):
 def uncommon(neurons=300):
     """Return the same without the common mode, so that S goes where the evidence takes it."""
     table = spiking(neurons=neurons).with_projection("STN", "common", weight=0.0)
-    return table.edited("common.bias_nats=0", "ctx.bias_nats=0")
+    return table.edited("set common.bias_nats=0", "set ctx.bias_nats=0")
 
 
 def loop(neurons, *, delay_ms=0.0, rests_at=3.0):

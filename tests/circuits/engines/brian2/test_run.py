@@ -76,7 +76,7 @@ def both(circuit, drive=DRIVE, **options):
         WHOLE,
         WHOLE.with_spread(0.15),
         WHOLE.with_connections(0.3).with_spread(0.1),
-        WHOLE.lesion("D2", 0.5, replaced=True).lesion("GPe"),
+        WHOLE.clamp("D2", 0.5).lesion("GPe"),
         small(),
         replace(small(), wiring_seed=3).scale("ctx", "SNr", 0),
         small().scale("ctx", "STN", 0.5, 0).scale("SNr", "SNr", 2, 1),

@@ -40,7 +40,7 @@ def both(circuit, drive, **options):
     "circuit",
     [
         BASE,
-        BASE.lesion("GPe", 0.5, replaced=True),
+        BASE.clamp("GPe", 0.5),
         BASE.scale("STN", "GPe", 0.5),
         BASE.with_spread(0.1),
         BASE.with_spread(0.3),

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.methods.recursive import LOOP_READINGS, RecursiveMsprt
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.recursive import LOOP_READINGS, RecursiveMsprt
 
 
 def drawn(steps=30, hypotheses=4, seed=1):

@@ -116,7 +116,7 @@ def better_by(first: Predicted, second: Predicted) -> Better:
     return Better(float(apart.sum()), math.hypot(sampling, own), own)
 
 
-def _divided(cell: Sequence[int] | np.ndarray, folds: int, seed: int) -> np.ndarray:  # type: ignore[type-arg]
+def _divided(cell: Sequence[int] | np.ndarray, folds: int, seed: int) -> np.ndarray:
     cell = np.asarray(cell)
     order = stream(seed, "folds").permutation(len(cell))
     part = np.empty(len(cell), dtype=np.int64)

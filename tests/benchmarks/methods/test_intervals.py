@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.methods.intervals import NULL, PREFERRED, interval_evidence
 from bgmodel import Msprt, first_crossing, stream
-from bgmodel.integrators.intervals import NULL, PREFERRED, interval_evidence
 
 
 @pytest.mark.parametrize("cells", [PREFERRED, NULL])

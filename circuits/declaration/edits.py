@@ -1,0 +1,373 @@
+"""Edits of a circuit as text: one line per edit, the same in Python, in a file and at the terminal.
+
+``VERBS`` lists them, with an example of each. A nucleus is written ``STN``, a pathway ``GPe->STN``;
+``GPe[0]`` and ``ctx->D1[0]`` are those of one channel. A fraction is written ``10%`` or ``0.1``.
+
+The order in which edits are written does not matter: those of all nuclei are made first, then rows
+are added and fields set, then nuclei are lesioned, pathways cut and scaled, and dopamine changed;
+compensation is for all of them. No two edits of a list may change the same number, except that a
+row that is added may be lesioned, cut or scaled.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+NUCLEUS, PATHWAY = "nucleus", "pathway"
+FRACTION, NUMBER, WHOLE_NUMBER = "fraction", "number", "whole number"
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A kind of edit."""
+
+    example: str
+    """A line that can be copied."""
+    about: str
+    """What it does."""
+    of: str = ""
+    """What it names: a nucleus, a pathway, or nothing."""
+    takes: str = ""
+    """The number behind it: a fraction, which may be left out and is then all, a number or none."""
+    method: str = ""
+    """The method of a circuit that makes the edit; none where edits are made together."""
+    changes: str = ""
+    """The field of rows that it changes."""
+
+
+VERBS = {
+    "neurons": Verb(
+        "neurons 100",
+        "cells per channel of every spiking nucleus",
+        takes=WHOLE_NUMBER,
+        method="with_neurons",
+        changes="neurons",
+    ),
+    "connections": Verb(
+        "connections 0.25",
+        "connection probability between spiking nuclei, with fixed in-degree",
+        takes=NUMBER,
+        method="with_connections",
+        changes="probability",
+    ),
+    "spread": Verb(
+        "spread 0.1",
+        "spread of the constants of cells in every spiking nucleus, as a fraction of each",
+        takes=NUMBER,
+        method="with_spread",
+        changes="spread",
+    ),
+    "add": Verb(
+        "add D1->GPe weight=-0.1 delay_ms=4",
+        "a pathway, a nucleus (TRN like=STN bias_nats=-1), a motif (striatal_FSI), or a course, "
+        "which is a change within each trial (dopamine amount=0.2 to_ms=300)",
+    ),
+    "keep": Verb("keep rest", "existing nuclei keep their resting rates when rows are added"),
+    "set": Verb(
+        "set STN.bias_nats -0.2",
+        "a field of a nucleus, of its cells (STN.cell.cv) or of a pathway (STN->GPe.delay_ms)",
+    ),
+    "lesion": Verb(
+        "lesion STN 10%",
+        "a fraction of a nucleus is lost, with the effect of its steady firing (its tone)",
+        of=NUCLEUS,
+        takes=FRACTION,
+        method="lesion",
+        changes="intact",
+    ),
+    "clamp": Verb(
+        "clamp GPe 50%",
+        "a lesion after which the targets receive the lost output as a constant, its resting rate",
+        of=NUCLEUS,
+        takes=FRACTION,
+        method="clamp",
+        changes="intact",
+    ),
+    "cut": Verb(
+        "cut GPe->STN 30%",
+        "a fraction of the axons of a pathway is lost, with their tone",
+        of=PATHWAY,
+        takes=FRACTION,
+        method="cut",
+        changes="intact",
+    ),
+    "scale": Verb(
+        "scale STN->GPe 0.5",
+        "the weight of a pathway is multiplied; the tone of its source stays",
+        of=PATHWAY,
+        takes=NUMBER,
+        method="scale",
+        changes="weight",
+    ),
+    "dopamine": Verb(
+        "dopamine 0.9",
+        "the dopamine level, 0 to 2, where 1 is normal",
+        takes=NUMBER,
+        method="dopamine",
+    ),
+    "compensate": Verb(
+        "compensate",
+        "every nucleus returns to its own resting rate, as long after a lesion",
+    ),
+    "rebound": Verb(
+        "rebound SNr 0.5",
+        "nuclei compensate, and one comes to rest above its old rate by that many nats",
+        of=NUCLEUS,
+        takes=NUMBER,
+    ),
+}
+"""All kinds of edits, in the order in which they are made."""
+NOTES = {
+    "scale": "scale multiplies what a pathway signals and leaves its tone, the effect of its "
+    "source's steady firing; to lose axons, which takes both, use cut",
+    "cut": "cut takes a fraction of a pathway's axons, with what they signal and their tone, the "
+    "effect of its source's steady firing; to leave the tone, use scale",
+}
+"""What to know about edits that are taken for each other."""
+SAME_NUMBER = {
+    "intact_by_channel": "intact",
+    "clamped": "intact",
+    "factors": "weight",
+}
+"""Fields of rows, and the field that they change in effect."""
+SET = re.compile(r"([^\s=]+(?:\s*->\s*[^\s=]+)?)(?:\s*=\s*|\s+)(.*)")
+AMOUNT = "amount"
+"""The field that makes a row a course; courses of one nucleus add up."""
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One edit.
+
+    Parameters
+    ----------
+    text : str
+        The line as it was written.
+    verb : str
+        A key of ``VERBS``.
+    row : str
+        The nucleus or the pathway; for some verbs none.
+    field : str
+        The field that is set.
+    channel : int, optional
+        The only channel in which it is made.
+    value : float or str
+        Its number; as text, the new value of a field, or a new row.
+    """
+
+    text: str
+    verb: str
+    row: str = ""
+    field: str = ""
+    channel: int | None = None
+    value: float | str = ""
+
+    @property
+    def arguments(self) -> list[Any]:
+        """The positional arguments of the verb's method."""
+        return [*(self.row.split("->") if self.row else ()), self.value]
+
+    @property
+    def is_course(self) -> bool:
+        """Whether it adds a course, of which a nucleus may have several."""
+        return self.verb == "add" and AMOUNT in self._given()
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """What it edits: edits of one place are the same edit with different values."""
+        own = self.value if self.is_course else None
+        return self.verb, self.row, self.field, self.channel, own
+
+    def overlaps(self, other: Edit) -> bool:
+        """Whether both change the same number."""
+        if self.place == other.place:
+            return True
+        verbs = {self.verb, other.verb}
+        if verbs == {"set"} or (self.is_course and other.is_course):
+            return False
+        if "add" in verbs and verbs & {"lesion", "clamp", "cut", "scale"}:
+            return False
+        apart = None not in (self.channel, other.channel) and self.channel != other.channel
+        return self.row == other.row and not apart and bool(self._changes() & other._changes())
+
+    def _changes(self) -> set[str]:
+        """Return the fields of its row that it changes."""
+        fields = {"add": self._given(), "set": [self.field]}.get(self.verb)
+        if fields is None:
+            return {VERBS[self.verb].changes or self.verb}
+        return {SAME_NUMBER.get(name, name) for name in fields}
+
+    def _given(self) -> list[str]:
+        """Return the fields that a new row gives."""
+        return re.findall(r"(\S+?)\s*=", str(self.value))
+
+
+class Edits(tuple[str, ...]):
+    """Edits of a circuit, one line each: the hypothesis.
+
+    Raises
+    ------
+    ValueError
+        If a line is not an edit, or two of them change the same number.
+    """
+
+    def __new__(cls, lines: Iterable[str] = ()) -> Edits:
+        """Return edits from their lines."""
+        if isinstance(lines, str):
+            raise ValueError(f'edits must be a list of lines, such as ["{lines}"], got {lines!r}')
+        edits = super().__new__(cls, lines)
+        for one, other in combinations(edits.parsed(), 2):
+            if one.overlaps(other):
+                raise overlapping(one, other)
+        return edits
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Tell pydantic to read a list of lines."""
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_after_validator_function(cls, handler(tuple[str, ...]))
+
+    def parsed(self) -> list[Edit]:
+        """Return the edits in the order in which they are made."""
+        return sorted(map(parsed, self), key=lambda edit: [*VERBS].index(edit.verb))
+
+    def of(self, *verbs: str) -> list[Edit]:
+        """Return the edits of some kinds, in the order in which they are made."""
+        return [edit for edit in self.parsed() if edit.verb in verbs]
+
+    @property
+    def compensates(self) -> bool:
+        """Whether nuclei return to their resting rates."""
+        return bool(self.of("compensate", "rebound"))
+
+    def text(self) -> str:
+        """Return the lines in the order in which the edits are made."""
+        return "; ".join(edit.text.strip() for edit in self.parsed())
+
+    def notes(self) -> list[str]:
+        """Return a sentence for each kind of edit that is easily taken for another."""
+        return [note for verb, note in NOTES.items() if self.of(verb)]
+
+    def replacing(self, lines: Iterable[str], without: Iterable[str] = ()) -> Edits:
+        """Return the edits with others, each in place of the same edit with another value.
+
+        Parameters
+        ----------
+        lines : iterable of str
+            Further edits.
+        without : iterable of str
+            Edits that are left out, whatever their value.
+
+        Raises
+        ------
+        ValueError
+            If two of the edits change the same number, or one adds a course of a nucleus that has
+            one: it could be meant to replace it.
+        """
+        new = {edit.place: edit for edit in map(parsed, Edits(lines))}
+        left_out = {parsed(line).place for line in without}
+        kept = [edit for edit in map(parsed, self) if edit.place not in left_out]
+        for old, edit in product(kept, new.values()):
+            both = old.is_course and edit.is_course and old.row == edit.row
+            if both and old.place != edit.place:
+                raise overlapping(old, edit)
+        replaced = [new.pop(edit.place, edit) for edit in kept]
+        return Edits(edit.text for edit in (*replaced, *new.values()))
+
+
+def overlapping(one: Edit, other: Edit) -> ValueError:
+    """Return the error for two edits of one number."""
+    return ValueError(
+        f"{one.text!r} and {other.text!r} edit the same number, so neither would be its value: "
+        "keep one of them"
+    )
+
+
+def parsed(line: str) -> Edit:
+    """Return the edit that a line says.
+
+    Raises
+    ------
+    ValueError
+        One sentence with the line as it was written, what is allowed and an example.
+    """
+    verb, _, rest = line.strip().partition(" ") if isinstance(line, str) else ("", "", "")
+    if verb not in VERBS:
+        raise ValueError(
+            f"{line!r}: an edit begins with one of {', '.join(VERBS)}, such as 'lesion STN 10%'"
+        )
+    kind, rest = VERBS[verb], rest.strip()
+    if verb == "add":
+        edit = _new_row(line, rest)
+    elif verb == "set":
+        edit = _new_value(line, rest)
+    elif kind.of or kind.takes:
+        edit = _numbered(line, verb, _tidied(rest).split())
+    else:
+        edit = Edit(line, verb) if f"{verb} {rest}".strip() == kind.example else None
+    if edit is None:
+        raise ValueError(f"{line!r}: {verb} is written as in {kind.example!r}")
+    return edit
+
+
+def _new_row(line: str, rest: str) -> Edit | None:
+    names = _tidied(rest).split()
+    return Edit(line, "add", names[0], value=rest) if names and "=" not in names[0] else None
+
+
+def _new_value(line: str, rest: str) -> Edit | None:
+    found = SET.fullmatch(rest)
+    row, _, field = _tidied(found[1]).partition(".") if found else ("", "", "")
+    return Edit(line, "set", row, field, value=found[2]) if found and row and field else None
+
+
+def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
+    """Return an edit of the form VERB [ROW] [NUMBER]; None for another form."""
+    kind = VERBS[verb]
+    row, channel, left = "", None, [*words]
+    if kind.of:
+        if not left or "=" in left[0] or ("->" in left[0]) != (kind.of == PATHWAY):
+            return None
+        row, channel = _channel_of(line, left.pop(0))
+    if not left and kind.takes == FRACTION:
+        return Edit(line, verb, row, channel=channel, value=1.0)
+    if len(left) != 1 or (channel is not None and not kind.method):
+        return None
+    number, percent = left[0].removesuffix("%"), left[0].endswith("%")
+    if percent and kind.takes != FRACTION:
+        return None
+    try:
+        value = float(f"{number}e-2" if percent else number)
+        value = int(value) if kind.takes == WHOLE_NUMBER and value == int(value) else value
+    except (ValueError, OverflowError):
+        return None
+    if kind.takes == FRACTION and value > 1 and not percent:
+        raise ValueError(f"{line!r}: a fraction lies in 0..1: write {value:g}% or {value / 100:g}")
+    return Edit(line, verb, row, channel=channel, value=value)
+
+
+def _channel_of(line: str, name: str) -> tuple[str, int | None]:
+    """Split "name[channel]"; without brackets it is every channel."""
+    row, bracket, rest = name.partition("[")
+    if not bracket:
+        return row, None
+    number = rest.removesuffix("]")
+    if number == rest or not number.isdecimal():
+        raise ValueError(f"{line!r}: a channel is a number in brackets, such as GPe[0]")
+    return row, int(number)
+
+
+def _tidied(text: str) -> str:
+    """Return the text without blanks around "->", "=" and "[" and before "%"."""
+    return re.sub(r"\s+(?=%)", "", re.sub(r"\s*(->|=|\[)\s*", r"\1", text))

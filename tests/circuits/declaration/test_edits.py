@@ -1,0 +1,346 @@
+"""Edits as text: one grammar for Python, files and the terminal."""
+
+import pickle
+import re
+from dataclasses import dataclass
+from itertools import combinations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bgmodel.cli import main, parsed
+from bgmodel.integrators.basal_ganglia import rest_out
+from bgmodel.support import toml_files
+from circuits.anatomy import load_circuit
+from circuits.declaration.courses import Course
+from circuits.declaration.edits import FRACTION, VERBS, Edits
+from circuits.declaration.edits import parsed as parsed_line
+from circuits.ignored import check_edits
+
+TABLE = load_circuit("spiking_msprt", 2)
+ADDED = ("add TRN like=STN bias_nats=-1", "add TRN->GPe weight=0.1")
+ALL = (
+    "neurons 20",
+    "spread 0.1",
+    *ADDED,
+    "keep rest",
+    "set STN.neurons 50",
+    "set STN->GPe.delay_ms 4",
+    "lesion TRN 50%",
+    "lesion D1[1] 10%",
+    "cut GPe->STN 30%",
+    "scale TRN->GPe 0.5",
+    "dopamine 1.1",
+    "compensate",
+    "rebound SNr 0.2",
+)
+"""An edit of every kind but two, as they are made."""
+
+
+@dataclass(frozen=True)
+class File:
+    edits: Edits = Edits()  # noqa: RUF009
+
+
+def at_the_terminal(*lines):
+    return parsed(["circuit", "show", "spiking_msprt", "--edit", *lines]).edits
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_the_example_of_every_verb_is_that_edit(verb):
+    line = VERBS[verb].example
+    assert parsed_line(line).verb == verb
+    if verb == "keep":
+        assert TABLE.edited(*ADDED, line) != TABLE.edited(*ADDED)
+    elif verb != "compensate":
+        assert TABLE.edited(line) != TABLE
+    assert TABLE.edited("lesion STN", "compensate") != TABLE.edited("lesion STN")
+
+
+def test_a_file_the_terminal_and_python_say_the_same():
+    lines = ("lesion STN 10%", "set STN->GPe.delay_ms 4", *ADDED)
+    file = toml_files.decoded({"edits": [*lines]}, File, "mine.toml").edits
+    assert file == at_the_terminal(*lines) == Edits(lines) == lines
+    by_hand = TABLE.add(*(line.removeprefix("add ") for line in ADDED))
+    by_hand = by_hand.set("STN->GPe.delay_ms", 4).lesion("STN", 0.1)
+    assert TABLE.edited(*file) == by_hand
+
+
+@pytest.mark.parametrize(
+    ("line", "edited"),
+    [
+        ("lesion STN 10%", TABLE.lesion("STN", 0.1)),
+        ("lesion STN 10 %", TABLE.lesion("STN", 0.1)),
+        ("  lesion  STN  0.1 ", TABLE.lesion("STN", 0.1)),
+        ("lesion D2", TABLE.lesion("D2")),
+        ("lesion GPe [1] 25%", TABLE.lesion("GPe", 0.25, channel=1)),
+        ("lesion D2[0]", TABLE.lesion("D2", channel=0)),
+        ("clamp GPe 50%", TABLE.clamp("GPe", 0.5)),
+        ("clamp GPe[0]", TABLE.clamp("GPe", channel=0)),
+        ("cut GPe->STN 30%", TABLE.cut("GPe", "STN", 0.3)),
+        ("cut D1 -> SNr[1]", TABLE.cut("D1", "SNr", channel=1)),
+        ("scale STN->GPe 0.5", TABLE.scale("STN", "GPe", 0.5)),
+        ("scale ctx -> D1[0] 1.1", TABLE.scale("ctx", "D1", 1.1, channel=0)),
+        ("set STN.bias_nats -0.2", TABLE.with_population("STN", bias_nats=-0.2)),
+        ("set STN.bias_nats=-0.2", TABLE.set("STN.bias_nats", -0.2)),
+        ("set STN.cell.cv 0.2", TABLE.with_cell("STN", cv=0.2)),
+        ("set ctx->D1.factors 1,0.9", TABLE.set("ctx->D1.factors", (1, 0.9))),
+        ("add dopamine amount=0.2", TABLE.add(Course("dopamine", 0.2))),
+        ("add striatal_FSI", TABLE.add("striatal_FSI")),
+        ("dopamine 0.9", TABLE.dopamine(0.9)),
+        ("neurons 1e2", TABLE.with_neurons(100)),
+        ("connections 0.25", TABLE.with_connections(0.25)),
+        ("rebound SNr 0.2", TABLE.compensate(TABLE, rebound_nats={"SNr": 0.2})),
+    ],
+)
+def test_every_verb_is_a_method(line, edited):
+    assert TABLE.edited(line) == edited != TABLE
+
+
+@given(st.permutations(ALL))
+def test_the_order_in_which_edits_are_written_does_not_matter(lines):
+    circuit, in_order = TABLE.edited(*lines), TABLE.edited(*ALL)
+    assert {row.name: row for row in circuit.values()} == dict(in_order.items())
+    made = [VERBS[line.split()[0]] for line in Edits(lines).text().split("; ")]
+    assert made == sorted(made, key=[*VERBS.values()].index)
+
+
+def test_edits_of_all_nuclei_come_first_then_rows_then_factors():
+    by_hand = TABLE.with_neurons(20).with_spread(0.1)
+    by_hand = by_hand.add(*(line.removeprefix("add ") for line in ADDED), keep_rest=True)
+    by_hand = by_hand.set("STN.neurons", 50).set("STN->GPe.delay_ms", 4)
+    by_hand = by_hand.lesion("TRN", 0.5).lesion("D1", 0.1, channel=1).cut("GPe", "STN", 0.3)
+    by_hand = by_hand.scale("TRN", "GPe", 0.5).dopamine(1.1)
+    assert TABLE.edited(*ALL[:-2]) == by_hand
+    assert TABLE.edited(*ALL) == by_hand.compensate(TABLE, rebound_nats={"SNr": 0.2})
+
+
+def test_a_course_is_relative_to_the_level_of_the_edits():
+    lines = ("add dopamine amount=0.2 to_ms=300 decay_ms=50", "dopamine 1.1", "lesion STN 10%")
+    lesioned = TABLE.lesion("STN", 0.1).dopamine(1.1)
+    edited = TABLE.edited(*lines)
+    assert edited == lesioned.add(Course("dopamine", 0.2, 0, 300, decay_ms=50))
+    assert rest_out(edited) == rest_out(lesioned)
+
+
+@given(st.floats(0.01, 0.99), st.sampled_from(["D1", "D2", "STN", "GPe"]))
+def test_edits_undone_leave_the_circuit(fraction, name):
+    lesioned = TABLE.edited(f"lesion {name} {fraction!r}")
+    assert lesioned.unlesioned == TABLE
+    assert lesioned.set(f"{name}.intact", 1) == TABLE
+
+
+@given(st.integers(0, 1000))
+def test_a_percentage_is_its_fraction(tenths):
+    (of_percent, of_fraction) = (
+        parsed_line(f"lesion STN {text}").value
+        for text in (f"{tenths / 10}%", f"{tenths / 1000:.3f}")
+    )
+    assert of_percent == of_fraction
+
+
+def test_no_edits_leave_the_circuit_and_say_nothing():
+    assert TABLE.edited() is TABLE
+    assert Edits() == ()
+    assert Edits().text() == ""
+
+
+def test_edits_are_copied_as_what_they_are():
+    edits = Edits(ALL)
+    assert pickle.loads(pickle.dumps(edits)) == edits
+    assert isinstance(pickle.loads(pickle.dumps(edits)), Edits)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "", "STN", "STN=0.15", "lesoin STN", "Lesion STN", "lesion", "lesion STN=0.1",
+        "lesion STN ten", "lesion STN 10% 20%", "lesion STN->GPe 10%", "lesion GPe[x]",
+        "lesion GPe[-1]", "lesion GPe[0", "cut STN 10%", "cut GPe->STN=0.3", "scale STN->GPe",
+        "scale STN 2", "scale STN->GPe 50%", "scale ctx->D1[ 2", "set STN", "set STN 0.2",
+        "set STN.bias_nats", "set STN->GPe 0.5", "add", "add weight=1", "keep", "keep calm",
+        "dopamine", "dopamine low", "dopamine STN 1", "neurons many", "compensate STN",
+        "rebound SNr", "rebound SNr[0] 0.2", "rebound 0.2",
+    ],
+)  # fmt: skip
+def test_a_line_that_is_no_edit_is_named_with_an_example_or_the_verbs(line):
+    verb = line.split(" ")[0]
+    known = VERBS[verb].example if verb in VERBS else ", ".join(VERBS)
+    if "[" in line and verb != "rebound":
+        known = "GPe[0]"
+    with pytest.raises(ValueError, match=rf"^{re.escape(repr(line))}: .*{re.escape(known)}"):
+        TABLE.edited(line)
+
+
+@pytest.mark.parametrize("line", [3, None, ["lesion STN"]])
+def test_an_edit_is_text(line):
+    with pytest.raises(ValueError, match="an edit begins with one of"):
+        Edits([line])
+
+
+@pytest.mark.parametrize("verb", [verb for verb in VERBS if VERBS[verb].takes == FRACTION])
+def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
+    row = VERBS[verb].example.split()[1]
+    with pytest.raises(ValueError, match=r"write 15% or 0\.15"):
+        TABLE.edited(f"{verb} {row} 15")
+    assert TABLE.edited(f"{verb} {row} 1") == TABLE.edited(f"{verb} {row}")
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("lesion STN 150%", "fraction must lie in 0..1, got 1.5"),
+        ("lesion GPe[2] 50%", "GPe: channel must lie in 0..1, got 2"),
+        ("lesion GPi", "spiking_msprt has no nucleus 'GPi': ctx"),
+        ("clamp SNr", "SNr is the read-out"),
+        ("scale STN->GPi 0.5", "spiking_msprt has no pathway STN->GPi"),
+        ("cut GPe->STN[7] 10%", "channel must lie in 0..1"),
+        ("dopamine 3", "dopamine level must lie in 0..2"),
+        ("neurons 1.5", "neurons must be a whole number"),
+        ("set STN.bias 1", "STN has no 'bias': "),
+        ("set STN.bias_nats x", "STN: bias_nats must be a number"),
+    ],
+)  # fmt: skip
+def test_an_edit_that_does_not_fit_is_named_as_it_was_written(line, says):
+    with pytest.raises(ValueError, match=rf"^{re.escape(repr(line))}: .*{re.escape(says)}"):
+        TABLE.edited(line)
+
+
+OVERLAPS = [
+    ("lesion STN 10%", "lesion STN 20%"),
+    ("lesion STN 10%", " lesion  STN  10%"),
+    ("lesion STN 10%", "lesion STN[0] 10%"),
+    ("lesion STN 10%", "clamp STN 10%"),
+    ("lesion STN 10%", "set STN.intact 0.5"),
+    ("lesion STN[1] 10%", "set STN.intact_by_channel 1,0.5"),
+    ("cut GPe->STN 10%", "cut GPe->STN[1] 10%"),
+    ("cut GPe->STN 10%", "set GPe->STN.intact 0.5"),
+    ("scale STN->GPe 2", "scale STN->GPe[0] 2"),
+    ("scale STN->GPe 2", "set STN->GPe.weight 2"),
+    ("scale STN->GPe[0] 2", "set STN->GPe.factors 2,1"),
+    ("set STN.bias_nats 1", "set STN.bias_nats=2"),
+    ("add TRN like=STN bias_nats=1", "set TRN.bias_nats 2"),
+    ("add TRN like=STN bias_nats=1", "add TRN like=GPe"),
+    ("dopamine 0.9", "dopamine 1.1"),
+    ("neurons 10", "neurons 20"),
+    ("rebound SNr 0.1", "rebound SNr 0.2"),
+    ("compensate", "compensate"),
+]
+
+
+@pytest.mark.parametrize(("one", "other"), OVERLAPS)
+def test_two_edits_of_one_number_are_refused_with_both(one, other):
+    for lines in ((one, other), (other, one)):
+        with pytest.raises(ValueError, match="edit the same number") as error:
+            Edits(lines)
+        assert repr(one) in str(error.value)
+        assert repr(other) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("lesion STN[0] 10%", "lesion STN[1] 20%"),
+        ("cut GPe->STN 30%", "scale GPe->STN 0.5"),
+        ("add D1->GPe weight=-0.1", "scale D1->GPe 0.5", "cut D1->GPe 10%"),
+        ("add TRN like=STN", "lesion TRN 50%", "set TRN.bias_nats 1"),
+        ("add STN amount=0.1", "add STN amount=0.2 from_ms=100", "lesion STN 10%"),
+        ("neurons 10", "set STN.neurons 20"),
+        ("compensate", "rebound SNr 0.1", "rebound GPe 0.1"),
+        ("set STN.cell Phase", "set STN.cell.cv 0.2"),
+    ],
+)
+def test_edits_of_different_numbers_go_together(lines):
+    forth, back = TABLE.edited(*lines), TABLE.edited(*reversed(lines))
+    assert dict(forth.items()) == dict(back.items())
+    assert set(forth.courses) == set(back.courses)
+    assert forth != TABLE
+    for one, other in combinations(lines, 2):
+        assert not parsed_line(one).overlaps(parsed_line(other))
+
+
+def test_an_edit_replaces_the_same_edit_in_any_spelling_and_no_other():
+    edits = Edits(["lesion STN 10%", "scale STN->GPe 0.5", "compensate", "dopamine 0.9"])
+    new = edits.replacing(["scale STN -> GPe  2", "lesion GPe 5%"], without=["compensate"])
+    assert set(new) == {"lesion STN 10%", "dopamine 0.9", "scale STN -> GPe  2", "lesion GPe 5%"}
+    with pytest.raises(ValueError, match="edit the same number"):
+        edits.replacing(["lesion STN[0] 10%"])
+    with pytest.raises(ValueError, match="edit the same number"):
+        Edits(["add STN amount=0.1"]).replacing(["add STN amount=0.1 to_ms=300"])
+
+
+@pytest.mark.parametrize(
+    ("engine", "line"),
+    [
+        ("algebra", "set STN->GPe.delay_ms 4"),
+        ("algebra", "set STN.tau_ms 4"),
+        ("algebra", "set GPe.cell.tau_ms 4"),
+        ("rate", "set STN.cell.cv 0.1"),
+        ("rate", "set STN.neurons 7"),
+        ("rate", "set STN->GPe.probability 0.5"),
+        ("rate", "neurons 7"),
+        ("rate", "connections 0.5"),
+        ("algebra", "spread 0.1"),
+    ],
+)
+def test_an_edit_that_an_engine_does_not_feel_is_refused(engine, line):
+    check_edits(Edits([line]), "ensemble")
+    with pytest.raises(ValueError, match=f"^'{line}' says nothing to the {engine} engine"):
+        check_edits(Edits([line]), engine)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["set STN->GPe.delay_ms 4", "set GPe.cell.tau_ms 12", "set STN.tau_ms 7", "lesion STN 1%"],
+)
+def test_rates_feel_times_and_lesions(line):
+    check_edits(Edits([line]), "rate")
+
+
+def test_a_rebound_compensates_the_others_too():
+    edited = TABLE.edited("lesion STN", "rebound SNr 0.5")
+    assert edited == TABLE.edited("compensate", "rebound SNr 0.5", "lesion STN")
+    assert TABLE.edited("compensate") == TABLE
+    with pytest.raises(ValueError, match="spiking_msprt has no nucleus 'GPi': ctx"):
+        TABLE.edited("rebound GPi 0.5")
+
+
+def test_a_clamped_nucleus_is_neither_lesioned_nor_compensated():
+    clamped = TABLE.clamp("GPe", 0.5)
+    assert clamped != TABLE.lesion("GPe", 0.5)
+    with pytest.raises(ValueError, match="GPe is clamped already"):
+        clamped.lesion("GPe", 0.1)
+    with pytest.raises(ValueError, match="GPe is clamped"):
+        TABLE.edited("clamp GPe 50%", "compensate")
+
+
+def test_keep_rest_needs_a_row_that_is_added():
+    rows = [line.removeprefix("add ") for line in ADDED]
+    assert TABLE.edited(*ADDED, "keep rest") == TABLE.add(*rows, keep_rest=True) != TABLE.add(*rows)
+    with pytest.raises(ValueError, match="'keep rest' is for rows that are added"):
+        TABLE.edited("keep rest")
+
+
+def test_what_a_cut_and_a_scale_do_is_said_of_them_and_of_no_other_edit():
+    scale, cut = Edits(["scale GPe->STN 0.5"]), Edits(["cut GPe->STN 30%"])
+    for one, other in ((scale, "cut"), (cut, "scale")):
+        (note,) = one.notes()
+        assert "tone" in note
+        assert other in note
+    assert Edits([*cut, *scale]).notes() == [*scale.notes(), *cut.notes()]
+    assert Edits(["lesion STN 50%"]).notes() == Edits().notes() == []
+
+
+@pytest.mark.parametrize("line", ["scale GPe->STN 0.5", "cut GPe->STN"])
+def test_commands_say_what_a_cut_or_a_scale_does(line, capsys):
+    assert main(["circuit", "show", "macaque", "--edit", line]) == 0
+    assert "tone" in capsys.readouterr().err
+    assert main(["circuit", "show", "macaque", "--edit", "lesion STN 10%"]) == 0
+    assert "tone" not in capsys.readouterr().err
+
+
+def test_the_option_for_edits_is_given_once(capsys):
+    twice = ["--edit", "lesion STN 10%", "--edit", "dopamine 0.9"]
+    assert main(["circuit", "show", "macaque", *twice]) == 2
+    assert "--edit is given twice" in capsys.readouterr().err
