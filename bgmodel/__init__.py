@@ -8,6 +8,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+try:
+    from circuits.errors import BgmodelWarning, InputError
+except ImportError as error:
+    raise ImportError(
+        "the package 'circuits' that was found is not bgmodel's: another distribution of that "
+        "name is installed beside it; use an environment of its own"
+    ) from error
+
 from bgmodel.deciding.decision import Decision, Trace, first_crossing, tally
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.sprt import (
@@ -19,7 +27,6 @@ from bgmodel.integrators.sprt import (
 )
 from bgmodel.support.seeds import stream
 from bgmodel.version import __version__
-from circuits.errors import BgmodelWarning, InputError
 
 if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare

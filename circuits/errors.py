@@ -57,13 +57,17 @@ class InputError(ValueError):
         said = f"{owner}: " if owner else ""
         return cls(f"{said}{field} {must}, got {shown(given)}", field, given)
 
-    def within(self, owner: str) -> Self:
-        """Return the same error with what the field belongs to, as a file or a row, named first."""
-        return type(self)(f"{owner}: {self}", self.field, self.given)
-
     def __reduce__(self) -> tuple[Any, ...]:
         plain = self.given is None or isinstance(self.given, (bool, int, float, str))
         return type(self), (str(self), self.field, self.given if plain else shown(self.given))
+
+
+def within(owner: str, error: Exception) -> ValueError:
+    """Return an error with what it is about, as a file or a row, named first where there is one."""
+    said = f"{owner}: {error}" if owner else str(error)
+    if isinstance(error, InputError):
+        return InputError(said, error.field, error.given)
+    return ValueError(said)
 
 
 def shown(given: object) -> str:
@@ -93,7 +97,7 @@ class DeadlineWarning(BgmodelWarning):
 
 
 class NoiseWarning(BgmodelWarning):
-    """Noise or the prior decides, and not the evidence; or too few draws tell a difference."""
+    """Noise or the prior decides and not the evidence, an engine's noise is rough, or draws are few."""
 
 
 class CalibrationWarning(BgmodelWarning):

@@ -29,6 +29,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
 from circuits.declaration.edits import Edits
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -115,9 +116,10 @@ def _scatter(table: Circuit, posterior: float) -> str:
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
     if not low < posterior < high:
-        raise ValueError(
-            f"noise must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}, "
-            f"got {posterior:g}"
+        raise InputError.of(
+            "noise",
+            f"must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}",
+            posterior,
         )
     if not any(row.spiking for row in table.populations):
         return "OUT does not scatter: there are no cells"
@@ -256,14 +258,16 @@ class CircuitRun(Writes):
         self.stimuli.check_idle(Stimuli())
         check_whole(workers=self.workers)
         if self.threshold is not None and self.posterior is not None:
-            raise ValueError("give posterior or threshold, not both")
+            raise InputError("give posterior or threshold, not both", "posterior")
         if self.threshold is not None and not np.isfinite(self.threshold):
-            raise ValueError(f"threshold must be finite, got {self.threshold}")
+            raise InputError.of("threshold", "must be finite", self.threshold)
         if self.stimuli.evidence is None and self.threshold is None:
             criterion_from_posterior(self._posterior(), self.stimuli.channels)
         check_whole(spike_trials=self.spike_trials)
         if self.spikes is not None and not engine_of(self.engine).spiking:
-            raise ValueError(f"the {self.engine} engine has no spikes: leave --spikes out")
+            raise InputError(
+                f"the {self.engine} engine has no spikes: leave --spikes out", "spikes"
+            )
         tables_of = (".parquet", ".csv")
         for name, endings in (("rates", tables_of), ("spikes", tables_of), ("nwb", (".nwb",))):
             if (path := getattr(self, name)) is not None:

@@ -21,6 +21,7 @@ from bgmodel.commands.checks import (
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -121,4 +122,4 @@ class CircuitDesigned(Shows):
         check_edits(self.edits, self.engine)
         check_whole(workers=self.workers, trials=self.trials)
         if not self.thresholds:
-            raise ValueError("thresholds must hold one number or more")
+            raise InputError("thresholds must hold one number or more", "thresholds")

@@ -31,7 +31,7 @@ from bgmodel.integrators.basal_ganglia import (
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import is_whole
 from bgmodel.version import __version__
-from circuits.errors import InputError
+from circuits.errors import InputError, RangeWarning
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -258,7 +258,7 @@ class CircuitModel:
         def run(read: Array, first: int) -> Trace:
             with warnings.catch_warnings():
                 # A random walk leaves any range: what that costs is in the crossings.
-                warnings.filterwarnings("ignore", message="(S|the input) runs from")
+                warnings.simplefilter("ignore", RangeWarning)
                 done = model.run_drive(self._drive(read), 1000 * BIN_S, first)
             return Trace(done.output_nats, done.time_ms + late_ms, step_ms=1000 * BIN_S)
 

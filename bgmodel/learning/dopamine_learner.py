@@ -53,9 +53,10 @@ def check_decided(outcomes: LevelOutcomes) -> None:
     """Warn of levels at which the deadline decides most trials; ValueError if it does at all."""
     late = outcomes.forced > MOST_FORCED
     if late.all():
-        raise ValueError(
+        raise InputError(
             "the deadline decides most trials at every level: there is nothing to learn, give "
-            "more readings"
+            "more readings",
+            "evidence",
         )
     if late.any():
         warnings.warn(

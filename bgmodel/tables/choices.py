@@ -36,7 +36,7 @@ from bgmodel.tables.columns import (
 )
 from bgmodel.tables.shipped import SETS, shipped
 from bgmodel.tables.text_files import read_rows
-from circuits.errors import InputError
+from circuits.errors import InputError, within
 
 __all__ = ["Choices", "read_choices", "shipped"]
 
@@ -238,8 +238,8 @@ def read_choices(
         check_signs(signed, response)
         if strength is None:
             warn_without_strength(table, used, response)
-    except InputError as error:
-        raise error.within(name) from None
+    except ValueError as error:
+        raise within(name, error) from None
     return found
 
 

@@ -19,7 +19,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.trials import RESULT, Trials
-from circuits.errors import InputError
+from circuits.errors import InputError, within
 
 KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""
@@ -57,8 +57,8 @@ def read_evidence_table(
     table = _read_csv(path) if path.suffix == ".csv" and path.is_file() else read_table(path)
     try:
         return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
-    except InputError as error:
-        raise error.within(path.name) from None
+    except ValueError as error:
+        raise within(path.name, error) from None
 
 
 def read_evidence(
