@@ -97,7 +97,7 @@ class DeadlineWarning(BgmodelWarning):
 
 
 class NoiseWarning(BgmodelWarning):
-    """Noise or the prior decides and not the evidence, an engine's noise is rough, or draws are few."""
+    """Noise or the prior decides and not the evidence, or too few draws tell a difference."""
 
 
 class CalibrationWarning(BgmodelWarning):
