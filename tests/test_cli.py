@@ -51,10 +51,10 @@ def test_a_users_own_table_comes_back_with_its_ids_and_columns(tmp_path, capsys,
     assert (table["trial"].iloc[found["row"].astype(int)] == found["trial"].to_numpy()).all()
     about = read_provenance(out)
     kept = about["parameters"]["command"]
-    options = kept if command == ("decide",) else kept["stimuli"]
+    options = kept if command == ("decide",) else kept["task"]
     digest = hashlib.sha256(mine.read_bytes()).hexdigest()
     assert options["evidence"] == {"file": "mine.csv", "sha256": digest}
-    idle = {"trials", "t_max", "task", "d_prime", "delta", "fold", "workers", "output", "force"}
+    idle = {"trials", "t_max", "d_prime", "delta", "fold", "workers", "output", "force"}
     assert not idle & (set(kept) | set(options))
     assert about["seed"] is None
 
@@ -137,7 +137,10 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["learn", "out.csv", "--runs", "1e9"], "of memory"),
         (["simulate", "taps.npz", "--taps", "1e12"], "of memory"),
         (["circuit", "run", "out.csv", "--trials", "1e12"], "of memory"),
-        (["circuit", "run", "out.csv", "--edits", "neurons 1e9", "--trials", "2"], "of memory"),
+        (
+            ["circuit", "run", "out.csv", "--edits", "neurons 1e9", "--engine", "ensemble"],
+            "of memory",
+        ),
         (["circuit", "run", "out.csv", "--edits", "neurons 1e12"], "neurons must be"),
         (["circuit", "run", "out.csv", "--gain", "0"], "gain must be > 0"),
         (["circuit", "run", "out.csv", "--gain", "inf"], "gain must be > 0 and finite"),
@@ -235,7 +238,7 @@ def numbers(options):
         ),
         (
             "compare a.csv",
-            f"{MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+            f"seed=0 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2",
         ),
         ("fit mine.csv", "noise_nats=2 trials=16000 seed=24001"),
         ("experiment", "workers=2"),
@@ -244,18 +247,18 @@ def numbers(options):
         ("circuit show", ""),
         (
             "circuit run a.csv",
-            f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
-            f"step_ms=50 {EXPECTED} workers=2 spike_trials=10 seed=0",
+            f"seed=0 channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
+            f"step_ms=50 {EXPECTED} workers=2 spike_trials=10",
         ),
         (
             "circuit lesion a.csv",
-            f"{MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+            f"seed=0 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2",
         ),
-        ("circuit designed", "thresholds=0.35,0.25,0.15 trials=200 workers=2 seed=0"),
+        ("circuit designed", "seed=0 thresholds=0.35,0.25,0.15 trials=200 workers=2"),
         (
             "circuit learn a.csv",
-            "channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
-            f"step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER} seed=0",
+            "seed=0 channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
+            f"step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER}",
         ),
     ],
 )

@@ -26,6 +26,8 @@ OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
 """Options that change no byte of a result; the seed stands apart."""
+RECORDS = ("setup", "condition")
+"""Fields of commands whose own fields are options."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,9 +93,10 @@ def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dic
     found: dict[str, Any] = {}
     for field in fields(command):
         value = settled.get(field.name, getattr(command, field.name))
-        if field.name in (*UNRECORDED, *idle) or value is None:
-            continue
-        found[field.name] = recorded(value)
+        if field.name in RECORDS:
+            found |= options_of(value)
+        elif field.name not in (*UNRECORDED, *idle) and value is not None:
+            found[field.name] = recorded(value)
     return found
 
 

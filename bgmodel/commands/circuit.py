@@ -176,7 +176,9 @@ class CircuitRun(Writes):
         about = f"{model.circuit.name} {model.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
         behind = {
-            "command": options_of(self, condition=replace(asked, gain=model.gain)),
+            "command": options_of(
+                self, condition=replace(asked, gain=model.gain, posterior=posterior)
+            ),
             "circuit": identity(model.circuit),
         }
         files.write_table(result, self.output, seed=seed, **behind)

@@ -101,7 +101,8 @@ def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp
 
 def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path):
     table, spikes, rates = (tmp_path / f"{name}.csv" for name in "dsr")
-    options = ["--trials", 3, "--t-max", 2, "--edits", "neurons 30", "--spike-trials", 2]
+    options = ["--trials", 3, "--t-max", 2, "--edits", "neurons 30", "--engine", "ensemble"]
+    options += ["--spike-trials", 2]
     assert run("circuit", "run", table, *options, "--spikes", spikes, "--rates", rates) == 0
     found = pd.read_csv(spikes, comment="#")
     assert list(found) == ["population", "trial", "channel", "neuron", "time_ms"]

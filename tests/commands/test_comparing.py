@@ -41,7 +41,7 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, capsys, monkeypa
     for command, what in ((("compare",), "comparing"), (("circuit", "lesion"), "lesioning")):
         assert run(*command, tmp_path / "a.csv", "--channels", 4) == 2
         said = capsys.readouterr().err
-        assert re.search(rf"bgmodel: {what} macaque on ensemble, .*1000 trials of up", said)
+        assert re.search(rf"bgmodel: {what} macaque on population, .*1000 trials of up", said)
         assert said.index(what) < said.index("started")
     for engine, more, said in (
         ("population", (), ""),
@@ -146,7 +146,7 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         (["compare", "a.txt"], "output must end in .parquet or .csv"),
         (["compare", "a.csv", "--trials", "50"], "an interval needs 100 trials or more, got 50"),
         (["compare", "a.csv", "--accuracies", "1.2"], "accuracies must lie above chance"),
-        (["compare", "a.csv", "--channels", "40"], "takes at most 12 alternatives"),
+        (["compare", "a.csv", "--channels", "40"], "channels must be at most 12"),
         (["compare", "a.csv", "--task", "same-different", "--channels", "3"], "2 alternatives"),
         (["circuit", "lesion", "a.csv", "lesion GPi"], "has no nucleus 'GPi'"),
         (["circuit", "lesion", "a.csv", "lesion SNr"], "SNr is the read-out"),
