@@ -24,6 +24,7 @@ from bgmodel.deciding.decision import Trace, first_crossing
 from bgmodel.fitting.network import LikelihoodNetwork, read_network
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.errors import RangeWarning
 
 DATA_SEED = 24_503
 SAMPLING_SEED = 24_504
@@ -61,7 +62,7 @@ def simulated(number: int, network: LikelihoodNetwork) -> pd.DataFrame:
     model = model.until(point["threshold"] - ROUNDING_NATS)
     with warnings.catch_warnings():
         # A random walk leaves any range.
-        warnings.filterwarnings("ignore", message="(S|the input) runs from")
+        warnings.simplefilter("ignore", RangeWarning)
         done = model.run_drive(drive, 1000 * STEP_S, number * TRIALS)
     trace = Trace(done.output_nats, done.time_ms, step_ms=1000 * STEP_S)
     decision = first_crossing(trace, point["threshold"], forced=False)

@@ -8,6 +8,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+try:
+    from circuits.errors import BgmodelWarning, InputError
+except ImportError as error:
+    raise ImportError(
+        "the package 'circuits' that was found is not bgmodel's: another distribution of that "
+        "name is installed beside it; use an environment of its own"
+    ) from error
+
 from bgmodel.deciding.decision import Decision, Trace, first_crossing, tally
 from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.sprt import (
@@ -46,10 +54,12 @@ LAZY = {
 
 __all__ = [
     "BasalGanglia",
+    "BgmodelWarning",
     "Circuit",
     "Decision",
     "Evidence",
     "Experiment",
+    "InputError",
     "Msprt",
     "Sprt",
     "Sweep",

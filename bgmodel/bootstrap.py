@@ -10,6 +10,7 @@ import numpy.typing as npt
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import generator
+from circuits.errors import InputError, NoiseWarning
 
 FEWEST_TRIALS = 100
 
@@ -68,6 +69,7 @@ def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
             warnings.warn(
                 f"95 % intervals from {count} {name} are too rough to tell: give "
                 f"{FEWEST_DRAWN[name]} or more",
+                NoiseWarning,
                 stacklevel=4,
             )
 
@@ -76,10 +78,10 @@ def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
     """Return the group of each trial as a number, 0, 1, ..."""
     given = np.asarray(groups)
     if given.shape != (trials,):
-        raise ValueError(f"groups must be one per trial, ({trials},), got shape {given.shape}")
+        raise InputError.of("groups", f"must be one per trial, ({trials},)", given.shape)
     kinds, of = np.unique(given, return_inverse=True)
     if len(kinds) < 2:
-        raise ValueError(f"groups must be two or more for an interval, got {len(kinds)}")
+        raise InputError.of("groups", "must be two or more for an interval", len(kinds))
     return of
 
 
@@ -100,7 +102,9 @@ def shown(value: float, low: float, high: float, form: str) -> str:
 def check_trials(trials: int) -> None:
     """Raise ValueError if these are too few for an interval."""
     if trials < FEWEST_TRIALS:
-        raise ValueError(f"an interval needs {FEWEST_TRIALS} trials or more, got {trials}")
+        raise InputError(
+            f"an interval needs {FEWEST_TRIALS} trials or more, got {trials}", "trials"
+        )
 
 
 def mostly_known(values: Array) -> bool:

@@ -17,8 +17,8 @@ import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from bgmodel.commands.checks import Writes, check_outputs
-from bgmodel.support.import_guard import explained
 from bgmodel.version import __version__
+from circuits.errors import InputError
 
 ABOUT = (
     "From a tactile tap to a learned decision: simulate, train, decode, decide, learn, draw. "
@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except ImportError as error:
-        print(f"bgmodel: {explained(error)}", file=sys.stderr)
+        print(f"bgmodel: {error}", file=sys.stderr)
         return 2
     except (ValueError, OSError) as error:
         print(f"bgmodel: {error}", file=sys.stderr)
@@ -64,7 +64,7 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
     given = sys.argv[1:] if arguments is None else arguments
     _check_named(COMMANDS, given)
     if [word.partition("=")[0] for word in given].count("--edits") > 1:
-        raise ValueError("--edits is given twice: write all edits after one --edits")
+        raise InputError("--edits is given twice: write all edits after one --edits", "edits")
     printed = io.StringIO()
     try:
         with redirect_stderr(printed):

@@ -19,6 +19,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import toml_files
 from circuits import DEFAULT
 from circuits.declaration.edits import Edits
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from bgmodel.deciding.decision import Decision
@@ -68,7 +69,7 @@ class Setup:
         if self.engine != ENGINE:
             names.check("engine", self.engine, EngineName)
         if self.seed < 0:
-            raise ValueError(f"seed must be at least 0, got {self.seed}")
+            raise InputError.of("seed", "must be at least 0", self.seed)
         if self.edits:
             from circuits.ignored import check_edits
 
@@ -147,9 +148,11 @@ class Condition(Setup):
         self.task.check()
         if self.threshold is not None:
             if self.posterior is not None:
-                raise ValueError("give posterior or threshold, not both")
+                raise InputError(
+                    "give posterior or threshold, not both", "posterior", self.posterior
+                )
             if not np.isfinite(self.threshold):
-                raise ValueError(f"threshold must be finite, got {self.threshold}")
+                raise InputError.of("threshold", "must be finite", self.threshold)
         elif self.task.evidence is None:
             self.threshold_at(self.hypotheses)
 
@@ -252,14 +255,16 @@ class Observed(Condition):
         super().__post_init__()
         # OUT is sampled every ms.
         if not (self.foreperiod_ms > 0 and float(self.foreperiod_ms).is_integer()):
-            raise ValueError(
-                f"foreperiod_ms must be a whole number of ms, 1 or more, got {self.foreperiod_ms:g}"
+            raise InputError.of(
+                "foreperiod_ms", "must be a whole number of ms, 1 or more", self.foreperiod_ms
             )
 
     def check(self, control: Condition | None = None) -> None:
         """Raise ValueError as ``Condition.check`` does, and for evidence without the truth."""
         if self.task.evidence is not None and read_once(self.task).evidence.truth is None:
-            raise ValueError("errors are counted: the evidence needs the truth of each trial")
+            raise InputError(
+                "errors are counted: the evidence needs the truth of each trial", "truth"
+            )
         super().check(control)
 
     def behaviour(self, model: BasalGanglia, evidence: Evidence) -> Behaviour:

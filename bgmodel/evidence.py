@@ -14,6 +14,7 @@ from bgmodel.support.checks import checked_truth, is_number, one_per_trial, real
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import generator
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,21 +85,25 @@ class Evidence(Facts):
         """Check once, here, so that nothing downstream has to."""
         values = reals("log_likelihood", self.log_likelihood)
         if values.ndim != 3 or 0 in values.shape or values.shape[2] < 2:
-            raise ValueError(
-                "log_likelihood must have shape (trials, steps, hypotheses) with at least one "
-                f"trial, one step and two hypotheses, got {values.shape}"
+            raise InputError.of(
+                "log_likelihood",
+                "must have shape (trials, steps, hypotheses) with at least one trial, "
+                "one step and two hypotheses",
+                values.shape,
             )
         finite = np.isfinite(values)
         if not finite.all():
             trial, step, hypothesis = np.argwhere(~finite)[0]
-            raise ValueError(
+            raise InputError(
                 f"log_likelihood must be finite, got {values[trial, step, hypothesis]} at trial "
-                f"{trial}, step {step}, hypothesis {hypothesis} ({(~finite).sum()} such values)"
+                f"{trial}, step {step}, hypothesis {hypothesis} ({(~finite).sum()} such values)",
+                "log_likelihood",
             )
         if max(values.max(), -values.min()) > MOST_NATS:
-            raise ValueError(
+            raise InputError(
                 f"log_likelihood must lie within +-{MOST_NATS:.0e} nats, got {values.min():.3g} to "
-                f"{values.max():.3g}: take off what the hypotheses of a reading share"
+                f"{values.max():.3g}: take off what the hypotheses of a reading share",
+                "log_likelihood",
             )
         object.__setattr__(self, "log_likelihood", values)
         object.__setattr__(self, "truth", _truth(self.truth, values.shape))
@@ -107,11 +112,9 @@ class Evidence(Facts):
         object.__setattr__(self, "numbers", _of_trials("numbers", self.numbers, values))
         object.__setattr__(self, "baseline", _checked_baseline(self.baseline))
         if not (is_number(self.onset_ms) and 0 <= self.onset_ms <= MOST_MS):
-            raise ValueError(
-                f"onset_ms must be >= 0 and at most {MOST_MS:g}, got {self.onset_ms!r}"
-            )
+            raise InputError.of("onset_ms", f"must be >= 0 and at most {MOST_MS:g}", self.onset_ms)
         if not (is_number(self.step_ms) and 0 < self.step_ms <= MOST_MS):
-            raise ValueError(f"step_ms must be > 0 and at most {MOST_MS:g}, got {self.step_ms!r}")
+            raise InputError.of("step_ms", f"must be > 0 and at most {MOST_MS:g}", self.step_ms)
         if self.expectancy_nats is not None:
             steps = whole_steps(self.onset_ms, self.step_ms)
             expected = _checked_expectancy(self.expectancy_nats, (len(values), steps))
@@ -157,7 +160,7 @@ class Evidence(Facts):
         from bgmodel.plots import posteriors
 
         if trial not in range(self.trials):
-            raise ValueError(f"trial must lie in 0..{self.trials - 1}, got {trial!r}")
+            raise InputError.of("trial", f"must lie in 0..{self.trials - 1}", trial)
         readings = int(self.readings[trial]) + 1
         time_ms = self.step_ms * np.arange(readings)
         truth = None if self.truth is None else int(self.truth[trial])
@@ -214,10 +217,11 @@ class Evidence(Facts):
             Without a baseline, with what one could be.
         """
         if self.baseline is None:
-            raise ValueError(
+            raise InputError(
                 "this evidence has no baseline, the constant that each channel takes from its "
                 "readings where it gets its own: give one, nats a reading, such as the mean of all "
-                f"readings, Evidence(..., baseline={self.mean_reading:.3g})"
+                f"readings, Evidence(..., baseline={self.mean_reading:.3g})",
+                "baseline",
             )
         totals = self.totals
         totals -= np.log(self.prior).mean()
@@ -270,7 +274,7 @@ class Evidence(Facts):
                 f"{error}"
             ) from None
         if not found.size:
-            raise ValueError(f"evidence needs a trial or more, got none of {self.trials}")
+            raise InputError(f"evidence needs a trial or more, got none of {self.trials}", "trials")
         return trials
 
 
@@ -279,10 +283,13 @@ def check_evidence(given: Evidence) -> Evidence:
     if isinstance(given, Evidence):
         return given
     if isinstance(getattr(given, "evidence", None), Evidence):
-        raise ValueError(f"evidence must be an Evidence, got {type(given).__name__}: its .evidence")
-    raise ValueError(
+        raise InputError(
+            f"evidence must be an Evidence, got {type(given).__name__}: its .evidence", "evidence"
+        )
+    raise InputError(
         f"evidence must be an Evidence, got {type(given).__name__}: Evidence(log_likelihood) makes "
-        "one from nats (trials, steps, hypotheses)"
+        "one from nats (trials, steps, hypotheses)",
+        "evidence",
     )
 
 
@@ -337,7 +344,7 @@ def gaussian_evidence(
         For a number out of its range, by its name.
     """
     if not (is_number(d_prime) and 0 < d_prime < np.inf):
-        raise ValueError(f"d_prime must be > 0 and finite, got {d_prime!r}")
+        raise InputError.of("d_prime", "must be > 0 and finite", d_prime)
     return separated_evidence(
         trials,
         whole("t_max", t_max, 1),
@@ -385,9 +392,9 @@ def separated_evidence(
     trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
     hypotheses = whole("hypotheses", hypotheses, 2)
     if not (is_number(separation) and 0 < separation < np.inf):
-        raise ValueError(f"separation must be > 0 and finite, got {separation!r}")
+        raise InputError.of("separation", "must be > 0 and finite", separation)
     if not (is_number(conflict) and np.isfinite(conflict)):
-        raise ValueError(f"conflict must be a finite number, got {conflict!r}")
+        raise InputError.of("conflict", "must be a finite number", conflict)
     check_evidence_memory(trials, steps, hypotheses)
     rng = generator(rng)
     truth = np.arange(trials) % hypotheses
@@ -422,7 +429,7 @@ def expecting(
     """
     check_evidence(evidence)
     if not (is_number(most_nats) and 0 <= most_nats < np.inf):
-        raise ValueError(f"most_nats must be >= 0 and finite, got {most_nats!r}")
+        raise InputError.of("most_nats", "must be >= 0 and finite", most_nats)
     steps = whole_steps(foreperiod_ms, evidence.step_ms)
     top = generator(rng).uniform(0, most_nats, evidence.trials)
     ramp = top[:, None] * np.arange(1, steps + 1) / steps
@@ -434,9 +441,10 @@ def whole_steps(foreperiod_ms: float, step_ms: float) -> int:
     known = is_number(foreperiod_ms) and np.isfinite(foreperiod_ms)
     steps = round(foreperiod_ms / step_ms) if known else 0
     if steps < 1 or abs(steps * step_ms - foreperiod_ms) > 1e-9 * step_ms:
-        raise ValueError(
+        raise InputError(
             f"expectancy needs a foreperiod of one or more whole steps of {step_ms:g} ms, got "
-            f"{foreperiod_ms!r} ms"
+            f"{foreperiod_ms!r} ms",
+            "foreperiod_ms",
         )
     return steps
 
@@ -447,9 +455,11 @@ def checked_prior(prior: npt.ArrayLike | None, hypotheses: int) -> npt.NDArray[n
         return np.full(hypotheses, 1.0 / hypotheses)
     values = np.asarray(reals("prior", prior), dtype=np.float64)
     if values.shape != (hypotheses,) or not (values > 0).all():
-        raise ValueError(f"prior must hold {hypotheses} probabilities > 0, got {values.tolist()}")
+        raise InputError.of("prior", f"must hold {hypotheses} probabilities > 0", values)
     if abs(values.sum() - 1) > 1e-9:
-        raise ValueError(f"prior must sum to 1, got {values.tolist()} with sum {values.sum():.12g}")
+        raise InputError(
+            f"prior must sum to 1, got {values.tolist()} with sum {values.sum():.12g}", "prior"
+        )
     return values
 
 
@@ -458,9 +468,11 @@ def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
         return None
     value = np.asarray(reals("baseline", baseline), dtype=np.float64)
     if value.shape or not np.isfinite(value):
-        raise ValueError(
-            "baseline must be one finite number for all hypotheses, nats (another for each would "
-            f"be evidence between them), got {value.tolist()}"
+        raise InputError.of(
+            "baseline",
+            "must be one finite number for all hypotheses, nats (another for each "
+            "would be evidence between them)",
+            value,
         )
     return float(value)
 
@@ -470,9 +482,10 @@ def _checked_expectancy(
 ) -> npt.NDArray[np.float64]:
     values = np.asarray(reals("expectancy_nats", expectancy), dtype=np.float64)
     if values.shape != shape or not np.isfinite(values).all():
-        raise ValueError(
-            f"expectancy_nats must hold finite nats (trials, steps of the foreperiod), {shape}, "
-            f"got shape {values.shape}"
+        raise InputError.of(
+            "expectancy_nats",
+            f"must hold finite nats (trials, steps of the foreperiod), {shape}",
+            values.shape,
         )
     return values
 
@@ -491,9 +504,11 @@ def _checked_lengths(
     if values is None:
         return None
     if values.min() < 1 or values.max() > steps:
-        raise ValueError(f"lengths must lie in 1..{steps}, got {values.min()}..{values.max()}")
+        raise InputError(
+            f"lengths must lie in 1..{steps}, got {values.min()}..{values.max()}", "lengths"
+        )
     if (values < steps).any() and log_likelihood[np.arange(steps) >= values[:, None]].any():
-        raise ValueError("readings after the last of a trial must be 0, got others")
+        raise InputError("readings after the last of a trial must be 0, got others", "lengths")
     return values
 
 

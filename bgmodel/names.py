@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Self
 
 from circuits import DEFAULT
+from circuits.errors import InputError
 
 
 class Name(str):
@@ -79,4 +80,4 @@ def check(what: str, given: object, kind: Any) -> None:
     except (ValueError, TypeError):
         known = ", ".join(kind.known())
         hint = ", or the path of a .toml file" if kind is CircuitName else ""
-        raise ValueError(f"{what} must be one of {known}{hint}, got {given!r}") from None
+        raise InputError.of(what, f"must be one of {known}{hint}", given) from None

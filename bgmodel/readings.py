@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Integers
+from circuits.errors import DataWarning
 
 MOST_TRIALS = 1000
 """Trials that are looked at: enough to tell, and quick."""
@@ -46,6 +47,7 @@ def warn_of_readings(
         warnings.warn(
             f"{hypotheses} hypotheses and {steps} readings: are the axes exchanged? They are "
             "(trials, readings, hypotheses)",
+            DataWarning,
             stacklevel=4,
         )
     values = log_likelihood[:MOST_TRIALS]
@@ -59,6 +61,7 @@ def warn_of_readings(
         warnings.warn(
             "all log-likelihoods lie between 0 and 1, as probabilities do: give their natural "
             "logarithms",
+            DataWarning,
             stacklevel=4,
         )
     r = serial_correlation(values, read)
@@ -67,6 +70,7 @@ def warn_of_readings(
             f"successive readings of a trial correlate (r = {r:.2f}), but they are added up as "
             "independent: if these are running sums or posteriors, give the log-likelihood of "
             "each reading alone",
+            DataWarning,
             stacklevel=4,
         )
 
@@ -94,6 +98,7 @@ def warn_of_copies(log_likelihood: npt.NDArray[np.floating], lengths: Integers) 
         warnings.warn(
             f"{copies} of {len(lengths)} trials hold the very readings of an earlier trial: "
             "intervals count them as new; keep one of each",
+            DataWarning,
             stacklevel=3,
         )
 

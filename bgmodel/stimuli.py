@@ -12,6 +12,7 @@ from bgmodel.evidence import expecting, gaussian_evidence, whole_steps
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
+from circuits.errors import InputError
 
 Asked = TypeVar("Asked", bound=Any)
 
@@ -51,18 +52,20 @@ class Stimuli:
         """Raise ValueError for a number out of range."""
         for name in ("trials", "t_max"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise InputError.of(name, "must be at least 1", getattr(self, name))
         if self.channels < 2:
-            raise ValueError(f"channels must be at least 2, got {self.channels}")
+            raise InputError.of("channels", "must be at least 2", self.channels)
         if not 0 < self.d_prime < np.inf:
-            raise ValueError(f"d_prime must be > 0 and finite, got {self.d_prime}")
+            raise InputError.of("d_prime", "must be > 0 and finite", self.d_prime)
         if not 0 < self.step_ms < np.inf:
-            raise ValueError(f"step_ms must be > 0 and finite, got {self.step_ms}")
+            raise InputError.of("step_ms", "must be > 0 and finite", self.step_ms)
         self._check_expectancy()
         if not 0 <= self.conflict < 1:
-            raise ValueError(f"conflict must lie in 0..1, below 1, got {self.conflict}")
+            raise InputError.of("conflict", "must lie in 0..1, below 1", self.conflict)
         if self.task == "same-different" and self.channels != 2:
-            raise ValueError(f"same-different has 2 alternatives, got channels {self.channels}")
+            raise InputError(
+                f"same-different has 2 alternatives, got channels {self.channels}", "channels"
+            )
 
     def check_idle(self, default: Stimuli | None = None) -> None:
         """Raise ValueError for a setting that this task makes no use of.
@@ -79,11 +82,13 @@ class Stimuli:
 
     def _check_expectancy(self) -> None:
         if not 0 <= self.expectancy_nats < np.inf:
-            raise ValueError(f"expectancy_nats must be >= 0 and finite, got {self.expectancy_nats}")
+            raise InputError.of("expectancy_nats", "must be >= 0 and finite", self.expectancy_nats)
         if self.expectancy_nats:
             whole_steps(self.expectancy_ms, self.step_ms)
         elif self.expectancy_ms:
-            raise ValueError("expectancy_ms is for a task with expectancy_nats > 0, got 0 nats")
+            raise InputError(
+                "expectancy_ms is for a task with expectancy_nats > 0, got 0 nats", "expectancy_ms"
+            )
 
     def _check_task(self, default: Stimuli) -> None:
         """Refuse what is said of gratings beside Gaussian evidence, and the other way round."""
@@ -92,8 +97,8 @@ class Stimuli:
         for name in idle:
             if getattr(self, name) != getattr(default, name):
                 kind = "tactile" if gaussian else "Gaussian"
-                raise ValueError(
-                    f"{name} is for {kind} evidence, it says nothing about task {self.task}"
+                raise InputError(
+                    f"{name} is for {kind} evidence, it says nothing about task {self.task}", name
                 )
 
     def _check_alone(self, default: Stimuli) -> None:
@@ -101,9 +106,10 @@ class Stimuli:
         own = replace(default, evidence=self.evidence, step_ms=self.step_ms)
         for option in fields(self):
             if getattr(self, option.name) != getattr(own, option.name):
-                raise ValueError(
+                raise InputError(
                     f"{option.name} is for evidence that is drawn, it says nothing about "
-                    f"{str(self.evidence)!r}"
+                    f"{str(self.evidence)!r}",
+                    option.name,
                 )
 
     def used(self) -> dict[str, Any]:

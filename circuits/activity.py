@@ -15,6 +15,7 @@ import pandas as pd
 from circuits.arrays import Array
 from circuits.declaration.table import NATS, CircuitTable
 from circuits.dynamics.wiring import Wiring
+from circuits.errors import InputError, RangeWarning
 from circuits.plots import rates
 
 if TYPE_CHECKING:
@@ -128,10 +129,12 @@ class Activity:
             If no rates were kept, there is no such trial, or the Axes do not fit.
         """
         if not self.rates_hz:
-            raise ValueError(f"the {self.engine} engine kept no rates: ask for them (rates=True)")
+            raise InputError(
+                f"the {self.engine} engine kept no rates: ask for them (rates=True)", "rates"
+            )
         trials = len(self.output_nats)
         if trial not in range(trials):
-            raise ValueError(f"trial must lie in 0..{trials - 1}, got {trial}")
+            raise InputError.of("trial", f"must lie in 0..{trials - 1}", trial)
         one = {name: values[trial] for name, values in self.rates_hz.items()}
         return rates(self.time_ms, one, ax)
 
@@ -191,9 +194,10 @@ class Activity:
         apart_ms = float(self.time_ms[1] - self.time_ms[0])
         length = round(segment_ms / apart_ms)
         if length > rates.shape[1]:
-            raise ValueError(
-                f"segment_ms must fit into what is left after from_ms, "
-                f"{rates.shape[1] * apart_ms:g} ms, got {segment_ms:g}"
+            raise InputError.of(
+                "segment_ms",
+                f"must fit into what is left after from_ms, {rates.shape[1] * apart_ms:g} ms",
+                segment_ms,
             )
         frequency, power = welch(rates, fs=1000 / apart_ms, nperseg=length, axis=1)
         return frequency, power.mean(axis=0)
@@ -207,7 +211,9 @@ class Activity:
             If none were kept.
         """
         if not self.spikes:
-            raise ValueError(f"the {self.engine} engine kept no spikes: ask for some (spikes=)")
+            raise InputError(
+                f"the {self.engine} engine kept no spikes: ask for some (spikes=)", "spikes"
+            )
         parts = [table.assign(population=name) for name, table in self.spikes.items()]
         whole = pd.concat(parts, ignore_index=True)
         return whole[["population", *(name for name in whole if name != "population")]]
@@ -268,14 +274,17 @@ def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
     """Return the drive (trials, steps, channels) in nats; ValueError for what cannot be one."""
     values = np.asarray(drive, dtype=np.float64)
     if values.ndim != 3 or 0 in values.shape[:2]:
-        raise ValueError(f"drive must be (trials, steps, channels), got shape {values.shape}")
+        raise InputError.of("drive", "must be (trials, steps, channels)", values.shape)
     if values.shape[2] != circuit.channels:
-        raise ValueError(
+        raise InputError(
             f"the drive has {values.shape[2]} hypotheses, {circuit.name} has {circuit.channels} "
-            f"channels: load it with {values.shape[2]}, load_circuit(..., {values.shape[2]})"
+            f"channels: load it with {values.shape[2]}, load_circuit(..., {values.shape[2]})",
+            "drive",
         )
     if not np.isfinite(values).all():
-        raise ValueError("drive must be finite: a hypothesis that is ruled out has no finite nats")
+        raise InputError(
+            "drive must be finite: a hypothesis that is ruled out has no finite nats", "drive"
+        )
     return values
 
 
@@ -302,5 +311,6 @@ def warn_beyond_range(circuit: CircuitTable, drive: Array) -> None:
         warnings.warn(
             f"{'S' if in_nats else 'the input'} runs from {found.min():.2f} to {found.max():.2f} "
             f"{circuit.unit}, {circuit.name} works from {low:.3g} to {high:.3g}{common}",
+            RangeWarning,
             stacklevel=3,
         )

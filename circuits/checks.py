@@ -7,6 +7,8 @@ from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any
 
+from circuits.errors import InputError
+
 
 def check_types(row: Any, owner: str) -> None:
     """Raise ValueError for a field of a dataclass that is of another type than it declares.
@@ -21,7 +23,7 @@ def check_types(row: Any, owner: str) -> None:
     for field in fields(row):
         kind = _KINDS.get(str(field.type)) if field.init else None
         if kind is not None and not kind[1](value := getattr(row, field.name)):
-            raise ValueError(f"{owner}: {field.name} must be {kind[0]}, got {value!r}")
+            raise InputError.of(field.name, f"must be {kind[0]}", value, owner=owner)
 
 
 def is_number(value: Any) -> bool:
@@ -37,23 +39,23 @@ def is_whole(value: Any) -> bool:
 def check_number(what: str, value: Any) -> None:
     """Raise ValueError if a value is no real number."""
     if not is_number(value):
-        raise ValueError(f"{what} must be a number, got {value!r}")
+        raise InputError.of(what, "must be a number", value)
 
 
 def check_time(what: str, value: Any, *, zero: bool = False) -> None:
     """Raise ValueError unless a time is a finite number above 0, or 0 where that is allowed."""
     check_number(what, value)
     if not (0 < value < math.inf or (zero and value == 0)):
-        raise ValueError(f"{what} must be {'>= 0' if zero else '> 0'} and finite, got {value}")
+        raise InputError.of(what, f"must be {'>= 0' if zero else '> 0'} and finite", value)
 
 
 def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
     """Return a time as a number of ticks; raises ValueError if it is no multiple of dt."""
     if not dt_ms > 0:
-        raise ValueError(f"dt_ms must be > 0, got {dt_ms}")
+        raise InputError.of("dt_ms", "must be > 0", dt_ms)
     count = round(time_ms / dt_ms)
     if not math.isclose(count * dt_ms, time_ms, rel_tol=1e-9, abs_tol=1e-9):
-        raise ValueError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}")
+        raise InputError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}", name)
     return count
 
 
@@ -84,4 +86,4 @@ _KINDS = {
 def check_channels(channels: int) -> None:
     """Raise ValueError, before anything is computed from it, for what is no number of channels."""
     if not is_whole(channels) or channels < 2:
-        raise ValueError(f"channels must be a whole number >= 2, got {channels!r}")
+        raise InputError.of("channels", "must be a whole number >= 2", channels)

@@ -13,6 +13,7 @@ from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
 from circuits.declaration.table_files import digest
 from circuits.declaration.verbs import EditableTable
+from circuits.errors import InputError
 from circuits.laws.homeostasis import balanced_weight, biases
 from circuits.plots import draw, panels
 
@@ -143,7 +144,7 @@ class Circuit(EditableTable):
         edits = Edits(lines)
         added, keep_rest = edits.of("add"), bool(edits.of("keep"))
         if keep_rest and not added:
-            raise ValueError("'keep rest' is for rows that are added: add one")
+            raise InputError("'keep rest' is for rows that are added: add one", "edits")
         circuit = self._called(edits.of("neurons", "connections", "spread"))
         circuit = circuit.add(*(str(edit.value) for edit in added), keep_rest=keep_rest)
         circuit = circuit._set(edits.of("set"))

@@ -10,6 +10,7 @@ from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits
 from circuits.declaration.rows import Population
 from circuits.engines import Engine, engine_of
+from circuits.errors import InputError
 
 
 def check_edits(edits: Edits, engine: Engine | str) -> None:
@@ -17,9 +18,10 @@ def check_edits(edits: Edits, engine: Engine | str) -> None:
     chosen = engine_of(engine)
     for edit in edits.parsed():
         if chosen.ignores(edit.field or VERBS[edit.verb].changes):
-            raise ValueError(
+            raise InputError(
                 f"{edit.text!r} says nothing to the {engine} engine: take another engine, such as "
-                "population"
+                "population",
+                "edits",
             )
 
 

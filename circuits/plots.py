@@ -11,6 +11,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.declaration.rows import GABA
 from circuits.declaration.table import CircuitTable
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -141,7 +142,7 @@ def panels(
     if ax is not None:
         given = np.ravel(np.asarray(ax, dtype=object))
         if len(given) != count:
-            raise ValueError(f"ax must be {count} Axes, one per panel, got {len(given)}")
+            raise InputError.of("ax", f"must be {count} Axes, one per panel", len(given))
         return given
     try:
         import matplotlib.pyplot as plt

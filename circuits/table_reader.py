@@ -16,6 +16,7 @@ from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population
 from circuits.declaration.table import NOT_WRITTEN
 from circuits.declaration.table_files import FORMAT, SPARE, TABLES, TYPE
+from circuits.errors import InputError, within
 
 OWN_KEYS = (f.name for f in fields(Circuit) if f.init and f.name not in NOT_WRITTEN)
 KEYS = ("format", *OWN_KEYS, "cells")
@@ -42,14 +43,17 @@ def read(path: str | Path, channels: int | None = None) -> Circuit:
     try:
         given = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"{str(path)!r} can't be read as text: {error}") from None
+        raise InputError(f"{str(path)!r} can't be read as text: {error}", "path") from None
     except OSError as error:
-        raise ValueError(f"the circuit {str(path)!r} can't be read: {error.strerror}") from None
+        raise InputError(
+            f"the circuit {str(path)!r} can't be read: {error.strerror}", "path"
+        ) from None
     found = parse(given, path.name)
     if channels not in (None, found.channels):
-        raise ValueError(
+        raise InputError(
             f"{path.name} holds a circuit for {found.channels} alternatives, not for {channels}: "
-            f"ask for {found.channels} channels"
+            f"ask for {found.channels} channels",
+            "channels",
         )
     return found
 
@@ -59,9 +63,9 @@ def parse(given: str, file: str) -> Circuit:
     try:
         data = tomllib.loads(given)
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{file} is no TOML: {error}") from None
+        raise InputError(f"{file} is no TOML: {error}", "path") from None
     except RecursionError:
-        raise ValueError(f"{file} is nested too deeply") from None
+        raise InputError(f"{file} is nested too deeply", "path") from None
     return _Reader(given, file).circuit(data)
 
 
@@ -78,9 +82,11 @@ class _Reader:
             self._known(self._at("", key), "key", key, KEYS)
         for key in NEEDED:
             if key not in data:
-                raise ValueError(f"{self.file}: the key {key!r} is missing")
+                raise InputError(f"{self.file}: the key {key!r} is missing", key)
         if (form := data.pop("format")) != FORMAT:
-            raise ValueError(f"{self._at('', 'format')}: the format must be {FORMAT}, got {form!r}")
+            raise InputError(
+                f"{self._at('', 'format')}: the format must be {FORMAT}, got {form!r}", "format"
+            )
         cells = self._cells(data.pop("cells", {}))
         tables = {name: self._rows(name, data.pop(name), cells) for name in TABLES if name in data}
         self._check_ends(tables)
@@ -88,7 +94,7 @@ class _Reader:
         try:
             return Circuit(**{"name": Path(self.file).stem, **given, **tables})
         except (ValueError, TypeError) as error:
-            raise ValueError(f"{self._named_in(str(error))}: {error}") from None
+            raise within(self._named_in(str(error)), error) from None
 
     def _named_in(self, message: str) -> str:
         """Return the place of the row or key that a message begins with, or else the file."""
@@ -102,13 +108,13 @@ class _Reader:
     def _cells(self, given: Any) -> dict[str, Any]:
         """Return the cells by their names."""
         if not isinstance(given, dict):
-            raise ValueError(f"{self._at('', 'cells')}: cells must be a table, got {given!r}")
+            raise InputError.of("cells", "must be a table", given, owner=self._at("", "cells"))
         return {name: self._cell(name, one) for name, one in given.items()}
 
     def _cell(self, name: str, given: Any) -> Any:
         where = self._at("cells", name)
         if not isinstance(given, dict) or TYPE not in given:
-            raise ValueError(f'{where}: a cell is {{ type = "Phase", ... }}, got {given!r}')
+            raise InputError(f'{where}: a cell is {{ type = "Phase", ... }}, got {given!r}', "cell")
         values = {key: _hashable(value) for key, value in given.items()}
         kind = values.pop(TYPE)
         self._known(where, "cell type", kind, CELLS)
@@ -116,7 +122,7 @@ class _Reader:
             what = f"constant of a {kind} cell"
             self._known(where, what, key, [f.name for f in fields(CELLS[kind]) if f.init])
         if missing := _needed(CELLS[kind], *values):
-            raise ValueError(f"{where}: a {kind} cell needs {missing}")
+            raise InputError(f"{where}: a {kind} cell needs {missing}", "cell")
         with _placed(where):
             return CELLS[kind](**values)
 
@@ -124,11 +130,15 @@ class _Reader:
         """Return the rows of a table."""
         where = self._at("", table)
         if not isinstance(given, dict) or set(given) != {"columns", "rows"}:
-            raise ValueError(f"{where}: {table} must hold columns and rows, and nothing else")
+            raise InputError(
+                f"{where}: {table} must hold columns and rows, and nothing else", table
+            )
         kind, columns, rows = TABLES[table], given["columns"], given["rows"]
         for name in ("columns", "rows"):
             if not isinstance(given[name], list):
-                raise ValueError(f"{self._at(table, name)}: {name} must be a list in brackets")
+                raise InputError(
+                    f"{self._at(table, name)}: {name} must be a list in brackets", name
+                )
         self._check_columns(table, kind, columns)
         if (table, len(rows)) in self.lines or (rows and (table, len(rows) - 1) not in self.lines):
             # Rows are no lines here: they are counted instead.
@@ -142,23 +152,25 @@ class _Reader:
         for name in columns:
             self._known(where, f"column of {table}", name, [f.name for f in fields(kind)])
             if columns.count(name) > 1:
-                raise ValueError(f"{where}: the column {name!r} of {table} stands there twice")
+                raise InputError(
+                    f"{where}: the column {name!r} of {table} stands there twice", table
+                )
         if missing := _needed(kind, *columns):
-            raise ValueError(f"{where}: {table} needs the columns {missing}")
+            raise InputError(f"{where}: {table} needs the columns {missing}", table)
 
     def _row(
         self, kind: type, columns: list[str], row: Any, where: str, cells: Mapping[str, Any]
     ) -> Any:
         if not isinstance(row, list) or len(row) != len(columns):
             count = len(row) if isinstance(row, list) else "no list of"
-            raise ValueError(f"{where}: {len(columns)} columns, but {count} values")
+            raise InputError(f"{where}: {len(columns)} columns, but {count} values", "row")
         values = {name: _hashable(value) for name, value in zip(columns, row, strict=True)}
         if kind is Population:
             values["cell"] = self._cell_of(values["cell"], cells, where)
         with _placed(where):
             found = kind(**values)
         if found.name in self.places and kind is not Course:
-            raise ValueError(f"{where}: there is a row {found.name!r} already")
+            raise InputError(f"{where}: there is a row {found.name!r} already", "row")
         self.places[found.name] = where
         return found
 
@@ -168,7 +180,7 @@ class _Reader:
         if name in cells:
             return cells[name]
         if needs := _needed(CELLS[name]):
-            raise ValueError(f"{where}: a {name} cell needs {needs}: name it under [cells]")
+            raise InputError(f"{where}: a {name} cell needs {needs}: name it under [cells]", "cell")
         return CELLS[name]()
 
     def _check_ends(self, tables: Mapping[str, Sequence[Any]]) -> None:
@@ -182,7 +194,7 @@ class _Reader:
         """Raise ValueError if a name is none of those known."""
         if not isinstance(given, str) or given not in known:
             names = ", ".join(known)
-            raise ValueError(f"{where}: there is no {what} {given!r}; there are {names}")
+            raise InputError(f"{where}: there is no {what} {given!r}; there are {names}", what)
 
     def _at(self, table: str, what: str | int) -> str:
         """Return the file and the line of a key, or of a row by its number."""
@@ -206,7 +218,7 @@ def _placed(where: str) -> Iterator[None]:
     try:
         yield
     except (ValueError, TypeError) as error:
-        raise ValueError(f"{where}: {error}") from None
+        raise within(where, error) from None
 
 
 def _hashable(value: Any) -> Any:

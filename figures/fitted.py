@@ -25,6 +25,7 @@ from bgmodel.support.arrays import Array, Integers
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Population
+from circuits.errors import RangeWarning
 
 MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"
 TEST, CIRCUIT, FALLING = "constant gap", "circuit", "falling gap"
@@ -128,7 +129,7 @@ def follow(
     model = BasalGanglia(table, Population(sample_ms=SAMPLE_MS), seed=seed)
     with warnings.catch_warnings():
         # As for the fit: a random walk leaves any range.
-        warnings.filterwarnings("ignore", message="(S|the input) runs from")
+        warnings.simplefilter("ignore", RangeWarning)
         done = model.run_drive(NOISE_NATS * read, 1000 * BIN_S)
     trace = Trace(done.output_nats, done.time_ms, step_ms=1000 * BIN_S)
     decided = first_crossing(trace, values["threshold_nats"], forced=False)

@@ -1,16 +1,19 @@
 """What tests of several modules use: a command, evidence, a table, an experiment's file."""
 
 import importlib
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from bgmodel.cli import main
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.evidence import Evidence
 from bgmodel.support.seeds import stream
+from circuits.errors import InputError
 
 ROOT = Path(__file__).parents[1]
 GOOD = """
@@ -75,3 +78,12 @@ def behaving(choice, times, truth, missed=0, channels=2):
     never, times = np.zeros(trials, bool), np.asarray(times, dtype=float)
     decision = Decision(np.asarray(choice), times, forced, never, 50.0, times, np.asarray(truth))
     return Behaviour(decision, np.full(trials, 0.9), never, channels)
+
+
+@contextmanager
+def refused(wanted):
+    """Assert an error of the field that comes first in `wanted`; words after it are in its text."""
+    field, _, words = wanted.partition(" ")
+    with pytest.raises(InputError, match=words or None) as caught:
+        yield caught
+    assert caught.value.field == field

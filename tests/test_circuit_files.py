@@ -147,7 +147,8 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
 
 @pytest.mark.parametrize(
     "command",
-    [("circuit", "show"), ("circuit", "run", "a.csv"), ("circuit", "lesion", "a.csv", "STN=0.2"),
+    [("circuit", "show"), ("circuit", "run", "a.csv"),
+     ("circuit", "lesion", "a.csv", "lesion STN 20%"),
      ("circuit", "learn", "a.csv"), ("compare", "a.csv")],
 )  # fmt: skip
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import expecting, separated_evidence
-from tests.helpers import some_evidence
+from tests.helpers import refused, some_evidence
 
 
 @pytest.mark.parametrize("trials", [10, 11])
@@ -33,23 +33,29 @@ def test_time_is_counted_in_readings_unless_a_clock_is_given():
     ("call", "says"),
     [
         (lambda: some_evidence(prior=[0.5, 0.5, 0.1]), "prior must sum to 1"),
-        (lambda: some_evidence(prior=[0.5, 0.5]), "prior must hold 3"),
-        (lambda: some_evidence(onset_ms=-1.0), "onset_ms must be >= 0"),
-        (lambda: some_evidence(step_ms=0.0), "step_ms must be > 0"),
-        (lambda: Evidence(np.full((1, 1, 2), np.nan), np.array([0])), "must be finite, got nan"),
-        (lambda: Evidence(np.full((1, 1, 2), np.inf), np.array([0])), "must be finite, got inf"),
-        (lambda: Evidence(np.zeros((0, 1, 2)), np.array([], int)), "at least one trial"),
-        (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "two hypotheses"),
-        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth must lie in 0..1"),
-        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "whole number per trial"),
+        (lambda: some_evidence(prior=[0.5, 0.5]), "prior hold 3"),
+        (lambda: some_evidence(onset_ms=-1.0), "onset_ms"),
+        (lambda: some_evidence(step_ms=0.0), "step_ms"),
+        (lambda: Evidence(np.full((1, 1, 2), np.nan), np.array([0])), "log_likelihood finite"),
+        (lambda: Evidence(np.full((1, 1, 2), np.inf), np.array([0])), "log_likelihood finite"),
+        (
+            lambda: Evidence(np.zeros((0, 1, 2)), np.array([], int)),
+            "log_likelihood at least one trial",
+        ),
+        (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "log_likelihood two hypotheses"),
+        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth"),
+        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "truth"),
         (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must lie in 1..20"),
-        (lambda: some_evidence(lengths=np.full(300, 2)), "after the last of a trial must be 0"),
-        (lambda: some_evidence(lengths=[1.5]), "lengths must hold one whole number per trial"),
-        (lambda: some_evidence(numbers=[1]), "numbers must hold one whole number per trial"),
+        (
+            lambda: some_evidence(lengths=np.full(300, 2)),
+            "lengths after the last of a trial must be 0",
+        ),
+        (lambda: some_evidence(lengths=[1.5]), "lengths hold one whole number per trial"),
+        (lambda: some_evidence(numbers=[1]), "numbers"),
     ],
 )
 def test_evidence_without_sense_is_refused(call, says):
-    with pytest.raises(ValueError, match=says):
+    with refused(says):
         call()
 
 
@@ -99,7 +105,7 @@ def test_facts_are_those_of_the_set():
 @pytest.mark.parametrize("name", ["step_ms", "onset_ms"])
 def test_times_beyond_which_milliseconds_would_be_rounded_are_refused(name):
     assert getattr(replace(small(), **{name: 1e9}), name) == 1e9
-    with pytest.raises(ValueError, match=f"{name} must be .* at most 1e\\+09, got 1100000000.0"):
+    with refused(name):
         replace(small(), **{name: 1.1e9})
 
 
@@ -123,19 +129,19 @@ def test_expectancy_rises_over_the_foreperiod_and_tells_a_test_nothing():
 @pytest.mark.parametrize("foreperiod_ms", [0.0, 120.0, -50.0, np.nan, np.inf])
 def test_expectancy_needs_a_foreperiod(foreperiod_ms):
     drawn = separated_evidence(4, 6, 0.5, rng=stream(3, "x"), step_ms=50.0)
-    with pytest.raises(ValueError, match=r"^expectancy needs a foreperiod of one or more whole"):
+    with refused("foreperiod_ms"):
         expecting(drawn, 3.0, foreperiod_ms, rng=stream(3, "r"))
-    with pytest.raises(ValueError, match=r"^expectancy needs a foreperiod"):
+    with refused("foreperiod_ms"):
         replace(drawn, expectancy_nats=np.zeros((4, 2)))
-    with pytest.raises(ValueError, match=r"^expectancy_nats must hold finite nats"):
+    with refused("expectancy_nats hold finite nats"):
         replace(drawn, onset_ms=100.0, expectancy_nats=np.zeros((3, 2)))
-    with pytest.raises(ValueError, match=r"^most_nats must be >= 0 and finite, got -1"):
+    with refused("most_nats"):
         expecting(drawn, -1.0, 100.0, rng=stream(3, "r"))
 
 
 @pytest.mark.parametrize("baseline", [[0.1, 0.2], [0.0], np.nan, np.inf])
 def test_a_baseline_is_one_finite_number(baseline):
-    with pytest.raises(ValueError, match="baseline must be one finite number for all hypotheses"):
+    with refused("baseline must be one finite number for all hypotheses"):
         Evidence(np.zeros((2, 3, 2)), baseline=baseline)
 
 
@@ -183,7 +189,7 @@ def test_evidence_that_never_changes_within_a_trial_has_no_correlation():
 def test_masked_readings_are_refused():
     values = np.zeros((2, 3, 2))
     masked = np.ma.array(values, mask=np.arange(12).reshape(values.shape) == 5)
-    with pytest.raises(ValueError, match="masked"):
+    with refused("log_likelihood masked"):
         Evidence(masked)
     assert Evidence(np.ma.array(values)).trials == 2
 
@@ -191,7 +197,7 @@ def test_masked_readings_are_refused():
 @pytest.mark.parametrize("shared", [1e7, -1e7, 1e300])
 def test_nats_that_drown_what_tells_hypotheses_apart_are_refused(shared):
     drawn = separated_evidence(3, 4, 0.5, rng=1).log_likelihood
-    with pytest.raises(ValueError, match="log_likelihood must lie within"):
+    with refused("log_likelihood must lie within"):
         Evidence(drawn + shared)
 
 
@@ -208,5 +214,5 @@ def test_a_trial_is_drawn_as_its_posteriors_up_to_its_last_reading():
     lines = evidence.plot(1).get_lines()
     assert [line.get_ydata().tolist() for line in lines] == evidence.posterior[1].T.tolist()
     assert lines[int(evidence.truth[1])].get_label().endswith("(true)")
-    with pytest.raises(ValueError, match="trial"):
+    with refused("trial"):
         evidence.plot(3)

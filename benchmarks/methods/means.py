@@ -9,6 +9,7 @@ import numpy as np
 from bgmodel.fitting import passage
 from bgmodel.fitting.design import Design
 from bgmodel.support.arrays import Array
+from circuits.errors import InputError
 
 
 class MeansFit(NamedTuple):
@@ -46,10 +47,14 @@ def fit_means(design: Design) -> MeansFit:
     from scipy.optimize import minimize
 
     if design.conditions:
-        raise ValueError("the closed form of means knows strengths alone: leave conditions out")
+        raise InputError(
+            "the closed form of means knows strengths alone: leave conditions out", "conditions"
+        )
     seen = design.observed
     if (seen.response < 0).any():
-        raise ValueError("the closed form of means has no place for trials without a response")
+        raise InputError(
+            "the closed form of means has no place for trials without a response", "response"
+        )
     cells = [seen.cell == cell for cell in range(design.cells)]
     mean = np.array([seen.rt_s[some].mean() for some in cells])
     error = np.array([seen.rt_s[some].std() / np.sqrt(some.sum()) for some in cells])

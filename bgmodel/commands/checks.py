@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bgmodel.support import files, progress
-from circuits.declaration.edits import Edits
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from circuits.declaration.edits import Edits
 
-"""Edits of a circuit: one option, followed by a line for each."""
 COMPILES = "compiling, once for this kind of circuit"
 """What a command says when an engine compiles, which is kept on disk."""
 OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
@@ -118,7 +118,7 @@ def circuit_file(name: str) -> Path | None:
 def check_ending(name: str, path: Path, *allowed: str) -> None:
     """Raise ValueError unless the file of an option ends in one of those allowed."""
     if path.suffix not in allowed:
-        raise ValueError(f"{name} must end in {' or '.join(allowed)}, got {str(path)!r}")
+        raise InputError.of(name, f"must end in {' or '.join(allowed)}", str(path))
 
 
 def check_outputs(command: Writes) -> None:
@@ -137,7 +137,9 @@ def check_outputs(command: Writes) -> None:
     folders = [path.resolve() for _, path in _paths(command) if path.is_dir()]
     for path in outputs:
         if any(folder in path.resolve().parents for folder in folders):
-            raise ValueError(f"{str(path)!r} lies in a folder that is read: give another place")
+            raise InputError(
+                f"{str(path)!r} lies in a folder that is read: give another place", "path"
+            )
 
 
 def check_apart(paths: Iterable[tuple[str, Path]]) -> None:
@@ -146,7 +148,9 @@ def check_apart(paths: Iterable[tuple[str, Path]]) -> None:
     for name, path in paths:
         other = seen.setdefault(path.resolve(), name)
         if other != name:
-            raise ValueError(f"{other} and {name} are one file, {str(path)!r}: nothing was written")
+            raise InputError(
+                f"{other} and {name} are one file, {str(path)!r}: nothing was written", "path"
+            )
 
 
 def _paths(options: Any) -> Iterator[tuple[str, Path]]:
@@ -223,4 +227,4 @@ def check_whole(**values: int) -> None:
     """Raise ValueError, with its name, for a number below 1."""
     for name, value in values.items():
         if value < 1:
-            raise ValueError(f"{name} must be at least 1, got {value}")
+            raise InputError.of(name, "must be at least 1", value)

@@ -27,6 +27,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
 from circuits.declaration.edits import Edits
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,9 +112,10 @@ def _scatter(table: Circuit, posterior: float) -> str:
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
     if not low < posterior < high:
-        raise ValueError(
-            f"noise must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}, "
-            f"got {posterior:g}"
+        raise InputError.of(
+            "noise",
+            f"must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}",
+            posterior,
         )
     if not any(row.spiking for row in table.populations):
         return "OUT does not scatter: there are no cells"
@@ -218,8 +220,8 @@ class CircuitRun(Writes):
         check_whole(workers=self.workers)
         check_whole(spike_trials=self.spike_trials)
         if self.spikes is not None and not engine_of(self.condition.engine).spiking:
-            raise ValueError(
-                f"the {self.condition.engine} engine has no spikes: leave --spikes out"
+            raise InputError(
+                f"the {self.condition.engine} engine has no spikes: leave --spikes out", "spikes"
             )
         tables_of = (".parquet", ".csv")
         for name, endings in (("rates", tables_of), ("spikes", tables_of), ("nwb", (".nwb",))):

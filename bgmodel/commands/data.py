@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from bgmodel.commands.checks import Shows, check_ending
 from bgmodel.support import files
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from bgmodel.tables.shipped import Shipped
@@ -36,11 +37,13 @@ class Data(Shows):
 
         sets = shipped()
         if self.name and self.name not in sets:
-            raise ValueError(f"the name must be one of {', '.join(sets)}, got {self.name!r}")
+            raise InputError(
+                f"the name must be one of {', '.join(sets)}, got {self.name!r}", "name"
+            )
         if self.output is not None:
             check_ending("out", self.output, ".parquet", ".csv")
             if not self.name:
-                raise ValueError(f"out needs the name of a set: one of {', '.join(sets)}")
+                raise InputError(f"out needs the name of a set: one of {', '.join(sets)}", "out")
         if not self.name:
             self._list(sets)
             return

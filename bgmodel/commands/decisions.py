@@ -27,6 +27,7 @@ from bgmodel.support.memory import check_evidence_memory, check_learning_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables import trials as tables
 from bgmodel.tactile.likelihood import Density
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -136,14 +137,16 @@ class Decide(Shows):
     def _check(self) -> None:
         """Refuse what contradicts itself, before long work starts."""
         if self.posterior is not None and self.delta is not None:
-            raise ValueError("delta and posterior are two ways to say one thing: give one of them")
+            raise InputError(
+                "delta and posterior are two ways to say one thing: give one of them", "delta"
+            )
         threshold_from_gap(self._gap())
         stream(self.seed)
         if self.evidence is None:
             if self.onset_ms:
-                raise ValueError("onset_ms is for a table of your own, say --evidence")
+                raise InputError("onset_ms is for a table of your own, say --evidence", "onset_ms")
             if self.task == "same-different" and self.orientations != Decide.orientations:
-                raise ValueError("orientations is for --task orientation")
+                raise InputError("orientations is for --task orientation", "orientations")
             check_whole(trials=self.trials, t_max=self.t_max)
             hypotheses = 2 if self.task == "same-different" else self.orientations
             check_evidence_memory(self.trials, self.t_max, hypotheses)
@@ -152,8 +155,9 @@ class Decide(Shows):
         default = Decide(self.output)
         for name in TACTILE:
             if getattr(self, name) != getattr(default, name):
-                raise ValueError(
-                    f"{name} is for tactile evidence, it says nothing about {str(self.evidence)!r}"
+                raise InputError(
+                    f"{name} is for tactile evidence, it says nothing about {str(self.evidence)!r}",
+                    name,
                 )
 
     def _test(self, hypotheses: int) -> tuple[Sprt | Msprt, float, str]:
@@ -161,7 +165,9 @@ class Decide(Shows):
             threshold = float(criterion_from_posterior(self.posterior, hypotheses))
             return Msprt(), threshold, f"msprt posterior={self.posterior:g}"
         if hypotheses != 2:
-            raise ValueError(f"a gap is for 2 hypotheses: with {hypotheses}, give --posterior")
+            raise InputError(
+                f"a gap is for 2 hypotheses: with {hypotheses}, give --posterior", "delta"
+            )
         gap = self._gap()
         return Sprt(), float(threshold_from_gap(gap)), f"sprt delta={gap:g}"
 

@@ -9,6 +9,7 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import Writes, check_ending, say
 from bgmodel.support.files import replacing
+from circuits.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class DemoRun(Writes):
         """Run the command."""
         check_ending("drawing", self.drawing, ".png", ".pdf", ".svg")
         if self.alternatives < 2:
-            raise ValueError(f"alternatives must be at least 2, got {self.alternatives}")
+            raise InputError.of("alternatives", "must be at least 2", self.alternatives)
         say("one decision of some thousands of spiking cells")
         from bgmodel.demo import demo, draw
 

@@ -19,6 +19,7 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.conditions import Setup
 from bgmodel.support import files
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -100,4 +101,4 @@ class CircuitDesigned(Shows):
             check_ending("output", self.output, ".parquet", ".csv")
         check_whole(workers=self.workers, trials=self.trials)
         if not self.thresholds:
-            raise ValueError("thresholds must hold one number or more")
+            raise InputError("thresholds must hold one number or more", "thresholds")

@@ -27,6 +27,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
 from bgmodel.support.memory import check_learning_memory, check_memory
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -120,7 +121,9 @@ class CircuitLearn(Writes):
         if self.condition.task.evidence is None:
             return trials.evidence, self.condition.drawn("learn, scored").evidence
         if trials.evidence.trials < 2:
-            raise ValueError("evidence must hold 2 trials or more: every second one is scored")
+            raise InputError(
+                "evidence must hold 2 trials or more: every second one is scored", "evidence"
+            )
         return trials.evidence[::2], trials.evidence[1::2]
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
@@ -136,9 +139,10 @@ class CircuitLearn(Writes):
         """Return the level at the start, checked against those that the circuit can use."""
         start = levels[-1] if self.start_level is None else self.start_level
         if not levels[0] <= start <= levels[-1]:
-            raise ValueError(
-                f"start_level must lie where {name} decides by evidence, "
-                f"{levels[0]:.3f}..{levels[-1]:.3f}, got {start:g}"
+            raise InputError.of(
+                "start_level",
+                f"must lie where {name} decides by evidence, {levels[0]:.3f}..{levels[-1]:.3f}",
+                start,
             )
         return start
 
@@ -171,12 +175,13 @@ class CircuitLearn(Writes):
         check_ending("output", self.output, ".parquet", ".csv")
         asked.task.check_idle(TOUCHED)
         if not engine_of(asked.engine).timed:
-            raise ValueError(
-                f"the {asked.engine} engine has no decision times to learn from: take rate"
+            raise InputError(
+                f"the {asked.engine} engine has no decision times to learn from: take rate",
+                "engine",
             )
         check_whole(runs=self.runs)
         check_learning_memory(self.runs, self.learner.episodes)
         numbers = 3 * 8.0 * self.levels * asked.task.trials
         check_memory(numbers, f"{self.levels} levels of {asked.task.trials} trials")
         if self.levels < 2:
-            raise ValueError(f"levels must be >= 2, got {self.levels}")
+            raise InputError.of("levels", "must be >= 2", self.levels)

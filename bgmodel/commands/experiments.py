@@ -20,6 +20,7 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.names import EngineName
 from bgmodel.support import files
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,7 +93,7 @@ class ExperimentRun(Shows):
         from bgmodel.experiments.experiment import Experiment, shipped_text
 
         if Path(self.file).suffix == ".toml":
-            raise ValueError(f"show is for an experiment that is shipped, got {self.file!r}")
+            raise InputError.of("show", "is for an experiment that is shipped", self.file)
         Experiment.from_toml(self.file)  # its errors say which there are
         print(shipped_text(self.file), end="")
 

@@ -12,6 +12,7 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import check_whole
 from bgmodel.support.files import remove_partial_files
+from circuits.errors import InputError
 
 LOCKS = Path(".snakemake/locks")
 """Where Snakemake locks the files of a run; one that was killed leaves its locks behind."""
@@ -94,7 +95,9 @@ class Figures:
         found = find_recordings(self.recordings)
         if found is None:
             if "figR1" in self.targets:
-                raise ValueError("figR1 needs recordings: --recordings or BGMODEL_RECORDINGS")
+                raise InputError(
+                    "figR1 needs recordings: --recordings or BGMODEL_RECORDINGS", "recordings"
+                )
             if not self.targets:
                 print("figure R1 is left out: no recordings (--recordings or BGMODEL_RECORDINGS)")
         if not self.unlock:
@@ -142,6 +145,6 @@ class Figures:
         names = _names()
         for target in self.targets:
             if target not in names and Path(target).parent != folder:
-                raise ValueError(
-                    f"targets must be among {', '.join(names)} or files in {folder}, got {target!r}"
+                raise InputError.of(
+                    "targets", f"must be among {', '.join(names)} or files in {folder}", target
                 )

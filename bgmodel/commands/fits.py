@@ -20,6 +20,7 @@ from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.fitting.settings import FitSettings, need_fit, seconds_of
 from bgmodel.support import files
 from bgmodel.version import __version__
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from bgmodel.fitting.algorithms import Model
@@ -54,7 +55,7 @@ class FitRun(FitSettings, Shows):
         check_whole(trials=self.trials)
         self.check()
         if not self.models:
-            raise ValueError("models must name at least one")
+            raise InputError("models must name at least one", "models")
         choices = self.read(self.data)
         folder = self.folder or Path("fits") / Path(self.data).stem
         people = self.people(choices)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bgmodel.commands.checks import recorded, say
 from bgmodel.support import files
 from bgmodel.version import __version__
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,14 +62,15 @@ class Kept:
         files.check_writable(self.folder)
         for path in (self.folder / name for name in TABLES):
             if path.exists() and not files.is_result(path):
-                raise ValueError(
-                    f"{str(path)!r} is there and no result of a fit: give another folder"
+                raise InputError(
+                    f"{str(path)!r} is there and no result of a fit: give another folder", "folder"
                 )
         other = sorted({each for name in TABLES for each in self._differs(name)})
         if other and not force:
-            raise ValueError(
+            raise InputError(
                 f"{str(self.folder)!r} holds fits with another {', '.join(other)}: give another "
-                "folder, or --force to write over their tables"
+                "folder, or --force to write over their tables",
+                "folder",
             )
 
     def _before(self, table: str) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import check_whole, recorded, say, say_of_edits
 from bgmodel.support import files
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -76,9 +77,7 @@ class SweepRun:
         files.check_writable(folder)
         _check_own(folder)
         if self.profile is not None and not (self.profile / "config.yaml").is_file():
-            raise ValueError(
-                f"profile must be a folder with config.yaml, got {str(self.profile)!r}"
-            )
+            raise InputError.of("profile", "must be a folder with config.yaml", str(self.profile))
         check_room(points, folder)
         if self.on != "processes":
             self._with_snakemake(folder, shards)
@@ -93,9 +92,9 @@ class SweepRun:
         found = PART.fullmatch(self.part)
         k, n = (int(found[1]), int(found[2])) if found else (0, 0)
         if not 1 <= k <= n:
-            raise ValueError(f"part must be K/N with K in 1..N, as 3/40, got {self.part!r}")
+            raise InputError.of("part", "must be K/N with K in 1..N, as 3/40", self.part)
         if self.on != "processes":
-            raise ValueError("part is what a job computes: give --parts, or no --on")
+            raise InputError("part is what a job computes: give --parts, or no --on", "part")
         return k, n
 
     def _run(self, plan: Plan, points: list[Point], shards: list[Shard], folder: Path) -> None:
@@ -215,7 +214,9 @@ def _check_own(folder: Path) -> None:
     made_from = files.read_provenance(output)["parameters"] if files.is_result(output) else {}
     if "sweep" not in made_from:
         there = next(path for path in paths if path.exists())
-        raise ValueError(f"{str(there)!r} was not made by a sweep: move it, or give another folder")
+        raise InputError(
+            f"{str(there)!r} was not made by a sweep: move it, or give another folder", "folder"
+        )
 
 
 def _remove_outdated(plan: Plan, points: list[Point], folder: Path) -> None:

@@ -19,6 +19,7 @@ from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.tips import Tip
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from bgmodel.tactile.taps import Taps
@@ -161,10 +162,10 @@ def _taps(
 
         taps, about = Taps.load(path)
         if edge and taps.stimulus != "edge":
-            raise ValueError(f"{path.name} holds taps of a {taps.stimulus}, not of an edge")
+            raise InputError(f"{path.name} holds taps of a {taps.stimulus}, not of an edge", "path")
         return taps, about
     if mm_per_px is None:
-        raise ValueError("recordings need their scale: --mm-per-px, mm per pixel")
+        raise InputError("recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px")
     from bgmodel.tactile.recordings import pins_found, read_taps
 
     stimulus = "edge" if edge else "grating"

@@ -9,6 +9,7 @@ import numpy as np
 
 from bgmodel.deciding.tradeoff import Tradeoff, curve, margin
 from bgmodel.evidence import Evidence
+from circuits.errors import DeadlineWarning
 
 
 def ceiling(evidence: Evidence) -> float:
@@ -37,6 +38,7 @@ def warn_of_ceiling(evidence: Evidence, accuracies: Sequence[float]) -> list[flo
             f"no threshold reaches an accuracy of {listed(lost)}: all readings of a trial, "
             f"{evidence.steps} at most, allow {top:.3f}; give more readings (t_max) or ask for a "
             "lower accuracy",
+            DeadlineWarning,
             stacklevel=3,
         )
     return [accuracy for accuracy in accuracies if accuracy not in lost]
@@ -62,6 +64,7 @@ def warn_of_own_ceiling(name: str, found: Tradeoff, accuracies: Sequence[float])
             f"{name} reaches no accuracy of {listed(lost)}: at the best of its thresholds it has "
             f"{reached[best]:.3f}, and the deadline decides {found.forced[best].mean():.0%} of its "
             "trials there",
+            DeadlineWarning,
             stacklevel=3,
         )
 

@@ -44,6 +44,7 @@ from bgmodel.integrators.rivals import RIVALS
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -195,7 +196,7 @@ def compare(
     rivals = [rivals] if isinstance(rivals, str) else list(rivals)
     for name in rivals:
         if name not in RIVALS:
-            raise ValueError(f"rivals must be among {', '.join(RIVALS)}, got {name!r}")
+            raise InputError.of("rivals", f"must be among {', '.join(RIVALS)}", name)
     if not isinstance(model, BasalGanglia):
         circuit = checked_circuit(model, evidence.hypotheses)
         model = BasalGanglia(circuit, "population", gain_of(circuit), 0 if seed is None else seed)
@@ -206,7 +207,9 @@ def compare(
         intact = checked_circuit(intact, evidence.hypotheses)
         check_edit_of(intact, model.circuit, "circuit")
         if intact == model.circuit:
-            raise ValueError(f"{intact.name} equals the intact circuit: no edit changed anything")
+            raise InputError(
+                f"{intact.name} equals the intact circuit: no edit changed anything", "intact"
+            )
     model.warn_beyond_range(evidence)
     allowed = warn_of_ceiling(evidence, accuracies)
     tests = references(model, evidence)

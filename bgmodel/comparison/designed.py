@@ -29,6 +29,7 @@ from bgmodel.support.checks import reals
 from bgmodel.support.progress import advance
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
+from circuits.errors import InputError, RangeWarning
 
 CHANNELS = 4
 THRESHOLDS = (0.35, 0.25, 0.15)
@@ -105,7 +106,7 @@ def designs(channels: int = CHANNELS) -> tuple[Design, ...]:
         For fewer than three channels: a single rival tells no theories apart.
     """
     if channels < 3:
-        raise ValueError(f"designed trials need 3 channels or more, got {channels}")
+        raise InputError(f"designed trials need 3 channels or more, got {channels}", "channels")
     rivals = channels - 1
     found = [Design(f"{rivals} equal", "", (0.0,) * rivals)]
     for held in (LEAD, AVERAGE):
@@ -175,7 +176,7 @@ def size(model: BasalGanglia, thresholds: Sequence[float], trials: int) -> tuple
     if not is_noisy(model):
         trials = 1
     elif trials < 2:
-        raise ValueError(f"trials must be at least 2 where there is noise, got {trials}")
+        raise InputError.of("trials", "must be at least 2 where there is noise", trials)
     for threshold in checked_thresholds(thresholds):
         check_read(model.circuit, threshold)
     given: dict[str, Any] = {"channels": model.circuit.channels, "kappa": kappa_of(model)}
@@ -198,19 +199,20 @@ def checked_thresholds(thresholds: Sequence[float] | Array) -> Array:
     """Return thresholds, each once; ValueError unless they are one number or more in a list."""
     values = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
     if values.ndim != 1 or not values.size:
-        raise ValueError(f"thresholds must be a list of numbers, as [0.2], got {thresholds!r}")
+        raise InputError.of("thresholds", "must be a list of numbers, as [0.2]", thresholds)
     return np.array(list(dict.fromkeys(values.tolist())))
 
 
 def check_read(circuit: Circuit, threshold: float) -> None:
     """Raise ValueError unless a circuit decides by evidence at this OUT, and reads it."""
     if not np.isfinite(threshold):
-        raise ValueError(f"thresholds must be finite, got {threshold}")
+        raise InputError.of("thresholds", "must be finite", threshold)
     check_threshold(circuit, threshold)
     if threshold > circuit.readable_nats[1]:
-        raise ValueError(
+        raise InputError(
             f"{circuit.name} reads no OUT above {circuit.readable_nats[1]:.3g} {circuit.unit}; the "
-            f"threshold is {threshold:.2f} {circuit.unit}"
+            f"threshold is {threshold:.2f} {circuit.unit}",
+            "threshold",
         )
 
 
@@ -255,7 +257,7 @@ def designed(
     rivals: there all differences are 0. Between two readings OUT is taken as a straight line.
     """
     if isinstance(observed, type) or not hasattr(observed, "run"):
-        raise ValueError(f"observed must be an integrator, as Msprt(), got {observed!r}")
+        raise InputError.of("observed", "must be an integrator, as Msprt()", observed)
     settled = observed if settled is None else settled
     levels = checked_thresholds(thresholds)
     given: dict[str, Any] = {"kappa": kappa, "leader": leader}
@@ -312,7 +314,7 @@ def readings_of(
     while readings <= MOST_READINGS:
         with warnings.catch_warnings():
             # The leader rises here for longer than in the trials that are run.
-            warnings.filterwarnings("ignore", message="(S|the input) runs from")
+            warnings.simplefilter("ignore", RangeWarning)
             last_ms = [
                 _times(settled, design.evidence(readings, kappa=kappa, leader=leader), levels)
                 for design in designs(channels)
@@ -320,9 +322,10 @@ def readings_of(
         if np.isfinite(last_ms).all():
             return int(1.5 * np.max(last_ms) / STEP_MS) + 4
         readings *= 2
-    raise ValueError(
+    raise InputError(
         f"OUT of {', '.join(f'{level:g}' for level in levels)} is not reached in "
-        f"{MOST_READINGS * STEP_MS / 1000:.0f} s of designed trials: give a higher OUT"
+        f"{MOST_READINGS * STEP_MS / 1000:.0f} s of designed trials: give a higher OUT",
+        "thresholds",
     )
 
 

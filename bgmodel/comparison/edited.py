@@ -43,6 +43,7 @@ from bgmodel.integrators.deciding import (
 )
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
+from circuits.errors import EditWarning, InputError
 
 INTACT, AS_EDITED = "intact", "as edited"
 
@@ -102,12 +103,13 @@ def compare_edits(
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
     check_resamples(resamples, groups)
     if not isinstance(edited, Mapping):
-        raise ValueError(f'edited must be a dict such as {{"STN": circuit}}, got {edited!r}')
+        raise InputError.of("edited", 'must be a dict such as {"STN": circuit}', edited)
     for name, circuit in edited.items():
         check_edit_of(model.circuit, circuit, f"edited[{name!r}]")
     if alike := [name for name, circuit in edited.items() if circuit == model.circuit]:
         warnings.warn(
             f"{', '.join(alike)}: the edit changes nothing in this circuit",
+            EditWarning,
             stacklevel=2,
         )
     model.warn_beyond_range(evidence)
@@ -168,15 +170,16 @@ def check_edit_of(before: Circuit, after: Circuit, what: str) -> None:
     """
     for circuit in (before, after):
         if not isinstance(circuit, Circuit):
-            raise ValueError(f"{what} must be a Circuit, edited from a Circuit, got {circuit!r}")
+            raise InputError.of(what, "must be a Circuit, edited from a Circuit", circuit)
     kept = ("name", "channels", "unit", "input", "readout")
     other = [name for name in kept if getattr(before, name) != getattr(after, name)]
     lost = [name for name in before if name not in after]
     if other or lost:
         why = f"it lacks {', '.join(lost)}" if lost else f"another {', '.join(other)}"
-        raise ValueError(
+        raise InputError(
             f"{what} must be edited from the circuit that it is compared with: {after.name} of "
-            f"{after.channels} channels is no edit of {before.name} of {before.channels}: {why}"
+            f"{after.channels} channels is no edit of {before.name} of {before.channels}: {why}",
+            what,
         )
 
 

@@ -19,6 +19,7 @@ from bgmodel.comparison.pairs import side_by_side
 from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, margin, time_at
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals
+from circuits.errors import InputError
 
 ACCURACIES = (0.90, 0.95, 0.97)
 # Accuracies over which the extra time is fitted by a line.
@@ -115,8 +116,8 @@ def matched_measures(
     """
     for one in (other, minus or other, again or other):
         if one.trials != test.trials:
-            raise ValueError(
-                f"the same trials must be compared, got {test.trials} and {one.trials}"
+            raise InputError(
+                f"the same trials must be compared, got {test.trials} and {one.trials}", "other"
             )
     n = test.trials
     check_trials(n)
@@ -144,13 +145,12 @@ def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> 
     """
     given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
     if given.ndim != 1 or not given.size:
-        raise ValueError(f"accuracies must hold one number or more, got {given.tolist()}")
+        raise InputError.of("accuracies", "must hold one number or more", given)
     least = 1 / hypotheses + MARGIN
     for value in given.tolist():
         if not least < value < 1:
-            raise ValueError(
-                f"accuracies must lie above chance, {1 / hypotheses:.3g}, and below 1, got "
-                f"{value:g}"
+            raise InputError.of(
+                "accuracies", f"must lie above chance, {1 / hypotheses:.3g}, and below 1", value
             )
     return tuple(given.tolist())
 

@@ -32,6 +32,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
+from circuits.errors import InputError, RangeWarning
 
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 
@@ -64,10 +65,11 @@ def tuned_thresholds(
     found = thresholds_of(model.circuit, test, highest, lowest)
     quiet = without_noise_alone(model, found)
     if not quiet.size:
-        raise ValueError(
+        raise InputError(
             f"at all thresholds of {model.circuit.name}, {found.min():.2f} to {found.max():.2f} "
             f"{model.circuit.unit}, noise decides: without evidence it crosses each in more than "
-            f"{NOISE_SHARE:.0%} of trials within 500 ms"
+            f"{NOISE_SHARE:.0%} of trials within 500 ms",
+            "model",
         )
     return quiet
 
@@ -121,7 +123,9 @@ def unreached(
     else:
         lost, why = list(accuracies), f"{name} decides without evidence ({rest})"
     if lost:
-        warnings.warn(f"nothing is compared at accuracy {listed(lost)}: {why}", stacklevel=3)
+        warnings.warn(
+            f"nothing is compared at accuracy {listed(lost)}: {why}", RangeWarning, stacklevel=3
+        )
     return lost
 
 

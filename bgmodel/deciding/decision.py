@@ -14,6 +14,7 @@ from bgmodel.deciding.readout import ReadOut, check_early_and_late
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import checked_truth, is_number, one_per_trial, reals
 from bgmodel.support.reprs import Facts, span
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,7 +78,7 @@ class Trace(Facts):
         from bgmodel.plots import new_axes, output
 
         if trial not in range(len(self.out_nats)):
-            raise ValueError(f"trial must lie in 0..{len(self.out_nats) - 1}, got {trial}")
+            raise InputError.of("trial", f"must lie in 0..{len(self.out_nats) - 1}", trial)
         ticks = self.of_trials()[0][trial]
         relative_ms = self.time_ms[:ticks] - self.onset_ms
         return output(new_axes(ax), relative_ms, self.out_nats[trial, :ticks])
@@ -94,7 +95,7 @@ class Trace(Facts):
         ends = np.full(trials, ticks) if self.ends is None else self.ends
         ends = one_per_trial("ends", ends, trials)
         if ends.min() < 1 or ends.max() > ticks:
-            raise ValueError(f"ends must lie in 1..{ticks}, got {ends.min()}..{ends.max()}")
+            raise InputError(f"ends must lie in 1..{ticks}, got {ends.min()}..{ends.max()}", "ends")
         numbers = np.arange(trials) if self.numbers is None else self.numbers
         numbers = one_per_trial("numbers", numbers, trials)
         return ends.astype(np.int64), numbers.astype(np.int64)
@@ -163,7 +164,9 @@ class Decision(Facts):
 
     def _right(self) -> Truths:
         if self.truth is None:
-            raise ValueError("accuracy needs the truth of each trial: give evidence that has it")
+            raise InputError(
+                "accuracy needs the truth of each trial: give evidence that has it", "truth"
+            )
         return np.asarray(self.choice == self.truth)
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -229,7 +232,9 @@ class Decision(Facts):
             return choice_times(new_axes(ax), self.choice, self.time_ms)
         truth = self.truth if truth is None else truth
         if truth is None:
-            raise ValueError("decisions at several thresholds need the truth: plot(truth=...)")
+            raise InputError(
+                "decisions at several thresholds need the truth: plot(truth=...)", "truth"
+            )
         decided = (self.choice >= 0).sum(axis=1)
         right = self.choice == one_per_trial("truth", truth, self.choice.shape[1])
         accuracy = right.sum(axis=1) / np.maximum(decided, 1)
@@ -339,7 +344,7 @@ def crossing_of_each(
     out, first, ends, numbers = _ready(trace)
     levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
     if levels.shape != out.shape[:1] or not np.isfinite(levels).all():
-        raise ValueError(f"thresholds must be {len(out)} finite nats, one a trial, got {levels}")
+        raise InputError.of("thresholds", f"must be {len(out)} finite nats, one a trial", levels)
     if checked and trace.readout is not None:
         trace.readout.check(levels)
     tick, choice = cross_each(out, first, levels, ends, numbers)
@@ -445,9 +450,9 @@ def tally(
     from bgmodel.deciding.crossing import ROUNDING, tally_all
 
     if np.ndim(thresholds) != 1:
-        raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
+        raise InputError.of("thresholds", "must be (K,)", np.shape(thresholds))
     if truth is None:
-        raise ValueError("tally counts correct choices: it needs the truth of each trial")
+        raise InputError("tally counts correct choices: it needs the truth of each trial", "truth")
     out, first, ends, numbers = _ready(trace)
     truth = checked_truth(truth, len(out), out.shape[2])
     order, level = _sorted_levels(thresholds, out.shape[2])
@@ -477,12 +482,15 @@ def _chosen(
 ) -> npt.ArrayLike:
     """Return the thresholds that are given, or those of a posterior."""
     if (thresholds is None) == (posterior is None):
-        raise ValueError("give thresholds, on OUT in nats, or a posterior, and not both")
+        raise InputError(
+            "give thresholds, on OUT in nats, or a posterior, and not both", "posterior"
+        )
     if posterior is None:
         return reals("thresholds", thresholds)  # type: ignore[arg-type]
     if trace.readout is None:
-        raise ValueError(
-            "this trace does not say which posterior an OUT corresponds to: give thresholds"
+        raise InputError(
+            "this trace does not say which posterior an OUT corresponds to: give thresholds",
+            "posterior",
         )
     return trace.readout.threshold(posterior, trace.out_nats.shape[2])
 
@@ -505,7 +513,7 @@ def _check_before(trace: Trace, levels: npt.ArrayLike, *, asked: bool) -> None:
 def check_trace(given: Trace) -> None:
     """Raise ValueError for what is no trace, as a bare array."""
     if not isinstance(given, Trace):
-        raise ValueError(f"trace must be a Trace, as from Msprt().run, got {type(given).__name__}")
+        raise InputError.of("trace", "must be a Trace, as from Msprt().run", given)
 
 
 def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -516,18 +524,18 @@ def _ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray
     check_trace(trace)
     out = np.ascontiguousarray(reals("out_nats", trace.out_nats))
     if out.ndim != 3 or 0 in out.shape:
-        raise ValueError(
-            f"out_nats must be (trials, ticks, hypotheses), not empty, got {out.shape}"
-        )
+        raise InputError.of("out_nats", "must be (trials, ticks, hypotheses), not empty", out.shape)
     time_ms = np.asarray(trace.time_ms)
     if time_ms.shape != out.shape[1:2] or not (time_ms[1:] >= time_ms[:-1]).all():
-        raise ValueError(
+        raise InputError(
             f"time_ms must hold the time of each of {out.shape[1]} ticks, rising, got "
-            f"{span(time_ms)} in shape {time_ms.shape}"
+            f"{span(time_ms)} in shape {time_ms.shape}",
+            "time_ms",
         )
     if not (is_number(trace.step_ms) and trace.step_ms > 0 and is_number(trace.onset_ms)):
-        raise ValueError(
-            f"step_ms must be > 0 and onset_ms a number, got {trace.step_ms!r}, {trace.onset_ms!r}"
+        raise InputError(
+            f"step_ms must be > 0 and onset_ms a number, got {trace.step_ms!r}, {trace.onset_ms!r}",
+            "step_ms",
         )
     return out, _first_reading(trace), *trace.of_trials()
 
@@ -542,9 +550,10 @@ def _check_ended(out: Reals, ends: Integers, late: Truths) -> None:
     trials = np.flatnonzero(late)
     unknown = np.isnan(out[trials, ends[trials] - 1]).any(axis=1)
     if unknown.any():
-        raise ValueError(
+        raise InputError(
             f"OUT of {unknown.sum()} trials is NaN at their end, and they met no threshold until "
-            "then: give a threshold above the OUT at which trials were dropped"
+            "then: give a threshold above the OUT at which trials were dropped",
+            "thresholds",
         )
 
 
@@ -579,13 +588,12 @@ def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int) -> tuple[Integers
     """Return, for each channel, the thresholds from highest to lowest and where they came from."""
     levels = np.asarray(thresholds, dtype=np.float64)
     if not np.isfinite(levels).all():
-        raise ValueError(f"thresholds must be finite nats, got {levels.tolist()}")
+        raise InputError.of("thresholds", "must be finite nats", levels)
     if levels.ndim < 2:
         levels = np.repeat(levels.reshape(-1, 1), hypotheses, axis=1)
     if levels.ndim != 2 or levels.shape[1] != hypotheses or len(levels) == 0:
-        raise ValueError(
-            f"thresholds must be a number, (K,) or (K, {hypotheses}), got shape "
-            f"{np.shape(thresholds)}"
+        raise InputError.of(
+            "thresholds", f"must be a number, (K,) or (K, {hypotheses})", np.shape(thresholds)
         )
     order = np.ascontiguousarray(np.argsort(-levels, axis=0, kind="stable").T)
     return order, np.ascontiguousarray(np.take_along_axis(levels.T, order, axis=1))

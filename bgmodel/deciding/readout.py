@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals, whole
+from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarning
 
 NATS, LOG_ODDS = "nats", "nats of log odds"
 """Units of OUT from which a posterior follows: OUT = -ln P, and OUT = the log odds against."""
@@ -57,6 +58,7 @@ class ReadOut:
             warnings.warn(
                 f"a threshold of {threshold:g} nats stops at a posterior of "
                 f"{np.exp(-threshold):.3f}{meant(threshold)}",
+                RangeWarning,
                 stacklevel=4,
             )
 
@@ -69,9 +71,10 @@ class ReadOut:
             If a posterior is not above chance and below 1, or the unit has none.
         """
         if self.unit not in (NATS, LOG_ODDS):
-            raise ValueError(
+            raise InputError(
                 f"{self.name} works in {self.unit}, not nats: a posterior has no meaning there; "
-                f"give a threshold, an OUT in {self.unit}"
+                f"give a threshold, an OUT in {self.unit}",
+                "posterior",
             )
         nats = criterion_from_posterior(posterior, hypotheses)
         return nats + np.log1p(-np.exp(-nats)) if self.unit == LOG_ODDS else nats
@@ -93,18 +96,21 @@ class ReadOut:
         """
         levels = np.atleast_1d(reals("thresholds", thresholds))
         if not levels.size or not np.isfinite(levels).all():
-            raise ValueError(f"thresholds must be finite {self.unit}, got {levels.tolist()}")
+            raise InputError.of("thresholds", f"must be finite {self.unit}", levels)
         rows = levels.reshape(len(levels), -1)
         early, low = rows.max(axis=1) >= self.rest, rows.max(axis=1) < self.lowest
         if (early | low).all():
             first = float(rows[0].max())
-            raise ValueError(self._without_evidence(first) if early[0] else self._unread(first))
+            raise InputError(
+                self._without_evidence(first) if early[0] else self._unread(first), "thresholds"
+            )
         for wrong, why in ((early, self._without_evidence), (low, self._unread)):
             if wrong.any():
                 said = why(float(rows[wrong].flat[0]))
                 warnings.warn(
                     f"{wrong.sum()} of {len(rows)} thresholds mean nothing, the first of them: "
                     f"{said}",
+                    RangeWarning,
                     stacklevel=4,
                 )
 
@@ -152,9 +158,10 @@ def criterion_from_posterior(posterior: npt.ArrayLike, hypotheses: int = 2) -> A
     asked = np.asarray(reals("posterior", posterior), dtype=np.float64)
     count = whole("hypotheses", hypotheses, 2)
     if not asked.size or not ((asked > 1 / count) & (asked < 1)).all():
-        raise ValueError(
-            f"posterior must lie between chance, {1 / count:.3g} with {count} hypotheses, and 1, "
-            f"got {asked.tolist()}"
+        raise InputError.of(
+            "posterior",
+            f"must lie between chance, {1 / count:.3g} with {count} hypotheses, and 1",
+            asked,
         )
     return -np.log(asked)
 
@@ -191,16 +198,17 @@ def check_early_and_late(
     """
     levels, count = np.atleast_1d(thresholds), len(late)
     if of_test and (early == trials).all():
-        raise ValueError(
+        raise InputError(
             "every trial decides before its first reading, without evidence: the prior is past the "
-            f"threshold of {levels.flat[0]:.3g} already{meant(levels.flat[0])}"
+            f"threshold of {levels.flat[0]:.3g} already{meant(levels.flat[0])}",
+            "thresholds",
         )
     end = "the deadline decides them" if forced else "they stay undecided"
-    for wrong, what, better in (
-        (early, "decide before their first reading, without evidence", "a lower threshold (a "
-         "higher posterior or gap)"),
-        (late, f"never meet the threshold, {end}", "more readings or a higher threshold (a lower "
-         "posterior or gap)"),
+    for wrong, kind, what, better in (
+        (early, NoiseWarning, "decide before their first reading, without evidence", "a lower "
+         "threshold (a higher posterior or gap)"),
+        (late, DeadlineWarning, f"never meet the threshold, {end}", "more readings or a higher "
+         "threshold (a lower posterior or gap)"),
     ):  # fmt: skip
         most = wrong > MOST * trials
         if not most.any():
@@ -208,4 +216,4 @@ def check_early_and_late(
         who = f"{wrong[0]} of {trials} trials"
         if count > 1:
             who = f"at {most.sum()} of {count} thresholds most trials"
-        warnings.warn(f"{who} {what}: give {better}", stacklevel=4)
+        warnings.warn(f"{who} {what}: give {better}", kind, stacklevel=4)

@@ -14,6 +14,7 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals
 from bgmodel.support.reprs import Facts, span
+from circuits.errors import InputError
 
 REST_MS = 500.0
 """The time at rest in which responses are counted."""
@@ -88,7 +89,7 @@ class Tradeoff(Facts):
     def __add__(self, more: Tradeoff) -> Tradeoff:
         """Append trials; both must have the same settings."""
         if not np.array_equal(self.settings, more.settings):
-            raise ValueError("tradeoffs can be joined only over the same settings")
+            raise InputError("tradeoffs can be joined only over the same settings", "thresholds")
         names = ("choice", "time_ms", "forced", "premature", "posterior")
         joined = {n: np.concatenate([getattr(self, n), getattr(more, n)], axis=1) for n in names}
         return replace(self, **joined)
@@ -144,12 +145,13 @@ def tradeoff(trace: Trace, evidence: Evidence, thresholds: npt.ArrayLike | None 
     """
     check_trace(trace)
     if np.shape(trace.out_nats)[::2] != (check_evidence(evidence).trials, evidence.hypotheses):
-        raise ValueError(
+        raise InputError(
             f"the trace must be of this evidence, {evidence.trials} trials of "
-            f"{evidence.hypotheses} hypotheses, got OUT of shape {np.shape(trace.out_nats)}"
+            f"{evidence.hypotheses} hypotheses, got OUT of shape {np.shape(trace.out_nats)}",
+            "trace",
         )
     if thresholds is not None and np.ndim(reals("thresholds", thresholds)) != 1:
-        raise ValueError(f"thresholds must be (K,), got shape {np.shape(thresholds)}")
+        raise InputError.of("thresholds", "must be (K,)", np.shape(thresholds))
     chosen = levels(trace) if thresholds is None else np.sort(np.asarray(thresholds))[::-1]
     decided = first_crossing(trace, chosen, checked=False)
     posterior = posterior_at(evidence, decided.time_ms, decided.choice)

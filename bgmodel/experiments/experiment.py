@@ -37,6 +37,7 @@ from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
 from circuits.declaration.edits import Edits
+from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,7 +88,9 @@ class Experiment(Observed):
         super().__post_init__()
         told = [(effect.measure, effect.unit) for effect in self.effects]
         if len(set(told)) < len(told):
-            raise ValueError("effects must give a measure in one unit once, got it twice")
+            raise InputError(
+                "effects must give a measure in one unit once, got it twice", "effects"
+            )
         self.task.check_idle(Stimuli())
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
@@ -119,7 +122,9 @@ class Experiment(Observed):
         inside = SHIPPED / f"{file}.toml"
         if not inside.is_file():
             names = ", ".join(_names())
-            raise ValueError(f"an experiment is a .toml file or one of {names}; got {str(file)!r}")
+            raise InputError(
+                f"an experiment is a .toml file or one of {names}; got {str(file)!r}", "file"
+            )
         return toml_files.read(Path(str(inside)), cls)
 
     def check_differs(self) -> None:
@@ -133,7 +138,10 @@ class Experiment(Observed):
             manipulation.edited,
             manipulation.threshold_nats,
         ):
-            raise ValueError("the manipulation changes nothing: control and manipulation are alike")
+            raise InputError(
+                "the manipulation changes nothing: control and manipulation are alike",
+                "manipulation",
+            )
         manipulation.check(control)
 
     def given(self) -> Trials:
@@ -141,13 +149,13 @@ class Experiment(Observed):
         found = self.drawn("experiment")
         drawn = found.evidence
         if drawn.truth is None:
-            raise ValueError("an experiment counts errors: its evidence needs the truth")
+            raise InputError("an experiment counts errors: its evidence needs the truth", "truth")
         self._check_truth(drawn.hypotheses)
         return found if self.truth is None else found.where(drawn.truth == self.truth)
 
     def _check_truth(self, hypotheses: int) -> None:
         if self.truth is not None and self.truth not in range(hypotheses):
-            raise ValueError(f"truth must lie in 0..{hypotheses - 1}, got {self.truth}")
+            raise InputError.of("truth", f"must lie in 0..{hypotheses - 1}", self.truth)
 
     @property
     def stopping(self) -> str:
@@ -208,10 +216,11 @@ class Experiment(Observed):
             warnings.warn(
                 f"{UNCHANGED}: the manipulation says nothing to the {self.engine} engine, or "
                 "nothing while a trial lasts; look at its units and times",
+                EditWarning,
                 stacklevel=2,
             )
         if said := uncalibrated(self, measures):
-            warnings.warn(said, stacklevel=2)
+            warnings.warn(said, CalibrationWarning, stacklevel=2)
         whole = pd.concat(trials, ignore_index=True)
         return Outcome(self, given, tuple(models), measures, whole)
 
@@ -371,7 +380,7 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
     if against := behaviour.against_evidence():
         if condition == "control":
             raise ValueError(f"the control's {against}")
-        warnings.warn(f"the {condition}'s {against}", stacklevel=3)
+        warnings.warn(f"the {condition}'s {against}", CalibrationWarning, stacklevel=3)
     decided = int((~missed).sum())
     if condition == "control" and decided < FEWEST_DECIDED:
         raise ValueError(
@@ -383,5 +392,6 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
             f"the {condition} decides in time in {decided} of {len(missed)} trials: accuracy, "
             "times and criterion are those of these alone; give more readings (t_max) or a lower "
             "posterior",
+            DeadlineWarning,
             stacklevel=3,
         )

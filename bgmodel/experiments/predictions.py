@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from bgmodel.deciding.measures import MEASURES, OF_ALL, OF_DECIDED, OF_DIFFUSION, SHARES
+from circuits.errors import DataWarning, InputError
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
 WITHOUT = "decides without evidence"
@@ -38,12 +39,14 @@ class Prediction:
 
     def __post_init__(self) -> None:
         if self.measure not in MEASURES:
-            raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {self.measure!r}")
+            raise InputError.of("measure", f"must be one of {', '.join(MEASURES)}", self.measure)
         if not 0 <= self.at_least < np.inf:
-            raise ValueError(f"at_least must be >= 0, got {self.at_least}")
+            raise InputError.of("at_least", "must be >= 0", self.at_least)
         check_size("at_least", self.measure, self.at_least, below=1)
         if self.direction == "none" and not self.at_least:
-            raise ValueError('at_least must be > 0 where the direction is "none", got 0')
+            raise InputError(
+                'at_least must be > 0 where the direction is "none", got 0', "at_least"
+            )
 
     def outcome(self, low: float, high: float) -> str:
         """Return the verdict of the change's 95 % interval: agrees, disagrees or left open."""
@@ -77,16 +80,17 @@ class Effect:
 
     def __post_init__(self) -> None:
         if self.measure not in MEASURES:
-            raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {self.measure!r}")
+            raise InputError.of("measure", f"must be one of {', '.join(MEASURES)}", self.measure)
         if self.unit == PERCENT and self.measure not in RELATIVE:
-            raise ValueError(
-                f"a change in percent is of one of {', '.join(RELATIVE)}, got {self.measure!r}"
+            raise InputError(
+                f"a change in percent is of one of {', '.join(RELATIVE)}, got {self.measure!r}",
+                "measure",
             )
         if (self.low is None) != (self.high is None):
-            raise ValueError("an effect's interval needs both low and high, got one of them")
+            raise InputError("an effect's interval needs both low and high, got one of them", "low")
         low, high = self.interval
         if not (np.isfinite(self.value) and (np.isnan(low) or low <= self.value <= high)):
-            raise ValueError(f"value must lie between low and high, got {self.value:g}")
+            raise InputError.of("value", "must lie between low and high", self.value)
         if self.unit == "own":
             check_size("value", self.measure, abs(self.value), below=np.nextafter(1, 2))
 
@@ -117,8 +121,8 @@ def check_size(what: str, measure: str, size: float, below: float) -> None:
         If a share would change by that much.
     """
     if measure in SHARES and size >= below:
-        raise ValueError(
-            f"{what} of {measure} must be a share, below 1, got {size:g}: write 0.01 for 1 %"
+        raise InputError(
+            f"{what} of {measure} must be a share, below 1, got {size:g}: write 0.01 for 1 %", what
         )
     low, high = LIKELY[measure]
     if size and not low <= size <= high:
@@ -128,5 +132,6 @@ def check_size(what: str, measure: str, size: float, below: float) -> None:
         warnings.warn(
             f"{what} = {size:g} is an unlikely change of {measure}, which is "
             f"{units.get(measure, 'in ms, not in s')}",
+            DataWarning,
             stacklevel=4,
         )

@@ -31,6 +31,7 @@ from bgmodel.integrators.basal_ganglia import (
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import is_whole
 from bgmodel.version import __version__
+from circuits.errors import InputError, RangeWarning
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -89,21 +90,25 @@ class CircuitModel:
 
     def __post_init__(self) -> None:
         if self.circuit.channels != 2:
-            raise ValueError(
-                f"choices and times are fitted with two channels, got {self.circuit.channels}"
+            raise InputError(
+                f"choices and times are fitted with two channels, got {self.circuit.channels}",
+                "circuit",
             )
         from circuits.declaration.table import NATS
 
         if self.circuit.unit != NATS:
-            raise ValueError(
+            raise InputError(
                 f"fits need a circuit whose OUT is in nats, {self.circuit.name} has it in "
-                f"{self.circuit.unit}"
+                f"{self.circuit.unit}",
+                "circuit",
             )
         engine_of(self.engine)
         if not is_whole(self.trials) or self.trials < PARTS:
-            raise ValueError(
-                f"trials must be a whole number, {PARTS} or more, since the error of the "
-                f"simulation is found from {PARTS} parts of them, got {self.trials!r}"
+            raise InputError.of(
+                "trials",
+                f"must be a whole number, {PARTS} or more, since the error of the "
+                f"simulation is found from {PARTS} parts of them",
+                self.trials,
             )
 
     @property
@@ -253,7 +258,7 @@ class CircuitModel:
         def run(read: Array, first: int) -> Trace:
             with warnings.catch_warnings():
                 # A random walk leaves any range: what that costs is in the crossings.
-                warnings.filterwarnings("ignore", message="(S|the input) runs from")
+                warnings.simplefilter("ignore", RangeWarning)
                 done = model.run_drive(self._drive(read), 1000 * BIN_S, first)
             return Trace(done.output_nats, done.time_ms + late_ms, step_ms=1000 * BIN_S)
 

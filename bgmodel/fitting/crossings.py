@@ -29,6 +29,7 @@ from bgmodel.deciding.decision import Trace, first_crossing
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.seeds import stream
+from circuits.errors import InputError
 
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""
@@ -198,9 +199,10 @@ def _moved(largest: Array) -> Array:
     Trials that are decided late have read so much that the exponential alone would overflow.
     """
     if largest.max() > 2 * LARGEST_EXPONENT:
-        raise ValueError(
+        raise InputError(
             f"a circuit that still decides after {largest.max():.0f} nats of evidence cannot be "
-            f"weighed: at most {2 * LARGEST_EXPONENT:.0f}. Simulate shorter trials (seconds)"
+            f"weighed: at most {2 * LARGEST_EXPONENT:.0f}. Simulate shorter trials (seconds)",
+            "seconds",
         )
     return np.where(largest > LARGEST_EXPONENT, largest / 2, 0.0)
 

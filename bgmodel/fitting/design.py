@@ -15,6 +15,7 @@ from bgmodel.fitting.window import in_window
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
+from circuits.errors import DataWarning, InputError
 
 ALONE = 1.0
 """Strength of every trial where there is no column of strengths."""
@@ -108,7 +109,7 @@ def design_of(
     for column in by:
         if column not in choices.conditions:
             there = ", ".join(choices.conditions.columns) or "none"
-            raise ValueError(f"no condition is called {column!r}; there are {there}")
+            raise InputError(f"no condition is called {column!r}; there are {there}", "by", column)
     if not pooled:
         _warn_of_several(choices)
     check_sides(choices, by)
@@ -124,6 +125,7 @@ def _warn_of_several(choices: Choices) -> None:
             f"choices are of {len(people)} participants ({named}), and are taken for those of one: "
             "parameters are then a mixture. Fit each on its own, "
             f"choices.where(choices.participant == {people[0]!r}), or say pooled=True",
+            DataWarning,
             stacklevel=3,
         )
 

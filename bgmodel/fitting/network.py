@@ -24,6 +24,7 @@ import numpy.typing as npt
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import replacing
 from bgmodel.support.reprs import Facts
+from circuits.errors import InputError
 
 INPUTS = ("v", "threshold", "t0", "rt", "response")
 """Inputs of the graph: three parameters, then the two columns of HSSM's data."""
@@ -208,7 +209,9 @@ def read_network(path: str | Path | None = None) -> LikelihoodNetwork:
         model = onnx.load(str(path))
         about = json.loads({each.key: each.value for each in model.metadata_props}[KEY])
     except (OSError, DecodeError, KeyError, ValueError) as error:
-        raise ValueError(f"{str(path)!r} can't be read as a network of bgmodel: {error}") from error
+        raise InputError(
+            f"{str(path)!r} can't be read as a network of bgmodel: {error}", "path"
+        ) from error
     held = {each.name: onnx.numpy_helper.to_array(each) for each in model.graph.initializer}
     count = sum(name.startswith("bias_") for name in held)
     return LikelihoodNetwork(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bgmodel.support.arrays import Array, Integers, Truths
+from circuits.errors import InputError
 
 AT_BOUND = 1e-3
 """Share of its range within which a number of a fit counts as at a bound."""
@@ -42,7 +43,9 @@ class Parameter:
     def __post_init__(self) -> None:
         given = (self.low, self.start, self.high)
         if not (all(map(math.isfinite, given)) and self.low <= self.start <= self.high):
-            raise ValueError(f"{self.name}: low <= start <= high must hold and be finite: {given}")
+            raise InputError(
+                f"{self.name}: low <= start <= high must hold and be finite: {given}", "start"
+            )
 
 
 RESPONSE = (
@@ -167,11 +170,11 @@ def freedom(
     known = {each.name: each for each in parameters}
     for name in (*(free or ()), *fixed, *vary):
         if name not in known:
-            raise ValueError(f"no parameter is called {name!r}; there are {', '.join(known)}")
+            raise InputError(f"no parameter is called {name!r}; there are {', '.join(known)}", name)
     for name, value in fixed.items():
         if not known[name].low <= value <= known[name].high:
             low, high = known[name].low, known[name].high
-            raise ValueError(f"{name} must lie between {low:g} and {high:g}, got {value:g}")
+            raise InputError.of(name, f"must lie between {low:g} and {high:g}", value)
         known[name] = Parameter(
             name, known[name].low, known[name].high, value, known[name].about, free=False
         )
@@ -182,7 +185,7 @@ def freedom(
         else sorted(set(vary) & set(fixed))
     )
     if held:
-        raise ValueError(f"{', '.join(held)} can't be moved and held at once")
+        raise InputError(f"{', '.join(held)} can't be moved and held at once", "hold", held)
     moved: list[Moved] = []
     for each in known.values():
         if each.name in vary:
@@ -190,7 +193,7 @@ def freedom(
         elif each.name in chosen:
             moved.append(Moved(each.name, each, np.arange(cells)))
     if not moved:
-        raise ValueError(f"nothing is free: name some of {', '.join(known)}")
+        raise InputError(f"nothing is free: name some of {', '.join(known)}", "free", free)
     return Freedom(tuple(known.values()), tuple(moved), cells)
 
 
@@ -198,11 +201,11 @@ def _levels(each: Parameter, column: str, conditions: Mapping[str, Sequence[str]
     column, _, reference = column.partition("/")
     if column not in conditions:
         there = ", ".join(conditions) or "none"
-        raise ValueError(f"{each.name} can't vary with {column!r}: conditions are {there}")
+        raise InputError(f"{each.name} can't vary with {column!r}: conditions are {there}", "vary")
     names = np.asarray(conditions[column])
     levels = sorted(set(names.tolist()))
     if reference and reference not in levels:
-        raise ValueError(f"{column} has no level {reference!r}: {', '.join(levels)}")
+        raise InputError(f"{column} has no level {reference!r}: {', '.join(levels)}", "vary")
     return [
         Moved(f"{each.name}[{column}={level}]", each, np.flatnonzero(names == level))
         for level in levels

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from circuits.errors import InputError
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -65,10 +67,10 @@ class FitSettings:
 
         engine_of(self.engine)
         if not 0 < self.noise_nats < float("inf"):
-            raise ValueError(f"noise_nats must be finite and above 0, got {self.noise_nats:g}")
+            raise InputError.of("noise_nats", "must be finite and above 0", self.noise_nats)
         if self.criterion not in CRITERIA:
             allowed = ", ".join(CRITERIA)
-            raise ValueError(f"criterion must be one of {allowed}, got {self.criterion!r}")
+            raise InputError.of("criterion", f"must be one of {allowed}", self.criterion)
 
     @property
     def columns(self) -> list[str]:
@@ -135,7 +137,7 @@ class FitSettings:
             return GapModel(GAPS[model])
         if isinstance(model, str) and model not in CIRCUITS and not is_path(model):
             allowed = ", ".join((*GAPS, *CIRCUITS))
-            raise ValueError(f"models must be of {allowed}, or .toml files, got {model!r}")
+            raise InputError.of("models", f"must be of {allowed}, or .toml files", model)
         return CircuitModel(
             checked_circuit(model, 2),
             self.engine,
@@ -160,9 +162,7 @@ class FitSettings:
             for name in names:
                 if name not in known and name != "criterion":
                     there = ", ".join(("criterion", *known))
-                    raise ValueError(
-                        f"{option} must name a parameter, one of {there}, got {name!r}"
-                    )
+                    raise InputError.of(option, f"must name a parameter, one of {there}", name)
         found = []
         for name, model in models.items():
             own = {each.name for each in model.parameters} | {"criterion"}
@@ -285,9 +285,10 @@ def fit(
     people = asked.people(choices)
     if len(people) > 1:
         names = ", ".join(who for who, _ in people)
-        raise ValueError(
+        raise InputError(
             f"a fit is of one person, and these trials are of {names}: give participant=NAME, or "
-            "pooled=True to fit them as if they were one"
+            "pooled=True to fit them as if they were one",
+            "participant",
         )
     design = asked.design(people[0][1])
     kept = None if folder is None else Path(folder)
@@ -322,7 +323,7 @@ def _pair(text: str, option: str) -> tuple[str, str]:
     if not equals or not value:
         example = "lapse=0.02" if option == "hold" else "criterion=instruction"
         example = f"{option} is a name, =, and a value, as {example}"
-        raise ValueError(f"{example}, got {text!r}")
+        raise InputError(f"{example}, got {text!r}", option, text)
     return name.strip(), value.strip()
 
 
@@ -330,4 +331,4 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"hold must give a number, as lapse=0.02, got {text!r}") from None
+        raise InputError.of("hold", "must give a number, as lapse=0.02", text) from None

@@ -11,6 +11,7 @@ from bgmodel.deciding.calibration import STANDARD_ERRORS
 from bgmodel.tables.cautions import check_signs
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
+from circuits.errors import DataWarning, InputError
 
 SAME = 0.6
 """Share of one response to evidence for either side above which it may say right or wrong."""
@@ -53,6 +54,7 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
                 f"{who}{named}: response {int(share > 0)} comes in {abs(share):.1%} of trials more "
                 f"than if both sides were alike ({abs(z):.1f} standard errors). No model has a "
                 f"bias to one response: this one enters the other parameters{_coded(some, share)}",
+                DataWarning,
                 stacklevel=3,
             )
 
@@ -76,11 +78,12 @@ def _check_right(choices: Choices, who: str) -> None:
     count, trials = int(right.sum()), len(right)
     z = (count - trials / 2) / np.sqrt(max(trials, 1) / 4)
     if z < -STANDARD_ERRORS:
-        raise ValueError(
+        raise InputError(
             f"{who}: responses must lie on the side that the strength speaks for more often than "
             f"not, got {count} of {trials} ({count / trials:.0%}, {-z:.1f} standard errors below "
             "chance): name the other response as the one that counts as 1 (upper, at the terminal "
-            "--upper), or change the sign of the strengths"
+            "--upper), or change the sign of the strengths",
+            "response",
         )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.support.arrays import Array
+from circuits.errors import FitWarning
 
 TAILS_S = (0.75, 1.5, 3.0)
 """Means of the exponential delays that slow trials may have, s."""
@@ -71,6 +72,7 @@ def warn_of_slow(found: Optimum) -> None:
         f"{slow.share:.1%} of trials the log likelihood is {slow.gain_nats:.1f} nats higher). "
         f"Such trials bias sensitivity and criterion: {free}compare with a fit to an earlier "
         "rt_window (at the terminal --rt-window)",
+        FitWarning,
         stacklevel=3,
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.tables.columns import FEWEST
+from circuits.errors import DataWarning, InputError
 
 RANGES = 25.0
 """Interquartile ranges above the upper quartile at which the default window ends.
@@ -53,9 +54,11 @@ def check_window(rt_window: tuple[float, float]) -> None:
         Earliest and latest response time, s; infinity for no latest one.
     """
     if len(rt_window) != 2 or not 0 <= rt_window[0] < rt_window[1]:
-        raise ValueError(
-            "rt_window must be an earliest and a later latest time, 0 s or more, as 0.2 5 (inf for "
-            f"no latest one), got {' '.join(f'{time:g}' for time in rt_window)}"
+        raise InputError.of(
+            "rt_window",
+            "must be an earliest and a later latest time, 0 s or more, as 0.2 5 (inf "
+            "for no latest one)",
+            rt_window,
         )
 
 
@@ -97,15 +100,17 @@ def in_window(
     out, responses = int((~inside).sum()), int(np.isfinite(rt_s).sum())
     span = f"between {window[0]:g} and {window[1]:.3g} s{rule}"
     if out and responses - out < FEWEST:
-        raise ValueError(
+        raise InputError(
             f"rt_window must leave at least {FEWEST} responses, got {responses - out} of "
-            f"{responses} of {who} {span}"
+            f"{responses} of {who} {span}",
+            "rt_window",
         )
     if out:
         warnings.warn(
             f"{who}: {out} of {responses} response times are left out of the fit, the longest "
             f"{rt_s[~inside].max():.3g} s: it uses those {span}. Another window: rt_window (at the "
             "terminal --rt-window); 0 inf keeps all",
+            DataWarning,
             stacklevel=3,
         )
     elif rule:

@@ -26,19 +26,15 @@ from bgmodel.deciding.readout import ReadOut
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number, whole
-from bgmodel.support.import_guard import explained
 from bgmodel.support.memory import check_memory
 from bgmodel.support.progress import advance
 from bgmodel.support.reprs import Facts
-
-try:
-    from circuits.activity import RateMeans, checked_drive, warn_beyond_range
-    from circuits.anatomy import load_circuit as named
-    from circuits.circuit import Circuit
-    from circuits.engines import Algebra, EngineOrName
-    from circuits.ignored import ignored_edits
-except ImportError as error:
-    raise explained(error) from error
+from circuits.activity import RateMeans, checked_drive, warn_beyond_range
+from circuits.anatomy import load_circuit as named
+from circuits.circuit import Circuit
+from circuits.engines import Algebra, EngineOrName
+from circuits.errors import BgmodelWarning, EditWarning, InputError, NoiseWarning, RangeWarning
+from circuits.ignored import ignored_edits
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -106,11 +102,11 @@ class BasalGanglia(Facts):
         if self.gain is None:
             object.__setattr__(self, "gain", gain_of(self.circuit))
         if not (is_number(self.gain) and 0 < self.gain < np.inf):
-            raise ValueError(f"gain must be > 0 and finite, got {self.gain!r}")
+            raise InputError.of("gain", "must be > 0 and finite", self.gain)
         if self.seed is not None:
             whole("seed", self.seed, 0)
         if self.centred not in (None, True, False):
-            raise ValueError(f"centred must be None, True or False, got {self.centred!r}")
+            raise InputError.of("centred", "must be None, True or False", self.centred)
         self._warn_of_ignored_edits()
 
     def _warn_of_ignored_edits(self) -> None:
@@ -119,6 +115,7 @@ class BasalGanglia(Facts):
             warnings.warn(
                 f"the {self.engine} engine makes no use of these edits of {self.circuit.name}: "
                 f"{'; '.join(ignored)}; take another engine, or leave them out",
+                EditWarning,
                 stacklevel=4,
             )
 
@@ -155,9 +152,10 @@ class BasalGanglia(Facts):
         expected = check_evidence(evidence).expectancy_nats
         if not self.raw:
             if expected is not None:
-                raise ValueError(
+                raise InputError(
                     "what is expected is common to all channels, and their mean is taken off what "
-                    f"{self.circuit.name} gets: nothing of it would arrive"
+                    f"{self.circuit.name} gets: nothing of it would arrive",
+                    "evidence",
                 )
             return drive_of(evidence, self.gain, self.circuit.reach_nats)
         totals = evidence.own_totals
@@ -230,7 +228,7 @@ class BasalGanglia(Facts):
             decision are not the share of right choices.
         """
         if not isinstance(rates, (RateMeans, NoneType)):
-            raise ValueError(f"rates must be a RateMeans() of circuits.activity, got {rates!r}")
+            raise InputError.of("rates", "must be a RateMeans() of circuits.activity", rates)
         level = self.threshold(threshold, posterior)
         self.warn_beyond_range(evidence)
         self.warn_of_noise(level)
@@ -263,10 +261,12 @@ class BasalGanglia(Facts):
     def threshold(self, threshold: float | None, posterior: float | None) -> float:
         """Return the OUT at which the circuit decides, given as one or as a posterior; checked."""
         if (threshold is None) == (posterior is None):
-            raise ValueError("give a threshold, an OUT of the circuit, or a posterior, not both")
+            raise InputError(
+                "give a threshold, an OUT of the circuit, or a posterior, not both", "posterior"
+            )
         given = posterior if threshold is None else threshold
         if given is None or not is_number(given):
-            raise ValueError(f"a circuit decides at one number, got {given!r}")
+            raise InputError(f"a circuit decides at one number, got {given!r}", "threshold", given)
         known, level = readout_of(self.circuit), float(given)
         if threshold is None:
             level = float(known.threshold(given, self.circuit.channels))
@@ -346,8 +346,8 @@ class BasalGanglia(Facts):
             f"follows up to {most:.3g}, and beyond that decisions come late or never"
         )
         if lead >= REFUSED_TIMES * most:
-            raise ValueError(f"{said}; lower the gain or give weaker evidence")
-        warnings.warn(said, stacklevel=3)
+            raise InputError(f"{said}; lower the gain or give weaker evidence", "evidence")
+        warnings.warn(said, RangeWarning, stacklevel=3)
 
     def _warn_of_coarse_samples(self, evidence: Evidence) -> None:
         """Warn if OUT is sampled so rarely that decision times come out too long."""
@@ -357,6 +357,7 @@ class BasalGanglia(Facts):
             warnings.warn(
                 f"sample_ms = {sample_ms:g}: a decision is made only at a sample of OUT, so that "
                 f"decision times come out too long; give {most:g} or less",
+                BgmodelWarning,
                 stacklevel=3,
             )
 
@@ -377,6 +378,7 @@ class BasalGanglia(Facts):
                 f"without evidence noise takes OUT below the threshold of {threshold_nats:.2f} "
                 f"nats in {share:.0%} of trials within 500 ms: OUT rests at {out.mean():.2f} +- "
                 f"{out.std():.2f}",
+                NoiseWarning,
                 stacklevel=2,
             )
 
@@ -414,7 +416,7 @@ class BasalGanglia(Facts):
             part = evidence[first : first + batch]
             with warnings.catch_warnings():
                 # A part at a time it would be said many times: ``warn_beyond_range`` says it once.
-                warnings.filterwarnings("ignore", message="(S|the input) runs from")
+                warnings.simplefilter("ignore", RangeWarning)
                 activity = self.run_drive(self.drive(part), part.step_ms, first_trial + first)
             yield part, activity, self.trace(activity, part)
 
@@ -444,8 +446,9 @@ def checked_circuit(given: Circuit | str | Path, channels: int | None = None) ->
     if isinstance(given, (str, Path)):
         return named(given, channels)
     hint = ": give its .circuit" if isinstance(given, BasalGanglia) else ""
-    raise ValueError(
-        f"circuit must be a Circuit, a name or a .toml file, got {type(given).__name__}{hint}"
+    raise InputError(
+        f"circuit must be a Circuit, a name or a .toml file, got {type(given).__name__}{hint}",
+        "circuit",
     )
 
 
@@ -468,9 +471,10 @@ def gain_of(circuit: Circuit, given: float | None = None) -> float:
     if found is None and (circuit.unedited or circuit).exact:
         return 1.0  # an exact table follows -ln P at any gain
     if found is None:
-        raise ValueError(
+        raise InputError(
             f"{circuit.name} has no default gain: give gain=... (at the terminal --gain), the "
-            f"circuit's {circuit.unit} per nat of evidence"
+            f"circuit's {circuit.unit} per nat of evidence",
+            "gain",
         )
     return found
 

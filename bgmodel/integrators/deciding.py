@@ -25,6 +25,7 @@ from bgmodel.integrators.decoder import decoded
 from bgmodel.support.progress import advance
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
+from circuits.errors import InputError
 
 CIRCUIT, DECODER = "circuit", "cortical decoder"
 DECODER_TAU_MS = 20.0
@@ -71,10 +72,11 @@ def thresholds_of(
     about = thresholds_about(test, highest, lowest)
     found = deciding_thresholds(circuit, about)
     if not found.size:
-        raise ValueError(
+        raise InputError(
             f"{circuit.name} rests at OUT = {rest_out(circuit):.2f} and reads none below "
             f"{circuit.readable_nats[0]:.2f}: at all thresholds, {about.min():.2f} to "
-            f"{about.max():.2f} nats, it would decide without evidence, or never"
+            f"{about.max():.2f} nats, it would decide without evidence, or never",
+            "circuit",
         )
     return found
 
@@ -185,7 +187,7 @@ def behaviour_of(
         If the evidence does not fit the circuit, or a run is impossible (its rates run away).
     """
     if evidence.truth is None:
-        raise ValueError("errors are counted: the evidence needs the truth of each trial")
+        raise InputError("errors are counted: the evidence needs the truth of each trial", "truth")
     decision = model.decided(evidence, threshold_nats)
     posterior = posterior_at(evidence, decision.time_ms, decision.choice)
     if evidence.foreperiod_steps:

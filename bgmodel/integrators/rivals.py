@@ -17,6 +17,7 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number
+from circuits.errors import InputError
 
 
 class Rival(Protocol):
@@ -103,7 +104,7 @@ class Lca:
         for name in ("leak_hz", "inhibition_hz"):
             value = getattr(self, name)
             if not (is_number(value) and 0 <= value < np.inf):
-                raise ValueError(f"{name} must be >= 0 and finite, got {value!r}")
+                raise InputError.of(name, "must be >= 0 and finite", value)
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -x as a trace (trials, 1 + steps, hypotheses)."""
@@ -140,7 +141,7 @@ class LinearGpe:
         for name in ("gain", "slope"):
             value = getattr(self, name)
             if not (is_number(value) and 0 < value < np.inf):
-                raise ValueError(f"{name} must be > 0 and finite, got {value!r}")
+                raise InputError.of(name, "must be > 0 and finite", value)
 
     def run(self, evidence: Evidence) -> Trace:
         """Return Sigma - y as a trace (trials, 1 + steps, hypotheses)."""

@@ -13,6 +13,7 @@ from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
 from bgmodel.deciding.readout import criterion_from_posterior as criterion_from_posterior
 from bgmodel.evidence import Evidence, check_evidence, checked_prior, minus_log_softmax
 from bgmodel.support.checks import is_number, reals, whole
+from circuits.errors import InputError
 
 OF_SPRT = ReadOut("the SPRT", unit=LOG_ODDS)
 OF_MSPRT = ReadOut("the MSPRT", lowest=0.0)
@@ -116,7 +117,7 @@ class Msprt(Decides):
 
     def __post_init__(self) -> None:
         if not (is_number(self.gain) and 0 < self.gain < np.inf):
-            raise ValueError(f"gain must be > 0 and finite, got {self.gain!r}")
+            raise InputError.of("gain", "must be > 0 and finite", self.gain)
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -ln P as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
@@ -151,14 +152,15 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
     check_evidence(evidence)
     levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)
     if levels.ndim != 1 or not levels.size or not np.isfinite(levels).all():
-        raise ValueError(f"thresholds must be (K,) finite nats, got {levels.tolist()}")
+        raise InputError.of("thresholds", "must be (K,) finite nats", levels)
     if levels.max() > 0:
-        raise ValueError(
+        raise InputError(
             f"thresholds of the SPRT are -delta / 2, at most 0, got {levels.max():g}: it would "
-            f"decide without evidence{meant(float(levels.max()))}"
+            f"decide without evidence{meant(float(levels.max()))}",
+            "thresholds",
         )
     if evidence.truth is None:
-        raise ValueError("tally counts correct choices: it needs the truth of each trial")
+        raise InputError("tally counts correct choices: it needs the truth of each trial", "truth")
     start = Sprt().start(checked_two(evidence).prior)[0]
     order = np.argsort(-levels, kind="stable")
     correct, steps, forced = tally_odds(
@@ -176,7 +178,9 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
 def checked_two(evidence: Evidence) -> Evidence:
     """Return the evidence; ValueError unless it has two hypotheses."""
     if check_evidence(evidence).hypotheses != 2:
-        raise ValueError(f"Sprt needs exactly 2 hypotheses, got {evidence.hypotheses}: use Msprt")
+        raise InputError(
+            f"Sprt needs exactly 2 hypotheses, got {evidence.hypotheses}: use Msprt", "evidence"
+        )
     return evidence
 
 
@@ -205,7 +209,7 @@ def criterion_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def _checked_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
     gap = np.asarray(reals("delta", delta), dtype=np.float64)
     if not (gap.size and np.isfinite(gap).all() and (gap >= 0).all()):
-        raise ValueError(f"delta must be finite and >= 0 nats, got {gap.tolist()}")
+        raise InputError.of("delta", "must be finite and >= 0 nats", gap)
     return gap
 
 
@@ -256,27 +260,30 @@ class Stream:
 
     def __post_init__(self) -> None:
         if not isinstance(self.test, (Sprt, Msprt)):
-            raise ValueError(f"test must be Sprt or Msprt, got {type(self.test).__name__}")
+            raise InputError.of("test", "must be Sprt or Msprt", type(self.test).__name__)
         self.hypotheses = whole("hypotheses", self.hypotheses, 2)
         if isinstance(self.test, Sprt) and self.hypotheses != 2:
-            raise ValueError(f"Sprt needs exactly 2 hypotheses, got {self.hypotheses}: use Msprt")
+            raise InputError(
+                f"Sprt needs exactly 2 hypotheses, got {self.hypotheses}: use Msprt", "hypotheses"
+            )
         if self.t_max is not None:
             self.t_max = whole("t_max", self.t_max, 1)
         self.number = whole("number", self.number, 0)
         self._state = self.test.start(checked_prior(self.prior, self.hypotheses))
         levels = np.asarray(reals("threshold", self.threshold), dtype=np.float64)
         if levels.shape not in ((), (self.hypotheses,)):
-            raise ValueError(
-                f"threshold must be a number or ({self.hypotheses},), got shape {levels.shape}"
+            raise InputError.of(
+                "threshold", f"must be a number or ({self.hypotheses},)", levels.shape
             )
         self._levels = np.broadcast_to(levels, (self.hypotheses,))[None]
         known = OF_SPRT if isinstance(self.test, Sprt) else OF_MSPRT
         known.check(self._levels)
         self.choice: int | None = self._decide()
         if self.choice is not None:
-            raise ValueError(
+            raise InputError(
                 f"the stream would decide before its first reading: the prior is past the "
-                f"threshold of {levels.flat[0]:.3g} already{meant(float(levels.flat[0]))}"
+                f"threshold of {levels.flat[0]:.3g} already{meant(float(levels.flat[0]))}",
+                "threshold",
             )
 
     def update(self, log_likelihood: npt.ArrayLike) -> int | None:
@@ -287,8 +294,9 @@ class Stream:
         """
         reading = np.asarray(reals("a reading", log_likelihood), dtype=np.float64)
         if reading.shape != (self.hypotheses,) or not np.isfinite(reading).all():
-            raise ValueError(
-                f"a reading must hold {self.hypotheses} finite log-likelihoods, got {reading}"
+            raise InputError(
+                f"a reading must hold {self.hypotheses} finite log-likelihoods, got {reading}",
+                "log_likelihood",
             )
         if self.choice is not None:
             raise RuntimeError("the trial is already decided: start a new Stream")

@@ -31,6 +31,7 @@ from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number
 from circuits.circuit import Circuit
+from circuits.errors import InputError, NoiseWarning
 
 ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
@@ -85,13 +86,14 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
     """
     circuit = checked_circuit(circuit)
     if not is_number(threshold_nats):
-        raise ValueError(f"threshold_nats must be a number, got {threshold_nats!r}")
+        raise InputError.of("threshold_nats", "must be a number", threshold_nats)
     odds = _odds(circuit)
     low_nats, high_nats = circuit.readable_nats
     if not low_nats < threshold_nats < high_nats:
-        raise ValueError(
+        raise InputError(
             f"{circuit.name} reads OUT between {low_nats:.3g} and {high_nats:.3g} nats, the "
-            f"threshold is {threshold_nats:g}"
+            f"threshold is {threshold_nats:g}",
+            "threshold_nats",
         )
 
     def turns(log_odds: Array) -> float:
@@ -105,9 +107,10 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
 
     low, high = turns(odds), turns(odds[:1])
     if not low < high:
-        raise ValueError(
+        raise InputError(
             f"no level of dopamine in {ALLOWED[0]:g}..{ALLOWED[1]:g} takes {circuit.name} to a "
-            f"threshold of {threshold_nats:.2f} nats by evidence alone"
+            f"threshold of {threshold_nats:.2f} nats by evidence alone",
+            "threshold_nats",
         )
     return low, high
 
@@ -139,9 +142,10 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
             quiet, high = (quiet, middle) if noisy(middle) else (middle, high)
         high = quiet
     if not 0 < low < high:
-        raise ValueError(
+        raise InputError(
             f"no level of dopamine takes {model.circuit.name} to a threshold of "
-            f"{threshold_nats:.2f} nats by evidence and not by noise"
+            f"{threshold_nats:.2f} nats by evidence and not by noise",
+            "threshold_nats",
         )
     return low, high
 
@@ -179,15 +183,16 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
         If the level lies outside the working range.
     """
     if not (is_number(gain) and 0 < gain < np.inf):
-        raise ValueError(f"gain must be > 0 and finite, got {gain!r}")
+        raise InputError.of("gain", "must be > 0 and finite", gain)
     circuit = checked_circuit(circuit)
     odds = _odds(circuit)
     past = decided_out(circuit, level, odds) - threshold_nats
     if not past[0] > 0 >= past.min():
         low, high = working_range(circuit, threshold_nats)
-        raise ValueError(
+        raise InputError(
             f"at a threshold of {threshold_nats:g} nats {circuit.name} decides by evidence at "
-            f"levels {low:.2f} to {high:.2f}, got {level:g}"
+            f"levels {low:.2f} to {high:.2f}, got {level:g}",
+            "level",
         )
     first = int(np.argmax(past <= 0))
     edited = circuit.dopamine(level)
@@ -236,9 +241,9 @@ def decide_at_levels(
     falling = np.sort(np.asarray(levels, dtype=np.float64))[::-1]
     low, high = ALLOWED
     if falling.ndim != 1 or not len(falling) or not np.all(np.diff(falling) < 0):
-        raise ValueError(f"levels must be one or more numbers, each once, got {levels!r}")
+        raise InputError.of("levels", "must be one or more numbers, each once", levels)
     if not (falling[-1] >= low and falling[0] <= high):
-        raise ValueError(f"levels must lie in {low:g}..{high:g}, got {levels!r}")
+        raise InputError.of("levels", f"must lie in {low:g}..{high:g}", levels)
     rows = [
         decide_at_thresholds(
             replace(model, circuit=model.circuit.dopamine(float(level))),
@@ -250,6 +255,6 @@ def decide_at_levels(
     ]
     for level, row in zip(falling, rows, strict=True):
         if said := against_evidence(row.posterior[~row.forced], evidence.hypotheses):
-            warnings.warn(f"at a level of {level:g} {said}", stacklevel=2)
+            warnings.warn(f"at a level of {level:g} {said}", NoiseWarning, stacklevel=2)
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     return Tradeoff(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in names))

@@ -17,6 +17,7 @@ from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from circuits.errors import DeadlineWarning, InputError
 
 LAST_SHARE = 0.08
 """Exploration in the end, sd as a share of the levels' distance; tuned on seed 1002. With less, an
@@ -52,13 +53,16 @@ def check_decided(outcomes: LevelOutcomes) -> None:
     """Warn of levels at which the deadline decides most trials; ValueError if it does at all."""
     late = outcomes.forced > MOST_FORCED
     if late.all():
-        raise ValueError(
+        raise InputError(
             "the deadline decides most trials at every level: there is nothing to learn, give "
-            "more readings"
+            "more readings",
+            "evidence",
         )
     if late.any():
         warnings.warn(
-            f"the deadline decides most trials at {late.sum()} of {len(late)} levels", stacklevel=3
+            f"the deadline decides most trials at {late.sum()} of {len(late)} levels",
+            DeadlineWarning,
+            stacklevel=3,
         )
 
 
@@ -105,11 +109,11 @@ def learn_level(
     low, high = float(outcomes.levels[0]), float(outcomes.levels[-1])
     policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
     if not low <= policy.bounds[0] < policy.bounds[1] <= high:
-        raise ValueError(f"what is played must lie in {low:.3f}..{high:.3f}, got {policy.bounds}")
+        raise InputError.of("bounds", f"must lie in {low:.3f}..{high:.3f}", policy.bounds)
     if not low <= start_level <= high:
-        raise ValueError(f"start_level must lie in {low:.3f}..{high:.3f}, got {start_level}")
+        raise InputError.of("start_level", f"must lie in {low:.3f}..{high:.3f}", start_level)
     if runs < 1:
-        raise ValueError(f"runs must be >= 1, got {runs}")
+        raise InputError.of("runs", "must be >= 1", runs)
     # Starts with one name are paired: the same trials and perturbations from any of them.
     trials = [stream(seed, "dopamine", name, run, "trials") for run in range(runs)]
     explored = [stream(seed, "dopamine", name, run, "explored") for run in range(runs)]
@@ -232,7 +236,9 @@ def after_errors(learned: Learned, xi: float) -> pd.DataFrame:
     cost = -learned.reward[:, learned.reward.shape[1] // 2 :]
     wrong = cost >= xi
     if cost[~wrong].max(initial=0) > 0.9 * xi or cost.max(initial=0) > 1.9 * xi:
-        raise ValueError(f"xi must be longer than any trial, got {xi} for trials that reach it")
+        raise InputError(
+            f"xi must be longer than any trial, got {xi} for trials that reach it", "xi"
+        )
     steps = cost - xi * wrong
     rows = []
     for run, (error, time) in enumerate(zip(wrong, steps, strict=True)):

@@ -24,6 +24,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source
 from bgmodel.theory.sprt import Empirical, Optimum, optimal_delta, reward_curve, sprt
+from circuits.errors import InputError
 
 FRESH_TRIALS = 100_000
 RUN_COLUMNS = ["period_mm", "start_delta", "fold", "repeat", "learned_delta", "regret"]
@@ -92,7 +93,7 @@ def check_start(start_delta: float) -> None:
     """Raise ValueError if learning can't start from this gap."""
     low, high = DELTA_RANGE
     if not low <= start_delta <= high:
-        raise ValueError(f"start_delta must lie in {low:g}..{high:g} nats, got {start_delta}")
+        raise InputError.of("start_delta", f"must lie in {low:g}..{high:g} nats", start_delta)
 
 
 def learn_sources(

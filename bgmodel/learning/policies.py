@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from bgmodel.support.arrays import Array
+from circuits.errors import InputError
 
 # Gaps that are played, nats (the range of the paper's exhaustive search).
 DELTA_RANGE = (0.0, 8.0)
@@ -62,10 +63,10 @@ class GaussianPolicy:
 
     def __post_init__(self) -> None:
         if not -np.inf < self.bounds[0] < self.bounds[1] < np.inf:
-            raise ValueError(f"bounds must rise, got {self.bounds}")
+            raise InputError.of("bounds", "must rise", self.bounds)
         for name in ("first_share", "last_share", "half_episodes"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+                raise InputError.of(name, "must be > 0", getattr(self, name))
 
     @property
     def pace(self) -> float:

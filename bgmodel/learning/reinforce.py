@@ -13,6 +13,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import tally_sprt, threshold_from_gap
 from bgmodel.learning.policies import GaussianPolicy, Policy
 from bgmodel.support.arrays import Array
+from circuits.errors import InputError
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:
@@ -36,7 +37,7 @@ def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.Array
         counts = tally_sprt(block, thresholds)
         total = counts if total is None else total + counts
     if total is None:
-        raise ValueError("exhaustive search needs at least one trial, got none")
+        raise InputError("exhaustive search needs at least one trial, got none", "evidence")
     return total
 
 
@@ -63,14 +64,14 @@ class Learner:
 
     def __post_init__(self) -> None:
         if not self.episodes >= self.last >= 1:
-            raise ValueError(
-                f"episodes must be at least last ({self.last}) >= 1, got {self.episodes}"
+            raise InputError.of(
+                "episodes", f"must be at least last ({self.last}) >= 1", self.episodes
             )
         for name in ("rate", "half_episodes", "baseline_rate"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+                raise InputError.of(name, "must be > 0", getattr(self, name))
         if not np.isfinite(self.rate + self.baseline_rate + self.carried):
-            raise ValueError("rate, baseline_rate and carried must be finite")
+            raise InputError("rate, baseline_rate and carried must be finite", "rate", self.rate)
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,7 @@ def learn(
 def smoothed(curve: Array, window: int) -> Array:
     """Return the running mean of the last axis over ``window`` trials, shorter at the start."""
     if window < 1:
-        raise ValueError(f"window must be >= 1, got {window}")
+        raise InputError.of("window", "must be >= 1", window)
     total = np.cumsum(np.insert(curve, 0, 0.0, axis=-1), axis=-1)
     end = np.arange(1, curve.shape[-1] + 1)
     begin = np.maximum(end - window, 0)

@@ -15,6 +15,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
 from bgmodel.learning.reinforce import Environment
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
+from circuits.errors import InputError
 
 
 def trials_of(
@@ -81,20 +82,23 @@ class LevelOutcomes:
     def __post_init__(self) -> None:
         shape = (len(self.levels), self.correct.shape[-1])
         if self.correct.shape != shape or self.steps.shape != shape:
-            raise ValueError(
+            raise InputError(
                 f"correct and steps must be (levels, trials) = {shape}, got {self.correct.shape} "
-                f"and {self.steps.shape}"
+                f"and {self.steps.shape}",
+                "correct",
             )
         if not np.all(np.diff(self.levels) > 0):
-            raise ValueError(f"levels must rise, got {self.levels}")
+            raise InputError.of("levels", "must rise", self.levels)
 
     @classmethod
     def of(cls, found: Tradeoff, evidence: Evidence) -> LevelOutcomes:
         """Build from decisions and the truth."""
         if evidence.truth is None:
-            raise ValueError("reward needs the truth of each trial")
+            raise InputError("reward needs the truth of each trial", "truth")
         if evidence.trials != found.trials:
-            raise ValueError(f"decisions of {found.trials} trials, evidence of {evidence.trials}")
+            raise InputError(
+                f"decisions of {found.trials} trials, evidence of {evidence.trials}", "evidence"
+            )
         steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
         correct = found.choice == evidence.truth
         forced = found.forced.mean(axis=1)
@@ -137,7 +141,9 @@ class LevelOutcomes:
 def switching(worlds: Sequence[Environment], every: int) -> Environment:
     """Return a world that changes: ``every`` trials of each in turn, again and again."""
     if not worlds or every < 1:
-        raise ValueError(f"worlds must hold one or more, every >= 1, got {len(worlds)}, {every}")
+        raise InputError(
+            f"worlds must hold one or more, every >= 1, got {len(worlds)}, {every}", "worlds"
+        )
 
     def rewards(episode: int, played: Array) -> Array:
         return worlds[(episode // every) % len(worlds)](episode, played)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Integers, Reals
+from circuits.errors import InputError
 
 
 def is_number(value: object) -> bool:
@@ -25,7 +26,7 @@ def is_whole(value: object) -> bool:
 def whole(name: str, value: object, least: int) -> int:
     """Return a whole number; ValueError unless it is one, and at least ``least``."""
     if not is_whole(value) or value < least:  # type: ignore[operator]
-        raise ValueError(f"{name} must be a whole number >= {least}, got {value!r}")
+        raise InputError.of(name, f"must be a whole number >= {least}", value)
     return int(value)  # type: ignore[call-overload,no-any-return]
 
 
@@ -38,8 +39,9 @@ def reals(name: str, values: npt.ArrayLike) -> Reals:
         If the values are not real numbers, some of them are masked, or rows differ in length.
     """
     if np.ma.is_masked(values):
-        raise ValueError(
-            f"{name} must hold every value, got a masked array: numpy would read what is masked"
+        raise InputError(
+            f"{name} must hold every value, got a masked array: numpy would read what is masked",
+            name,
         )
     try:
         array = np.asarray(values)
@@ -48,17 +50,18 @@ def reals(name: str, values: npt.ArrayLike) -> Reals:
         if array.dtype.kind in "fiubO":
             return array.astype(np.float64)
     except (ValueError, TypeError):
-        raise ValueError(f"{name} must be an array of real numbers, got {_kind(values)}") from None
-    raise ValueError(f"{name} must be an array of real numbers, got {_kind(values)}")
+        raise InputError.of(name, "must be an array of real numbers", values) from None
+    raise InputError.of(name, "must be an array of real numbers", values)
 
 
 def one_per_trial(name: str, values: npt.ArrayLike, trials: int) -> Integers:
     """Return whole numbers (trials,); ValueError for another shape or another type."""
     array = np.asarray(values)
     if array.shape != (trials,) or array.dtype.kind not in "iu":
-        raise ValueError(
+        raise InputError(
             f"{name} must hold one whole number per trial, shape ({trials},), got shape "
-            f"{array.shape} of {array.dtype}"
+            f"{array.shape} of {array.dtype}",
+            name,
         )
     return array if array.dtype.isnative else array.astype(array.dtype.newbyteorder("="))
 
@@ -67,8 +70,8 @@ def checked_truth(truth: npt.ArrayLike, trials: int, hypotheses: int) -> Integer
     """Return the truth (trials,); ValueError unless each is the number of a hypothesis."""
     values = one_per_trial("truth", truth, trials)
     if values.min() < 0 or values.max() >= hypotheses:
-        raise ValueError(
-            f"truth must lie in 0..{hypotheses - 1}, got {values.min()}..{values.max()}"
+        raise InputError(
+            f"truth must lie in 0..{hypotheses - 1}, got {values.min()}..{values.max()}", "truth"
         )
     return values
 
@@ -76,7 +79,7 @@ def checked_truth(truth: npt.ArrayLike, trials: int, hypotheses: int) -> Integer
 def path_of(given: str | Path) -> Path:
     """Return the path of a file; ValueError for what is none."""
     if not isinstance(given, (str, PathLike)):
-        raise ValueError(f"a file is given by its path, got {type(given).__name__}")
+        raise InputError(f"a file is given by its path, got {type(given).__name__}", "path", given)
     return Path(given)
 
 

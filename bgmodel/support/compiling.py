@@ -8,12 +8,7 @@ from typing import Any, TypeVar
 
 from numba.core import event
 
-from bgmodel.support.import_guard import explained
-
-try:
-    from circuits.compiled_code import compile_cached, sources_hash
-except ImportError as error:
-    raise explained(error) from error
+from circuits.compiled_code import compile_cached, sources_hash
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 SOURCES = sources_hash(Path(__file__).parents[1])

@@ -20,6 +20,7 @@ import numpy as np
 from bgmodel.support.checks import path_of
 from bgmodel.support.memory import NoMemoryError, check_table_memory
 from bgmodel.version import __version__
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,7 +93,7 @@ def write_table(
     """
     path = path_of(path)
     if path.suffix not in (".parquet", ".csv"):
-        raise ValueError(f"a table is written as .parquet or .csv, got {str(path)!r}")
+        raise InputError(f"a table is written as .parquet or .csv, got {str(path)!r}", "path", path)
     text = json.dumps(provenance(seed, **parameters), indent=1, sort_keys=True)
     check_writable(path.parent)
     check_provenance_place(path)
@@ -124,9 +125,10 @@ def check_provenance_place(path: str | Path) -> None:
     except (OSError, ValueError):
         ours = False
     if not ours:
-        raise ValueError(
+        raise InputError(
             f"{str(place)!r} is where the parameters of {Path(path).name!r} go, and holds "
-            "something else: move it, or give another name"
+            "something else: move it, or give another name",
+            "path",
         )
 
 
@@ -143,11 +145,13 @@ def check_new(path: str | Path, *, force: bool = False) -> None:
     """
     path = Path(path)
     if path.is_dir():
-        raise ValueError(f"{str(path)!r} is a folder: a result needs a file's name")
+        raise InputError(f"{str(path)!r} is a folder: a result needs a file's name", "path", path)
     if len(path.name.encode()) > MOST_NAME_BYTES:
-        raise ValueError(f"a file's name has at most {MOST_NAME_BYTES} bytes, got {path.name!r}")
+        raise InputError(
+            f"a file's name has at most {MOST_NAME_BYTES} bytes, got {path.name!r}", "path"
+        )
     if not force and (path.exists() or path.is_symlink()):
-        raise ValueError(f"{str(path)!r} is there already: give another name, or --force")
+        raise InputError(f"{str(path)!r} is there already: give another name, or --force", "path")
     check_provenance_place(path)
 
 
@@ -171,7 +175,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
 
     path = path_of(path)
     if not path.is_file():
-        raise ValueError(f"there is no table {str(path)!r}")
+        raise InputError(f"there is no table {str(path)!r}", "path", path)
     try:
         check_table_memory(path)
         if path.suffix == ".parquet":
@@ -182,8 +186,10 @@ def read_table(path: str | Path) -> pd.DataFrame:
         raise
     except (OSError, ValueError, pd.errors.ParserError) as error:
         reason = str(error).strip().splitlines()[0]
-        raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {reason}") from error
-    raise ValueError(f"a table is read from .parquet or .csv, got {str(path)!r}")
+        raise InputError(
+            f"{str(path)!r} can't be read as {path.suffix}: {reason}", "path"
+        ) from error
+    raise InputError(f"a table is read from .parquet or .csv, got {str(path)!r}", "path", path)
 
 
 def read_provenance(path: str | Path) -> dict[str, Any]:
@@ -211,8 +217,8 @@ def check_writable(folder: str | Path) -> Path:
         with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as error:
-        raise ValueError(
-            f"the output folder {str(folder)!r} can't be written: {error.strerror}"
+        raise InputError(
+            f"the output folder {str(folder)!r} can't be written: {error.strerror}", "folder"
         ) from error
     return folder
 

@@ -7,6 +7,8 @@ import numbers
 
 import numpy as np
 
+from circuits.errors import InputError
+
 
 def stream(seed: int, *names: object) -> np.random.Generator:
     """Return the generator that belongs to ``seed`` and a path of names.
@@ -27,7 +29,7 @@ def stream(seed: int, *names: object) -> np.random.Generator:
         If ``seed`` is negative or not whole.
     """
     if not isinstance(seed, numbers.Real) or seed < 0 or seed % 1:
-        raise ValueError(f"seed must be a whole number >= 0, got {seed!r}")
+        raise InputError.of("seed", "must be a whole number >= 0", seed)
     path = "\x1f".join(str(name) for name in names).encode()
     words = np.frombuffer(hashlib.sha256(path).digest(), dtype=np.uint32)
     return np.random.default_rng([int(seed), *(int(word) for word in words)])
@@ -45,7 +47,6 @@ def generator(rng: np.random.Generator | int, name: str = "rng") -> np.random.Ge
         return rng
     if isinstance(rng, numbers.Real):
         return stream(rng)
-    raise ValueError(
-        f"{name} must be a numpy Generator, as from stream(seed), or a seed, a whole number >= 0, "
-        f"got {rng!r}"
+    raise InputError.of(
+        name, "must be a numpy Generator, as from stream(seed), or a seed, a whole number >= 0", rng
     )

@@ -9,6 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_args, get_type_hints
 
+from circuits.errors import InputError
+
 T = TypeVar("T")
 UNKNOWN = "unexpected_keyword_argument"
 
@@ -44,13 +46,13 @@ def _given(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{str(path)!r} can't be read: {error}") from None
+        raise InputError(f"{str(path)!r} can't be read: {error}", "path", path) from None
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path.name} is no TOML: {error}") from None
+        raise InputError(f"{path.name} is no TOML: {error}", "path", path) from None
     except RecursionError:
-        raise ValueError(f"{path.name} is nested too deeply") from None
+        raise InputError(f"{path.name} is nested too deeply", "path", path) from None
 
 
 def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
@@ -58,7 +60,7 @@ def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
     from pydantic import ValidationError
 
     def refused(value: object) -> None:
-        raise ValueError(f"{name}: no key takes a date or a time, got {value}")
+        raise InputError(f"{name}: no key takes a date or a time, got {value}", "path", name)
 
     try:
         # As JSON a list may be a tuple and still nothing else is taken for what it is not.
@@ -71,15 +73,15 @@ def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
     key = ".".join(str(part) for part in wrong["loc"]) or "the whole"
     if wrong["type"] == UNKNOWN:
         allowed = ", ".join(_keys(kind, wrong["loc"][:-1]))
-        raise ValueError(f"{name}: there is no key {key!r}; there are {allowed}")
+        raise InputError(f"{name}: there is no key {key!r}; there are {allowed}", key)
     if wrong["type"] == "missing":
-        raise ValueError(f"{name}: the key {key!r} is missing")
+        raise InputError(f"{name}: the key {key!r} is missing", key)
     says = wrong["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if wrong["type"] == "value_error":
         if says.startswith("it must"):
-            raise ValueError(f"{name}: {key}{says.removeprefix('it')}")
-        raise ValueError(f"{name}: {'' if key == 'the whole' else key + ': '}{says}")
-    raise ValueError(f"{name}: {key} {says}, got {wrong['input']!r}")
+            raise InputError(f"{name}: {key}{says.removeprefix('it')}", key)
+        raise InputError(f"{name}: {'' if key == 'the whole' else key + ': '}{says}", key)
+    raise InputError.of(key, f"{says}", wrong["input"], owner=name)
 
 
 @cache

@@ -22,6 +22,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.sweeps.plan import Plan, Point
 from bgmodel.sweeps.shards import REMARK, read
 from circuits.declaration.edits import FRACTION, VERBS
+from circuits.errors import EditWarning, InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -160,6 +161,7 @@ def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
             warnings.warn(
                 f"no measure depends on {key}: it says nothing to the engine, or nothing while a "
                 "trial lasts; look at its units and times",
+                EditWarning,
                 stacklevel=2,
             )
     return table
@@ -186,7 +188,7 @@ def draw(plan: Plan, table: pd.DataFrame) -> Figure:
 
     axes = plan.axes
     if len(axes) > 2:
-        raise ValueError(f"a figure has one key or two, got {', '.join(axes)}")
+        raise InputError(f"a figure has one key or two, got {', '.join(axes)}", "axes", axes)
     figure, panels = plt.subplots(
         1, len(plan.show), figsize=(4.2 * len(plan.show), 3.6), squeeze=False
     )

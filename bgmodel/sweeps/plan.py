@@ -27,6 +27,7 @@ from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, parsed
+from circuits.errors import InputError, within
 
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
@@ -142,27 +143,27 @@ class Plan(Point):
     def __post_init__(self) -> None:
         super().__post_init__()
         if bool(self.grid) == bool(self.points):
-            raise ValueError("a sweep needs either [grid] or [[points]]: say what changes")
+            raise InputError("a sweep needs either [grid] or [[points]]: say what changes", "grid")
         if any(len(values) < 1 for values in (self.grid or {}).values()):
-            raise ValueError("each key of grid needs one value or more")
+            raise InputError("each key of grid needs one value or more", "grid", self.grid)
         if any(set(point) != set(self.points[0]) or not point for point in self.points):
-            raise ValueError("all points must name the same keys, one or more")
+            raise InputError("all points must name the same keys, one or more", "points")
         self._check_once()
         for measure in self.show:
             if measure not in MEASURES:
-                raise ValueError(f"show must name {', '.join(MEASURES)}; got {measure!r}")
+                raise InputError(f"show must name {', '.join(MEASURES)}; got {measure!r}", "show")
 
     def _check_once(self) -> None:
         """Refuse a key in two spellings, and a value or a point that is there twice."""
         names = [key.strip() for key in self.grid or self.points[0]]
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"each key may be given once, got {name!r} in two spellings")
+                raise InputError(f"each key may be given once, got {name!r} in two spellings", name)
         for key, values in (self.grid or {}).items():
             if len(set(values)) < len(values):
-                raise ValueError(f"each value may be given once, got {key} = {list(values)}")
+                raise InputError(f"each value may be given once, got {key} = {list(values)}", key)
         if len({frozenset(point.items()) for point in self.points}) < len(self.points):
-            raise ValueError("each point may be given once, got one of them twice")
+            raise InputError("each point may be given once, got one of them twice", "points")
 
     @cached_property
     def each(self) -> tuple[dict[str, Value], ...]:
@@ -198,12 +199,12 @@ def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
     try:
         values = _values(same, point, folder)
     except ValueError as error:
-        raise ValueError(f"{owner}: {error}") from None
+        raise within(owner, error) from None
     found = toml_files.decoded(values, Point, owner)
     try:
         found.check()
     except ValueError as error:
-        raise ValueError(f"{owner}: {error}") from None
+        raise within(owner, error) from None
     return found
 
 
@@ -244,9 +245,10 @@ def _line(key: str, value: Value) -> str:
     verb = key.partition(" ")[0]
     if verb not in VERBS:
         of_task = [f"{TASK}{f.name}" for f in fields(Stimuli)]
-        raise ValueError(
+        raise InputError(
             f"there is no {key!r} to change; there are {', '.join((*OWN, *of_task))}, and edits, "
-            f"which begin with {', '.join(VERBS)}, such as 'lesion STN'"
+            f"which begin with {', '.join(VERBS)}, such as 'lesion STN'",
+            key,
         )
     return f"{key}{'=' if verb == 'add' else ' '}{value}"
 
@@ -266,6 +268,6 @@ def read_plan(file: str | Path) -> Plan:
     """
     path = Path(file)
     if path.suffix != ".toml":
-        raise ValueError(f"a sweep is a .toml file, got {str(file)!r}")
+        raise InputError(f"a sweep is a .toml file, got {str(file)!r}", "file", file)
     found = seen_from(path.parent, toml_files.read(path, Plan))
     return found

@@ -16,6 +16,7 @@ from bgmodel.support.reprs import Facts
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
 from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan
+from circuits.errors import BgmodelWarning
 
 if TYPE_CHECKING:
     import xarray
@@ -96,7 +97,7 @@ class Sweep:
             tables = [measured(point, place) for point in self.points]
             outcome = SweepOutcome(self.plan, gathered(self.plan, tables))
         for caution in outcome.cautions():
-            warnings.warn(caution, stacklevel=2)
+            warnings.warn(caution, BgmodelWarning, stacklevel=2)
         return outcome
 
 

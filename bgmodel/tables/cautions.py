@@ -12,6 +12,7 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array
 from bgmodel.tables.columns import FEWEST, NO_RESPONSE, OURS
+from circuits.errors import DataWarning, InputError
 
 LATE, TOO_LATE = 3.0, 10.0
 """Multiples of the slowest response at which a deadline is doubted, and refused."""
@@ -59,14 +60,16 @@ def check_times(rt_s: Array) -> None:
     median = float(np.median(given))
     whole = bool((given == np.round(given)).all())
     if median > LONG_MEDIAN_S and whole:
-        raise ValueError(
+        raise InputError(
             f"rt must be in seconds, got {len(given)} whole numbers with a median of {median:g}: "
-            "divide by 100 if these are hundredths of a second"
+            "divide by 100 if these are hundredths of a second",
+            "rt",
         )
     if not SHORT_MEDIAN_S <= median <= LONG_MEDIAN_S:
         warnings.warn(
             f"the median of rt is {median:.3g} s: check that rt is in seconds from the onset of "
             "evidence (hundredths of a second have to be divided by 100)",
+            DataWarning,
             stacklevel=3,
         )
     for step_s in STEPS_S:
@@ -75,6 +78,7 @@ def check_times(rt_s: Array) -> None:
                 f"all {len(given)} times are multiples of {step_s:.3g} s: rounding adds "
                 f"{1000 * step_s / np.sqrt(12):.0f} ms to t0_sd_s, and cutting off also takes "
                 f"{500 * step_s:.0f} ms off t0_s",
+                DataWarning,
                 stacklevel=3,
             )
             break
@@ -91,6 +95,7 @@ def _warn_of_pile(given: Array) -> None:
             f"{ends} of {len(given)} times are exactly the longest one, {longest:g} s: where a "
             "trial ended then without a response, leave rt and response empty, and give that time "
             "as the deadline (deadline_s, at the terminal --deadline)",
+            DataWarning,
             stacklevel=4,
         )
 
@@ -112,6 +117,7 @@ def warn_of_far(strength: Array) -> None:
                 f"{many} of {len(strength)} trials have a strength of {sizes[first]:g} or more, "
                 f"and all others of {sizes[first - 1]:g} or less: check them, since few such "
                 "trials set the sensitivity of all",
+                DataWarning,
                 stacklevel=3,
             )
             break
@@ -138,6 +144,7 @@ def warn_of_units(strength: Array) -> None:
             f"{pairs} of {len(sizes)} strengths occur a second time a hundred times as large, as "
             f"{first:g} and {100 * first:g}: if the larger ones, in {many} of {len(strength)} "
             "trials, are in per cent, divide them by 100",
+            DataWarning,
             stacklevel=3,
         )
 
@@ -165,6 +172,7 @@ def warn_of_copies(table: pd.DataFrame) -> None:
             f"are the same in all columns, and about {chance:.0f} would be by chance. If trials "
             "were put together twice, leave out the copies (drop_duplicates in pandas), since "
             "standard errors count each row as a new trial",
+            DataWarning,
             stacklevel=3,
         )
 
@@ -214,10 +222,11 @@ def check_deadline(rt_s: Array, deadline_s: float) -> None:
         return
     missed, slowest = len(rt_s) - len(given), float(given.max())
     if deadline_s >= TOO_LATE * slowest:
-        raise ValueError(
+        raise InputError(
             f"deadline_s must be the time at which trials ended, s, got {deadline_s:g}, while the "
             f"slowest of {len(given)} responses took {slowest:.3g} s: divide by 1000 if it is in "
-            "milliseconds, or leave out trials without a response that did not end by a deadline"
+            "milliseconds, or leave out trials without a response that did not end by a deadline",
+            "deadline_s",
         )
     advice = (
         f"{missed} trials without a response are hardly slow decisions. Check the deadline, or "
@@ -228,6 +237,7 @@ def check_deadline(rt_s: Array, deadline_s: float) -> None:
     warnings.warn(
         f"the slowest of {len(given)} responses took {slowest:.3g} s, and deadline_s is "
         f"{deadline_s:g}: {advice}",
+        DataWarning,
         stacklevel=3,
     )
 
@@ -247,9 +257,10 @@ def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
     most = (response >= 0) & (np.abs(strength) == np.abs(strength).max())
     wrong = int((response[most] == 0).sum())
     if most.sum() >= ENOUGH and wrong > (1 - LEAST_RIGHT) * most.sum():
-        raise ValueError(
+        raise InputError(
             f"strength must be signed, positive where it speaks for response 1: none is below "
-            f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0"
+            f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0",
+            "strength",
         )
 
 
@@ -288,6 +299,7 @@ def warn_without_strength(
             f"no strength is named, and {', '.join(found)} may hold it: without strength all "
             "trials count as equally difficult. Name the column of signed strengths (strength, at "
             "the terminal --strength)",
+            DataWarning,
             stacklevel=3,
         )
         return
@@ -297,6 +309,7 @@ def warn_without_strength(
             f"no strength is given, so that response 1 is taken for the right one, and it is "
             f"{share:.0%} of responses: name the column of signed strengths (strength, at the "
             "terminal --strength)",
+            DataWarning,
             stacklevel=3,
         )
 
@@ -328,6 +341,7 @@ def without_rounding(strength: Array) -> Array:
     warnings.warn(
         f"{len(sizes)} strengths are taken for {group[-1] + 1}, since some differ by rounding "
         f"only, as {sizes[first]!r:.22} and {merged[first]!r:.22}",
+        DataWarning,
         stacklevel=3,
     )
     at = np.searchsorted(sizes, np.abs(strength))

@@ -36,6 +36,7 @@ from bgmodel.tables.columns import (
 )
 from bgmodel.tables.shipped import SETS, shipped
 from bgmodel.tables.text_files import read_rows
+from circuits.errors import InputError, within
 
 __all__ = ["Choices", "read_choices", "shipped"]
 
@@ -86,11 +87,13 @@ class Choices(Facts):
         lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
         lengths += [] if self.strength is None else [len(self.strength)]
         if len(set(lengths)) > 1:
-            raise ValueError(f"choices need one value per trial in each column, got {lengths}")
+            raise InputError(
+                f"choices need one value per trial in each column, got {lengths}", "response"
+            )
         if not np.isin(self.response, (0, 1, NO_RESPONSE)).all():
-            raise ValueError(f"response must hold 1, 0 or -1, got {np.unique(self.response)}")
+            raise InputError.of("response", "must hold 1, 0 or -1", np.unique(self.response))
         if not np.array_equal(np.isnan(self.rt_s), self.response == NO_RESPONSE):
-            raise ValueError("rt_s must be NaN where response is -1, and nowhere else")
+            raise InputError("rt_s must be NaN where response is -1, and nowhere else", "rt_s")
         object.__setattr__(self, "checksum", self._digest())
 
     @property
@@ -236,7 +239,7 @@ def read_choices(
         if strength is None:
             warn_without_strength(table, used, response)
     except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
+        raise within(name, error) from None
     return found
 
 
@@ -248,9 +251,8 @@ def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
     if source in SETS:
         return str(source), shipped()[str(source)].table
     if not path.suffix:
-        raise ValueError(
-            f"source must be a .csv, .tsv or .parquet or one of {', '.join(SETS)}, got "
-            f"{str(source)!r}"
+        raise InputError.of(
+            "source", f"must be a .csv, .tsv or .parquet or one of {', '.join(SETS)}", str(source)
         )
     return path.name, read_rows(path)
 
@@ -261,9 +263,10 @@ def _check_cells(choices: Choices) -> None:
     for _, cell in keys.groupby(list(keys), sort=False):
         if len(cell) < FEWEST:
             named = (f"{name} {cell[name].iloc[0]!r}" for name in cell)
-            raise ValueError(
+            raise InputError(
                 f"each participant needs at least {FEWEST} trials in each condition, got "
-                f"{len(cell)} of {', '.join(named)}"
+                f"{len(cell)} of {', '.join(named)}",
+                "participant",
             )
 
 
@@ -274,7 +277,8 @@ def _check_both_chosen(choices: Choices) -> None:
         given = sorted({int(code) for code in mine} - {NO_RESPONSE})
         if len(given) < 2:
             got = f"{given[0]} only" if given else "none"
-            raise ValueError(
+            raise InputError(
                 f"both responses must occur, got {got} in the {len(mine)} trials of participant "
-                f"{who!r}"
+                f"{who!r}",
+                "response",
             )

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
+from circuits.errors import InputError
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
 """What a cell of numbers or responses holds where there is none."""
@@ -46,18 +47,24 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
     names = [str(name) for name in table.columns]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ValueError(f"a table has each column once, got {', '.join(map(repr, twice))} twice")
+        raise InputError(
+            f"a table has each column once, got {', '.join(map(repr, twice))} twice", "columns"
+        )
     for name in names:
         meant = name.strip().lower()
         if meant in OURS and meant != name and meant not in names:
-            raise ValueError(f"column {name!r} is not {meant!r}: write it so, or call it otherwise")
+            raise InputError(
+                f"column {name!r} is not {meant!r}: write it so, or call it otherwise", meant
+            )
         if meant in PEOPLE and "participant_id" not in names:
-            raise ValueError(f"column {name!r} seems to hold participants: call it participant_id")
+            raise InputError(
+                f"column {name!r} seems to hold participants: call it participant_id", "participant"
+            )
     for name in wanted:
         if name not in names:
-            raise ValueError(f"there is no column {name}: there are {', '.join(names)}")
+            raise InputError(f"there is no column {name}: there are {', '.join(names)}", name)
     if len(table) == 0:
-        raise ValueError("a table of choices needs at least one trial, got 0 rows")
+        raise InputError("a table of choices needs at least one trial, got 0 rows", "table", table)
 
 
 def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
@@ -75,9 +82,10 @@ def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
         each = " and ".join(
             f"{name!r} ({len(k)} values, as {', '.join(k[:3])})" for name, k in found.items()
         )
-        raise ValueError(
+        raise InputError(
             f"column {each} may hold participants, whose trials would be pooled: call it "
-            "participant_id, or name it as a condition"
+            "participant_id, or name it as a condition",
+            "participant",
         )
 
 
@@ -88,9 +96,10 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     check_columns(table, ["rt", "response", *wanted])
     taken = sorted({name for name in wanted if name in OURS or wanted.count(name) > 1})
     if taken:
-        raise ValueError(
+        raise InputError(
             "strength and conditions must be columns of their own, each named once, got "
-            f"{', '.join(taken)}"
+            f"{', '.join(taken)}",
+            "conditions",
         )
     _check_people(table, wanted)
     if participant is None:
@@ -98,7 +107,7 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     who = participants(table)
     if participant not in who:
         known = ", ".join(sorted(set(who.tolist())))
-        raise ValueError(f"participant must be one of {known}, got {participant!r}")
+        raise InputError.of("participant", f"must be one of {known}", participant)
     return pd.DataFrame(table[who == participant])
 
 
@@ -123,7 +132,7 @@ def answers(
         hint = ": say when such a trial ended (deadline_s, at the terminal --deadline, s)"
         refuse(absent, rt, "given unless trials have a deadline", hint)
     elif not 0 < deadline_s < np.inf:
-        raise ValueError(f"deadline_s must be finite and above 0, got {deadline_s}")
+        raise InputError.of("deadline_s", "must be finite and above 0", deadline_s)
     else:
         refuse(rt_s > deadline_s, rt, f"no later than deadline_s, {deadline_s:g} s")
     return rt_s, chosen
@@ -134,9 +143,10 @@ def strengths(column: pd.Series) -> Array:
     values = numbers(column)
     refuse(np.isnan(values), column, "given for every trial")
     if (values == values[0]).all():
-        raise ValueError(
+        raise InputError(
             f"{column.name} must differ between trials, got {values[0]:g} in all {len(values)}: "
-            "leave strength out"
+            "leave strength out",
+            column.name,
         )
     return values
 
@@ -157,8 +167,9 @@ def refuse(wrong: Truths, column: pd.Series, must: str, hint: str = "") -> None:
         at = int(np.argmax(wrong))
         count = f" ({wrong.sum()} such rows)" if wrong.sum() > 1 else ""
         value = "nothing" if _is_missing(column)[at] else repr(str(column.iloc[at]))
-        raise ValueError(
-            f"{column.name} must be {must}, got {value} in row {column.index[at]}{count}{hint}"
+        raise InputError(
+            f"{column.name} must be {must}, got {value} in row {column.index[at]}{count}{hint}",
+            column.name,
         )
 
 
@@ -178,7 +189,7 @@ def numbers(column: pd.Series) -> Array:
         If a value is no finite number.
     """
     if column.dtype.kind in "mMb":
-        raise ValueError(f"{column.name} must hold numbers, got {column.dtype}")
+        raise InputError.of(column.name, "must hold numbers", column.dtype)
     missing = _is_missing(column)
     values = np.array(
         [np.nan if m else _number(v) for v, m in zip(column, missing, strict=True)],
@@ -201,9 +212,10 @@ def times(column: pd.Series) -> tuple[Array, Truths]:
     values[told] = np.nan
     given = values[np.isfinite(values)]
     if len(given) and np.median(given) > MOST_MEDIAN_S:
-        raise ValueError(
+        raise InputError(
             f"{column.name} must be in seconds, got a median of {np.median(given):g}: divide by "
-            "1000 if these are milliseconds"
+            "1000 if these are milliseconds",
+            column.name,
         )
     refuse(values <= 0, column, "above 0 s")
     return values, told
@@ -239,7 +251,7 @@ def responses(column: pd.Series, missing: Truths, upper: str | None) -> npt.NDAr
             third = ~missing & ~np.isin(names, found[:2])
             refuse(third, column, f"one of two names, as {found[0]} and {found[1]}")
         if len(found) == 2 and upper not in found:
-            raise ValueError(f"upper must be one of {', '.join(sorted(found))}, got {upper!r}")
+            raise InputError.of("upper", f"must be one of {', '.join(sorted(found))}", upper)
     coded = np.where(missing, NO_RESPONSE, names == upper)
     return coded.astype(np.int8)
 

@@ -19,6 +19,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.trials import RESULT, Trials
+from circuits.errors import InputError, within
 
 KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""
@@ -57,7 +58,7 @@ def read_evidence_table(
     try:
         return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
     except ValueError as error:
-        raise ValueError(f"{path.name}: {error}") from None
+        raise within(path.name, error) from None
 
 
 def read_evidence(
@@ -127,7 +128,7 @@ def trials_from_table(
     """
     columns = _hypotheses(table)
     if len(table) == 0:
-        raise ValueError("an evidence table needs at least one trial, got 0 rows")
+        raise InputError("an evidence table needs at least one trial, got 0 rows", "table", table)
     keys = [name for name in KEYS if name in table.columns]
     trial, first_row = _numbered(table, keys)
     step = _steps(table, trial, keys)
@@ -155,7 +156,7 @@ def trials_from_table(
     kept = table[[name for name in own if name not in varying]].iloc[first_row]
     for name in kept:
         if name == "row" or (name in RESULT and f"given_{name}" in kept):
-            raise ValueError(f"the column {name} is the result's own: call it otherwise")
+            raise InputError(f"the column {name} is the result's own: call it otherwise", "columns")
     kept = kept.reset_index(drop=True).assign(row=first_row)
     return Trials(evidence, names, kept, [str(name) for name in varying])
 
@@ -167,15 +168,16 @@ def _read_csv(path: Path) -> pd.DataFrame:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             header = next(csv.reader(stream), [])
         if not any(header):
-            raise ValueError("the first line is blank, it must name the columns")
+            raise InputError("the first line is blank, it must name the columns", "path", path)
         if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
-            raise ValueError(
+            raise InputError(
                 f"its columns are separated by {other!r}: write commas between columns, and a "
-                "point as the decimal sign"
+                "point as the decimal sign",
+                "path",
             )
         twice = sorted({name for name in header if name and header.count(name) > 1})
         if twice:
-            raise ValueError(f"the header has {', '.join(twice)} twice")
+            raise InputError(f"the header has {', '.join(twice)} twice", "columns", twice)
         # What pandas calls a column without a name.
         names = [name or f"Unnamed: {k}" for k, name in enumerate(header)]
         with warnings.catch_warnings():
@@ -190,14 +192,16 @@ def _read_csv(path: Path) -> pd.DataFrame:
                 encoding="utf-8-sig",
             )
     except (pd.errors.ParserWarning, pd.errors.ParserError):
-        raise ValueError(
-            f"{str(path)!r}: a row has more cells than the header names ({DECIMAL_SIGN})"
+        raise InputError(
+            f"{str(path)!r}: a row has more cells than the header names ({DECIMAL_SIGN})", "path"
         ) from None
     except UnicodeDecodeError:
-        raise ValueError(f"{str(path)!r} can't be read as .csv: it is no text in UTF-8") from None
+        raise InputError(
+            f"{str(path)!r} can't be read as .csv: it is no text in UTF-8", "path"
+        ) from None
     except (OSError, ValueError, csv.Error) as error:
         reason = str(error).strip().splitlines()[0]
-        raise ValueError(f"{str(path)!r} can't be read as .csv: {reason}") from None
+        raise InputError(f"{str(path)!r} can't be read as .csv: {reason}", "path", path) from None
     texts = [name for name in table.columns if not str(name).startswith("ll_")]
     return table.assign(**{name: _typed(table[name]) for name in texts})
 
@@ -223,22 +227,28 @@ def _hypotheses(table: pd.DataFrame) -> list[str]:
     names = [str(name) for name in table.columns]
     if len(set(names)) < len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
-        raise ValueError(f"an evidence table has each column once, got {', '.join(twice)} twice")
+        raise InputError(
+            f"an evidence table has each column once, got {', '.join(twice)} twice", "columns"
+        )
     for name in names:
         meant = name.strip().lower()
         if meant in OURS and meant != name:
-            raise ValueError(f"column {name!r} is not {meant!r}: write it so, or call it otherwise")
+            raise InputError(
+                f"column {name!r} is not {meant!r}: write it so, or call it otherwise", meant
+            )
         if re.fullmatch(r"ll(\W.*|_.*)?", meant, re.DOTALL) and not _is_hypothesis(name):
-            raise ValueError(
+            raise InputError(
                 f"column {name!r} is no hypothesis: these are ll_<name>, lower case, no blank "
-                "around the name"
+                "around the name",
+                "columns",
             )
     columns = [name for name in names if _is_hypothesis(name)]
     absent = [name for name in ("trial", "step") if name not in names]
     if absent or len(columns) < 2:
-        raise ValueError(
+        raise InputError(
             "an evidence table needs the columns trial, step and at least two ll_<hypothesis>, "
-            f"got {names}"
+            f"got {names}",
+            "columns",
         )
     return columns
 
@@ -255,13 +265,13 @@ def _numbered(
     for name in keys:
         missing = table[name].isna() | (table[name].astype(object) == "")
         if missing.any():
-            raise ValueError(
-                f"{name} is missing in row {int(np.argmax(missing))} ({missing.sum()} rows)"
+            raise InputError(
+                f"{name} is missing in row {int(np.argmax(missing))} ({missing.sum()} rows)", name
             )
     try:
         trial = table.groupby(keys, sort=False).ngroup().to_numpy()
     except TypeError as error:
-        raise ValueError(f"{' and '.join(keys)} must hold ids: {error}") from None
+        raise InputError(f"{' and '.join(keys)} must hold ids: {error}", keys[0]) from None
     return trial.astype(np.intp), np.unique(trial, return_index=True)[1]
 
 
@@ -274,7 +284,9 @@ def _steps(
     wrong = ~(np.isfinite(step) & (step == np.floor(step)))
     if wrong.any():
         bad = table["step"].iloc[int(np.argmax(wrong))]
-        raise ValueError(f"step must be a whole number, got {bad!s} in row {int(np.argmax(wrong))}")
+        raise InputError(
+            f"step must be a whole number, got {bad!s} in row {int(np.argmax(wrong))}", "step"
+        )
     order = np.lexsort((step, trial))
     ordered, of = step[order], trial[order]
     begins = np.append(True, of[1:] != of[:-1])
@@ -286,11 +298,12 @@ def _steps(
         which = " ".join(f"{name} {table[name].iloc[order[at]]}" for name in keys)
         if not begins[at] and jump[at] == 0:
             hint = "" if len(keys) > 1 else " (two participants? give participant_id)"
-            raise ValueError(f"{which} has step {ordered[at]:g} twice{hint}")
+            raise InputError(f"{which} has step {ordered[at]:g} twice{hint}", "step", ordered[at])
         came = "starts with" if begins[at] else f"goes from {ordered[at - 1]:g} to"
-        raise ValueError(
+        raise InputError(
             "steps count readings, 0, 1, 2, ... or 1, 2, 3, ... in every trial: "
-            f"{which} {came} {ordered[at]:g}"
+            f"{which} {came} {ordered[at]:g}",
+            "step",
         )
     return np.asarray(step - start, dtype=np.intp)
 
@@ -305,9 +318,10 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> npt.NDArray[np.float64]
         row, column = np.argwhere(wrong)[0]
         trial, step, value = (table[name].iloc[row] for name in ("trial", "step", columns[column]))
         hint = f"; {DECIMAL_SIGN}" if COMMA.fullmatch(str(value)) else ""
-        raise ValueError(
+        raise InputError(
             f"{columns[column]} must be a finite number within +-{MOST_NATS:.0e} nats, got "
-            f"{str(value)!r} at trial {trial}, step {step} ({wrong.sum()} such values){hint}"
+            f"{str(value)!r} at trial {trial}, step {step} ({wrong.sum()} such values){hint}",
+            columns[column],
         )
     return values
 
@@ -315,7 +329,7 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> npt.NDArray[np.float64]
 def _check_numeric(column: pd.Series) -> None:
     """Raise ValueError for a column of times or of true and false: they are no numbers."""
     if column.dtype.kind in "mMb":
-        raise ValueError(f"{column.name} must hold numbers, got {column.dtype}")
+        raise InputError.of(column.name, "must hold numbers", column.dtype)
 
 
 def _constant(
@@ -325,7 +339,9 @@ def _constant(
     try:
         codes = pd.factorize(column)[0]
     except TypeError as error:
-        raise ValueError(f"column {column.name!r} can't be compared: {error}") from None
+        raise InputError(
+            f"column {column.name!r} can't be compared: {error}", column.name
+        ) from None
     return bool((codes == codes[first_row][trial]).all())
 
 
@@ -341,9 +357,10 @@ def _truth_of(
     wrong = ~truth.isin(names).to_numpy() if unknown else codes != codes[first_row][trial]
     if wrong.any():
         row = int(np.argmax(wrong))
-        raise ValueError(
+        raise InputError(
             f"truth must be one of {names} (the columns that begin with ll_) and the same in all "
             f"rows of a trial, got {unknown[:5] or 'several in one trial'}, first "
-            f"{truth.iloc[row]!r} in row {row} ({wrong.sum()} such rows)"
+            f"{truth.iloc[row]!r} in row {row} ({wrong.sum()} such rows)",
+            "truth",
         )
     return pd.Index(names).get_indexer(pd.Index(truth.iloc[first_row]))

@@ -13,6 +13,7 @@ import pandas as pd
 
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import MISSING_RT
+from circuits.errors import InputError
 
 __all__ = ["MISSING_RT", "to_hssm", "to_pyddm"]
 
@@ -113,17 +114,21 @@ def to_hssm(
 def _own(choices: Choices, upper: str | None, names: Sequence[str] | None) -> dict[str, Any]:
     """Return strength and conditions of choices as columns."""
     if upper is not None:
-        raise ValueError(f"choices say already which response is 1: leave upper={upper!r} out")
+        raise InputError(
+            f"choices say already which response is 1: leave upper={upper!r} out", "upper"
+        )
     there = [str(name) for name in choices.conditions]
     wanted = there if names is None else list(names)
     absent = [name for name in wanted if name not in there]
     if absent:
-        raise ValueError(f"the choices have no condition {', '.join(absent)}: {there}")
+        raise InputError(
+            f"the choices have no condition {', '.join(absent)}: {there}", "conditions"
+        )
     strength = {} if choices.strength is None else {"strength": choices.strength}
     # A column of the same name would take the place of another.
     taken = sorted({"participant_id", "trial", "rt", "response", "choice", *strength} & set(wanted))
     if taken:
-        raise ValueError(f"conditions must be other columns than {', '.join(taken)}")
+        raise InputError(f"conditions must be other columns than {', '.join(taken)}", "conditions")
     return strength | {name: choices.conditions[name].to_numpy() for name in wanted}
 
 
@@ -137,23 +142,27 @@ def _coded(table: pd.DataFrame, upper: str | None, needed: Sequence[str]) -> pd.
     wanted = ("rt", "response", "correct", "undecided", "forced", *needed)
     absent = [name for name in wanted if name not in table]
     if absent:
-        raise ValueError(f"the table of trials has no {', '.join(absent)}: {list(table.columns)}")
+        raise InputError(
+            f"the table of trials has no {', '.join(absent)}: {list(table.columns)}", "columns"
+        )
     taken = sorted({"rt", "response", "choice"} & set(needed))
     if taken:
-        raise ValueError(f"conditions must be other columns than {', '.join(taken)}")
+        raise InputError(f"conditions must be other columns than {', '.join(taken)}", "conditions")
     met = ~(_truths(table["undecided"]) | _truths(table["forced"]))
     if upper is None:
         # Of more than two alternatives correct and wrong are still two.
         coded = pd.to_numeric(table["correct"], errors="coerce").astype(float)
         if coded[met].isna().any():
-            raise ValueError("nobody knows what is correct: name the response that is 1 (upper)")
+            raise InputError(
+                "nobody knows what is correct: name the response that is 1 (upper)", "upper"
+            )
     else:
         response, names = _texts(table["response"]), set(_texts(table["response"])[met])
         if "stimulus" in table:
             names |= set(_texts(table["stimulus"])) - {""}
         if len(names) > 2 or upper not in names:
-            raise ValueError(
-                f"upper must be one of two responses, got {upper!r} of {sorted(names)}"
+            raise InputError(
+                f"upper must be one of two responses, got {upper!r} of {sorted(names)}", "upper"
             )
         coded = (response == upper).astype(float)
     return coded.where(met)
@@ -163,9 +172,7 @@ def _truths(column: pd.Series) -> pd.Series:
     """Return a column of true and false, be it written as text."""
     found = column.map({True: True, False: False, "True": True, "False": False})
     if found.isna().any():
-        raise ValueError(
-            f"{column.name} must hold True and False, got {column.unique()[:5].tolist()}"
-        )
+        raise InputError.of(column.name, "must hold True and False", column.unique()[:5])
     return found.astype(bool)
 
 

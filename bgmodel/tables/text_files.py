@@ -9,6 +9,7 @@ import pandas as pd
 
 from bgmodel.support.files import read_table
 from bgmodel.support.memory import check_table_memory
+from circuits.errors import InputError
 
 SEPARATORS = {".csv": ",", ".tsv": "\t"}
 
@@ -30,19 +31,21 @@ def read_rows(path: Path) -> pd.DataFrame:
     if path.suffix == ".parquet":
         return read_table(path)
     if path.suffix not in SEPARATORS:
-        raise ValueError(f"a table is read from .csv, .tsv or .parquet, got {str(path)!r}")
+        raise InputError(f"a table is read from .csv, .tsv or .parquet, got {str(path)!r}", "path")
     if not path.is_file():
-        raise ValueError(f"there is no table {str(path)!r}")
+        raise InputError(f"there is no table {str(path)!r}", "path", path)
     check_table_memory(path)
     try:
         cells = _cells(path, SEPARATORS[path.suffix])
     except UnicodeDecodeError:
-        raise ValueError(
-            f"{str(path)!r} can't be read as {path.suffix}: it is no text in UTF-8"
+        raise InputError(
+            f"{str(path)!r} can't be read as {path.suffix}: it is no text in UTF-8", "path"
         ) from None
     except (OSError, ValueError) as error:
         reason = str(error).strip().splitlines()[0]
-        raise ValueError(f"{str(path)!r} can't be read as {path.suffix}: {reason}") from None
+        raise InputError(
+            f"{str(path)!r} can't be read as {path.suffix}: {reason}", "path"
+        ) from None
     names = [str(name) for name in cells.iloc[0]]
     return cells.iloc[1:].set_axis(names, axis=1)
 
@@ -53,9 +56,10 @@ def _cells(path: Path, separator: str) -> pd.DataFrame:
         header = stream.readline()
     other = [mark for mark in ";,\t|" if mark in header]
     if other and separator not in header:
-        raise ValueError(
+        raise InputError(
             f"its columns are separated by {other[0]!r}: write {separator!r} between columns, and "
-            "a point as the decimal sign"
+            "a point as the decimal sign",
+            "path",
         )
     with warnings.catch_warnings():
         # More cells in a row than in the first one would be lost.

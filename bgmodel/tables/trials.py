@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence, check_evidence
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,8 +50,8 @@ class Trials:
 
     def __post_init__(self) -> None:
         if len(self.names) != check_evidence(self.evidence).hypotheses:
-            raise ValueError(
-                f"names must be of {self.evidence.hypotheses} hypotheses, got {self.names}"
+            raise InputError.of(
+                "names", f"must be of {self.evidence.hypotheses} hypotheses", self.names
             )
 
     def where(self, chosen: npt.NDArray[np.bool_]) -> Trials:
@@ -108,16 +109,19 @@ def trial_table(
     import pandas as pd
 
     if decision.choice.ndim != 1:
-        raise ValueError(
-            f"a trial table holds one threshold, got decisions of shape {decision.choice.shape}"
+        raise InputError(
+            f"a trial table holds one threshold, got decisions of shape {decision.choice.shape}",
+            "decision",
         )
     if not isinstance(trials, Trials):
-        raise ValueError(
-            f"trials must be Trials, got {type(trials).__name__}: Trials(evidence, names)"
+        raise InputError(
+            f"trials must be Trials, got {type(trials).__name__}: Trials(evidence, names)", "trials"
         )
     evidence = trials.evidence
     if decision.choice.shape != (evidence.trials,):
-        raise ValueError(f"{len(decision.choice)} decisions are not of {evidence.trials} trials")
+        raise InputError(
+            f"{len(decision.choice)} decisions are not of {evidence.trials} trials", "trials"
+        )
     labels = np.array([*trials.names, ""], dtype=object)
     truth = evidence.truth
     known = truth is not None

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from bgmodel.support.arrays import Array, Image
 from bgmodel.tactile.tips import Tip
+from circuits.errors import InputError
 
 _DARK, _BRIGHT = 18.0, 225.0
 
@@ -48,9 +49,7 @@ def marker_pixels(
     rest = tip.rest_mm()
     moved = np.asarray(displacement_mm, dtype=float)
     if moved.shape not in ((), rest.shape):
-        raise ValueError(
-            f"displacement_mm: got shape {moved.shape}, must be {rest.shape} for this tip"
-        )
+        raise InputError.of("displacement_mm", f"must be {rest.shape} for this tip", moved.shape)
     middle = (np.array(shape[::-1]) - 1) / 2
     return np.asarray(middle + (rest + moved) * [1, -1] * pixels_per_mm(tip, shape))
 
@@ -86,9 +85,9 @@ def render(
     """
     tip = tip or Tip()
     if min(shape) < 16:
-        raise ValueError(f"shape: got {shape!r}, must be 16 pixels or more each way")
+        raise InputError.of("shape", "must be 16 pixels or more each way", shape)
     if not 0 < marker_mm <= tip.pitch_mm:
-        raise ValueError(f"marker_mm: got {marker_mm!r}, must be in (0, {tip.pitch_mm:g}]")
+        raise InputError.of("marker_mm", f"must be in (0, {tip.pitch_mm:g}]", marker_mm)
     radius = marker_mm / 2 * pixels_per_mm(tip, shape)
     light = _discs(marker_pixels(displacement_mm, tip, shape), radius, shape)
     rows, columns = np.indices(shape)

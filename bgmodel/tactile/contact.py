@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from bgmodel.support.arrays import Array, Truths
+from circuits.errors import InputError
 
 Convolution = Callable[[Array, Array], Array]
 
@@ -96,7 +97,7 @@ def polonsky_keer(
     gap, kernel, pressure = _checked(gap_mm, compliance, start_mpa)
     for name, value in (("load_n", load_n), ("dx_mm", dx_mm), ("tol", tol)):
         if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name}: got {value!r}, must be a finite number above 0")
+            raise InputError.of(name, "must be a finite number above 0", value)
     total = load_n / dx_mm**2 / (2 if mirrored else 1)
     stiffness = wavenumbers(gap.shape, dx_mm, mirrored=mirrored)
     convolve = _mirrored_convolution if mirrored else _periodic_convolution
@@ -110,20 +111,16 @@ def _checked(
     """Check that the three arrays are finite and of matching shapes."""
     gap, kernel = np.asarray(gap_mm, dtype=float), np.asarray(compliance, dtype=float)
     if gap.ndim != 2 or gap.size == 0 or not np.all(np.isfinite(gap)):
-        raise ValueError(
-            f"gap_mm: got an array of shape {gap.shape}, must be (nx, ny) and finite throughout"
-        )
+        raise InputError.of("gap_mm", "must be (nx, ny) and finite throughout", gap.shape)
     expected = (gap.shape[0] // 2 + 1, gap.shape[1])
     if kernel.shape != expected or not np.all(kernel >= 0) or not np.all(np.isfinite(kernel)):
-        raise ValueError(
-            f"compliance: got an array of shape {kernel.shape}, "
-            f"must be {expected}, finite and not negative"
+        raise InputError.of(
+            "compliance", f"must be {expected}, finite and not negative", kernel.shape
         )
     start = np.ones_like(gap) if start_mpa is None else np.asarray(start_mpa, dtype=float)
     if start.shape != gap.shape or not np.all(start >= 0) or not 0 < start.sum() < np.inf:
-        raise ValueError(
-            f"start_mpa: got an array of shape {start.shape}, "
-            f"must be {gap.shape}, not negative and above 0 somewhere"
+        raise InputError.of(
+            "start_mpa", f"must be {gap.shape}, not negative and above 0 somewhere", start.shape
         )
     return gap, kernel, start
 

@@ -14,6 +14,7 @@ from bgmodel.support.arrays import Reals
 from bgmodel.support.files import check_writable, provenance, replacing
 from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
 from bgmodel.tactile.taps import Taps
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import torch
@@ -49,17 +50,17 @@ class Training:
 
     def __post_init__(self) -> None:
         if self.network not in NETWORKS:
-            raise ValueError(f"network must be one of {sorted(NETWORKS)}, got {self.network!r}")
+            raise InputError.of("network", f"must be one of {sorted(NETWORKS)}", self.network)
         for name in ("width", "learning_rate"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+                raise InputError.of(name, "must be > 0", getattr(self, name))
         for name in ("epochs", "patience", "batch"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise InputError.of(name, "must be at least 1", getattr(self, name))
         if not 0 < self.validation < 1:
-            raise ValueError(f"validation must lie between 0 and 1, got {self.validation}")
+            raise InputError.of("validation", "must lie between 0 and 1", self.validation)
         if not 0 <= self.dropout <= 2:
-            raise ValueError(f"dropout must lie in 0..2, got {self.dropout}")
+            raise InputError.of("dropout", "must lie in 0..2", self.dropout)
 
 
 # Found by the error of held-out parts of the training taps.
@@ -117,9 +118,10 @@ class Decoder:
         if taps.rest_mm.shape != self.rest_mm.shape or not np.allclose(
             taps.rest_mm, self.rest_mm, atol=1e-3
         ):
-            raise ValueError(
+            raise InputError(
                 f"the decoder was trained on {len(self.rest_mm)} pins at given places, "
-                f"got taps of {len(taps.rest_mm)} pins or at other places"
+                f"got taps of {len(taps.rest_mm)} pins or at other places",
+                "taps",
             )
         kind = NETWORKS[self.training.network]
         return kind.read(_outputs(self.network, _checked_inputs(kind.inputs(taps))))
@@ -151,7 +153,7 @@ class Decoder:
 
         path = Path(path)
         if not path.is_file():
-            raise ValueError(f"there is no decoder {str(path)!r}")
+            raise InputError(f"there is no decoder {str(path)!r}", "path", path)
         try:
             with safe_open(path, framework="pt") as stored:
                 header = json.loads((stored.metadata() or {})["bgmodel"])
@@ -163,8 +165,8 @@ class Decoder:
             return cls(network.eval(), training, rest_mm, header["history"], header["about"])
         except (SafetensorError, KeyError, TypeError, RuntimeError, ValueError) as error:
             reason = str(error).splitlines()[0]
-            raise ValueError(
-                f"{str(path)!r} does not hold a decoder of this program: {reason}"
+            raise InputError(
+                f"{str(path)!r} does not hold a decoder of this program: {reason}", "path"
             ) from error
 
 
@@ -200,12 +202,15 @@ def train(
     yaw = taps.labels["yaw_deg"].to_numpy(dtype=np.float64)
     low, high = kind.range_deg
     if not ((yaw >= low) & (yaw <= high)).all():
-        raise ValueError(f"yaw_deg must lie in {low:g}..{high:g}, got {yaw.min():g}..{yaw.max():g}")
+        raise InputError(
+            f"yaw_deg must lie in {low:g}..{high:g}, got {yaw.min():g}..{yaw.max():g}", "yaw_deg"
+        )
     held = round(training.validation * len(taps))
     if held < 1 or len(taps) - held < 2 * training.batch:
-        raise ValueError(
+        raise InputError(
             f"training needs at least {2 * training.batch} taps beside those for validation, "
-            f"got {len(taps)} in all"
+            f"got {len(taps)} in all",
+            "taps",
         )
     inputs = _checked_inputs(kind.inputs(taps))
     order = np.random.default_rng(seed).permutation(len(taps))
@@ -226,8 +231,9 @@ def train(
 
 def _check_stimulus(taps: Taps, training: Training) -> None:
     if taps.stimulus != training.network:
-        raise ValueError(
-            f"this decoder reads taps of one stimulus, {training.network}: got {taps.stimulus}"
+        raise InputError(
+            f"this decoder reads taps of one stimulus, {training.network}: got {taps.stimulus}",
+            "taps",
         )
 
 
@@ -238,7 +244,7 @@ def _built(training: Training, rest_mm: Reals) -> Any:
 
 def _checked_inputs(inputs: Reals) -> Reals:
     if not np.isfinite(inputs).all():
-        raise ValueError("taps must be finite displacements, got NaN or infinity")
+        raise InputError("taps must be finite displacements, got NaN or infinity", "taps")
     return np.ascontiguousarray(inputs, dtype=np.float32)
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from circuits.errors import InputError
+
 PERIODS_MM = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
 """Periods of the eight stimuli, mm; 0 is smooth (Pestell, Griffith & Lepora 2022)."""
 
@@ -24,9 +26,9 @@ class Grating:
         for name in ("period_mm", "depth_mm"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"Grating.{name}: got {value!r}, must be finite and 0 or more")
+                raise InputError.of(name, "must be finite and 0 or more", value, owner="Grating")
         if not np.isfinite(self.phase):
-            raise ValueError(f"Grating.phase: got {self.phase!r}, must be finite")
+            raise InputError.of("phase", "must be finite", self.phase, owner="Grating")
 
     def half_period_cells(self, dx_mm: float) -> int:
         """Cells of side `dx_mm` in a bar.
@@ -38,9 +40,10 @@ class Grating:
         """
         cells = self.period_mm / 2 / dx_mm
         if abs(cells - round(cells)) > 1e-6 or (self.period_mm > 0 and round(cells) < 1):
-            raise ValueError(
+            raise InputError(
                 f"period_mm: got {self.period_mm:g}, half of which is {cells:g} cells of "
-                f"{dx_mm:g} mm; must be a whole number of cells"
+                f"{dx_mm:g} mm; must be a whole number of cells",
+                "period_mm",
             )
         return round(cells)
 

@@ -23,6 +23,7 @@ from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.files import replacing
 from bgmodel.tactile import sampling
 from bgmodel.tactile.pressing import LibraryPlan, press
+from circuits.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +66,16 @@ class Library:
             the field that is kept.
         """
         if period_mm not in self.fields:
-            raise ValueError(f"period_mm: got {period_mm:g}, the library has {sorted(self.fields)}")
+            raise InputError(
+                f"period_mm: got {period_mm:g}, the library has {sorted(self.fields)}", "period_mm"
+            )
         forces = np.asarray(force_n, dtype=float)
         low, high = self.plan.forces_n[0], self.plan.forces_n[-1]
         if np.any(forces < low) or np.any(forces > high):
-            raise ValueError(
+            raise InputError(
                 f"force_n: got {forces.min():g} to {forces.max():g}, "
-                f"the library allows {low:g} to {high:g}"
+                f"the library allows {low:g} to {high:g}",
+                "force_n",
             )
         splines = self._pin_splines(period_mm, pin_mm)
         by_phase = sampling.phase_weights(phase, self.plan.phases if period_mm > 0 else 1)
@@ -79,9 +83,10 @@ class Library:
         weights = (by_phase[:, :, None] * by_force[:, None, :]).reshape(len(forces), -1)
         reach = self.plan.kept_mm / 2 - 2 * self.plan.stored_dx_mm
         if (farthest := np.abs(points_mm).max(initial=0.0)) > reach:
-            raise ValueError(
+            raise InputError(
                 f"pins: got one {farthest:.1f} mm from the apex along an axis of the grating, the "
-                f"library's field allows {reach:g} mm (kept_mm)"
+                f"library's field allows {reach:g} mm (kept_mm)",
+                "pin_mm",
             )
         cells = (points_mm + self.plan.kept_mm / 2) / self.plan.stored_dx_mm - 0.5
         out = np.empty((*points_mm.shape[:2], 3), dtype=np.float32)
@@ -140,7 +145,7 @@ def contact_library(
         `workers` is below 1.
     """
     if workers < 1:
-        raise ValueError(f"workers: got {workers!r}, must be 1 or more")
+        raise InputError.of("workers", "must be 1 or more", workers)
     plan = plan or LibraryPlan()
     path = _place(plan, cache_dir)
     fields = _load(path, plan)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,16 +53,17 @@ class Likelihood:
         """
         reading = np.asarray(reading_deg, dtype=np.float64)
         if not np.isfinite(reading).all():
-            raise ValueError("a reading must be finite degrees, got NaN or infinity")
+            raise InputError("a reading must be finite degrees, got NaN or infinity", "reading_deg")
         low, high = self.grid_deg[0], self.grid_deg[-1]
         if (
             self.period_deg is None
             and reading.size
             and (reading.min() < low or reading.max() > high)
         ):
-            raise ValueError(
+            raise InputError(
                 f"the likelihood table covers {low:g}..{high:g} degrees, got readings in "
-                f"{reading.min():g}..{reading.max():g}"
+                f"{reading.min():g}..{reading.max():g}",
+                "reading_deg",
             )
         columns = [
             np.interp(reading, self.grid_deg, row, period=self.period_deg)
@@ -89,15 +91,15 @@ class Density:
 
     def __post_init__(self) -> None:
         if self.kind not in ("kde", "t"):
-            raise ValueError(f"kind must be 'kde' or 't', got {self.kind!r}")
+            raise InputError.of("kind", "must be 'kde' or 't'", self.kind)
         if self.shrink is not None and not 0 <= self.shrink <= 1:
-            raise ValueError(f"shrink must lie in 0..1, got {self.shrink}")
+            raise InputError.of("shrink", "must lie in 0..1", self.shrink)
         for name in ("bandwidth_deg", "cap_nats"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be > 0, got {value}")
+                raise InputError.of(name, "must be > 0", value)
         if self.inner_folds < 2:
-            raise ValueError(f"inner_folds must be at least 2, got {self.inner_folds}")
+            raise InputError.of("inner_folds", "must be at least 2", self.inner_folds)
 
 
 Pool = Sequence[Array]
@@ -140,11 +142,12 @@ def fit_likelihood(
     density = density or Density()
     taps = min(len(part) for part in pool)
     if taps < 4 * density.inner_folds:
-        raise ValueError(
-            f"a likelihood needs at least {4 * density.inner_folds} taps of each kind, got {taps}"
+        raise InputError(
+            f"a likelihood needs at least {4 * density.inner_folds} taps of each kind, got {taps}",
+            "pool",
         )
     if not all(np.isfinite(part).all() for part in pool):
-        raise ValueError("decoded angles must be finite, got NaN or infinity")
+        raise InputError("decoded angles must be finite, got NaN or infinity", "readings", readings)
     grid = np.linspace(*range_deg, 721)
     period = range_deg[1] - range_deg[0] if circular else None
 
@@ -218,9 +221,10 @@ def _cross_validated_shrink(
             [_against_truth(_thinned(x), i, grid, logs, period) for i, x in enumerate(test)]
         )
     if len(held) < 2:
-        raise ValueError(
+        raise InputError(
             f"too few taps to judge the likelihood: only {len(held)} of {density.inner_folds} "
-            "inner folds hold a reading of every hypothesis"
+            "inner folds hold a reading of every hypothesis",
+            "pool",
         )
 
     def losses(factor: float) -> Array:

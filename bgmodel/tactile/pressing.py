@@ -14,6 +14,7 @@ from bgmodel.support.arrays import Array, Singles
 from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
 from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.skin import Skin, response
+from circuits.errors import InputError
 
 _FORMAT = 2  # raise it when the numbers or their layout change: older files are then left alone
 
@@ -55,27 +56,32 @@ class LibraryPlan:
         for name in ("radius_mm", "depth_mm", *sides, "dx_mm", "stored_dx_mm", "tol"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"LibraryPlan.{name}: got {value!r}, must be finite and above 0")
+                raise InputError.of(name, "must be finite and above 0", value, owner="LibraryPlan")
         if self.phases < 2:
-            raise ValueError(f"LibraryPlan.phases: got {self.phases!r}, must be 2 or more")
+            raise InputError.of("phases", "must be 2 or more", self.phases, owner="LibraryPlan")
         if len(self.forces_n) < 2 or not np.all(np.diff(self.forces_n, prepend=0.0) > 0):
-            raise ValueError(
-                f"LibraryPlan.forces_n: got {self.forces_n!r}, "
-                "must be two or more forces above 0, increasing"
+            raise InputError.of(
+                "forces_n",
+                "must be two or more forces above 0, increasing",
+                self.forces_n,
+                owner="LibraryPlan",
             )
         if self.field_side_mm < max(self.side_mm, self.kept_mm):
-            raise ValueError(
-                f"LibraryPlan.field_side_mm: got {self.field_side_mm!r}, must be at least "
-                f"side_mm = {self.side_mm:g} and kept_mm = {self.kept_mm:g}"
+            raise InputError.of(
+                "field_side_mm",
+                f"must be at least side_mm = {self.side_mm:g} and kept_mm = {self.kept_mm:g}",
+                self.field_side_mm,
+                owner="LibraryPlan",
             )
         for side, name in product(sides, ("dx_mm", "stored_dx_mm")):
             side_mm = getattr(self, side)
             cells = side_mm / 2 / getattr(self, name)
             if abs(cells - round(cells)) > 1e-9 or self.stored_dx_mm < self.dx_mm:
-                raise ValueError(
+                raise InputError(
                     f"LibraryPlan.{name}: got dx_mm = {self.dx_mm!r} and stored_dx_mm = "
                     f"{self.stored_dx_mm!r}, must both divide half of a side of "
-                    f"{side} = {side_mm:g}, the stored one not the smaller"
+                    f"{side} = {side_mm:g}, the stored one not the smaller",
+                    name,
                 )
         for period in self.periods_mm:
             Grating(period).half_period_cells(self.dx_mm)

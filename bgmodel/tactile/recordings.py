@@ -18,6 +18,7 @@ from tqdm import tqdm
 from bgmodel.support.arrays import Array, Image, Integers, Reals
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.targets import read_targets
+from circuits.errors import InputError
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
@@ -33,7 +34,9 @@ def find_recordings(option: Path | None) -> Path | None:
     """
     given = option or os.environ.get("BGMODEL_RECORDINGS")
     if given and not Path(given).is_dir():
-        raise ValueError(f"recordings (BGMODEL_RECORDINGS): {given} is not a folder; give one")
+        raise InputError(
+            f"recordings (BGMODEL_RECORDINGS): {given} is not a folder; give one", "recordings"
+        )
     return Path(given) if given else None
 
 
@@ -71,7 +74,7 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
     positive = {"mm_per_px": mm_per_px, "workers": workers, "limit": limit, "pins": pins}
     for name, value in positive.items():
         if value is not None and not 0 < value < np.inf:
-            raise ValueError(f"{name}: got {value}; a positive number is needed")
+            raise InputError(f"{name}: got {value}; a positive number is needed", name, value)
     every = read_targets(folder)
     chosen = np.linspace(0, len(every) - 1, min(limit or len(every), len(every))).astype(int)
     labels = every.iloc[chosen].reset_index(drop=True)
@@ -83,7 +86,9 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
     if rest_mm is None:
         rest_mm = (_median_layout(taps) - centre) * scale
     if pins is not None and len(rest_mm) > pins:
-        raise ValueError(f"pins must be those of the sensor, got {pins}: {len(rest_mm)} are found")
+        raise InputError(
+            f"pins must be those of the sensor, got {pins}: {len(rest_mm)} are found", "pins"
+        )
     track = _tracker(rest_mm / scale + centre)
     moved, found = zip(*_map(track, taps, workers, "tracking"), strict=True)
     if (few := min(found)) < len(rest_mm) / 2:
@@ -159,7 +164,9 @@ def _given_rest(rest: Any, shape: Any, centre: Array, scale: Array) -> Array:
         return np.asarray((_lattice(_detect(Path(rest), shape)) - centre) * scale)
     places = np.asarray(rest, float)
     if places.shape != (max(places.size // 2, FEWEST_PINS), 2) or not np.isfinite(places).all():
-        raise ValueError(f"rest: got an array {places.shape}; finite (pins, 2) in mm is needed")
+        raise InputError(
+            f"rest: got an array {places.shape}; finite (pins, 2) in mm is needed", "rest"
+        )
     return places
 
 

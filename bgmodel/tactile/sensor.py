@@ -12,6 +12,7 @@ from bgmodel.support.arrays import Array, Singles
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,17 +46,20 @@ class Nuisance:
         for name in ("offset_sd_mm", "shear_sd_mm", "marker_noise_um"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"Nuisance.{name}: got {value!r}, must be finite and 0 or more")
+                raise InputError.of(name, "must be finite and 0 or more", value, owner="Nuisance")
         if len(self.force_n) != 2 or not 0 < self.force_n[0] <= self.force_n[1] < np.inf:
-            raise ValueError(
-                f"Nuisance.force_n: got {self.force_n!r}, must be (low, high) with 0 < low <= high"
+            raise InputError.of(
+                "force_n",
+                "must be (low, high) with 0 < low <= high",
+                self.force_n,
+                owner="Nuisance",
             )
         if self.noise_per not in ("tap", "frame"):
-            raise ValueError(
-                f"Nuisance.noise_per: got {self.noise_per!r}, must be 'tap' or 'frame'"
+            raise InputError.of(
+                "noise_per", "must be 'tap' or 'frame'", self.noise_per, owner="Nuisance"
             )
         if self.frames < 1:
-            raise ValueError(f"Nuisance.frames: got {self.frames!r}, must be 1 or more")
+            raise InputError.of("frames", "must be 1 or more", self.frames, owner="Nuisance")
 
     def press_profile(self) -> Singles:
         """Share of the peak displacement in each frame, (frames,): a half sine with peak 1."""
@@ -117,9 +121,10 @@ def simulate(
     if library is None:
         library = contact_library(LibraryPlan(skin=skin or Skin(), radius_mm=tip.radius_mm))
     elif skin not in (None, library.plan.skin) or tip.radius_mm != library.plan.radius_mm:
-        raise ValueError(
+        raise InputError(
             f"library: got one of {library.plan.skin} and radius {library.plan.radius_mm:g} mm, "
-            f"must be of {skin or library.plan.skin} and radius {tip.radius_mm:g} mm"
+            f"must be of {skin or library.plan.skin} and radius {tip.radius_mm:g} mm",
+            "library",
         )
     # A stream for each kind of draw, filled tap by tap: a tap never sees the ones after it.
     uniform, normal, noise = rng.spawn(3)
@@ -205,11 +210,12 @@ def _stimuli(periods_mm: ArrayLike, yaw_deg: ArrayLike) -> tuple[Array, Array]:
     except ValueError:
         periods = np.empty((0, 0))
     if periods.ndim != 1:
-        raise ValueError(
+        raise InputError(
             f"periods_mm, yaw_deg: got shapes {np.shape(periods_mm)} and {np.shape(yaw_deg)}, "
-            "must be two rows of one length, or a row and a single number"
+            "must be two rows of one length, or a row and a single number",
+            "yaw_deg",
         )
     for name, values in (("periods_mm", periods), ("yaw_deg", yaws)):
         if not np.all(np.isfinite(values)):
-            raise ValueError(f"{name}: got values that are not finite, must be numbers")
+            raise InputError(f"{name}: got values that are not finite, must be numbers", name)
     return periods.copy(), yaws.copy()

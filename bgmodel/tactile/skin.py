@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bgmodel.support.arrays import Array
+from circuits.errors import InputError
 
 # Rows of a layer's state and of the boundary conditions: depth displacement, lateral displacement,
 # normal stress, shear stress.
@@ -30,7 +31,7 @@ class Skin:
         for name in ("skin_mm", "skin_shear_mpa", "gel_mm", "gel_shear_mpa"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"Skin.{name}: got {value!r}, must be a finite number above 0")
+                raise InputError.of(name, "must be a finite number above 0", value, owner="Skin")
 
 
 class Response(NamedTuple):
@@ -73,9 +74,10 @@ def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
     """
     k = np.asarray(wavenumber_per_mm, dtype=float)
     if not np.all(np.isfinite(k)) or np.any(k < 0):
-        raise ValueError(
+        raise InputError(
             f"wavenumber_per_mm: got values from {k.min()} to {k.max()}, "
-            "must be finite and not negative"
+            "must be finite and not negative",
+            "wavenumber_per_mm",
         )
     # Square grids repeat most wavenumbers, and the solve is the costly part.
     distinct, where = np.unique(k, return_inverse=True)

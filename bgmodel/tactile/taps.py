@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.files import replacing
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,12 +38,14 @@ class Taps:
 
     def __post_init__(self) -> None:
         if self.stimulus not in STIMULI:
-            raise ValueError(f"stimulus must be one of {', '.join(STIMULI)}, got {self.stimulus!r}")
+            raise InputError.of("stimulus", f"must be one of {', '.join(STIMULI)}", self.stimulus)
         expected = (len(self.labels), len(self.rest_mm), 2)
         if self.displacement_mm.shape != expected:
-            raise ValueError(
-                f"Taps.displacement_mm: got shape {self.displacement_mm.shape}, "
-                f"must be {expected} to agree with labels and rest_mm"
+            raise InputError.of(
+                "displacement_mm",
+                f"must be {expected} to agree with labels and rest_mm",
+                self.displacement_mm.shape,
+                owner="Taps",
             )
 
     def __len__(self) -> int:
@@ -52,7 +55,7 @@ class Taps:
         """Taps where a mask is true, or with the given indices, in that order."""
         which = np.asarray(mask)
         if which.dtype == bool and which.shape != (len(self),):
-            raise ValueError(f"mask: got shape {which.shape}, must be ({len(self)},)")
+            raise InputError.of("mask", f"must be ({len(self)},)", which.shape)
         rows = np.flatnonzero(which) if which.dtype == bool else which.astype(int)
         labels = self.labels.iloc[rows].reset_index(drop=True)
         return Taps(self.displacement_mm[rows], self.rest_mm, labels, self.stimulus)
@@ -63,11 +66,13 @@ class Taps:
         import pandas as pd
 
         if not parts:
-            raise ValueError("parts: got none, must be one or more")
+            raise InputError("parts: got none, must be one or more", "parts", parts)
         if any(not np.array_equal(p.rest_mm, parts[0].rest_mm) for p in parts):
-            raise ValueError("parts: got sets with different rest_mm, must have the same pins")
+            raise InputError(
+                "parts: got sets with different rest_mm, must have the same pins", "parts"
+            )
         if len({p.stimulus for p in parts}) > 1:
-            raise ValueError("parts must be taps of one stimulus, got gratings and edges")
+            raise InputError("parts must be taps of one stimulus, got gratings and edges", "parts")
         displacement = np.concatenate([p.displacement_mm for p in parts])
         labels = pd.concat([p.labels for p in parts], ignore_index=True)
         return Taps(displacement, parts[0].rest_mm, labels, parts[0].stimulus)
@@ -94,7 +99,7 @@ class Taps:
 
         path = Path(path)
         if not path.is_file():
-            raise ValueError(f"there are no taps {str(path)!r}")
+            raise InputError(f"there are no taps {str(path)!r}", "path", path)
         try:
             with np.load(path, allow_pickle=False) as stored:
                 labels = {n[6:]: stored[n] for n in stored.files if n.startswith("label_")}
@@ -104,8 +109,8 @@ class Taps:
                 table = pd.DataFrame(labels)
                 taps = cls(stored["displacement_mm"], stored["rest_mm"], table, stimulus)
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise ValueError(
-                f"{str(path)!r} does not hold taps of this program: {error}"
+            raise InputError(
+                f"{str(path)!r} does not hold taps of this program: {error}", "path"
             ) from error
         return taps, about
 

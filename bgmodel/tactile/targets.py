@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from circuits.errors import InputError
+
 POSE = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
 
 
@@ -62,7 +64,7 @@ def read_targets(folder: str | Path) -> pd.DataFrame:
     numbers = raw[[name for name in names if name in raw]].apply(pd.to_numeric, errors="coerce")
     for row, column in np.argwhere(~np.isfinite(numbers.to_numpy(float)))[:1]:
         value = f"{numbers.columns[column]} of {raw[form.image][row]}"
-        raise ValueError(f"{table}: {value} is missing or not a number")
+        raise InputError(f"{table}: {value} is missing or not a number", "folder", folder)
     labels = {"object_label": raw[form.label]} if form.label in raw else {}
     renamed = numbers.astype(float).rename(columns=names)
     targets: pd.DataFrame = renamed.assign(image=images, **labels)
@@ -78,17 +80,21 @@ def _read_table(folder: Path) -> tuple[Form, pd.DataFrame]:
     try:
         raw = pd.read_csv(table)
     except ValueError as error:  # the base of what pandas raises on bad bytes and broken rows
-        raise ValueError(f"{table}: not a readable csv table ({error})") from error
+        raise InputError(f"{table}: not a readable csv table ({error})", "folder") from error
     known = [form for form in known if form.table == table.name]
     form = next((form for form in known if form.image in raw), None)
     if form is None:
         columns = " and ".join(form.image for form in known)
-        raise ValueError(f"{table}: lacks {columns}; a column with the names of images is needed")
+        raise InputError(
+            f"{table}: lacks {columns}; a column with the names of images is needed", "folder"
+        )
     poses = [f"pose_{axis}" for axis in form.axes]
     if missing := [column for column in poses if column not in raw]:
-        raise ValueError(f"{table}: lacks {', '.join(missing)}; needed are {', '.join(poses)}")
+        raise InputError(
+            f"{table}: lacks {', '.join(missing)}; needed are {', '.join(poses)}", "folder"
+        )
     if raw.empty:
-        raise ValueError(f"{table}: has no rows; a recording has at least one tap")
+        raise InputError(f"{table}: has no rows; a recording has at least one tap", "folder")
     return form, raw
 
 

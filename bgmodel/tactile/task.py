@@ -18,6 +18,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
+from circuits.errors import CalibrationWarning, InputError
 
 FOLDS = 6
 STEP_MS = 500.0
@@ -87,7 +88,7 @@ class Orientations:
 
     def __post_init__(self) -> None:
         if not 2 <= self.count <= 8:
-            raise ValueError(f"count must be 2 to 8 orientations, got {self.count}")
+            raise InputError.of("count", "must be 2 to 8 orientations", self.count)
 
     @property
     def yaws_deg(self) -> tuple[float, ...]:
@@ -175,6 +176,7 @@ class Source:
                 f"at a period of {period_mm:g} mm the decoder tells none of the "
                 f"{len(self.names)} hypotheses apart: saying nothing predicts held-out taps best, "
                 "so that every reading is worth 0 nats and every choice is a guess",
+                CalibrationWarning,
                 stacklevel=3,
             )
 
@@ -187,7 +189,9 @@ class Source:
     def log_ratios(self) -> tuple[Array, ...]:
         """Log-likelihood ratio S2 : S1 of every reading under S1 and under S2, nats."""
         if len(self.names) != 2:
-            raise ValueError(f"log ratios need 2 hypotheses, this task has {len(self.names)}")
+            raise InputError(
+                f"log ratios need 2 hypotheses, this task has {len(self.names)}", "names"
+            )
         return tuple(values[:, 1] - values[:, 0] for values in self.log_likelihood)
 
 
@@ -218,7 +222,7 @@ class Folds:
         """
         count = len(self.sources)
         if trials < count:
-            raise ValueError(f"trials must be {count} or more, one per fold, got {trials}")
+            raise InputError.of("trials", f"must be {count} or more, one per fold", trials)
         values = np.empty((trials, steps, len(self.sources[0].names)))
         truth = np.empty(trials, dtype=np.int64)
         for fold, readings in enumerate(self.sources):
@@ -272,7 +276,7 @@ def source(
         If there are no such taps, or the fold does not exist.
     """
     if not 0 <= fold < FOLDS:
-        raise ValueError(f"fold must be 0..{FOLDS - 1}, got {fold}")
+        raise InputError.of("fold", f"must be 0..{FOLDS - 1}", fold)
     pool = tap_pool(taps, task, period_mm)
     scored = [np.arange(len(part)) % FOLDS == fold for part in pool]
     fitted = [part[~mask] for part, mask in zip(pool, scored, strict=True)]
@@ -299,12 +303,14 @@ def tap_pool(taps: pd.DataFrame, task: Task, period_mm: float) -> list[Array]:
     here = taps[np.isclose(taps["period_mm"], period_mm)]
     if here.empty:
         known = sorted(float(period) for period in taps["period_mm"].unique())
-        raise ValueError(f"period_mm must be one of {known}, got {period_mm}")
+        raise InputError.of("period_mm", f"must be one of {known}", period_mm)
     pool = []
     for yaw in task.yaws_deg:
         # Within the rounding of the table.
         values = here.loc[np.isclose(here["yaw_deg"], yaw, atol=0.01), task.column]
         if values.empty:
-            raise ValueError(f"there are no taps of period {period_mm} mm at yaw {yaw:g} degrees")
+            raise InputError(
+                f"there are no taps of period {period_mm} mm at yaw {yaw:g} degrees", "period_mm"
+            )
         pool.append(values.to_numpy(dtype=np.float64))
     return pool

@@ -6,6 +6,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from circuits.errors import InputError
+
 Layout = Literal["square", "hexagonal", "circular"]
 
 
@@ -26,11 +28,13 @@ class Tip:
 
     def __post_init__(self) -> None:
         if self.layout not in get_args(Layout):
-            raise ValueError(f"Tip.layout: got {self.layout!r}, must be one of {get_args(Layout)}")
+            raise InputError.of(
+                "layout", f"must be one of {get_args(Layout)}", self.layout, owner="Tip"
+            )
         for name in ("pitch_mm", "pin_mm", "radius_mm", "camera_height_mm"):
             value = getattr(self, name)
             if not (np.isfinite(value) and (value > 0 or (value == 0 and name == "pin_mm"))):
-                raise ValueError(f"Tip.{name}: got {value!r}, must be a finite number above 0")
+                raise InputError.of(name, "must be a finite number above 0", value, owner="Tip")
 
     def rest_mm(self) -> NDArray[np.float64]:
         """Places of the pins at rest, x to the right and y up.

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.support.arrays import Array, Truths
+from circuits.errors import InputError
 
 MAX_STATES = 6000  # a larger dense chain takes minutes and gigabytes
 MAX_HEAVY = 32  # atoms of x whose sums are followed exactly,
@@ -17,13 +18,13 @@ HEAVY = 2e-3  # a lighter atom brings less than one walk in 250 000 twice to the
 def require(condition: bool, name: str, given: object, allowed: str) -> None:
     """Raise ValueError "name must be allowed, got ..." unless `condition` holds."""
     if not condition:
-        raise ValueError(f"{name} must be {allowed}, got {given!r}")
+        raise InputError.of(name, f"must be {allowed}", given)
 
 
 def check_size(states: float, lower: float, upper: float) -> None:
     """Raise ValueError where the bounds would need more than MAX_STATES states."""
-    allowed = f"closer, or t_max given and smaller, for a chain of at most {MAX_STATES} states"
-    require(states <= MAX_STATES, "lower and upper", (lower, upper), allowed)
+    allowed = f"closer to lower, or t_max given and smaller, for at most {MAX_STATES} states"
+    require(states <= MAX_STATES, "upper", upper, allowed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class Empirical:
         require(weights.shape == given.shape, "weights", weights.shape, f"of shape {given.shape}")
         require(bool((weights >= 0).all()), "weights", weights, "at least 0")
         total = float(weights.sum())
-        require(abs(total - 1) < 1e-9, "sum of weights", total, "1")
+        require(abs(total - 1) < 1e-9, "weights", weights, "of sum 1")
         # Values that differ by rounding alone are one; the walk tells apart no less than 1e-10.
         near = np.round(given[weights > 0], 12) + 0.0
         values, group = np.unique(near, return_inverse=True)

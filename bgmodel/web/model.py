@@ -12,6 +12,7 @@ from circuits.declaration.rows import GABA, RECEPTORS
 from circuits.declaration.table_files import is_path
 from circuits.dynamics.fixed_point import parts, wired
 from circuits.dynamics.wiring import Wiring
+from circuits.errors import InputError
 
 ALTERNATIVES = (2, 3, 4)
 LESIONED = ("STN", "GPe", "D1", "D2")
@@ -50,17 +51,19 @@ def check_shown(table: Circuit) -> None:
     table.check_nats("the page's -ln P")
     table.check_steady("the page")
     if table.channels not in ALTERNATIVES:
-        raise ValueError(
+        raise InputError(
             f"the page shows {ALTERNATIVES[0]} to {ALTERNATIVES[-1]} alternatives, "
-            f"{table.name} has {table.channels}"
+            f"{table.name} has {table.channels}",
+            "channels",
         )
     for name in LESIONED:
         table.lesion(name, 0.5)
     table.dopamine(0.5)
     if table.default_gain is None:
-        raise ValueError(
+        raise InputError(
             f"{table.name} has no default gain, which the page needs: save the table with "
-            "--save and set default_gain in that file"
+            "--save and set default_gain in that file",
+            "default_gain",
         )
 
 

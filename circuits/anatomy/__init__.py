@@ -18,6 +18,7 @@ from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
 from circuits.declaration import table_files
+from circuits.errors import InputError
 
 __all__ = [
     "CIRCUITS",
@@ -62,12 +63,12 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
         If there is none of that name, with the names that there are; or as ``table_reader.read``.
     """
     if not isinstance(name, (str, Path)):
-        raise ValueError(f"circuit must be a name or the path of a .toml file, got {name!r}")
+        raise InputError.of("circuit", "must be a name or the path of a .toml file", name)
     if table_files.is_path(name):
         return table_reader.read(name, channels)
     if name not in CIRCUITS:
         names = ", ".join(CIRCUITS)
-        raise ValueError(
-            f"circuit must be one of {names}, or the path of a .toml file, got {str(name)!r}"
+        raise InputError.of(
+            "circuit", f"must be one of {names}, or the path of a .toml file", str(name)
         )
     return CIRCUITS[str(name)](2 if channels is None else channels)

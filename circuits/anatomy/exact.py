@@ -10,6 +10,7 @@ from circuits.cells import Rate
 from circuits.checks import check_channels
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
+from circuits.errors import InputError
 
 BG2007 = "Bogacz & Gurney 2007"
 APPENDIX_B = "Bogacz & Gurney 2007, appendix B"
@@ -97,12 +98,13 @@ def appendix_b(
 def _check_weights(w_gpe_stn: float, w_gpe_snr: float, w_d2_gpe: float, w_d1_snr: float) -> None:
     """Raise ValueError unless the weights cancel Sigma, as the exact family does."""
     if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
-        raise ValueError(
+        raise InputError(
             "w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got "
-            f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
+            f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}",
+            "w_gpe_stn",
         )
     if not math.isclose(w_d1_snr, 1 + w_d2_gpe):
-        raise ValueError(f"w_d1_snr must be 1 + w_d2_gpe = {1 + w_d2_gpe}, got {w_d1_snr}")
+        raise InputError.of("w_d1_snr", f"must be 1 + w_d2_gpe = {1 + w_d2_gpe}", w_d1_snr)
 
 
 def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
@@ -111,7 +113,7 @@ def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
     Their figure's best is slope .84 with the evidence scaled by .4.
     """
     if not slope > 0:
-        raise ValueError(f"slope must be > 0, got {slope}")
+        raise InputError.of("slope", "must be > 0", slope)
     exact = bogacz_gurney(channels)
     linear = exact.with_projection("STN", "GPe", transfer="linear", weight=slope, cite=BG2007)
     # Up to a loop gain slope * Sigma of 4, as the exact circuit: it oscillates from 4.5.

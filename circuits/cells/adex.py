@@ -11,6 +11,7 @@ from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, register
 from circuits.cells.single import ONE, ZERO, choose, exponential, fused, single
 from circuits.checks import check_types, whole_ticks
+from circuits.errors import InputError
 
 
 def _begin(
@@ -107,16 +108,17 @@ class AdEx(Cell):
     def __post_init__(self) -> None:
         check_types(self, "an AdEx cell")
         if not all(np.isfinite(value) for value in vars(self).values()):
-            raise ValueError(f"constants of an AdEx cell must be finite, got {vars(self)}")
+            raise InputError.of("constants", "of an AdEx cell must be finite", vars(self))
         for name in ("tau_ms", "tau_w_ms", "noise_mv", "sharpness_mv"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} of an AdEx cell must be > 0, got {getattr(self, name)}")
+                raise InputError.of(name, "of an AdEx cell must be > 0", getattr(self, name))
         if not self.refractory_ms >= 0:
-            raise ValueError(f"refractory_ms must be >= 0, got {self.refractory_ms}")
+            raise InputError.of("refractory_ms", "must be >= 0", self.refractory_ms)
         if not self.reset_mv < self.knee_mv < self.peak_mv:
-            raise ValueError(
+            raise InputError(
                 "reset_mv must lie below knee_mv, and that below peak_mv, got "
-                f"{self.reset_mv}, {self.knee_mv} and {self.peak_mv}"
+                f"{self.reset_mv}, {self.knee_mv} and {self.peak_mv}",
+                "reset_mv",
             )
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:

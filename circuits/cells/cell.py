@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
+from circuits.errors import InputError
 
 Constants = dict[str, Any]
 
@@ -166,7 +167,7 @@ class Cell:
     def lacks(self, answer: str, user: str) -> NoReturn:
         """Raise the one sentence about an answer that a type does not give."""
         name = type(self).__name__
-        raise ValueError(f"{user} needs {name}.{answer}, and {name} cells do not have it")
+        raise InputError(f"{user} needs {name}.{answer}, and {name} cells do not have it", "cell")
 
 
 CELLS: dict[str, type[Cell]] = {}
@@ -186,18 +187,26 @@ def register(kind: C) -> C:
     """
     name = getattr(kind, "__name__", repr(kind))
     if not (isinstance(kind, type) and issubclass(kind, Cell)):
-        raise ValueError(f"a cell type is a subclass of circuits.cells.Cell, got {name}")
+        raise InputError(f"a cell type is a subclass of circuits.cells.Cell, got {name}", "cell")
     settings = vars(kind).get("__dataclass_params__")
     if settings is None or not settings.frozen:
-        raise ValueError(f"the cell type {name} must be a dataclass with frozen=True")
+        raise InputError(f"the cell type {name} must be a dataclass with frozen=True", "cell", kind)
     if kind.hears not in HEARS:
-        raise ValueError(f"{name}.hears must be one of {', '.join(HEARS)}, got {kind.hears!r}")
+        raise InputError(
+            f"{name}.hears must be one of {', '.join(HEARS)}, got {kind.hears!r}", "hears"
+        )
     if not kind.spikes and kind.hears != "hz":
-        raise ValueError(f"{name} does not spike, so it passes a rate on: {name}.hears must be hz")
+        raise InputError(
+            f"{name} does not spike, so it passes a rate on: {name}.hears must be hz", "hears"
+        )
     if kind.spikes and not (kind.state and isinstance(kind.state, tuple)):
-        raise ValueError(f"{name} spikes, so {name}.state must be a tuple of its variables' names")
+        raise InputError(
+            f"{name} spikes, so {name}.state must be a tuple of its variables' names", "state"
+        )
     if name in CELLS and CELLS[name].__module__ != kind.__module__:
-        raise ValueError(f"there is a cell type {name} already, in {CELLS[name].__module__}")
+        raise InputError(
+            f"there is a cell type {name} already, in {CELLS[name].__module__}", "cell"
+        )
     CELLS[name] = kind
     return kind
 
@@ -206,14 +215,17 @@ def check_cell(owner: str, cell: object) -> None:
     """Raise ValueError if what a population's row calls its cell is of no registered type."""
     if type(cell) not in CELLS.values():
         known = ", ".join(CELLS)
-        raise ValueError(
+        raise InputError(
             f"{owner}: cell must be one of {known}, got {cell!r}; circuits.cells.register enters "
-            "a type of your own"
+            "a type of your own",
+            "cell",
         )
     if isinstance(cell, Cell) and cell.lowest_hz != 0 and (cell.spikes or cell.lowest_hz > -np.inf):
-        raise ValueError(
-            f"{owner}: lowest_hz of {cell.kind} must be 0, or -inf where it does not spike, got "
-            f"{cell.lowest_hz}"
+        raise InputError.of(
+            "lowest_hz",
+            f"of {cell.kind} must be 0, or -inf where it does not spike",
+            cell.lowest_hz,
+            owner=owner,
         )
 
 
@@ -232,20 +244,23 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
     names = tuple(inspect.signature(begin).parameters)[1:]
     taken = tuple(inspect.signature(tick).parameters)[2:]
     if taken != kind.state + names:
-        raise ValueError(
+        raise InputError(
             f"{name}.tick must take (heard, ones, *state, *constants), with the constants of "
-            f"{name}.begin, {', '.join(names)}; it takes {', '.join(taken)}"
+            f"{name}.begin, {', '.join(names)}; it takes {', '.join(taken)}",
+            "tick",
         )
     if taken_by_engines := RESERVED & {*kind.state, *names}:
-        raise ValueError(
+        raise InputError(
             f"{name}: an engine's own names can't be those of a variable or a constant: "
-            f"{', '.join(sorted(taken_by_engines))}"
+            f"{', '.join(sorted(taken_by_engines))}",
+            "state",
         )
     for what, function in (("begin", begin), ("tick", tick)):
         if numbers := _bare_numbers(function):
-            raise ValueError(
+            raise InputError(
                 f"{name}.{what} holds the numbers {', '.join(map(str, numbers))}: they must be "
-                "constants, or global names of np.float32, so that every engine rounds alike"
+                "constants, or global names of np.float32, so that every engine rounds alike",
+                what,
             )
     constants, one = [np.float32(1)] * len(names), np.float32(1)
     with np.errstate(all="ignore"):
@@ -253,9 +268,10 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
         moved = tick(np.float64(0.5), one, *[one] * len(kind.state), *constants)
     for what, given, wanted in (("begin", begun, 0), ("tick", moved, 1)):
         if len(given) != wanted + len(kind.state):
-            raise ValueError(
+            raise InputError(
                 f"{name}.{what} must return {'whether it fires and ' if wanted else ''}"
-                f"{', '.join(kind.state)}; it returns {len(given)} values"
+                f"{', '.join(kind.state)}; it returns {len(given)} values",
+                what,
             )
     return names
 
@@ -278,15 +294,16 @@ def tick_constants(cell: Cell, factors: Array, dt_ms: float) -> Constants:
     name, found = type(cell).__name__, cell.constants(factors, dt_ms)
     names = constant_names(type(cell))
     if set(found) != set(names):
-        raise ValueError(
+        raise InputError(
             f"{name}.constants must give what {name}.begin takes, {', '.join(names)}; it gives "
-            f"{', '.join(found)}"
+            f"{', '.join(found)}",
+            "constants",
         )
     for constant, value in found.items():
         if np.asarray(value).dtype != np.float32:
-            raise ValueError(
-                f"{name}.constants: {constant} must be in single precision, np.float32"
+            raise InputError(
+                f"{name}.constants: {constant} must be in single precision, np.float32", constant
             )
         if not np.isfinite(value).all():
-            raise ValueError(f"{name}.constants: {constant} must be finite, got {value}")
+            raise InputError(f"{name}.constants: {constant} must be finite, got {value}", constant)
     return {constant: found[constant] for constant in names}

@@ -13,6 +13,7 @@ from circuits.cells.membrane import Membrane, lif_rate_hz
 from circuits.cells.response import lif_response
 from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_types, whole_ticks
+from circuits.errors import InputError
 
 OVERSHOOT = 0.5825971579390107
 """-zeta(1/2)/sqrt(2 pi): how far, in steps, a sampled walk overshoots a bound (Siegmund 1985)."""
@@ -86,16 +87,15 @@ class Lif(Membrane, Cell):
     def __post_init__(self) -> None:
         check_types(self, "a Lif cell")
         if not all(np.isfinite(value) for value in vars(self).values()):
-            raise ValueError(f"constants of a Lif cell must be finite, got {vars(self)}")
+            raise InputError.of("constants", "of a Lif cell must be finite", vars(self))
         for name in ("tau_ms", "noise_mv"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} of a Lif cell must be > 0, got {getattr(self, name)}")
+                raise InputError.of(name, "of a Lif cell must be > 0", getattr(self, name))
         if not self.refractory_ms >= 0:
-            raise ValueError(f"refractory_ms must be >= 0, got {self.refractory_ms}")
+            raise InputError.of("refractory_ms", "must be >= 0", self.refractory_ms)
         if not self.reset_mv < self.threshold_mv:
-            raise ValueError(
-                f"reset_mv must lie below threshold_mv, got {self.reset_mv} and {self.threshold_mv}"
-            )
+            below = f"must lie below threshold_mv = {self.threshold_mv:g}"
+            raise InputError.of("reset_mv", below, self.reset_mv)
 
     def step_mv(self, dt_ms: float, tau: Any = 1.0) -> Any:
         """Return the sd of a tick's noise, mV; ``tau`` is a factor on the time constant."""

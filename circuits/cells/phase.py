@@ -13,6 +13,7 @@ from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, regi
 from circuits.cells.renewal import renewal_spectrum
 from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_types
+from circuits.errors import InputError
 
 FOUR = np.float32(4)
 
@@ -61,7 +62,7 @@ class Phase(Cell):
     def __post_init__(self) -> None:
         check_types(self, "a Phase cell")
         if not 0 <= self.cv <= 1:
-            raise ValueError(f"cv must lie in 0..1, got {self.cv}")
+            raise InputError.of("cv", "must lie in 0..1", self.cv)
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
         """Return the noise of a bit over the root of a tick's mean advance, and the rate's factor.

@@ -10,6 +10,7 @@ import numpy as np
 
 from circuits.arrays import Array
 from circuits.checks import check_types
+from circuits.errors import InputError
 
 DOPAMINE = "dopamine"
 """What a course says in place of a population's name if it is of the level of dopamine."""
@@ -54,22 +55,24 @@ class Course:
         check_types(self, f"the course of {self.what}")
         for name in ("amount", "from_ms"):
             if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+                raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
         if self.from_ms < 0:
-            raise ValueError(
-                f"{self.name}: from_ms must be >= 0, when the drive begins, got {self.from_ms:g}"
+            raise InputError.of(
+                "from_ms", "must be >= 0, when the drive begins", self.from_ms, owner=self.name
             )
         if not self.from_ms < self.to_ms:
-            raise ValueError(
-                f"{self.name}: to_ms must lie after from_ms, {self.from_ms:g}, got {self.to_ms:g}"
+            raise InputError.of(
+                "to_ms", f"must lie after from_ms, {self.from_ms:g}", self.to_ms, owner=self.name
             )
         for name in ("rise_ms", "decay_ms"):
             if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(
-                    f"{self.name}: {name} must be >= 0 and finite, got {getattr(self, name)}"
+                raise InputError.of(
+                    name, "must be >= 0 and finite", getattr(self, name), owner=self.name
                 )
         if self.decay_ms and math.isinf(self.to_ms):
-            raise ValueError(f"{self.name}: without an end, to_ms, there is no decay_ms")
+            raise InputError(
+                f"{self.name}: without an end, to_ms, there is no decay_ms", "decay_ms"
+            )
 
     @property
     def name(self) -> str:

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from itertools import combinations, product
 from typing import TYPE_CHECKING, Any
 
+from circuits.errors import InputError
+
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
     from pydantic_core import CoreSchema
@@ -222,7 +224,7 @@ class Edits(tuple[str, ...]):
     def __new__(cls, lines: Iterable[str] = ()) -> Edits:
         """Return edits from their lines."""
         if isinstance(lines, str):
-            raise ValueError(f'edits must be a list of lines, such as ["{lines}"], got {lines!r}')
+            raise InputError.of("edits", f'must be a list of lines, such as ["{lines}"]', lines)
         edits = super().__new__(cls, lines)
         for one, other in combinations(edits.parsed(), 2):
             if one.overlaps(other):
@@ -288,9 +290,10 @@ class Edits(tuple[str, ...]):
 
 def overlapping(one: Edit, other: Edit) -> ValueError:
     """Return the error for two edits of one number."""
-    return ValueError(
+    return InputError(
         f"{one.text!r} and {other.text!r} edit the same number, so neither would be its value: "
-        "keep one of them"
+        "keep one of them",
+        "edits",
     )
 
 
@@ -304,8 +307,9 @@ def parsed(line: str) -> Edit:
     """
     verb, _, rest = line.strip().partition(" ") if isinstance(line, str) else ("", "", "")
     if verb not in VERBS:
-        raise ValueError(
-            f"{line!r}: an edit begins with one of {', '.join(VERBS)}, such as 'lesion STN 10%'"
+        raise InputError(
+            f"{line!r}: an edit begins with one of {', '.join(VERBS)}, such as 'lesion STN 10%'",
+            "edits",
         )
     kind, rest = VERBS[verb], rest.strip()
     if verb == "add":
@@ -317,7 +321,7 @@ def parsed(line: str) -> Edit:
     else:
         edit = Edit(line, verb) if f"{verb} {rest}".strip() == kind.example else None
     if edit is None:
-        raise ValueError(f"{line!r}: {verb} is written as in {kind.example!r}")
+        raise InputError(f"{line!r}: {verb} is written as in {kind.example!r}", "edits", line)
     return edit
 
 
@@ -353,7 +357,9 @@ def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:
     except (ValueError, OverflowError):
         return None
     if kind.takes == FRACTION and value > 1 and not percent:
-        raise ValueError(f"{line!r}: a fraction lies in 0..1: write {value:g}% or {value / 100:g}")
+        raise InputError(
+            f"{line!r}: a fraction lies in 0..1: write {value:g}% or {value / 100:g}", "edits"
+        )
     return Edit(line, verb, row, channel=channel, value=value)
 
 
@@ -364,7 +370,7 @@ def _channel_of(line: str, name: str) -> tuple[str, int | None]:
         return row, None
     number = rest.removesuffix("]")
     if number == rest or not number.isdecimal():
-        raise ValueError(f"{line!r}: a channel is a number in brackets, such as GPe[0]")
+        raise InputError(f"{line!r}: a channel is a number in brackets, such as GPe[0]", "edits")
     return row, int(number)
 
 

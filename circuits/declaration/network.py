@@ -11,6 +11,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.checks import check_channels, check_types
 from circuits.declaration.rows import PATTERNS, SIGNS, Population, Projection
+from circuits.errors import InputError
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,16 +38,20 @@ class Network(Mapping[str, "Population | Projection"]):
         check_rows(self.name, Projection, self.projections)
         object.__setattr__(self, "_known", {p.name: p for p in self.populations})
         if len(self._known) != len(self.populations):
-            raise ValueError(f"{self.name}: two populations have one name")
+            raise InputError(f"{self.name}: two populations have one name", "populations")
         if len({p.name for p in self.projections}) != len(self.projections):
-            raise ValueError(f"{self.name}: two projections join the same populations")
+            raise InputError(
+                f"{self.name}: two projections join the same populations", "projections"
+            )
         check_channels(self.channels)
         object.__setattr__(self, "channels", int(self.channels))
         for row in self.populations:
             if row.intact_by_channel and len(row.intact_by_channel) != self.channels_of(row.name):
-                raise ValueError(
-                    f"{row.name}: intact_by_channel needs one number for each of "
-                    f"{self.channels_of(row.name)} channels, got {len(row.intact_by_channel)}"
+                raise InputError.of(
+                    "intact_by_channel",
+                    f"needs one number for each of {self.channels_of(row.name)} channels",
+                    len(row.intact_by_channel),
+                    owner=row.name,
                 )
         for p in self.projections:
             self._check_projection(p)
@@ -56,16 +61,19 @@ class Network(Mapping[str, "Population | Projection"]):
         channels = self.channels_of(p.target)
         what = self.population(p.source).transmitter
         if p.weight * SIGNS[what] < 0:
-            raise ValueError(
+            raise InputError(
                 f"{p.name}: {p.source} releases {what}, so the weight must be "
-                f"{'>=' if SIGNS[what] > 0 else '<='} 0, got {p.weight}"
+                f"{'>=' if SIGNS[what] > 0 else '<='} 0, got {p.weight}",
+                "weight",
             )
         for name in ("factors", "intact_by_channel"):
             count = len(getattr(p, name))
             if count not in (0, channels):
-                raise ValueError(
-                    f"{p.name}: {name} must hold one number for each of {channels} channels, got "
-                    f"{count}"
+                raise InputError.of(
+                    name,
+                    f"must hold one number for each of {channels} channels",
+                    count,
+                    owner=p.name,
                 )
 
     def population(self, name: str) -> Population:
@@ -77,7 +85,9 @@ class Network(Mapping[str, "Population | Projection"]):
             If there is none, with the names that there are.
         """
         if not isinstance(name, str) or name not in self._known:
-            raise ValueError(f"{self.name} has no nucleus {name!r}: {', '.join(self._known)}")
+            raise InputError(
+                f"{self.name} has no nucleus {name!r}: {', '.join(self._known)}", "nucleus"
+            )
         return self._known[name]
 
     def projection(self, source: str, target: str) -> Projection:
@@ -86,7 +96,7 @@ class Network(Mapping[str, "Population | Projection"]):
             if (p.source, p.target) == (source, target):
                 return p
         valid = ", ".join(p.name for p in self.projections)
-        raise ValueError(f"{self.name} has no pathway {source}->{target}: {valid}")
+        raise InputError(f"{self.name} has no pathway {source}->{target}: {valid}", "pathway")
 
     def row(self, name: str) -> Population | Projection:
         """Return a population, ``"STN"``, or a projection, ``"STN->GPe"``, by its name."""
@@ -130,7 +140,7 @@ class Network(Mapping[str, "Population | Projection"]):
         """Return names of populations; ValueError for one whose cells do not spike."""
         for name in (chosen := tuple(names)):
             if not self.population(name).spiking:
-                raise ValueError(f"{name} has no cells that spike")
+                raise InputError(f"{name} has no cells that spike", name)
         return chosen
 
     def joins_cells(self, p: Projection) -> bool:
@@ -158,4 +168,4 @@ def check_rows(owner: str, kind: type, rows: Iterable[object]) -> None:
     """Raise ValueError for a row of a table that is not of the table's kind."""
     for row in rows:
         if not isinstance(row, kind):
-            raise ValueError(f"{owner}: a row must be a {kind.__name__}, got {row!r}")
+            raise InputError(f"{owner}: a row must be a {kind.__name__}, got {row!r}", "row", row)

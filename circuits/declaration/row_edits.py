@@ -34,6 +34,7 @@ from circuits.declaration.edits import Edit
 from circuits.declaration.motifs import MOTIFS, expanded
 from circuits.declaration.rows import WHOLE, Population, Projection
 from circuits.declaration.table import CircuitTable
+from circuits.errors import InputError, within
 
 Row = Population | Projection
 Edited = TypeVar("Edited", Population, Projection, Cell)
@@ -115,7 +116,9 @@ def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[
         ready = [k for k in waiting if likes[k] not in names]
         if not ready:
             with naming(*(texts[k] for k in waiting)):
-                raise ValueError("rows that are like each other say nothing: give one its fields")
+                raise InputError(
+                    "rows that are like each other say nothing: give one its fields", "add"
+                )
         for k in ready:
             row = read[k] = _read(circuit, known, texts[k])
             if not isinstance(row, Course):
@@ -136,13 +139,13 @@ def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | C
         if name == DOPAMINE or any(field in OF_COURSES for field in given):
             return _course(name, given)
         if name in known:
-            raise ValueError(f"{name} exists already: use set for its fields")
+            raise InputError(f"{name} exists already: use set for its fields", "add", name)
         source, arrow, target = name.partition("->")
         kind = Projection if arrow else Population
         old = given.pop("like", None)
         like = None if old is None else known[old] if old in known else circuit.row(old)
         if like is not None and not isinstance(like, kind):
-            raise ValueError(f"{name} can't be like {like.name}: one of them is a pathway")
+            raise InputError(f"{name} can't be like {like.name}: one of them is a pathway", "add")
         identity = {"source": source, "target": target} if arrow else {"name": name}
         if like is not None:
             given.setdefault("cite", _as(like, given))
@@ -171,14 +174,13 @@ def naming(*edits: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        said = ", ".join(map(repr, edits))
-        raise ValueError(f"{said}: {error}" if said else str(error)) from None
+        raise within(", ".join(map(repr, edits)), error) from None
 
 
 def _tidied(text: str) -> str:
     """Return an edit without blanks about "->" and "="."""
     if not isinstance(text, str):
-        raise ValueError("an edit is text")
+        raise InputError("an edit is text", "edits", text)
     return re.sub(r"\s*(->|=)\s*", r"\1", text.strip())
 
 
@@ -188,7 +190,7 @@ def _new(text: str) -> tuple[str, dict[str, str]]:
     pairs = [word.partition("=") for word in words]
     given = {field: value for field, equals, value in pairs if equals}
     if not name or "=" in name or len(given) < len(pairs):
-        raise ValueError(f"{A_ROW}, each field once; or one of {', '.join(MOTIFS)}")
+        raise InputError(f"{A_ROW}, each field once; or one of {', '.join(MOTIFS)}", "add", text)
     return name, given
 
 
@@ -218,13 +220,13 @@ def _made(kind: type, old: Any, values: Mapping[str, Any], owner: str) -> Any:
     needed = [f.name for f in fields(kind) if f.default is MISSING and f.name not in values]
     if needed:
         hint = ", or like=ROW" if kind in get_args(Row) else ""
-        raise ValueError(f"{owner} needs {' and '.join(needed)}{hint}")
+        raise InputError(f"{owner} needs {' and '.join(needed)}{hint}", "add")
     return kind(**values)
 
 
 def _cell_type(kind: str, owner: str) -> type[Cell]:
     if kind not in CELLS:
-        raise ValueError(f"{owner}: cell must be one of {', '.join(CELLS)}, got {kind!r}")
+        raise InputError.of("cell", f"must be one of {', '.join(CELLS)}", kind, owner=owner)
     return CELLS[kind]
 
 
@@ -262,4 +264,4 @@ def _check_names(
     for name in given:
         if name not in valid:
             listed = ", ".join(shown or valid) or "there is none"
-            raise ValueError(f"{owner} has no {name!r}: {listed}")
+            raise InputError(f"{owner} has no {name!r}: {listed}", name)

@@ -16,6 +16,7 @@ from circuits.cells import Cell
 from circuits.cells.cell import check_cell
 from circuits.checks import check_types
 from circuits.declaration import transfer
+from circuits.errors import EditWarning, InputError
 
 GLUTAMATE, GABA = "glutamate", "GABA"
 SIGNS = {GLUTAMATE: 1, GABA: -1}
@@ -121,44 +122,52 @@ class Population:
         self._check_ranges()
         if self.cell.hears == "nats" and self.tau_ms:
             kind = type(self.cell).__name__
-            raise ValueError(
-                f"{self.name}: tau_ms is that of the {kind} cell, cell.tau_ms: leave it 0 here"
+            raise InputError(
+                f"{self.name}: tau_ms is that of the {kind} cell, cell.tau_ms: leave it 0 here",
+                "tau_ms",
             )
 
     def _check_ranges(self) -> None:
         if not 1 <= self.neurons <= MOST_NEURONS:
-            raise ValueError(
-                f"{self.name}: neurons must be a whole number from 1 to {MOST_NEURONS}, got "
-                f"{self.neurons}"
+            raise InputError.of(
+                "neurons",
+                f"must be a whole number from 1 to {MOST_NEURONS}",
+                self.neurons,
+                owner=self.name,
             )
         if not 0 < self.gain_hz_per_nat < math.inf:
-            raise ValueError(
-                f"{self.name}: gain_hz_per_nat must be > 0, got {self.gain_hz_per_nat}"
+            raise InputError.of(
+                "gain_hz_per_nat", "must be > 0", self.gain_hz_per_nat, owner=self.name
             )
         if not 0 <= self.tau_ms < math.inf:
-            raise ValueError(f"{self.name}: tau_ms must be >= 0, got {self.tau_ms}")
+            raise InputError.of("tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
         # Beyond, a good part of the cells would have constants of the wrong sign.
         if not 0 <= self.spread <= 1:
-            raise ValueError(f"{self.name}: spread must lie in 0..1, got {self.spread:g}")
+            raise InputError.of("spread", "must lie in 0..1", self.spread, owner=self.name)
         for name in ("baseline_hz", "bias_nats", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+                raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
         published = self.published_hz
         if published and not (len(published) == 2 and 0 <= published[0] <= published[1] < math.inf):
-            raise ValueError(
-                f"{self.name}: published_hz must be the lowest and the highest rate, Hz, got "
-                f"{published}"
+            raise InputError.of(
+                "published_hz",
+                "must be the lowest and the highest rate, Hz",
+                published,
+                owner=self.name,
             )
         lowest_hz = min(0.0, self.cell.lowest_hz)
         if not lowest_hz <= self.baseline_hz <= MOST_HZ:
-            raise ValueError(
-                f"{self.name}: baseline_hz must lie in {lowest_hz:g}..{MOST_HZ:g} Hz, a spike per "
-                f"ms, got {self.baseline_hz:g}"
+            raise InputError.of(
+                "baseline_hz",
+                f"must lie in {lowest_hz:g}..{MOST_HZ:g} Hz, a spike per ms",
+                self.baseline_hz,
+                owner=self.name,
             )
         if self.baseline_hz > USUAL_HZ:
             warnings.warn(
                 f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
                 "than any nucleus of the basal ganglia fires at rest: look at its unit",
+                EditWarning,
                 stacklevel=4,
             )
         _warn_of_times(self.name, tau_ms=self.tau_ms, cell_tau_ms=getattr(self.cell, "tau_ms", 0.0))
@@ -227,25 +236,30 @@ class Projection:
         _one_of("receptor", self.receptor, RECEPTORS)
         for name in ("weight", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{self.name}: {name} must be finite, got {getattr(self, name)}")
+                raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
         if not 0 <= self.tau_ms < math.inf:
-            raise ValueError(f"{self.name}: tau_ms must be >= 0, got {self.tau_ms}")
+            raise InputError.of("tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
         if not 0 <= self.delay_ms <= MOST_DELAY_MS:
-            raise ValueError(
-                f"{self.name}: delay_ms must lie in 0..{MOST_DELAY_MS:g}, got {self.delay_ms}"
+            raise InputError.of(
+                "delay_ms", f"must lie in 0..{MOST_DELAY_MS:g}", self.delay_ms, owner=self.name
             )
         _warn_of_times(self.name, tau_ms=self.tau_ms, delay_ms=self.delay_ms)
         if not 0 < self.probability <= 1:
-            raise ValueError(f"{self.name}: probability must lie in 0..1, got {self.probability}")
+            raise InputError.of(
+                "probability", "must lie in 0..1", self.probability, owner=self.name
+            )
         if self.probability < 1 and self.transfer != "linear":
-            raise ValueError(f"{self.name}: connections of probability < 1 must be linear")
+            raise InputError(
+                f"{self.name}: connections of probability < 1 must be linear", "transfer"
+            )
         _check_intact(self)
         if not all(0 <= factor < math.inf for factor in self.factors):
-            raise ValueError(f"{self.name}: factors must be >= 0, got {self.factors}")
+            raise InputError.of("factors", "must be >= 0", self.factors, owner=self.name)
         if self.factors and self.transfer != "linear":
-            raise ValueError(
+            raise InputError(
                 f"{self.name}: only a linear pathway can be scaled in one channel, this one is "
-                f"{self.transfer!r}"
+                f"{self.transfer!r}",
+                "transfer",
             )
 
     @property
@@ -261,6 +275,7 @@ def _warn_of_times(owner: str, **times_ms: float) -> None:
             warnings.warn(
                 f"{owner}: {name} = {time_ms:g} lies outside {LEAST_MS:g}..{LONGEST_MS:g} ms, what "
                 "cells and synapses take: times are in ms, not in s",
+                EditWarning,
                 stacklevel=5,
             )
 
@@ -268,23 +283,24 @@ def _warn_of_times(owner: str, **times_ms: float) -> None:
 def _check_intact(row: Population | Projection) -> None:
     """Refuse surviving fractions out of range."""
     if not 0 <= row.intact <= 1:
-        raise ValueError(f"{row.name}: intact must lie in 0..1, got {row.intact}")
+        raise InputError.of("intact", "must lie in 0..1", row.intact, owner=row.name)
     if not all(0 <= part <= 1 for part in row.intact_by_channel):
-        raise ValueError(
-            f"{row.name}: intact_by_channel must lie in 0..1, got {row.intact_by_channel}"
+        raise InputError.of(
+            "intact_by_channel", "must lie in 0..1", row.intact_by_channel, owner=row.name
         )
 
 
 def _check_name(name: str) -> None:
     """Refuse a name that could not be told from an edit: "a->b", "a=1", "a[0]", "a.b", nothing."""
     if not isinstance(name, str) or not re.fullmatch(r"[^\s\[\].=/>]+", name):
-        raise ValueError(
+        raise InputError(
             "a population's name is text without blanks, brackets, '.', '=', '/' and '>', got "
-            f"{name!r}"
+            f"{name!r}",
+            "name",
         )
 
 
 def _one_of(what: str, value: str, allowed: Iterable[str]) -> None:
     if value not in allowed:
         names = ", ".join(repr(name) for name in allowed)
-        raise ValueError(f"{what} must be one of {names}, got {value!r}")
+        raise InputError.of(what, f"must be one of {names}", value)

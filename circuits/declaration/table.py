@@ -12,6 +12,7 @@ from circuits.arrays import Array
 from circuits.declaration.courses import DOPAMINE, Course, extremes
 from circuits.declaration.network import Network, check_rows
 from circuits.declaration.rows import RECEPTORS, WHOLE, Population, Projection
+from circuits.errors import InputError
 
 NOT_WRITTEN = ("unedited",)
 """Fields of a circuit that say where it came from, not what it is: no file and no hash has them."""
@@ -86,8 +87,8 @@ class CircuitTable(Network):
         super().__post_init__()
         check_rows(self.name, Course, self.courses)
         if self.channels > self.most_channels:
-            raise ValueError(
-                f"{self.name} takes at most {self.most_channels} alternatives, got {self.channels}"
+            raise InputError.of(
+                "channels", f"must be at most {self.most_channels}", self.channels, owner=self.name
             )
         self._check_numbers()
         self._check_unit()
@@ -97,36 +98,39 @@ class CircuitTable(Network):
     def _check_numbers(self) -> None:
         for name in ("reach_nats", "most_lead_nats"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+                raise InputError.of(name, "must be > 0", getattr(self, name))
         if not 0 <= self.readout_tau_ms < math.inf:
-            raise ValueError(f"readout_tau_ms must be >= 0, got {self.readout_tau_ms}")
+            raise InputError.of("readout_tau_ms", "must be >= 0", self.readout_tau_ms)
         for name in ("range_nats", "readable_nats"):
             if any(map(math.isnan, getattr(self, name))):
-                raise ValueError(f"{name} must be two numbers, got {getattr(self, name)}")
+                raise InputError.of(name, "must be two numbers", getattr(self, name))
             if sorted(getattr(self, name)) != list(getattr(self, name)):
-                raise ValueError(f"{name} must rise, got {getattr(self, name)}")
+                raise InputError.of(name, "must rise", getattr(self, name))
         for name in ("reference_nats", "drive_gain"):
             if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
+                raise InputError.of(name, "must be finite", getattr(self, name))
 
     def _check_unit(self) -> None:
         if self.unit not in UNITS:
-            raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
+            raise InputError.of("unit", f"must be one of {', '.join(UNITS)}", self.unit)
         if self.exact:
             self.check_nats("exact, OUT = -ln P,")
         if self.default_gain is not None and not 0 < self.default_gain < math.inf:
-            raise ValueError(f"default_gain must be > 0 and finite, got {self.default_gain}")
+            raise InputError.of("default_gain", "must be > 0 and finite", self.default_gain)
 
     def _reaches(self) -> None:
         """Refuse a circuit whose evidence cannot reach its read-out."""
         for role in ("input", "readout"):
             if getattr(self, role) not in self._known:
-                raise ValueError(
+                raise InputError(
                     f"{self.name} has no nucleus {getattr(self, role)!r}: its {role} must be one "
-                    f"of {', '.join(self._known)}"
+                    f"of {', '.join(self._known)}",
+                    role,
                 )
         if self.population(self.input).pooled or self.population(self.readout).pooled:
-            raise ValueError(f"{self.input} and {self.readout} need a channel an alternative")
+            raise InputError(
+                f"{self.input} and {self.readout} need a channel an alternative", "input"
+            )
         reached = {self.input}
         for _ in self.populations:
             reached |= {
@@ -139,49 +143,56 @@ class CircuitTable(Network):
                 and self.intact_of(p.source).any()
             }
         if self.readout not in reached:
-            raise ValueError(f"no pathway is left from {self.input} to {self.readout}")
+            raise InputError(f"no pathway is left from {self.input} to {self.readout}", "readout")
 
     def _check_courses(self) -> None:
         """Refuse a course of nothing, and one that takes dopamine out of its range."""
         for row in self.courses:
             if row.what not in (DOPAMINE, *self._known):
                 names = ", ".join(self._known)
-                raise ValueError(
+                raise InputError(
                     f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of "
-                    f"{DOPAMINE}, {names}"
+                    f"{DOPAMINE}, {names}",
+                    "courses",
                 )
         rows = [row for row in self.courses if row.what == DOPAMINE]
         if not rows:
             return
         if DOPAMINE in self._known:
-            raise ValueError(f"{rows[0].name}: a nucleus of {self.name} has that name too")
+            raise InputError(
+                f"{rows[0].name}: a nucleus of {self.name} has that name too", "courses"
+            )
         if not self.receptors():
-            raise ValueError(
-                f"{rows[0].name}: no row of {self.name} has a receptor, it would change nothing"
+            raise InputError(
+                f"{rows[0].name}: no row of {self.name} has a receptor, it would change nothing",
+                "courses",
             )
         self.dopamine_changes(1.0)
         for moved, time_ms in extremes(rows):
             if not -1 <= moved <= 1:
                 at = np.array([time_ms])
                 there = [row for row in rows if float(row.at(at)[0]) * moved > 0]
-                raise ValueError(
+                raise InputError(
                     f"{max(there, key=lambda row: row.from_ms).name}: the level of dopamine must "
-                    f"lie in 0..2, with this row it is {1 + moved:.3g} at {time_ms:.4g} ms"
+                    f"lie in 0..2, with this row it is {1 + moved:.3g} at {time_ms:.4g} ms",
+                    "courses",
                 )
 
     def check_steady(self, what: str) -> None:
         """Raise ValueError, in a circuit with courses, for what knows no time."""
         if self.courses:
-            raise ValueError(
+            raise InputError(
                 f"{self.name} has courses, and {what} knows no time: take circuit.steady, the "
-                "circuit without them, or circuit.dopamine(level) for a level that stays"
+                "circuit without them, or circuit.dopamine(level) for a level that stays",
+                "courses",
             )
 
     def check_nats(self, what: str, instead: str = "") -> None:
         """Raise ValueError, in a circuit of another unit, for what has a meaning in nats alone."""
         if self.unit != NATS:
-            raise ValueError(
-                f"{self.name} works in {self.unit}, not nats: {what} has no meaning there{instead}"
+            raise InputError(
+                f"{self.name} works in {self.unit}, not nats: {what} has no meaning there{instead}",
+                what,
             )
 
     @property
@@ -224,9 +235,10 @@ class CircuitTable(Network):
         found = []
         for p, row in self.receptors():
             if p.factors and row.pivot_nats:
-                raise ValueError(
+                raise InputError(
                     f"{p.name} differs from channel to channel: dopamine about a pivot would "
-                    "need a bias for each"
+                    "need a bias for each",
+                    "dopamine",
                 )
             change = RECEPTORS[row.receptor] * (level - 1)
             found.append((p, change, -(change * p.weight * row.pivot_nats)))

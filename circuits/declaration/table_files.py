@@ -20,6 +20,7 @@ from circuits.checks import is_bool
 from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, NOT_WRITTEN, CircuitTable
+from circuits.errors import InputError
 
 FORMAT = 1
 """Version of the form of these files."""
@@ -98,7 +99,7 @@ def write(circuit: CircuitTable, path: str | Path) -> Path:
     """
     path = Path(path)
     if path.suffix != SUFFIX:
-        raise ValueError(f"a circuit is written as {SUFFIX}, got {str(path)!r}")
+        raise InputError(f"a circuit is written as {SUFFIX}, got {str(path)!r}", "path", path)
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{os.getpid()}.partial.{path.name}")
     try:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
+from circuits.errors import InputError
 
 EXP_MOST = 60.0
 """Exponents are capped here, nats: far above any rate, far below overflow."""
@@ -137,5 +138,5 @@ def named(name: str) -> Transfer:
         If there is none, with the names that there are.
     """
     if name not in TRANSFERS:
-        raise ValueError(f"transfer must be one of {', '.join(TRANSFERS)}, got {name!r}")
+        raise InputError.of("transfer", f"must be one of {', '.join(TRANSFERS)}", name)
     return TRANSFERS[name]

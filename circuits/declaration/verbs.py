@@ -16,6 +16,7 @@ from circuits.declaration.edits import Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
+from circuits.errors import InputError
 
 NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite", "published_hz")
 """Fields of rows that leave the fixed point as it is."""
@@ -96,16 +97,19 @@ class EditableTable(CircuitTable):
     def _lost(self, name: str, fraction: float, channel: int | None, *, clamped: bool) -> Self:
         row = self.population(name)
         if name in (self.input, self.readout):
-            raise ValueError(
+            raise InputError(
                 f"{name} is the {'input' if name == self.input else 'read-out'}: without it "
-                "nothing is decided"
+                "nothing is decided",
+                "nucleus",
             )
         if (self.intact_of(name) < 1).any() and row.clamped != clamped:
             there = "clamped" if row.clamped else "lesioned"
-            raise ValueError(f"{name} is {there} already: it can't be both lesioned and clamped")
+            raise InputError(
+                f"{name} is {there} already: it can't be both lesioned and clamped", "nucleus"
+            )
         check_number("fraction", fraction)
         if not 0 <= fraction <= 1:
-            raise ValueError(f"fraction must lie in 0..1, got {fraction}")
+            raise InputError.of("fraction", "must lie in 0..1", fraction)
         if channel is not None:
             self._check_own_channel(row, channel)
         if fraction == 0:
@@ -118,13 +122,14 @@ class EditableTable(CircuitTable):
 
     def _check_own_channel(self, row: Population, channel: int) -> None:
         if row.pooled:
-            raise ValueError(
+            raise InputError(
                 f"{row.name} is pooled, one for all alternatives: it has no channel {channel} to "
-                "lesion, give none"
+                "lesion, give none",
+                "channel",
             )
         if channel not in range(self.channels):
-            raise ValueError(
-                f"{row.name}: channel must lie in 0..{self.channels - 1}, got {channel!r}"
+            raise InputError.of(
+                "channel", f"must lie in 0..{self.channels - 1}", channel, owner=row.name
             )
 
     def scale(self, source: str, target: str, factor: float, channel: int | None = None) -> Self:
@@ -152,7 +157,7 @@ class EditableTable(CircuitTable):
         row = self.projection(source, target)
         check_number("factor", factor)
         if not 0 <= factor < math.inf:
-            raise ValueError(f"factor must be >= 0, got {factor}")
+            raise InputError.of("factor", "must be >= 0", factor)
         if channel is None:
             return self.with_projection(source, target, weight=row.weight * factor)
         return self._multiplied(row, "factors", factor, channel)
@@ -183,7 +188,7 @@ class EditableTable(CircuitTable):
         row = self.projection(source, target)
         check_number("fraction", fraction)
         if not 0 <= fraction <= 1:
-            raise ValueError(f"fraction must lie in 0..1, got {fraction}")
+            raise InputError.of("fraction", "must lie in 0..1", fraction)
         if channel is None:
             return self.with_projection(source, target, intact=row.intact * (1 - fraction))
         return self._multiplied(row, "intact_by_channel", 1 - fraction, channel)
@@ -192,7 +197,7 @@ class EditableTable(CircuitTable):
         """Return the circuit with one target channel's number of a pathway multiplied."""
         count = self.channels_of(row.target)
         if channel not in range(count):
-            raise ValueError(f"{row.name}: channel must lie in 0..{count - 1}, got {channel!r}")
+            raise InputError.of("channel", f"must lie in 0..{count - 1}", channel, owner=row.name)
         if factor == 1:
             return self
         values = list(getattr(row, field) or (1.0,) * count)
@@ -208,7 +213,7 @@ class EditableTable(CircuitTable):
         """
         check_number("dopamine level", level)
         if not 0 <= level <= 2:
-            raise ValueError(f"dopamine level must lie in 0..2, got {level}")
+            raise InputError.of("dopamine", "level must lie in 0..2", level)
         circuit = self
         for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
             bias = circuit.population(p.target).bias_nats + nats
@@ -239,7 +244,7 @@ class EditableTable(CircuitTable):
         """Return the circuit with so many times the cells of every spiking population, rounded."""
         check_number("factor", factor)
         if not 0 < factor < math.inf:
-            raise ValueError(f"factor must be > 0 and finite, got {factor}")
+            raise InputError.of("factor", "must be > 0 and finite", factor)
         rows = tuple(
             replace(p, neurons=max(1, round(p.neurons * factor))) if p.spiking else p
             for p in self.populations
@@ -261,7 +266,7 @@ class EditableTable(CircuitTable):
             for p in self.projections
         ]
         if not any(between):
-            raise ValueError(f"{self.name} has no pathway between cells that spike")
+            raise InputError(f"{self.name} has no pathway between cells that spike", "probability")
         rows = tuple(
             replace(p, probability=probability) if spikes else p
             for p, spikes in zip(self.projections, between, strict=True)
@@ -280,8 +285,8 @@ class EditableTable(CircuitTable):
         """
         for row in rows:
             if not isinstance(row, (Population, Projection, Course, str)):
-                raise ValueError(
-                    f"a row is a Population, a Projection, a Course or text, got {row!r}"
+                raise InputError(
+                    f"a row is a Population, a Projection, a Course or text, got {row!r}", "row"
                 )
         new = new_rows(self, rows)
         with naming(*(row for row in rows if isinstance(row, str))):
@@ -337,8 +342,8 @@ class EditableTable(CircuitTable):
 
     def _everywhere(self, **values: Any) -> Self:
         if not any(row.spiking for row in self.populations):
-            raise ValueError(
-                f"{self.name} has no cells that spike: {', '.join(values)} say nothing"
+            raise InputError(
+                f"{self.name} has no cells that spike: {', '.join(values)} say nothing", "cells"
             )
         rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
         return self._edited(populations=rows)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.checks import is_whole
+from circuits.errors import InputError
 
 GOLDEN = 0x9E3779B97F4A7C15
 GOLDEN_32, FIRST, SECOND = 0x9E3779B1, 0x21F0AAAD, 0x735A2D97
@@ -148,7 +149,7 @@ def stream_keys(seed: int, trials: npt.ArrayLike, names: list[str]) -> npt.NDArr
 def _check(**values: float) -> None:
     for name, value in values.items():
         if not is_whole(value) or not 0 <= value <= _MASK:
-            raise ValueError(f"{name} must be a whole number 0 .. 2**64 - 1, got {value!r}")
+            raise InputError.of(name, "must be a whole number 0 .. 2**64 - 1", value)
 
 
 def _mix_all(z: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:

@@ -39,6 +39,7 @@ from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import rest
 from circuits.dynamics.wiring import Wiring, wire
+from circuits.errors import EditWarning, InputError
 
 SPIKE_BITS = 40
 """Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""
@@ -84,8 +85,9 @@ class Clock:
             check_time(name, value, zero=name == "settle_ms")
             whole_ticks(name, value, self.dt_ms)
         if self.step_ticks % self.sample_ticks:
-            raise ValueError(
-                f"step_ms must be a multiple of sample_ms, got {self.step_ms} and {self.sample_ms}"
+            raise InputError(
+                f"step_ms must be a multiple of sample_ms, got {self.step_ms} and {self.sample_ms}",
+                "sample_ms",
             )
 
     @property
@@ -180,6 +182,7 @@ class Scheme:
             warnings.warn(
                 f"{edited.name} as edited has no state of rest: what it does depends "
                 "on the time it has to settle",
+                EditWarning,
                 stacklevel=2,
             )
         return self.wiring.deliver @ rates, x, rates

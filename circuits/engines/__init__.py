@@ -14,6 +14,7 @@ from circuits.circuit import Circuit
 from circuits.engines.engine import CompiledEngine, Engine, SpikingEngine, TimedEngine
 from circuits.engines.registry import ENGINES, EngineOrName, engine_of, register
 from circuits.engines.shipped import Algebra, Brian2, Ensemble, Plain, Population, Rate
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -73,8 +74,8 @@ def run(
         For an unknown engine, one with noise and no seed, or an option that it does not take.
     """
     if not isinstance(circuit, Circuit):
-        raise ValueError(
-            f"circuit must be a Circuit, as from circuits.anatomy.circuit, got {circuit!r}"
+        raise InputError.of(
+            "circuit", "must be a Circuit, as from circuits.anatomy.circuit", circuit
         )
     chosen = engine_of(engine, **options)
     return chosen.run(circuit, drive, step_ms=step_ms, seed=seed, first_trial=first_trial)

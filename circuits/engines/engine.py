@@ -12,6 +12,7 @@ import numpy.typing as npt
 from circuits.cells import CELLS
 from circuits.checks import check_time, check_types, is_whole
 from circuits.engines.memory import blocks, cells, connection_bytes
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
@@ -114,7 +115,7 @@ class Engine:
             If the drive, a time or the table does not fit, or an engine with noise gets no seed.
         """
         if self.noisy and seed is None:
-            raise ValueError(f"the {self.id} engine needs a seed")
+            raise InputError(f"the {self.id} engine needs a seed", "seed", seed)
         run: Callable[..., Activity] = importlib.import_module(self.module).run
         return run(circuit, drive, self, step_ms=step_ms, seed=seed, first_trial=first_trial)
 
@@ -209,7 +210,7 @@ class SpikingEngine(TimedEngine):
         given = self.spikes
         names = given if isinstance(given, Collection) and not isinstance(given, str) else (None,)
         if not all(isinstance(name, str) for name in names):
-            raise ValueError(f"spikes must be a tuple of names of populations, got {given!r}")
+            raise InputError.of("spikes", "must be a tuple of names of populations", given)
         object.__setattr__(self, "spikes", tuple(given))
         super().__post_init__()
 
@@ -250,9 +251,9 @@ class CompiledEngine(TimedEngine):
         """Check the threads and the level too."""
         super().__post_init__()
         if not is_whole(self.workers) or self.workers < 1:
-            raise ValueError(f"workers must be a whole number >= 1, got {self.workers!r}")
+            raise InputError.of("workers", "must be a whole number >= 1", self.workers)
         if self.drop_below is not None and self.drop_below != self.drop_below:
-            raise ValueError("drop_below must be a number, got nan")
+            raise InputError("drop_below must be a number, got nan", "drop_below", self.drop_below)
 
     def tuned(
         self,

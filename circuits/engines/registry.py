@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 from typing import TypeVar, overload
 
 from circuits.engines.engine import Engine
+from circuits.errors import InputError
 
 ENGINES: dict[str, type[Engine]] = {}
 """All engines by id, in the order in which they were registered."""
@@ -23,19 +24,23 @@ def register(kind: E) -> E:
     """
     name = getattr(kind, "__name__", repr(kind))
     if not (isinstance(kind, type) and issubclass(kind, Engine)):
-        raise ValueError(f"an engine is a subclass of circuits.engines.Engine, got {name}")
+        raise InputError(
+            f"an engine is a subclass of circuits.engines.Engine, got {name}", "engine"
+        )
     settings = vars(kind).get("__dataclass_params__")
     if settings is None or not settings.frozen:
-        raise ValueError(f"the engine {name} must be a dataclass with frozen=True")
+        raise InputError(f"the engine {name} must be a dataclass with frozen=True", "engine", kind)
     for word in ("id", "description"):
         if not isinstance(getattr(kind, word, None), str):
-            raise ValueError(f"{name}.{word} must be text, got {getattr(kind, word, None)!r}")
+            raise InputError(f"{name}.{word} must be text, got {getattr(kind, word, None)!r}", word)
     if kind.id in ENGINES and ENGINES[kind.id].__module__ != kind.__module__:
-        raise ValueError(f"there is an engine {kind.id} already, in {ENGINES[kind.id].__module__}")
+        raise InputError(
+            f"there is an engine {kind.id} already, in {ENGINES[kind.id].__module__}", "engine"
+        )
     try:
         kind()
     except TypeError as error:
-        raise ValueError(f"every option needs a default: {error}") from error
+        raise InputError(f"every option needs a default: {error}", "engine", kind) from error
     ENGINES[kind.id] = kind
     return kind
 
@@ -58,12 +63,12 @@ def engine_of(given: Engine | str, **options: object) -> Engine:
     """
     if not isinstance(given, Engine):
         if not isinstance(given, str) or given not in ENGINES:
-            raise ValueError(f"engine must be one of {', '.join(ENGINES)}, got {given!r}")
+            raise InputError.of("engine", f"must be one of {', '.join(ENGINES)}", given)
         given = ENGINES[given]()
     known = [f.name for f in fields(given)]
     for name in options:
         if name not in known:
-            raise ValueError(f"the {given.id} engine takes no {name!r}: {', '.join(known)}")
+            raise InputError(f"the {given.id} engine takes no {name!r}: {', '.join(known)}", name)
     return replace(given, **options) if options else given
 
 

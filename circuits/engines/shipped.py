@@ -14,6 +14,7 @@ from circuits.engines.engine import (
 )
 from circuits.engines.memory import blocks
 from circuits.engines.registry import register
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -42,7 +43,7 @@ class Algebra(Engine):
     def __post_init__(self) -> None:
         """Check the laws."""
         if self.laws not in LAWS_AT_REST:
-            raise ValueError(f"laws must be one of {', '.join(LAWS_AT_REST)}, got {self.laws!r}")
+            raise InputError.of("laws", f"must be one of {', '.join(LAWS_AT_REST)}", self.laws)
 
     def ignores(self, field: str) -> bool:
         """Return whether a field is of cells or of time: the lines of the table have neither."""
@@ -121,7 +122,7 @@ class Population(PopulationsEngine):
         """Check the laws too."""
         super().__post_init__()
         if self.laws not in LAWS_OF_RATES:
-            raise ValueError(f"laws must be one of {', '.join(LAWS_OF_RATES)}, got {self.laws!r}")
+            raise InputError.of("laws", f"must be one of {', '.join(LAWS_OF_RATES)}", self.laws)
 
     @property
     def noisy(self) -> bool:

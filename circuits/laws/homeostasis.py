@@ -40,6 +40,7 @@ from circuits.declaration import transfer
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import rest, rest_rates, solve, wired
 from circuits.dynamics.wiring import Wiring, wire
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,7 +69,9 @@ def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
     """
     row = circuit.projection(source, circuit.readout)
     if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
-        raise ValueError(f"{row.name} must be linear, diffuse and of a weight other than 0")
+        raise InputError(
+            f"{row.name} must be linear, diffuse and of a weight other than 0", "source"
+        )
     wiring = wired(circuit)
     both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
     units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
@@ -78,7 +81,9 @@ def balanced_weight(circuit: CircuitTable, source: str = "STN") -> float:
     carried = np.dot(units[:, own], wiring.weight[np.ix_(blocks, own)].T)
     part = float(np.diff(carried.mean(axis=1))[0])
     if abs(part) < SAME_NATS:
-        raise ValueError(f"{row.name} carries nothing of what all channels share: there is no rule")
+        raise InputError(
+            f"{row.name} carries nothing of what all channels share: there is no rule", "source"
+        )
     return row.weight * (1 - whole / part)
 
 
@@ -147,7 +152,7 @@ def recovery(
         in time: a population cannot fire at its rate, or the biases oscillate.
     """
     if not 0 < step <= until < np.inf:
-        raise ValueError(f"step must be > 0 and at most until, got {step} and {until}")
+        raise InputError(f"step must be > 0 and at most until, got {step} and {until}", "step")
     goal = _goal(circuit, reference, rebound_nats)
     factors, mean = goal.factors(speed or {}), goal.mean_over_channels
     rows, wiring = circuit.populations, goal.wiring
@@ -262,7 +267,9 @@ class _Goal:
             self.wiring.circuit.population(name)
             check_number(f"the speed of {name}", value)
             if not 0 <= value < np.inf:
-                raise ValueError(f"the speed of {name} must be >= 0 and finite, got {value}")
+                raise InputError(
+                    f"the speed of {name} must be >= 0 and finite, got {value}", "speed"
+                )
             found[[row.name == name for row in rows]] = value
         return found
 
@@ -287,10 +294,12 @@ def _goal(
     for name, nats in (rebound_nats or {}).items():
         blocks = wiring.blocks_of(name)
         if name not in known:
-            raise ValueError(f"{name} is new: without an old rate it can't rebound above it")
+            raise InputError(
+                f"{name} is new: without an old rate it can't rebound above it", "rebound_nats"
+            )
         check_number(f"the rebound of {name}", nats)
         if not np.isfinite(nats):
-            raise ValueError(f"the rebound of {name} must be finite, got {nats}")
+            raise InputError(f"the rebound of {name} must be finite, got {nats}", "rebound_nats")
         rates[blocks] += nats * wiring.gain_hz_per_nat[blocks]
         inputs[blocks] = np.nan if nats else inputs[blocks]
     goal = _Goal(wiring, before, rates, inputs)
@@ -308,17 +317,21 @@ def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> Circuit
             )
     if reference is None:
         if circuit == circuit.unlesioned:
-            raise ValueError(
+            raise InputError(
                 f"{circuit.name} has no lesion: compensate needs a reference, the circuit before "
-                "the edits"
+                "the edits",
+                "reference",
             )
         return circuit.unlesioned
     if reference.channels != circuit.channels:
-        raise ValueError(
-            f"the reference must have {circuit.channels} channels, got {reference.channels}"
+        raise InputError(
+            f"the reference must have {circuit.channels} channels, got {reference.channels}",
+            "reference",
         )
     for row in circuit.populations:
         old = next((old for old in reference.populations if old.name == row.name), row)
         if row.pooled != old.pooled:
-            raise ValueError(f"{row.name} is pooled in the circuit or in the reference alone")
+            raise InputError(
+                f"{row.name} is pooled in the circuit or in the reference alone", "reference"
+            )
     return reference

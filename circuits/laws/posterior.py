@@ -8,6 +8,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import solve, wired
+from circuits.errors import InputError
 
 STEPS = 21
 """Values of OUT at which it is looked up, from the lowest to the highest that is read."""
@@ -33,7 +34,7 @@ def off_nats(circuit: CircuitTable, rivals: int | None = None) -> tuple[float, f
     circuit.check_nats("OUT as -ln P")
     count = circuit.channels - 1 if rivals is None else rivals
     if not 1 <= count < circuit.channels:
-        raise ValueError(f"rivals must lie in 1..{circuit.channels - 1}, got {rivals}")
+        raise InputError.of("rivals", f"must lie in 1..{circuit.channels - 1}", rivals)
     low, high = circuit.readable_nats
     want = np.linspace(low, min(high, np.log(count + 1)), STEPS + 1)[1:]
     drive = np.full((STEPS, circuit.channels), -BEHIND_NATS)

@@ -14,6 +14,7 @@ from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.wiring import Wiring
+from circuits.errors import InputError
 from circuits.laws.fluctuation import FREQUENCIES_HZ, extra, linear, swept
 from circuits.laws.mean_field import settled
 
@@ -46,7 +47,7 @@ def rate_spectrum(
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     lowest = FREQUENCIES_HZ[0]
     if not (frequency >= lowest).all():
-        raise ValueError(f"frequency_hz must be {lowest:g} or more, got {frequency.min()}")
+        raise InputError.of("frequency_hz", f"must be {lowest:g} or more", frequency.min())
     wiring = wired(circuit)
     x, extra_hz = _state(wiring, drive)
     swept(wiring, x, extra_hz)  # raises where there is no spectrum
@@ -97,7 +98,7 @@ def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:
     channels = wiring.circuit.channels
     held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
     if held.shape != (channels,) or not np.isfinite(held).all():
-        raise ValueError(f"drive must be {channels} finite numbers, got {drive!r}")
+        raise InputError.of("drive", f"must be {channels} finite numbers", drive)
     start = settled(wiring, held[None], solve(wiring, held[None]))
     added = extra(wiring, start)
     return settled(wiring, held[None], start, *added), added.rates_hz

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream, tally
 from bgmodel.deciding.decision import any_crossing, crossing_of_each
-from tests.helpers import some_evidence
+from tests.helpers import refused, some_evidence
 
 
 def plain_crossing(out, thresholds, first):
@@ -194,18 +194,33 @@ def test_undecided_is_a_value():
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: first_crossing(Msprt().run(some_evidence()), np.nan), "thresholds must be finite"),
-        (lambda: first_crossing(Msprt().run(some_evidence()), np.ones((2, 2))), r"\(K, 3\)"),
-        (lambda: first_crossing(Msprt().run(some_evidence()), []), r"\(K, 3\), got shape \(0,\)"),
-        (lambda: first_crossing(Msprt().run(some_evidence()), np.ones((1, 1, 3))), r"\(K, 3\)"),
-        (lambda: crossing_of_each(Msprt().run(some_evidence()), [0.3]), "300 finite nats"),
-        (lambda: crossing_of_each(Msprt().run(some_evidence()), [np.inf] * 300), "300 finite"),
-        (lambda: tally(Msprt().run(some_evidence()), np.zeros(300, int), 0.3), r"must be \(K,\)"),
-        (lambda: tally(Msprt().run(some_evidence()), None, [0.3]), "needs the truth"),
+        (lambda: first_crossing(Msprt().run(some_evidence()), np.nan), "thresholds finite"),
+        (
+            lambda: first_crossing(Msprt().run(some_evidence()), np.ones((2, 2))),
+            r"thresholds \(K, 3\)",
+        ),
+        (lambda: first_crossing(Msprt().run(some_evidence()), []), r"thresholds \(K, 3\)"),
+        (
+            lambda: first_crossing(Msprt().run(some_evidence()), np.ones((1, 1, 3))),
+            r"thresholds \(K, 3\)",
+        ),
+        (
+            lambda: crossing_of_each(Msprt().run(some_evidence()), [0.3]),
+            "thresholds 300 finite nats",
+        ),
+        (
+            lambda: crossing_of_each(Msprt().run(some_evidence()), [np.inf] * 300),
+            "thresholds 300 finite",
+        ),
+        (
+            lambda: tally(Msprt().run(some_evidence()), np.zeros(300, int), 0.3),
+            r"thresholds \(K,\)",
+        ),
+        (lambda: tally(Msprt().run(some_evidence()), None, [0.3]), "truth needs the truth"),
     ],
 )
 def test_thresholds_without_sense_are_refused(call, says):
-    with pytest.raises(ValueError, match=says):
+    with refused(says):
         call()
 
 
@@ -217,7 +232,7 @@ def test_an_output_that_is_no_trials_of_ticks_of_channels_is_refused(shape):
         lambda: crossing_of_each(trace, np.ones(shape[0])),
         lambda: tally(trace, np.zeros(shape[0], int), [0.5]),
     ):
-        with pytest.raises(ValueError, match=r"^out_nats must be \(trials, ticks, hypotheses\)"):
+        with refused(r"out_nats \(trials, ticks, hypotheses\)"):
             decide()
 
 
@@ -243,5 +258,5 @@ def test_a_trace_draws_one_trial_from_the_onset_to_its_end():
     ax = trace.plot(1, Figure().subplots())
     assert [line.get_ydata().tolist() for line in ax.lines[:2]] == [[6, 8], [7, 9]]
     assert ax.lines[0].get_xdata().tolist() == [-5.0, 5.0]
-    with pytest.raises(ValueError, match=r"trial must lie in 0..1, got 2"):
+    with refused("trial"):
         trace.plot(2)

@@ -15,6 +15,7 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.responses import QUANTILES, moments
 from bgmodel.fitting.simulation import Simulation
+from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 
 MODEL = GapModel()
@@ -123,7 +124,7 @@ class Twice:
 
 def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
     asked = likelihood_of(Twice(), likelihood.design, free=["bound", "times"])
-    with pytest.warns(UserWarning, match="hardly tell bound from times"):
+    with pytest.warns(FitWarning, match="hardly tell bound from times"):
         found = fit_likelihood(asked)
     assert abs(found.directions.cosines[0, 1]) > 0.999
     product = found.optimum.values["bound"] * found.optimum.values["times"]
@@ -198,7 +199,7 @@ def test_a_number_that_ends_at_a_bound_is_said_in_python_too():
     from dataclasses import replace
 
     some = drawn(MODEL, [0.05, 0.4], 100, 61, seconds=2.0, sensitivity=12.0, bound=0.6)
-    with pytest.warns(UserWarning, match=r"t0_s ends at a bound of its range, 1\.5"):
+    with pytest.warns(FitWarning, match=r"t0_s ends at a bound of its range, 1\.5"):
         fit_likelihood(
             likelihood_of(MODEL, design_of(replace(some, rt_s=some.rt_s + 2)), free=FREE)
         )

@@ -16,6 +16,7 @@ from bgmodel.fitting.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.integrators.basal_ganglia import identity
 from circuits.anatomy import DEFAULT, load_circuit
+from tests.helpers import refused
 
 pytest.importorskip("onnx")
 
@@ -136,10 +137,10 @@ def test_hssm_is_told_the_networks_own_parameters_and_bounds(network, tmp_path):
 
 def test_a_file_that_is_no_network_of_ours_is_refused_in_a_sentence(tmp_path):
     path = tmp_path / "x.onnx"
-    with pytest.raises(ValueError, match=r"x.onnx' can't be read as a network of bgmodel"):
+    with refused("path"):
         read_network(path)
     path.write_bytes(b"no network")
-    with pytest.raises(ValueError, match=r"x.onnx' can't be read as a network of bgmodel"):
+    with refused("path"):
         read_network(path)
 
 

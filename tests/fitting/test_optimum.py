@@ -19,6 +19,7 @@ from bgmodel.fitting.optimum import (
     starts_of,
 )
 from bgmodel.fitting.parameters import Parameter, freedom
+from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 
 STRENGTHS = [0.0, 0.05, 0.15, 0.4]
@@ -204,7 +205,7 @@ def test_responses_after_the_end_of_simulated_trials_are_said():
     some = drawn(GapModel(), [0.05, 0.4], 80, 71, seconds=2.0, sensitivity=12.0, bound=0.6)
     later = int((some.rt_s > 0.5).sum())
     model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=0.5, trials=16)
-    with pytest.warns(UserWarning, match=f"all: {later} of 160 responses come after the 0.5 s"):
+    with pytest.warns(FitWarning, match=f"all: {later} of 160 responses come after the 0.5 s"):
         likelihood_of(model, design_of(some))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -25,6 +25,8 @@ from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
+from circuits.errors import DeadlineWarning
+from tests.helpers import refused
 from tests.levels import LEVELS, MODEL, PLAYED, SEED, XI, synthetic
 
 
@@ -54,7 +56,7 @@ def test_the_deadline_is_warned_of_where_it_decides_more_than_half_of_the_trials
 
     check_decided(outcomes(0.5, 0.45))
     assert not recwarn
-    with pytest.warns(UserWarning, match="2 of 3 levels"):
+    with pytest.warns(DeadlineWarning):
         check_decided(outcomes(0.55, 0.5, 0.51))
     with pytest.raises(ValueError, match="at every level"):
         check_decided(outcomes(0.55, 0.51))
@@ -64,7 +66,7 @@ def test_outcomes_that_nothing_can_be_learned_from_are_refused():
     short, long = (separated_evidence(20, steps, 0.5, rng=1, step_ms=50) for steps in (1, 40))
     with pytest.raises(ValueError, match="deadline"):
         level_outcomes(MODEL, short, [0.95, 1.0])
-    with pytest.raises(ValueError, match="without evidence"):  # OUT at rest is ln 2
+    with refused("thresholds without evidence"):  # OUT at rest is ln 2
         level_outcomes(MODEL, long, [0.95, 1.0], 0.9)
 
 
@@ -239,12 +241,12 @@ def test_after_errors_takes_slow_drifts_off_and_nothing_else():
         learned = Learned(*[steps] * 2, -steps - XI * wrong, steps, steps[:, 0])
         found = after_errors(learned, XI)["slower"].to_numpy()
         assert found == pytest.approx(slower, abs=0.25)
-    with pytest.raises(ValueError, match="xi must be longer than any trial"):
+    with refused("xi"):
         after_errors(learned, 20.0)
 
 
 def test_reward_needs_the_truth(swept, level_evidence):
-    with pytest.raises(ValueError, match="reward needs the truth"):
+    with refused("truth"):
         LevelOutcomes.of(swept, Evidence(level_evidence.log_likelihood))
 
 
@@ -257,15 +259,15 @@ def short(start_level=1.0, runs=2, **options):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: synthetic(10).rewards(0.0), "xi must be > 0 readings"),
-        (lambda: short(start_level=3.0), r"start_level must lie in 0\.750\.\.2\.000, got 3"),
-        (lambda: short(start_level=np.nan), "got nan"),
-        (lambda: short(policy=GaussianPolicy()), r"what is played must lie in 0\.750\.\.2\.000"),
-        (lambda: short(runs=0), "runs must be >= 1"),
+        (lambda: synthetic(10).rewards(0.0), "xi"),
+        (lambda: short(start_level=3.0), "start_level"),
+        (lambda: short(start_level=np.nan), "start_level"),
+        (lambda: short(policy=GaussianPolicy()), "bounds"),
+        (lambda: short(runs=0), "runs"),
     ],
 )
 def test_learning_of_a_level_without_sense_is_refused(call, says):
-    with pytest.raises(ValueError, match=says):
+    with refused(says):
         call()
 
 
@@ -285,7 +287,7 @@ def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cos
     assert not error[0, 302]
     learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
     if refused:
-        with pytest.raises(ValueError, match="xi must be longer than any trial"):
+        with refused("xi"):
             after_errors(learned, XI)
     else:
         assert after_errors(learned, XI)["errors"].item() == error[0, 200:].mean()

@@ -14,6 +14,7 @@ from bgmodel.learning.gap import (
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.task import held_out_taps
 from bgmodel.theory.sprt import optimal_delta, reward_curve
+from tests.helpers import refused
 
 TAPS = held_out_taps()
 
@@ -70,5 +71,5 @@ def test_learning_starts_anywhere_in_the_range_of_the_paper_and_nowhere_else():
     for start in (0.0, 8.0):
         gap.check_start(start)
     for start in (-0.01, 8.01, np.nan):
-        with pytest.raises(ValueError, match=r"start_delta must lie in 0\.\.8 nats"):
+        with refused("start_delta"):
             gap.check_start(start)

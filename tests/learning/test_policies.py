@@ -9,6 +9,7 @@ from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.theory.sprt import gaussian_pair, reward_curve
+from tests.helpers import refused
 from tests.learning.helpers import T_MAX, XI, D, draw
 
 
@@ -63,12 +64,12 @@ def test_bernoulli_gradient_agrees_with_the_finite_difference():
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds must rise"),
-        (lambda: GaussianPolicy(first_share=-1.0), "first_share must be > 0"),
+        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds"),
+        (lambda: GaussianPolicy(first_share=-1.0), "first_share"),
     ],
 )
 def test_policies_without_sense_are_refused(call, says):
-    with pytest.raises(ValueError, match=says):
+    with refused(says):
         call()
 
 

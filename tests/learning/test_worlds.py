@@ -6,6 +6,7 @@ import pytest
 from bgmodel import Evidence, stream
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
+from tests.helpers import refused
 from tests.learning.helpers import XI, draw
 
 
@@ -38,7 +39,7 @@ def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
     assert made.forced == pytest.approx([1 / 3, 0])
     assert made.rewards(10.0).tolist() == [[-12, -1.5, -3], [-1, -10.5, 0]]
     assert made.best(10.0) == (1.4, pytest.approx(-11.5 / 3))
-    with pytest.raises(ValueError, match="decisions of 3 trials, evidence of 2"):
+    with refused("evidence"):
         LevelOutcomes.of(found, evidence[:2])
 
 
@@ -48,24 +49,24 @@ TWO = np.ones((2, 3))
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: switching([], 3), "worlds must hold one or more"),
+        (lambda: switching([], 3), "worlds"),
         (
             lambda: LevelOutcomes(np.array([1.0, 0.9]), TWO, TWO, np.zeros(2)),
-            "levels must rise",
+            "levels",
         ),
         (
             lambda: LevelOutcomes(np.array([1.0, 1.1]), TWO[:1], TWO[:1], np.zeros(2)),
-            "must be .levels, trials.",
+            "correct",
         ),
         (
             lambda: LevelOutcomes(
                 np.array([1.0, 1.1]), np.ones((2, 3)), np.ones((2, 4)), np.zeros(2)
             ),
-            r"must be .levels, trials. = \(2, 3\), got \(2, 3\) and \(2, 4\)",
+            "correct",
         ),
-        (lambda: switching([lambda k, x: x], 0), "every >= 1, got 1, 0"),
+        (lambda: switching([lambda k, x: x], 0), "worlds"),
     ],
 )
 def test_worlds_without_sense_are_refused(call, says):
-    with pytest.raises(ValueError, match=says):
+    with refused(says):
         call()

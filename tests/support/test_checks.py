@@ -27,7 +27,7 @@ from bgmodel.tables.evidence import read_evidence_table
 from bgmodel.tables.trials import Trials, trial_table
 from circuits import engines
 from circuits.anatomy import CIRCUITS, load_circuit
-from tests.helpers import some_evidence
+from tests.helpers import refused, some_evidence
 
 READINGS = some_evidence(trials=4, steps=3, hypotheses=2).log_likelihood
 EVIDENCE = Evidence(READINGS, np.array([0, 1, 0, 1]), step_ms=50.0, baseline=0.0)
@@ -48,7 +48,7 @@ def test_a_whole_number_of_any_type_is_the_same_int(value, least, kind):
         assert type(found) is int
         assert found == value
     else:
-        with pytest.raises(ValueError, match=r"^n must be"):
+        with refused("n"):
             whole("n", kind(value), least)
 
 
@@ -63,7 +63,7 @@ def test_numbers_of_any_type_become_those_that_compiled_loops_take(kind):
 
 @pytest.mark.parametrize("values", ["a", [1, [2]], 1j, ["1"], [None, "x"], np.array("2020", "M8")])
 def test_what_holds_no_numbers_is_refused_by_name(values):
-    with pytest.raises(ValueError, match=r"^x must be an array of real numbers"):
+    with refused("x"):
         reals("x", values)
 
 
@@ -134,7 +134,7 @@ def test_what_is_of_the_wrong_kind_is_one_sentence(what):
 )
 def test_an_integrator_is_given_evidence_and_no_bare_array(integrator):
     for odd in (READINGS, READINGS.tolist(), "mine.csv", None):
-        with pytest.raises(ValueError, match=r"^evidence must be an Evidence"):
+        with refused("evidence must be an Evidence"):
             integrator.run(odd)
     assert integrator.run(EVIDENCE).out_nats.shape == (4, 4, 2)
 
@@ -155,7 +155,7 @@ def test_a_circuit_may_be_named():
 def test_a_seed_in_place_of_a_generator_is_that_of_its_stream():
     one, other = (separated_evidence(3, 4, 0.5, rng=rng) for rng in (7, stream(7)))
     assert np.array_equal(one.log_likelihood, other.log_likelihood)
-    with pytest.raises(ValueError, match="seed"):
+    with refused("seed"):
         separated_evidence(3, 4, 0.5, rng=-1)
 
 
@@ -201,7 +201,7 @@ def test_parts_that_belong_to_other_trials_are_refused():
 )
 def test_a_file_is_given_by_its_path(read):
     for odd in (None, 3, [], EVIDENCE):
-        with pytest.raises(ValueError, match=r"given by its path"):
+        with refused("path given by its path"):
             read(odd)
 
 
@@ -220,5 +220,5 @@ def test_one_trial_by_its_number_is_evidence_of_that_trial():
         assert one.trial_numbers.tolist() == [number]
         assert np.array_equal(one.log_likelihood[0], READINGS[number])
     assert [one.trial_numbers[0] for one in EVIDENCE] == [0, 1, 2, 3]
-    with pytest.raises(ValueError, match=r"got none of 4"):
+    with refused("trials got none of 4"):
         EVIDENCE[2:2]

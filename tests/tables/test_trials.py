@@ -7,7 +7,7 @@ import pytest
 from bgmodel import Msprt, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.tables.trials import Trials, trial_table
-from tests.helpers import some_evidence
+from tests.helpers import refused, some_evidence
 
 
 def test_trial_table_names_undecided_trials(decided_trials):
@@ -79,5 +79,5 @@ def test_a_summary_says_from_how_few_readings_to_how_many():
 def test_a_table_of_trials_holds_one_threshold():
     evidence = some_evidence(trials=3, steps=4)
     decision = first_crossing(Msprt().run(evidence), [0.1, 0.2])
-    with pytest.raises(ValueError, match=r"holds one threshold, got decisions of shape \(2, 3\)"):
+    with refused("decision"):
         trial_table(decision, Trials(evidence, list("abc")), model="m")

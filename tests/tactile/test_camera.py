@@ -5,6 +5,7 @@ import pytest
 
 from bgmodel.tactile.camera import _discs, marker_pixels, pixels_per_mm, render
 from bgmodel.tactile.tips import Tip
+from tests.helpers import refused
 
 
 @pytest.mark.parametrize("shape", [(480, 640), (128, 128)])
@@ -48,11 +49,11 @@ def test_a_marker_is_a_disc_with_a_logistic_edge_on_all_sides(radius, blur):
 
 
 def test_a_picture_that_cannot_be_drawn_is_refused():
-    with pytest.raises(ValueError, match=r"displacement_mm: got shape \(3, 2\)"):
+    with refused("displacement_mm"):
         render(np.zeros((3, 2)))
-    with pytest.raises(ValueError, match="marker_mm"):
+    with refused("marker_mm"):
         render(0, marker_mm=5.0)
-    with pytest.raises(ValueError, match="shape: got"):
+    with refused("shape"):
         render(0, shape=(15, 16))
     assert render(0, shape=(16, 16)).any()
     assert render(0, marker_mm=Tip().pitch_mm).any()

@@ -11,6 +11,7 @@ from bgmodel.tactile.decoder import EDGE, Decoder, Training, _epoch, _fit, train
 from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
+from tests.helpers import refused
 
 QUICK = Training(width=0.1, epochs=3, validation=0.2)
 ABOUT = {"taps": "striped"}
@@ -86,19 +87,19 @@ def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path)
     of_edges = replace(gratings, stimulus="edge")
     back = Decoder.load(decoder.save(tmp_path / "d.safetensors"))
     for one in (decoder, back):
-        with pytest.raises(ValueError, match="one stimulus, grating: got edge"):
+        with refused("taps one stimulus, grating"):
             one.decode(of_edges)
-    with pytest.raises(ValueError, match="one stimulus, edge: got grating"):
+    with refused("taps one stimulus, edge"):
         train(gratings, seed=1, training=EDGE)
-    with pytest.raises(ValueError, match="one stimulus, grating: got edge"):
+    with refused("taps one stimulus, grating"):
         train(of_edges, seed=1, training=QUICK)
     for taps in (gratings, of_edges):
         taps.save(tmp_path / "t.npz", {})
         assert Taps.load(tmp_path / "t.npz")[0].stimulus == taps.stimulus
         assert taps.select(np.arange(3)).stimulus == taps.stimulus
-    with pytest.raises(ValueError, match="taps of one stimulus"):
+    with refused("parts taps of one stimulus"):
         Taps.concatenate([gratings, of_edges])
-    with pytest.raises(ValueError, match="stimulus must be one of grating, edge, got 'leaf'"):
+    with refused("stimulus"):
         replace(gratings, stimulus="leaf")
 
 
@@ -107,7 +108,7 @@ def test_pins_within_a_thousandth_of_a_millimetre_are_those_it_was_trained_on(de
     near, beyond = (replace(taps, rest_mm=taps.rest_mm + s) for s in (0.0009, 0.00115))
     known = decoder.decode(taps)["psi_deg"]
     np.testing.assert_array_equal(decoder.decode(near)["psi_deg"], known)
-    with pytest.raises(ValueError, match="got taps of 361 pins or at other places"):
+    with refused("taps got taps of 361 pins"):
         decoder.decode(beyond)
 
 
@@ -214,41 +215,41 @@ def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
     for name, content in bad.items():
         path = tmp_path / f"{name}.safetensors"
         path.write_bytes(content)
-        with pytest.raises(ValueError, match="does not hold a decoder"):
+        with refused("path does not hold a decoder"):
             Decoder.load(path)
-    with pytest.raises(ValueError, match="there is no decoder"):
+    with refused("path there is no decoder"):
         Decoder.load(tmp_path / "absent.safetensors")
 
 
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda d: d.decode(striped_taps(9, layout="circular")), "got taps of 331 pins"),
-        (lambda d: train(striped_taps(40), seed=1), "at least 128 taps"),
-        (lambda d: train(striped_taps(limit=180), seed=1), "yaw_deg must lie in -90..90"),
+        (lambda d: d.decode(striped_taps(9, layout="circular")), "taps got taps of 331 pins"),
+        (lambda d: train(striped_taps(40), seed=1), "taps at least 128 taps"),
+        (lambda d: train(striped_taps(limit=180), seed=1), "yaw_deg"),
         (
             lambda d: train(
                 replace(striped_taps(100, limit=200), stimulus="edge"), seed=1, training=EDGE
             ),
-            r"yaw_deg must lie in -180\.\.180",
+            "yaw_deg",
         ),
         (lambda d: Training(width=0), "width must be > 0"),
         (lambda d: Training(epochs=0), "epochs must be at least 1"),
-        (lambda d: Training(validation=1.0), "validation must lie between"),
-        (lambda d: Training(validation=0.0), "validation must lie between"),
-        (lambda d: Training(dropout=2.1), r"dropout must lie in 0\.\.2, got 2\.1"),
-        (lambda d: Training(dropout=-0.1), r"dropout must lie in 0\.\.2"),
+        (lambda d: Training(validation=1.0), "validation"),
+        (lambda d: Training(validation=0.0), "validation"),
+        (lambda d: Training(dropout=2.1), "dropout"),
+        (lambda d: Training(dropout=-0.1), "dropout"),
         (lambda d: Training(learning_rate=0.0), "learning_rate must be > 0"),
-        (lambda d: Training(network="forest"), "network must be one of"),
+        (lambda d: Training(network="forest"), "network"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(decoder, call, says):
-    with pytest.raises(ValueError, match=says):
+    with refused(says):
         call(decoder)
 
 
 def test_nan_displacements_are_refused(decoder):
     taps = striped_taps(9)
     taps.displacement_mm[3, 4, 0] = np.nan
-    with pytest.raises(ValueError, match="finite displacements"):
+    with refused("taps finite displacements"):
         decoder.decode(taps)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.grating import PERIODS_MM, Grating
+from tests.helpers import refused
 from tests.tactile.plans import places
 
 
@@ -25,11 +26,11 @@ def test_grating_is_where_its_phase_says(period_mm, phase):
 
 
 def test_a_grating_without_sense_is_refused():
-    with pytest.raises(ValueError, match="whole number of cells"):
+    with refused("period_mm"):
         Grating(1.0).on_grid(64, 0.2)
-    with pytest.raises(ValueError, match=r"Grating\.period_mm: got -1"):
+    with refused("period_mm"):
         Grating(-1.0)
-    with pytest.raises(ValueError, match=r"Grating\.depth_mm"):
+    with refused("depth_mm"):
         Grating(1.0, np.inf)
-    with pytest.raises(ValueError, match=r"Grating\.phase"):
+    with refused("phase"):
         Grating(1.0, phase=np.nan)

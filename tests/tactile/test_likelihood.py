@@ -17,6 +17,7 @@ from bgmodel.tactile.likelihood import (
     fit_likelihood,
 )
 from bgmodel.tactile.task import Orientations
+from tests.helpers import refused
 
 
 def as_they_are(pool):
@@ -116,7 +117,7 @@ def test_a_likelihood_takes_four_taps_per_inner_fold_and_is_known_at_each_half_d
     few = normal_pool(80, 40)
     likelihood = fit_likelihood(few, as_they_are, (-180, 180), density=Density(inner_folds=10))
     np.testing.assert_allclose(np.diff(likelihood.grid_deg), 0.5)
-    with pytest.raises(ValueError, match="at least 40 taps of each kind, got 39"):
+    with refused("pool at least 40 taps of each kind"):
         fit_likelihood([few[0], few[1][1:]], as_they_are, (-180, 180))
 
 
@@ -157,27 +158,27 @@ def test_stated_posteriors_are_observed(kind):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: Density(kind="histogram"), "kind must be"),
-        (lambda: Density(cap_nats=0), "cap_nats must be > 0"),
-        (lambda: Density(shrink=2), "shrink must lie in 0..1"),
-        (lambda: Orientations(9), "2 to 8"),
-        (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "at least 40 taps"),
+        (lambda: Density(kind="histogram"), "kind"),
+        (lambda: Density(cap_nats=0), "cap_nats"),
+        (lambda: Density(shrink=2), "shrink"),
+        (lambda: Orientations(9), "count"),
+        (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "pool at least 40 taps"),
         (
             lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)),
-            "decoded angles must be finite",
+            "readings",
         ),
         (
             lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(181.0),
-            r"covers -180..180 degrees, got readings in 181..181",
+            "reading_deg covers -180..180 degrees",
         ),
         (
             lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(np.nan),
-            "finite degrees",
+            "reading_deg finite degrees",
         ),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(call, says):
-    with pytest.raises(ValueError, match=says):
+    with refused(says):
         call()
 
 
@@ -191,7 +192,7 @@ def test_inner_folds_without_a_reading_are_left_out_or_refused():
     some = np.sort(pool[1])[-4] - 1e-9
     fitted = fit_likelihood(pool, lambda p: late(some, p), (-180, 180))
     assert fitted.shrink > 0
-    with pytest.raises(ValueError, match="too few taps to judge"):
+    with refused("pool too few taps to judge"):
         # A small part of the taps never gives a reading of the second hypothesis.
         fit_likelihood(pool, lambda p: [p[0], p[1] if len(p[1]) > 30 else p[1][:0]], (-180, 180))
 

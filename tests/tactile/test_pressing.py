@@ -7,6 +7,7 @@ import pytest
 
 from bgmodel.tactile.pressing import LibraryPlan, press
 from bgmodel.tactile.skin import Skin
+from tests.helpers import refused
 from tests.tactile.plans import PLAN, TINY
 
 
@@ -64,20 +65,20 @@ def test_the_interface_under_a_small_contact_moves_as_boussinesq_says():
 @pytest.mark.parametrize(
     ("made", "change", "message"),
     [
-        (LibraryPlan, {"phases": 1}, r"LibraryPlan\.phases"),
-        (LibraryPlan, {"forces_n": (1.5, 1.2)}, r"LibraryPlan\.forces_n"),
-        (LibraryPlan, {"dx_mm": 0.3}, r"LibraryPlan\.dx_mm"),
-        (LibraryPlan, {"stored_dx_mm": 0.3}, r"LibraryPlan\.stored_dx_mm"),
-        (LibraryPlan, {"stored_dx_mm": 0.0625}, "the stored one not the smaller"),
-        (LibraryPlan, {"radius_mm": np.nan}, r"LibraryPlan\.radius_mm"),
-        (LibraryPlan, {"radius_mm": -20.0}, r"LibraryPlan\.radius_mm"),
-        (LibraryPlan, {"tol": 0.0}, r"LibraryPlan\.tol"),
-        (LibraryPlan, {"forces_n": (1.5,)}, r"LibraryPlan\.forces_n"),
-        (LibraryPlan, {"forces_n": (0.0, 1.5)}, r"LibraryPlan\.forces_n"),
-        (LibraryPlan, {"field_side_mm": 34.0}, r"LibraryPlan\.field_side_mm.* kept_mm = 36"),
-        (LibraryPlan, {"periods_mm": (1.1,)}, "whole number of cells"),
+        (LibraryPlan, {"phases": 1}, "phases"),
+        (LibraryPlan, {"forces_n": (1.5, 1.2)}, "forces_n"),
+        (LibraryPlan, {"dx_mm": 0.3}, "dx_mm"),
+        (LibraryPlan, {"stored_dx_mm": 0.3}, "stored_dx_mm"),
+        (LibraryPlan, {"stored_dx_mm": 0.0625}, "dx_mm stored one not the smaller"),
+        (LibraryPlan, {"radius_mm": np.nan}, "radius_mm"),
+        (LibraryPlan, {"radius_mm": -20.0}, "radius_mm"),
+        (LibraryPlan, {"tol": 0.0}, "tol"),
+        (LibraryPlan, {"forces_n": (1.5,)}, "forces_n"),
+        (LibraryPlan, {"forces_n": (0.0, 1.5)}, "forces_n"),
+        (LibraryPlan, {"field_side_mm": 34.0}, "field_side_mm"),
+        (LibraryPlan, {"periods_mm": (1.1,)}, "period_mm"),
     ],
 )
 def test_plans_without_sense_are_refused(made, change, message):
-    with pytest.raises(ValueError, match=message):
+    with refused(message):
         made(**change)

@@ -10,11 +10,12 @@ from bgmodel.tactile.pressing import LibraryPlan, press
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.tips import Tip
+from tests.helpers import refused
 from tests.tactile.plans import PLAN, one_tap
 
 
 def test_pins_beyond_the_field_are_refused(library):
-    with pytest.raises(ValueError, match=r"allows 17 mm"):
+    with refused("pin_mm"):
         noiseless(one_tap(), Tip(pitch_mm=2.0), library)
 
 
@@ -157,30 +158,30 @@ def test_of_frames_that_differ_by_noise_alone_any_is_kept(library):
 @pytest.mark.parametrize(
     ("made", "change", "message"),
     [
-        (Nuisance, {"force_n": (1.8, 1.2)}, r"Nuisance\.force_n"),
-        (Nuisance, {"marker_noise_um": -1.0}, r"Nuisance\.marker_noise_um"),
-        (Nuisance, {"noise_per": "pin"}, r"Nuisance\.noise_per"),
-        (Nuisance, {"frames": 0}, r"Nuisance\.frames"),
+        (Nuisance, {"force_n": (1.8, 1.2)}, "force_n"),
+        (Nuisance, {"marker_noise_um": -1.0}, "marker_noise_um"),
+        (Nuisance, {"noise_per": "pin"}, "noise_per"),
+        (Nuisance, {"frames": 0}, "frames"),
     ],
 )
 def test_nuisances_without_sense_are_refused(made, change, message):
-    with pytest.raises(ValueError, match=message):
+    with refused(message):
         made(**change)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"periods_mm": [3.0]}, r"period_mm: got 3, the library has \[0.0, 2.0, 5.0\]"),
-        ({"periods_mm": [np.nan]}, "periods_mm: got values that are not finite"),
-        ({"yaw_deg": [0.0, np.inf]}, "yaw_deg: got values that are not finite"),
-        ({"periods_mm": [2.0, 2.0], "yaw_deg": [1, 2, 3]}, r"shapes \(2,\) and \(3,\)"),
-        ({"nuisance": Nuisance(force_n=(1.0, 1.1))}, r"force_n: got 1\.\d+ to 1\.\d+, the library"),
-        ({"skin": Skin(skin_mm=2.0)}, "library: got one of"),
-        ({"tip": Tip(radius_mm=15.0)}, "radius 15 mm"),
+        ({"periods_mm": [3.0]}, "period_mm"),
+        ({"periods_mm": [np.nan]}, "periods_mm"),
+        ({"yaw_deg": [0.0, np.inf]}, "yaw_deg"),
+        ({"periods_mm": [2.0, 2.0], "yaw_deg": [1, 2, 3]}, "yaw_deg"),
+        ({"nuisance": Nuisance(force_n=(1.0, 1.1))}, "force_n"),
+        ({"skin": Skin(skin_mm=2.0)}, "library"),
+        ({"tip": Tip(radius_mm=15.0)}, "library"),
     ],
 )
 def test_taps_that_the_library_does_not_hold_are_refused(library, change, message):
     arguments = {"periods_mm": [2.0], "yaw_deg": 0.0, "library": library} | change
-    with pytest.raises(ValueError, match=message):
+    with refused(message):
         simulate(**arguments, rng=np.random.default_rng(0))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.skin import Skin, response
+from tests.helpers import refused
 
 K = np.geomspace(0.05, 100, 60)
 
@@ -45,11 +46,11 @@ def test_no_mean_displacement_and_no_overflow():
 @pytest.mark.parametrize("name", ["skin_mm", "skin_shear_mpa", "gel_mm", "gel_shear_mpa"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 def test_a_skin_without_sense_is_refused(name, value):
-    with pytest.raises(ValueError, match=rf"Skin\.{name}: got"):
+    with refused(name):
         Skin(**{name: value})
 
 
 @pytest.mark.parametrize("k", [-1.0, [1.0, np.nan]])
 def test_a_wavenumber_without_sense_is_refused(k):
-    with pytest.raises(ValueError, match="wavenumber_per_mm"):
+    with refused("wavenumber_per_mm"):
         response(Skin(), k)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.tips import Tip
+from tests.helpers import refused
 
 
 @pytest.mark.parametrize(
@@ -33,15 +34,15 @@ def test_circles_of_pins_are_a_pitch_apart():
 @pytest.mark.parametrize(
     ("made", "change", "message"),
     [
-        (Tip, {"layout": "round"}, r"Tip\.layout: got 'round'"),
-        (Tip, {"pitch_mm": 0.0}, r"Tip\.pitch_mm"),
-        (Tip, {"pitch_mm": np.inf}, r"Tip\.pitch_mm"),
-        (Tip, {"pin_mm": -0.1}, r"Tip\.pin_mm"),
-        (Tip, {"camera_height_mm": 0.0}, r"Tip\.camera_height_mm"),
+        (Tip, {"layout": "round"}, "layout"),
+        (Tip, {"pitch_mm": 0.0}, "pitch_mm"),
+        (Tip, {"pitch_mm": np.inf}, "pitch_mm"),
+        (Tip, {"pin_mm": -0.1}, "pin_mm"),
+        (Tip, {"camera_height_mm": 0.0}, "camera_height_mm"),
     ],
 )
 def test_tips_without_sense_are_refused(made, change, message):
-    with pytest.raises(ValueError, match=message):
+    with refused(message):
         made(**change)
 
 

@@ -16,6 +16,7 @@ from bgmodel.theory.sprt import (
     wald,
     walk,
 )
+from tests.helpers import refused
 
 # d, theta: exact ER and E[T], then Wald's and Siegmund's, as printed.
 TABLE = [
@@ -183,34 +184,34 @@ G = Gaussian(0.1, 1.0)
 
 
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("call", "field"),
     [
-        (lambda: Gaussian(0.0, 0.0), "sd .* got 0.0"),
-        (lambda: Gaussian(np.nan, 1.0), "mean .* got nan"),
-        (lambda: gaussian_pair(-1.0), "d .* got -1.0"),
+        (lambda: Gaussian(0.0, 0.0), "sd"),
+        (lambda: Gaussian(np.nan, 1.0), "mean"),
+        (lambda: gaussian_pair(-1.0), "d"),
         (lambda: Empirical.of_sample([]), "values"),
-        (lambda: Empirical.of_sample([1.0, np.inf]), "values .* finite"),
-        (lambda: Empirical(np.ones((2, 2)), np.full((2, 2), 0.25)), "values .* of shape"),
-        (lambda: Empirical(np.ones(2), np.ones(2)), "sum of weights must be 1, got 2"),
-        (lambda: Empirical(np.ones(2), np.array([1.5, -0.5])), "weights .* at least 0"),
-        (lambda: Empirical(np.ones(2), np.ones(1)), "weights .* shape"),
-        (lambda: walk(G, 1.0, -1.0), "lower must be at most upper = -1.0, got 1.0"),
-        (lambda: walk(G, -1.0, np.inf), "upper must be finite, got inf"),
+        (lambda: Empirical.of_sample([1.0, np.inf]), "values"),
+        (lambda: Empirical(np.ones((2, 2)), np.full((2, 2), 0.25)), "values"),
+        (lambda: Empirical(np.ones(2), np.ones(2)), "weights"),
+        (lambda: Empirical(np.ones(2), np.array([1.5, -0.5])), "weights"),
+        (lambda: Empirical(np.ones(2), np.ones(1)), "weights"),
+        (lambda: walk(G, 1.0, -1.0), "lower"),
+        (lambda: walk(G, -1.0, np.inf), "upper"),
         (lambda: walk(G, -1.0, 1.0, start=np.nan), "start"),
-        (lambda: walk(G, -1.0, 1.0, t_max=0), "t_max .* at least 1, got 0"),
+        (lambda: walk(G, -1.0, 1.0, t_max=0), "t_max"),
         (lambda: walk(G, -1.0, 1.0, t_max=2.5), "t_max"),
         (lambda: walk(G, -1.0, 1.0, cells=2), "cells"),
-        (lambda: walk(G, -1e5, 1e5), "lower and upper must be closer"),
+        (lambda: walk(G, -1e5, 1e5), "upper"),
         (lambda: walk(Empirical.of_sample([0.0]), -1.0, 1.0), "increments"),
         (lambda: sprt(G, G, [1.0, -0.1]), "delta"),
         (lambda: sprt(G, G, 1.0, prior_s2=1.0), "prior_s2"),
-        (lambda: wald(0.0, 1.0), "d must be"),
-        (lambda: siegmund(1.0, -0.2), "theta .* got -0.2"),
-        (lambda: optimal_threshold(1.0, 0.0), "xi .* got 0.0"),
-        (lambda: optimal_delta(G, G, -2.0, t_max=5), "xi .* got -2.0"),
+        (lambda: wald(0.0, 1.0), "d"),
+        (lambda: siegmund(1.0, -0.2), "theta"),
+        (lambda: optimal_threshold(1.0, 0.0), "xi"),
+        (lambda: optimal_delta(G, G, -2.0, t_max=5), "xi"),
         (lambda: optimal_delta(G, G, 2.0, t_max=5, bounds=(3.0, 1.0)), "bounds"),
     ],
 )
-def test_errors_name_the_argument(call, message):
-    with pytest.raises(ValueError, match=message):
+def test_errors_name_the_argument(call, field):
+    with refused(field):
         call()

@@ -20,6 +20,7 @@ from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
 from circuits.engines.ensemble import kernel, lanes, records
 from circuits.engines.ensemble.cells import GENERAL, Entry, entry
+from circuits.errors import InputError
 
 
 def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.Plan:
@@ -236,9 +237,10 @@ def _added(places: _Places) -> tuple[npt.NDArray[np.intp], Array]:
 
 def _law(name: str) -> int:
     if name not in kernel.TRANSFERS:
-        raise ValueError(
+        raise InputError(
             f"the ensemble engine knows the transfers {', '.join(kernel.TRANSFERS)}, not {name!r}: "
-            "use brian2 or plain"
+            "use brian2 or plain",
+            "transfer",
         )
     return kernel.TRANSFERS[name]
 
@@ -282,7 +284,9 @@ def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
         sources = np.flatnonzero(wiring.deliver[q])
         gains = wiring.deliver[q, sources]
         if len(sources) and not np.allclose(gains, gains[0]):
-            raise ValueError(f"{p.name}: sparse connections need one weight for all channels")
+            raise InputError(
+                f"{p.name}: sparse connections need one weight for all channels", "probability"
+            )
         needs[sources] = True
         for b in places.targets[q]:
             first, degree = len(own_sources), 1

@@ -27,6 +27,7 @@ from circuits.engines.population.answers import (
     answers,
     looked_up,
 )
+from circuits.errors import InputError, NoiseWarning
 
 if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
@@ -77,7 +78,7 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
     input_from, inputs = edges(records.EDGE, wiring.weight)
     blocks = _blocks(scheme, tables, courses, input_from)
     for sentence in tables.rough:
-        warnings.warn(sentence, stacklevel=3)
+        warnings.warn(sentence, NoiseWarning, stacklevel=3)
     return records.Plan(
         clock=_clock(scheme, clock),
         units=_units(scheme, tables, courses, source_from),
@@ -116,9 +117,10 @@ def _check(wiring: Wiring) -> None:
     """Raise ValueError where cells of a channel hear different cells: that is not known here."""
     for p in wiring.circuit.projections:
         if wiring.circuit.is_sparse(p):
-            raise ValueError(
+            raise InputError(
                 "the population engine takes all cells of a channel to hear the same, and "
-                f"{p.name} connects {p.probability:.0%}: use ensemble"
+                f"{p.name} connects {p.probability:.0%}: use ensemble",
+                "probability",
             )
 
 

@@ -33,6 +33,7 @@ from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.engines.population import kernel
 from circuits.engines.population.plan import plan, tick_ms, workspace
+from circuits.errors import InputError, NoiseWarning
 from circuits.laws.stability import ringing
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def run(
     """
     drive = checked_drive(circuit, drive)
     if not is_whole(first_trial) or first_trial < 0:
-        raise ValueError(f"first_trial must be a whole number >= 0, got {first_trial!r}")
+        raise InputError.of("first_trial", "must be a whole number >= 0", first_trial)
     check_time("step_ms", step_ms)
     noise, times = engine.noise, (step_ms, engine.sample_ms, engine.settle_ms)
     wiring = wired(circuit)
@@ -137,5 +138,6 @@ def _warn_of_ringing(circuit: Circuit) -> None:
         warnings.warn(
             f"{circuit.name} is near an oscillation, or beyond, at {hz:.0f} Hz: its cells fire "
             "together there, and the population engine takes their noise for independent",
+            NoiseWarning,
             stacklevel=3,
         )
