@@ -34,9 +34,9 @@ COMMANDS = {
         --training.learning-rate nan, --training.network forest""",
     f"decode decoder.safetensors taps.npz {OUT}": """--edge, --mm-per-px x,
         --no-such, more.csv""",
-    "circuit show «bogacz_gurney|appendix_b|linear_gpe|macaque|spiking_msprt|gpr|stewart» "
-    f"--channels 2..8 «||--drawing here/out.png» «{OPTIONS}»": f"""{WRONG_OPTIONS}, --channels 0,
-        --channels 2000, --noise 0.1, --drawing x.doc, more, --rest 3""",
+    "circuit show «bogacz_gurney|appendix_b|linear_gpe|macaque|spiking_msprt|gpr|humphries|"
+    f"stewart» --channels 2..8 «||--drawing here/out.png» «{OPTIONS}»": f"""{WRONG_OPTIONS},
+        --channels 0, --channels 2000, --noise 0.1, --drawing x.doc, more, --rest 3""",
     f"circuit run {OUT} --trials 1..5 "
     f"--t-max 1..5 --channels 2..4 --posterior 0.7..0.88 --d-prime 0.2..2 {SEED} "
     f"--engine «ensemble --edits 'neurons 20'|«algebra|rate» «{OPTIONS}»»": f"""{CIRCUIT},
