@@ -30,9 +30,11 @@ from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare
+    from bgmodel.conditions import Condition
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.fitting.settings import fit
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from bgmodel.stimuli import Stimuli
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
@@ -42,7 +44,9 @@ if TYPE_CHECKING:
 LAZY = {
     "BasalGanglia": "bgmodel.integrators.basal_ganglia",
     "Circuit": "circuits.circuit",
+    "Condition": "bgmodel.conditions",
     "Experiment": "bgmodel.experiments.experiment",
+    "Stimuli": "bgmodel.stimuli",
     "Sweep": "bgmodel.sweeps.sweep",
     "compare": "bgmodel.comparison.compare",
     "fit": "bgmodel.fitting.settings",
@@ -56,12 +60,14 @@ __all__ = [
     "BasalGanglia",
     "BgmodelWarning",
     "Circuit",
+    "Condition",
     "Decision",
     "Evidence",
     "Experiment",
     "InputError",
     "Msprt",
     "Sprt",
+    "Stimuli",
     "Sweep",
     "Trace",
     "__version__",
