@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
+from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import generator
 from circuits.errors import InputError, NoiseWarning
 
@@ -47,6 +48,7 @@ def resampled(
         If groups are not one per trial, or fewer than two.
     """
     resamples, rng = whole("resamples", resamples, 1), generator(rng)
+    check_memory(8.0 * resamples * trials, f"{resamples} resamples", "resamples")
     of = np.arange(trials) if groups is None else _numbered(groups, trials)
     count = int(of.max()) + 1
     drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)

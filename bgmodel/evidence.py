@@ -393,7 +393,7 @@ def separated_evidence(
     hypotheses = whole("hypotheses", hypotheses, 2)
     if not (is_number(separation) and 0 < separation < np.inf):
         raise InputError.of("separation", "must be > 0 and finite", separation)
-    if not (is_number(conflict) and np.isfinite(conflict)):
+    if not (is_number(conflict) and abs(conflict) < np.inf):
         raise InputError.of("conflict", "must be a finite number", conflict)
     check_evidence_memory(trials, steps, hypotheses)
     rng = generator(rng)

@@ -59,6 +59,12 @@ def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
     return count
 
 
+def check_channel(owner: str, channel: Any, count: int) -> None:
+    """Raise ValueError for what is not the number of one of a row's channels."""
+    if not is_whole(channel) or not 0 <= channel < count:
+        raise InputError.of("channel", f"must lie in 0..{count - 1}", channel, owner=owner)
+
+
 def is_bool(value: Any) -> bool:
     """Whether a value is True or False, also NumPy's."""
     return type(value).__name__ in ("bool", "bool_")

@@ -72,6 +72,7 @@ def within(owner: str, error: Exception) -> ValueError:
 
 def shown(given: object) -> str:
     """Return a value as messages show it: one line, numbers short, text in quotes."""
+    given = given.item() if isinstance(given, np.generic) else given
     if isinstance(given, float):
         return f"{given:g}"
     if isinstance(given, (np.dtype, type)):

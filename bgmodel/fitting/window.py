@@ -9,6 +9,7 @@ import numpy as np
 
 from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import reals
 from bgmodel.tables.columns import FEWEST
 from circuits.errors import DataWarning, InputError
 
@@ -53,7 +54,8 @@ def check_window(rt_window: tuple[float, float]) -> None:
     rt_window : tuple of float
         Earliest and latest response time, s; infinity for no latest one.
     """
-    if len(rt_window) != 2 or not 0 <= rt_window[0] < rt_window[1]:
+    ends = reals("rt_window", rt_window)
+    if ends.shape != (2,) or not 0 <= ends[0] < ends[1]:
         raise InputError.of(
             "rt_window",
             "must be an earliest and a later latest time, 0 s or more, as 0.2 5 (inf "

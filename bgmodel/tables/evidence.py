@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.deciding.calibration import warn_of_units
-from bgmodel.evidence import MOST_NATS, Evidence
+from bgmodel.evidence import MOST_NATS, Evidence, checked_prior
 from bgmodel.readings import warn_of_copies
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
@@ -139,7 +139,7 @@ def trials_from_table(
     values[trial, step] = _numbers(table, columns)
     names = [name[3:] for name in columns]
     truth = _truth_of(table, names, trial, first_row) if "truth" in table.columns else None
-    prior_array = None if prior is None else np.asarray(prior, dtype=np.float64)
+    prior_array = None if prior is None else checked_prior(prior, len(columns))
     evidence = Evidence(
         values,
         truth,

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Self
 
-from circuits.checks import check_number
+from circuits.checks import check_channel, check_channels, check_number
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
-from circuits.errors import InputError
+from circuits.errors import InputError, shown
 
 NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite", "published_hz")
 """Fields of rows that leave the fixed point as it is."""
@@ -123,14 +123,11 @@ class EditableTable(CircuitTable):
     def _check_own_channel(self, row: Population, channel: int) -> None:
         if row.pooled:
             raise InputError(
-                f"{row.name} is pooled, one for all alternatives: it has no channel {channel} to "
-                "lesion, give none",
+                f"{row.name} is pooled, one for all alternatives: it has no channel "
+                f"{shown(channel)} to lesion, give none",
                 "channel",
             )
-        if channel not in range(self.channels):
-            raise InputError.of(
-                "channel", f"must lie in 0..{self.channels - 1}", channel, owner=row.name
-            )
+        check_channel(row.name, channel, self.channels)
 
     def scale(self, source: str, target: str, factor: float, channel: int | None = None) -> Self:
         """Return the circuit with the weight of one pathway multiplied by a factor.
@@ -196,8 +193,7 @@ class EditableTable(CircuitTable):
     def _multiplied(self, row: Projection, field: str, factor: float, channel: int) -> Self:
         """Return the circuit with one target channel's number of a pathway multiplied."""
         count = self.channels_of(row.target)
-        if channel not in range(count):
-            raise InputError.of("channel", f"must lie in 0..{count - 1}", channel, owner=row.name)
+        check_channel(row.name, channel, count)
         if factor == 1:
             return self
         values = list(getattr(row, field) or (1.0,) * count)
@@ -211,9 +207,9 @@ class EditableTable(CircuitTable):
         own level: the level 1.2 and a course of +0.5 multiply a weight with D1 receptors by 1.2
         and 1.5.
         """
-        check_number("dopamine level", level)
+        check_number("level", level)
         if not 0 <= level <= 2:
-            raise InputError.of("dopamine", "level must lie in 0..2", level)
+            raise InputError.of("level", "must lie in 0..2", level)
         circuit = self
         for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
             bias = circuit.population(p.target).bias_nats + nats
@@ -226,6 +222,7 @@ class EditableTable(CircuitTable):
 
         The default gain and the largest lead were measured for one number: neither is kept.
         """
+        check_channels(channels)
         same = channels == self.channels
         return self._edited(
             channels=channels,
