@@ -11,7 +11,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import generator
-from circuits.errors import InputError, NoiseWarning
+from circuits.errors import InputError, NoiseWarning, require
 
 FEWEST_TRIALS = 100
 
@@ -79,11 +79,9 @@ def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
 def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
     """Return the group of each trial as a number, 0, 1, ..."""
     given = np.asarray(groups)
-    if given.shape != (trials,):
-        raise InputError.of("groups", f"must be one per trial, ({trials},)", given.shape)
+    require(given.shape == (trials,), "groups", f"must be one per trial, ({trials},)", given.shape)
     kinds, of = np.unique(given, return_inverse=True)
-    if len(kinds) < 2:
-        raise InputError.of("groups", "must be two or more for an interval", len(kinds))
+    require(len(kinds) >= 2, "groups", "must be two or more for an interval", len(kinds))
     return of
 
 

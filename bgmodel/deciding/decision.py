@@ -14,7 +14,7 @@ from bgmodel.deciding.readout import ReadOut, check_early_and_late
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import check_flag, checked_truth, is_number, one_per_trial, reals
 from bgmodel.support.reprs import Facts, span
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -451,8 +451,7 @@ def tally(
     from bgmodel.deciding.crossing import ROUNDING, tally_all
 
     check_flag("checked", checked)
-    if np.ndim(thresholds) != 1:
-        raise InputError.of("thresholds", "must be (K,)", np.shape(thresholds))
+    require(np.ndim(thresholds) == 1, "thresholds", "must be (K,)", np.shape(thresholds))
     if truth is None:
         raise InputError("tally counts correct choices: it needs the truth of each trial", "truth")
     out, first, ends, numbers = _ready(trace)
@@ -590,8 +589,7 @@ def _first_reading(trace: Trace) -> int:
 def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int) -> tuple[Integers, Array]:
     """Return, for each channel, the thresholds from highest to lowest and where they came from."""
     levels = reals("thresholds", thresholds)
-    if not np.isfinite(levels).all():
-        raise InputError.of("thresholds", "must be finite nats", levels)
+    require(np.isfinite(levels).all(), "thresholds", "must be finite nats", levels)
     if levels.ndim < 2:
         levels = np.repeat(levels.reshape(-1, 1), hypotheses, axis=1)
     if levels.ndim != 2 or levels.shape[1] != hypotheses or len(levels) == 0:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import is_number
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
 """What a cell of numbers or responses holds where there is none."""
@@ -194,8 +194,7 @@ def numbers(column: pd.Series) -> Array:
     ValueError
         If a value is no finite number.
     """
-    if column.dtype.kind in "mMb":
-        raise InputError.of(column.name, "must hold numbers", column.dtype)
+    require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
     missing = _is_missing(column)
     values = np.array(
         [np.nan if m else _number(v) for v, m in zip(column, missing, strict=True)],

@@ -19,7 +19,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.trials import RESULT, Trials
-from circuits.errors import InputError, within
+from circuits.errors import InputError, require, within
 
 KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""
@@ -328,8 +328,7 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> npt.NDArray[np.float64]
 
 def _check_numeric(column: pd.Series) -> None:
     """Raise ValueError for a column of times or of true and false: they are no numbers."""
-    if column.dtype.kind in "mMb":
-        raise InputError.of(column.name, "must hold numbers", column.dtype)
+    require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
 
 
 def _constant(

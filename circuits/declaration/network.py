@@ -11,7 +11,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.checks import check_channels, check_types
 from circuits.declaration.rows import PATTERNS, SIGNS, Population, Projection
-from circuits.errors import InputError, shown
+from circuits.errors import InputError, require, shown
 
 
 @dataclass(frozen=True, repr=False)
@@ -68,13 +68,13 @@ class Network(Mapping[str, "Population | Projection"]):
             )
         for name in ("factors", "intact_by_channel"):
             count = len(getattr(p, name))
-            if count not in (0, channels):
-                raise InputError.of(
-                    name,
-                    f"must hold one number for each of {channels} channels",
-                    count,
-                    owner=p.name,
-                )
+            require(
+                count in (0, channels),
+                name,
+                f"must hold one number for each of {channels} channels",
+                count,
+                owner=p.name,
+            )
 
     def population(self, name: str) -> Population:
         """Return a row by name.

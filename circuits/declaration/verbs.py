@@ -16,7 +16,7 @@ from circuits.declaration.edits import Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
-from circuits.errors import InputError, shown
+from circuits.errors import InputError, require, shown
 
 NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite", "published_hz")
 """Fields of rows that leave the fixed point as it is."""
@@ -108,8 +108,7 @@ class EditableTable(CircuitTable):
                 f"{name} is {there} already: it can't be both lesioned and clamped", "nucleus"
             )
         check_number("fraction", fraction)
-        if not 0 <= fraction <= 1:
-            raise InputError.of("fraction", "must lie in 0..1", fraction)
+        require(0 <= fraction <= 1, "fraction", "must lie in 0..1", fraction)
         if channel is not None:
             self._check_own_channel(row, channel)
         if fraction == 0:
@@ -153,8 +152,7 @@ class EditableTable(CircuitTable):
         """
         row = self.projection(source, target)
         check_number("factor", factor)
-        if not 0 <= factor < math.inf:
-            raise InputError.of("factor", "must be >= 0", factor)
+        require(0 <= factor < math.inf, "factor", "must be >= 0", factor)
         if channel is None:
             return self.with_projection(source, target, weight=row.weight * factor)
         return self._multiplied(row, "factors", factor, channel)
@@ -184,8 +182,7 @@ class EditableTable(CircuitTable):
         """
         row = self.projection(source, target)
         check_number("fraction", fraction)
-        if not 0 <= fraction <= 1:
-            raise InputError.of("fraction", "must lie in 0..1", fraction)
+        require(0 <= fraction <= 1, "fraction", "must lie in 0..1", fraction)
         if channel is None:
             return self.with_projection(source, target, intact=row.intact * (1 - fraction))
         return self._multiplied(row, "intact_by_channel", 1 - fraction, channel)
@@ -208,8 +205,7 @@ class EditableTable(CircuitTable):
         and 1.5.
         """
         check_number("level", level)
-        if not 0 <= level <= 2:
-            raise InputError.of("level", "must lie in 0..2", level)
+        require(0 <= level <= 2, "level", "must lie in 0..2", level)
         circuit = self
         for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
             bias = circuit.population(p.target).bias_nats + nats
@@ -240,8 +236,7 @@ class EditableTable(CircuitTable):
     def with_neurons_times(self, factor: float) -> Self:
         """Return the circuit with so many times the cells of every spiking population, rounded."""
         check_number("factor", factor)
-        if not 0 < factor < math.inf:
-            raise InputError.of("factor", "must be > 0 and finite", factor)
+        require(0 < factor < math.inf, "factor", "must be > 0 and finite", factor)
         rows = tuple(
             replace(p, neurons=max(1, round(p.neurons * factor))) if p.spiking else p
             for p in self.populations
