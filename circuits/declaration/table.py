@@ -189,7 +189,7 @@ class CircuitTable(Network):
         if self.unit != NATS:
             raise InputError(
                 f"{self.name} works in {self.unit}, not nats: {what} has no meaning there{instead}",
-                what,
+                "unit",
             )
 
     @property
