@@ -63,8 +63,8 @@ def parsed(arguments: Sequence[str] | None) -> Callable[[], None]:
 
     given = sys.argv[1:] if arguments is None else arguments
     _check_named(COMMANDS, given)
-    if [word.partition("=")[0] for word in given].count("--edit") > 1:
-        raise InputError("--edit is given twice: write all edits after one --edit", "edit")
+    if [word.partition("=")[0] for word in given].count("--edits") > 1:
+        raise InputError("--edits is given twice: write all edits after one --edits", "edits")
     printed = io.StringIO()
     try:
         with redirect_stderr(printed):

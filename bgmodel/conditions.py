@@ -145,15 +145,15 @@ class Condition(Setup):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.task.check()
-        if self.threshold is None:
-            if self.posterior is None:
-                object.__setattr__(self, "posterior", POSTERIOR)
-            if self.task.evidence is None:
-                self.threshold_at(self.hypotheses)
-        elif self.posterior is not None:
-            raise InputError("give posterior or threshold, not both", "posterior", self.posterior)
-        elif not np.isfinite(self.threshold):
-            raise InputError.of("threshold", "must be finite", self.threshold)
+        if self.threshold is not None:
+            if self.posterior is not None:
+                raise InputError(
+                    "give posterior or threshold, not both", "posterior", self.posterior
+                )
+            if not np.isfinite(self.threshold):
+                raise InputError.of("threshold", "must be finite", self.threshold)
+        elif self.task.evidence is None:
+            self.threshold_at(self.hypotheses)
 
     @property
     def hypotheses(self) -> int:
@@ -177,8 +177,12 @@ class Condition(Setup):
         """Return the output (OUT) at which the circuit decides among so many alternatives."""
         if self.threshold is not None:
             return self.threshold
-        assert self.posterior is not None
-        return float(criterion_from_posterior(self.posterior, hypotheses))
+        return float(criterion_from_posterior(self.stopping_posterior, hypotheses))
+
+    @property
+    def stopping_posterior(self) -> float:
+        """The posterior at which the circuit decides, where no threshold is given."""
+        return POSTERIOR if self.posterior is None else self.posterior
 
     @property
     def threshold_nats(self) -> float:
@@ -190,7 +194,7 @@ class Condition(Setup):
         """The posterior, or the threshold, at which the circuit decides, as text."""
         if self.threshold is not None:
             return f"threshold {self.threshold:g}"
-        return f"{self.posterior:g}"
+        return f"{self.stopping_posterior:g}"
 
     @property
     def edited(self) -> Circuit:

@@ -71,8 +71,6 @@ else:
 
 
 MACAQUE = CircuitName(DEFAULT)
-ENSEMBLE = EngineName("ensemble")
-RATE = EngineName("rate")
 
 
 def check(what: str, given: object, kind: Any) -> None:

@@ -33,7 +33,7 @@ def one_sentence(capsys):
 
 
 def test_show_saves_a_table_as_edited_and_shows_it_again(here, capsys):
-    edits = ["--channels", 3, "--edit", "lesion STN 50%", "lesion GPe[1] 25%"]
+    edits = ["--channels", 3, "--edits", "lesion STN 50%", "lesion GPe[1] 25%"]
     assert run("circuit", "show", "spiking_msprt", *edits, "--save", "mine.toml") == 0
     first = capsys.readouterr().out
     assert first.splitlines()[-1] == "spiking_msprt, 3 channels -> mine.toml"
@@ -74,7 +74,7 @@ def test_a_file_runs_as_the_table_that_it_was_written_from(here, command):
 
 
 def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):
-    assert run("circuit", "run", "a.csv", *SMALL, "--edit", "lesion D2 50%") == 0
+    assert run("circuit", "run", "a.csv", *SMALL, "--edits", "lesion D2 50%") == 0
     assert said(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().lesion("D2", 0.5))
 
 
@@ -147,7 +147,8 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
 
 @pytest.mark.parametrize(
     "command",
-    [("circuit", "show"), ("circuit", "run", "a.csv"), ("circuit", "lesion", "a.csv", "STN=0.2"),
+    [("circuit", "show"), ("circuit", "run", "a.csv"),
+     ("circuit", "lesion", "a.csv", "lesion STN 20%"),
      ("circuit", "learn", "a.csv"), ("compare", "a.csv")],
 )  # fmt: skip
 @pytest.mark.parametrize(

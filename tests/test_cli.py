@@ -51,10 +51,10 @@ def test_a_users_own_table_comes_back_with_its_ids_and_columns(tmp_path, capsys,
     assert (table["trial"].iloc[found["row"].astype(int)] == found["trial"].to_numpy()).all()
     about = read_provenance(out)
     kept = about["parameters"]["command"]
-    options = kept if command == ("decide",) else kept["stimuli"]
+    options = kept if command == ("decide",) else kept["task"]
     digest = hashlib.sha256(mine.read_bytes()).hexdigest()
     assert options["evidence"] == {"file": "mine.csv", "sha256": digest}
-    idle = {"trials", "t_max", "task", "d_prime", "delta", "fold", "workers", "output", "force"}
+    idle = {"trials", "t_max", "d_prime", "delta", "fold", "workers", "output", "force"}
     assert not idle & (set(kept) | set(options))
     assert about["seed"] is None
 
@@ -119,7 +119,7 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["decide", "out.csv", "--evidence", "x.csv", "--seed", "-1"], "seed must be a whole"),
         (["learn", "out.csv", "--learner.episodes", "200"], "--learner: episodes must be at least"),
         (
-            ["circuit", "run", "out.csv", "--engine", "rate", "--edit", "neurons 3"],
+            ["circuit", "run", "out.csv", "--engine", "rate", "--edits", "neurons 3"],
             "'neurons 3' says nothing to the rate engine",
         ),
         (["decide", "out.csv", "--posterior", "0.5"], "posterior must lie between chance, 0.5"),
@@ -137,13 +137,16 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["learn", "out.csv", "--runs", "1e9"], "of memory"),
         (["simulate", "taps.npz", "--taps", "1e12"], "of memory"),
         (["circuit", "run", "out.csv", "--trials", "1e12"], "of memory"),
-        (["circuit", "run", "out.csv", "--edit", "neurons 1e9", "--trials", "2"], "of memory"),
-        (["circuit", "run", "out.csv", "--edit", "neurons 1e12"], "neurons must be"),
+        (
+            ["circuit", "run", "out.csv", "--edits", "neurons 1e9", "--engine", "ensemble"],
+            "of memory",
+        ),
+        (["circuit", "run", "out.csv", "--edits", "neurons 1e12"], "neurons must be"),
         (["circuit", "run", "out.csv", "--gain", "0"], "gain must be > 0"),
         (["circuit", "run", "out.csv", "--gain", "inf"], "gain must be > 0 and finite"),
         (["circuit", "run", "out.csv", "--posterior", ".4"], "posterior must lie between chance"),
         (["circuit", "run", "out.csv", "--channels", "0"], "channels must be at least 2, got 0"),
-        (["circuit", "run", "out.csv", "--edit", "spread 5"], "spread must lie in 0..1, got 5"),
+        (["circuit", "run", "out.csv", "--edits", "spread 5"], "spread must lie in 0..1, got 5"),
         (["circuit", "show", "--channels", "0"], "channels must be a whole number >= 2, got 0"),
         (["decide", "."], "is a folder"),
     ],
@@ -235,7 +238,7 @@ def numbers(options):
         ),
         (
             "compare a.csv",
-            f"{MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+            f"seed=0 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2",
         ),
         ("fit mine.csv", "noise_nats=2 trials=16000 seed=24001"),
         ("experiment", "workers=2"),
@@ -244,18 +247,18 @@ def numbers(options):
         ("circuit show", ""),
         (
             "circuit run a.csv",
-            f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
-            f"step_ms=50 {EXPECTED} workers=2 spike_trials=10 seed=0",
+            f"seed=0 channels=2 d_prime=0.5 conflict=0 {GRATING} trials=100 t_max=40 "
+            f"step_ms=50 {EXPECTED} workers=2 spike_trials=10",
         ),
         (
             "circuit lesion a.csv",
-            f"{MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2 seed=0",
+            f"seed=0 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2",
         ),
-        ("circuit designed", "thresholds=0.35,0.25,0.15 trials=200 workers=2 seed=0"),
+        ("circuit designed", "seed=0 thresholds=0.35,0.25,0.15 trials=200 workers=2"),
         (
             "circuit learn a.csv",
-            "channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
-            f"step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER} seed=0",
+            "seed=0 channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
+            f"step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER}",
         ),
     ],
 )

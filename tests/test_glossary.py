@@ -7,6 +7,7 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 from bgmodel.commands.table import COMMANDS
+from bgmodel.conditions import Condition
 from tests.helpers import ROOT, found
 
 TEXT = (ROOT / "docs/glossary.md").read_text()
@@ -31,7 +32,8 @@ def options(commands):
     for command in commands.values():
         kind = command[1] if isinstance(command, tuple) else command
         if is_dataclass(kind):
-            yield from (f"--{field.name.replace('_', '-')}" for field in fields(kind))
+            names = [field.name for one in (kind, Condition) for field in fields(one)]
+            yield from (f"--{name.replace('_', '-')}" for name in names)
         else:
             yield from options(kind)
 

@@ -25,8 +25,9 @@ from tests.strategies.commands import COMMANDS, check_result, options
 from tests.strategies.edits import driven, edited_circuits, refused_edits
 
 QUICK = ["--training.width", "0.1", "--training.epochs", "1", "--training.batch", "8"]
-OTHER_WORDS = {"ctx->STN=0.3": "without evidence", "1e12": "memory", "1e13": "memory"}
+OTHER_WORDS = {"scale ctx->STN 0.3": "without evidence", "1e12": "memory", "1e13": "memory"}
 OTHER_WORDS["0.9999"] = "reads no OUT below"
+OTHER_WORDS["connections 2"] = "between cells that spike"
 """What a sentence says of a value that it does not repeat."""
 FOLDER, FILE = Path("here"), Path("mine.toml")
 SENTENCE = r"^[^\n]{10,}$"
@@ -101,7 +102,9 @@ def test_a_command_gives_a_result_or_one_sentence(text, count, typed):
     def one(line, wrong):
         emptied()
         for added in wrong:
-            assert_refused(typed, [*line, *added], words_of(added))
+            # Edits come last, and --edits is given once.
+            end = line.index("--edits") if {"--edits"} & {*line} & {*added} else None
+            assert_refused(typed, [*line[:end], *added], words_of(added))
         assert typed(line)[0] == 0, line
         check_result(FOLDER)
 
@@ -119,7 +122,7 @@ def test_an_experiments_file_is_run_as_it_is_written(count, typed):
         found = Experiment.from_toml(FILE)
         assert (found.name, found.seed, found.note) == (file["name"], file["seed"], file["note"])
         assert found.predictions[0].at_least == file["predictions"][0]["at_least"]
-        assert list(found.manipulation.without) == file["manipulation"]["without"]
+        assert list(found.manipulation.edits) == file["manipulation"]["edits"]
         assert typed(["experiment", str(FILE), f"{FOLDER}/out.csv", "--trials", "220"])[0] == 0
         assert len(read_table(FOLDER / "out_trials.csv")) in (220, 440)
         assert read_table(FOLDER / "out.csv")["outcome"].notna().sum() == 1

@@ -43,7 +43,7 @@ def test_a_circuit_without_nats_decides_at_a_threshold_in_its_unit(tmp_path, cap
     assert table["forced"].mean() < 0.5
     assert table.loc[~table["forced"], "correct"].mean() > 0.8
     capsys.readouterr()
-    assert main([*done, "--force", "--edit", "lesion D1"]) == 0
+    assert main([*done, "--force", "--edits", "lesion D1"]) == 0
     assert pd.read_csv(path)["forced"].all()
 
 
@@ -51,10 +51,12 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
     path = tmp_path / "lesions.csv"
     task = ["--circuit", "gpr", "--engine", "rate", "--gain", "0.1", "--trials", "100"]
     at = ["--accuracies", "0.9", "0.97"]
-    assert main(["circuit", "lesion", str(path), "STN=.5", *task, "--t-max", "20", *at]) == 0
+    assert (
+        main(["circuit", "lesion", str(path), "lesion STN 50%", *task, "--t-max", "20", *at]) == 0
+    )
     said = capsys.readouterr().err
     assert "gpr works in salience, not nats: its thresholds are in salience" in said
-    assert set(pd.read_csv(path)["variant"]) == {"intact", "STN=.5"}
+    assert set(pd.read_csv(path)["variant"]) == {"intact", "lesion STN 50%"}
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,9 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import tyro
+from typing import TYPE_CHECKING, Any
 
 from bgmodel.support import files, progress
-from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -21,15 +18,16 @@ if TYPE_CHECKING:
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from circuits.declaration.edits import Edits
 
-EditOption = Annotated[Edits, tyro.conf.arg(name="edit")]
-"""Edits of a circuit: one option, followed by a line for each."""
 COMPILES = "compiling, once for this kind of circuit"
 """What a command says when an engine compiles, which is kept on disk."""
 OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
 """Options that change no byte of a result; the seed stands apart."""
+RECORDS = ("setup", "condition")
+"""Fields of commands whose own fields are options."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +93,10 @@ def options_of(command: Any, *, idle: Iterable[str] = (), **settled: Any) -> dic
     found: dict[str, Any] = {}
     for field in fields(command):
         value = settled.get(field.name, getattr(command, field.name))
-        if field.name in (*UNRECORDED, *idle) or value is None:
-            continue
-        found[field.name] = recorded(value)
+        if field.name in RECORDS:
+            found |= options_of(value)
+        elif field.name not in (*UNRECORDED, *idle) and value is not None:
+            found[field.name] = recorded(value)
     return found
 
 

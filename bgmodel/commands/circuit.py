@@ -6,14 +6,12 @@ import importlib.util
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-import tyro
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
 from bgmodel.commands.checks import (
-    EditOption,
     Writes,
     bar,
     check_ending,
@@ -22,9 +20,9 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
+from bgmodel.conditions import Condition
 from bgmodel.deciding.decision import Decision
-from bgmodel.integrators.sprt import criterion_from_posterior
-from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
+from bgmodel.names import MACAQUE, CircuitName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
@@ -39,16 +37,14 @@ if TYPE_CHECKING:
     from circuits.activity import Activity
     from circuits.circuit import Circuit
 
-DEFAULT_POSTERIOR = 0.9
-
 
 @dataclass(frozen=True)
 class CircuitShow(Writes):
     """Print a circuit's table, as edited; draw it if a file is given.
 
     Examples: bgmodel circuit show macaque;
-    bgmodel circuit show appendix_b --edit "lesion STN 50%" --drawing circuit.pdf;
-    bgmodel circuit show --edit "set STN->GPe.delay_ms 4" "add D1->GPe weight=-0.1";
+    bgmodel circuit show appendix_b --edits "lesion STN 50%" --drawing circuit.pdf;
+    bgmodel circuit show --edits "set STN->GPe.delay_ms 4" "add D1->GPe weight=-0.1";
     bgmodel circuit show macaque --channels 4 --save mine.toml; bgmodel circuit show mine.toml
     """
 
@@ -56,7 +52,7 @@ class CircuitShow(Writes):
     """Name of the table, or the path of a .toml file."""
     channels: int | None = None
     """Number of alternatives; 2 unless given, or that of the file."""
-    edits: EditOption = field(default_factory=Edits)
+    edits: Edits = field(default_factory=Edits)
     """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
     drawing: Path | None = None
     """Where a drawing goes, .pdf, .svg or .png."""
@@ -139,25 +135,12 @@ class CircuitRun(Writes):
     """Let a circuit decide, on Gaussian or tactile evidence or on a table of your own.
 
     Examples: bgmodel circuit run decisions.csv --trials 100 --seed 1;
-    bgmodel circuit run lesioned.csv --edit "lesion STN 10%" --engine rate
+    bgmodel circuit run lesioned.csv --edits "lesion STN 10%" --engine rate
     """
 
     output: Positional[Path]
     """Where the trial table goes, .parquet or .csv."""
-    circuit: CircuitName = MACAQUE
-    """Name of the table, or the path of a .toml file."""
-    engine: EngineName = ENSEMBLE
-    """How the circuit is run: compiled spikes, unless another engine is named."""
-    edits: EditOption = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
-    stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = field(default_factory=Stimuli)
-    gain: float | None = None
-    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the
-    table's default unless given."""
-    posterior: float | None = None
-    """Posterior probability, in the circuit's nats, at which it decides; .9 unless given."""
-    threshold: float | None = None
-    """OUT at which it decides, in the circuit's unit, in place of a posterior."""
+    condition: OmitArgPrefixes[Condition] = field(default_factory=Condition)
     workers: int = 2
     """Threads of the engines that can use several; they change no byte."""
     rates: Path | None = None
@@ -169,7 +152,6 @@ class CircuitRun(Writes):
     """Number of trials, from the first, whose spikes are written."""
     nwb: Path | None = None
     """Where the first trial's spikes and rates go, .nwb."""
-    seed: int = 0
 
     def __call__(self) -> None:
         """Run the command."""
@@ -177,23 +159,27 @@ class CircuitRun(Writes):
         from circuits.activity import RateMeans
 
         self._check()
-        trials = self.stimuli.draw(self.seed, "circuit run")
+        asked = self.condition
+        trials = asked.drawn("circuit run")
         evidence = trials.evidence
-        model = self._model(evidence)
-        table = model.circuit
-        posterior = self._posterior() if self.threshold is None else None
-        threshold = model.threshold(self.threshold, posterior)
+        say_of_edits(asked.edits)
+        model = asked.model(evidence.hypotheses, workers=self.workers)
+        posterior = asked.stopping_posterior if asked.threshold is None else None
+        threshold = model.threshold(asked.threshold, posterior)
         started = time.perf_counter()
         say_before("running", model, evidence)
         means = None if self.rates is None else RateMeans()
         with bar(evidence.trials):
             decision = model.decide(evidence, threshold, rates=means)
-        seed = self.seed if self._draws() else None
-        about = f"{table.name} {self.engine}"
+        # A table of evidence on an engine without noise: nothing was drawn.
+        seed = asked.seed if asked.task.evidence is None or model.engine.noisy else None
+        about = f"{model.circuit.name} {model.engine}"
         result = tables.trial_table(decision, trials, seed=seed, model=about)
         behind = {
-            "command": options_of(self, gain=model.gain, posterior=posterior),
-            "circuit": identity(table),
+            "command": options_of(
+                self, condition=replace(asked, gain=model.gain, posterior=posterior)
+            ),
+            "circuit": identity(model.circuit),
         }
         files.write_table(result, self.output, seed=seed, **behind)
         if self.rates is not None and means is not None:
@@ -205,7 +191,7 @@ class CircuitRun(Writes):
             from circuits.nwb import write_nwb
 
             write_nwb(self._first(model, evidence, 1), self.nwb)
-        if self.stimuli.evidence is not None:
+        if asked.task.evidence is not None:
             print(trials.summary())
         known, seconds = evidence.truth is not None, time.perf_counter() - started
         self._say_decided(result, decision, known, seconds)
@@ -217,17 +203,6 @@ class CircuitRun(Writes):
         model = replace(model, engine=model.engine.recording(names))
         return model.activity(evidence[:trials])
 
-    def _model(self, evidence: Evidence) -> BasalGanglia:
-        """Return the circuit as edited, on its engine."""
-        from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-        from circuits.anatomy import load_circuit
-        from circuits.engines import engine_of
-
-        table = load_circuit(self.circuit, evidence.hypotheses).edited(*self.edits)
-        say_of_edits(self.edits)
-        engine = engine_of(self.engine).tuned(workers=self.workers)
-        return BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
-
     def _say_decided(
         self, result: pd.DataFrame, decision: Decision, known: bool, seconds: float
     ) -> None:
@@ -238,35 +213,17 @@ class CircuitRun(Writes):
             f"forced {result['forced'].sum()}, in {seconds:.1f} s -> {self.output}"
         )
 
-    def _posterior(self) -> float:
-        return DEFAULT_POSTERIOR if self.posterior is None else self.posterior
-
-    def _draws(self) -> bool:
-        """Whether anything is drawn with the seed: evidence, or the noise of cells."""
-        from circuits.engines import engine_of
-
-        return self.stimuli.evidence is None or engine_of(self.engine).noisy
-
     def _check(self) -> None:
-        """Refuse what makes no sense, before long work starts."""
+        """Raise ValueError for options that contradict each other, before long work starts."""
         from circuits.engines import engine_of
-        from circuits.ignored import check_edits
 
         check_ending("output", self.output, ".parquet", ".csv")
-        check_edits(self.edits, self.engine)
-        self.stimuli.check()
-        self.stimuli.check_idle(Stimuli())
+        self.condition.task.check_idle(Stimuli())
         check_whole(workers=self.workers)
-        if self.threshold is not None and self.posterior is not None:
-            raise InputError("give posterior or threshold, not both", "posterior")
-        if self.threshold is not None and not np.isfinite(self.threshold):
-            raise InputError.of("threshold", "must be finite", self.threshold)
-        if self.stimuli.evidence is None and self.threshold is None:
-            criterion_from_posterior(self._posterior(), self.stimuli.channels)
         check_whole(spike_trials=self.spike_trials)
-        if self.spikes is not None and not engine_of(self.engine).spiking:
+        if self.spikes is not None and not engine_of(self.condition.engine).spiking:
             raise InputError(
-                f"the {self.engine} engine has no spikes: leave --spikes out", "spikes"
+                f"the {self.condition.engine} engine has no spikes: leave --spikes out", "spikes"
             )
         tables_of = (".parquet", ".csv")
         for name, endings in (("rates", tables_of), ("spikes", tables_of), ("nwb", (".nwb",))):

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import tyro
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
 from bgmodel.commands.checks import (
-    EditOption,
     Shows,
     bar,
     check_ending,
@@ -20,9 +18,9 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
+from bgmodel.conditions import Setup
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.rivals import RIVALS, rivals_on
-from bgmodel.names import ENSEMBLE, MACAQUE, CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
@@ -43,21 +41,12 @@ class Comparison(Shows):
 
     output: Positional[Path]
     """Where the table of measures goes, .parquet or .csv."""
-    circuit: CircuitName = MACAQUE
-    """Name of the table, or the path of a .toml file."""
-    engine: EngineName = ENSEMBLE
-    """How the circuit is run: compiled spikes, unless another engine is named."""
-    edits: EditOption = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
-    stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = MANY
-    gain: float | None = None
-    """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that); the
-    table's default unless given."""
+    setup: OmitArgPrefixes[Setup] = field(default_factory=Setup)
+    task: OmitArgPrefixes[Stimuli] = MANY
     accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
     """Expected accuracies at which thresholds are matched."""
     workers: int = 2
     """Threads of the engines that can use several; they change no byte."""
-    seed: int = 0
 
     def _about(self, evidence: Evidence) -> dict[str, Any]:
         """Return the JSON values beside the rows."""
@@ -76,7 +65,7 @@ class Compare(Comparison):
     Examples: bgmodel compare agreement.csv --channels 4;
     bgmodel compare ceiling.csv --engine population --ceiling;
     bgmodel compare tactile.csv --task same-different --period-mm 1.5;
-    bgmodel compare clamped.csv --channels 4 --edit "clamp GPe"
+    bgmodel compare clamped.csv --channels 4 --edits "clamp GPe"
     """
 
     ceiling: bool = False
@@ -88,26 +77,25 @@ class Compare(Comparison):
         from bgmodel.comparison.compare import compare
         from bgmodel.comparison.page import page
         from bgmodel.integrators.deciding import is_noisy
-        from circuits.anatomy import load_circuit
 
         model, evidence = _model(self)
-        gaussian = self.stimuli.evidence is None and self.stimuli.task == "gaussian"
+        gaussian = self.task.evidence is None and self.task.task == "gaussian"
         # Elsewhere the zero of the evidence means nothing.
         rivals = rivals_on(zero_is_nothing=gaussian)
         if left := [name for name in RIVALS if name not in rivals]:
             say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
-        whole = load_circuit(self.circuit, evidence.hypotheses)
+        whole = self.setup.intact(evidence.hypotheses)
         intact = None if model.circuit == whole else whole
         again = self.ceiling and is_noisy(model)
         runs = 1 + (intact is not None) + again
         say_before("comparing", model, evidence, runs=runs)
-        given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
+        given: dict[str, Any] = {"seed": self.setup.seed, "accuracies": self.accuracies}
         with bar(runs * evidence.trials):
             found = compare(
                 model, evidence, rivals=rivals, intact=intact, ceiling=self.ceiling, **given
             )
         table = found.table
-        files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
+        files.write_table(table, self.output, seed=self.setup.seed, **_behind(self, model))
         self.show(page(table), table, **self._about(evidence))
         self.note(f"{evidence.trials} trials -> {self.output}")
 
@@ -118,8 +106,8 @@ class CircuitLesion(Comparison):
 
     Each edit makes a circuit of its own: "lesion STN 20%", "clamp GPe", "cut GPe->STN 30%",
     "scale D1->SNr 0.9", "set STN->GPe.delay_ms 4", "add D1->GPe weight=-0.1", "dopamine 0.9". Those
-    of --edit are made before, in all of them, and the circuit that has these alone is called "as
-    edited"; with --edit compensate each nucleus returns to its resting rate after each edit too.
+    of --edits are made before, in all of them, and the circuit that has these alone is called "as
+    edited"; with --edits compensate each nucleus returns to its resting rate after each edit too.
     Behaviour is shown at the threshold of the circuit before its lesions, and with thresholds tuned
     anew. What a lesion does here is the model's prediction, not what an experiment found.
 
@@ -134,26 +122,25 @@ class CircuitLesion(Comparison):
         """Run the command."""
         from bgmodel.comparison.edited import AS_EDITED, INTACT, compare_edits
         from bgmodel.comparison.page import behaviour, page
-        from circuits.anatomy import load_circuit
         from circuits.ignored import check_edits
 
         model, evidence = _model(self)
-        whole = load_circuit(self.circuit, evidence.hypotheses)
+        whole = self.setup.intact(evidence.hypotheses)
         before = INTACT if model.circuit == whole else AS_EDITED
-        compensate = ["compensate"] * self.edits.compensates
+        compensate = ["compensate"] * self.setup.edits.compensates
         asked = {line: Edits([line]).replacing(compensate) for line in self.lesions}
         for edits in asked.values():
-            check_edits(edits, self.engine)
+            check_edits(edits, self.setup.engine)
         edited = {line: model.circuit.edited(*edits) for line, edits in asked.items()}
         say_of_edits(*asked.values())
         if self.lesions == LESIONS:
             say(f"no edit given, these run: {', '.join(LESIONS)}")
         circuits = 1 + len(edited)
         say_before("lesioning", model, evidence, runs=circuits)
-        given: dict[str, Any] = {"seed": self.seed, "accuracies": self.accuracies}
+        given: dict[str, Any] = {"seed": self.setup.seed, "accuracies": self.accuracies}
         with bar(circuits * evidence.trials):
             table = compare_edits(model, edited, evidence, before=before, **given)
-        files.write_table(table, self.output, seed=self.seed, **_behind(self, model))
+        files.write_table(table, self.output, seed=self.setup.seed, **_behind(self, model))
         text = (
             f"at the threshold of the circuit {before} (a prediction):\n{behaviour(table)}\n\n"
             "against the MSPRT, thresholds tuned anew:\n"
@@ -167,7 +154,7 @@ def _behind(asked_for: Comparison, model: BasalGanglia) -> dict[str, Any]:
     """Return the options and the circuit of a result, for its provenance."""
     from bgmodel.integrators.basal_ganglia import identity
 
-    command = options_of(asked_for, gain=model.gain)
+    command = options_of(asked_for, setup=replace(asked_for.setup, gain=model.gain))
     return {"command": command, "circuit": identity(model.circuit)}
 
 
@@ -175,31 +162,21 @@ def _model(asked_for: Comparison) -> tuple[BasalGanglia, Evidence]:
     """Check the options; return the model and the evidence."""
     from bgmodel.bootstrap import check_trials
     from bgmodel.comparison.matched import checked_accuracies
-    from bgmodel.conditions import Setup
     from bgmodel.integrators.deciding import sample_ms
     from circuits.declaration.table import NATS
-    from circuits.ignored import check_edits
 
-    stimuli = asked_for.stimuli
+    setup, task = asked_for.setup, asked_for.task
     check_ending("output", asked_for.output, ".parquet", ".csv")
-    stimuli.check()
-    stimuli.check_idle(MANY)
+    task.check()
+    task.check_idle(MANY)
     check_whole(workers=asked_for.workers)
-    check_edits(asked_for.edits, asked_for.engine)
-    trials = stimuli.draw(asked_for.seed, "compare")
-    if stimuli.evidence is not None:
+    trials = task.draw(setup.seed, "compare")
+    if task.evidence is not None:
         asked_for.note(trials.summary())
     evidence = trials.evidence
     check_trials(evidence.trials)
     checked_accuracies(asked_for.accuracies, evidence.hypotheses)
-    setup = Setup(
-        circuit=asked_for.circuit,
-        edits=asked_for.edits,
-        engine=asked_for.engine,
-        gain=asked_for.gain,
-        seed=asked_for.seed,
-    )
-    say_of_edits(asked_for.edits)
+    say_of_edits(setup.edits)
     model = setup.model(
         evidence.hypotheses, workers=asked_for.workers, sample_ms=sample_ms(evidence.step_ms)
     )

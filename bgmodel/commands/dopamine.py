@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import tyro
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
 from bgmodel.commands.checks import (
-    EditOption,
     Writes,
     bar,
     check_ending,
@@ -21,15 +19,14 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
+from bgmodel.conditions import Condition
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.learning.reinforce import Learner
-from bgmodel.names import MACAQUE, RATE, CircuitName, EngineName
+from bgmodel.names import EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
 from bgmodel.support.memory import check_learning_memory, check_memory
-from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -39,6 +36,13 @@ if TYPE_CHECKING:
     from bgmodel.tables.trials import Trials
 
 TOUCHED = Stimuli(task="same-different", period_mm=1.5, trials=500, t_max=30)
+POSTERIOR = 0.74
+"""A threshold of 0.3 nats, which dopamine can move to posteriors of 0.75 to 0.99."""
+
+
+def learning() -> Condition:
+    """Return what learns unless options say otherwise."""
+    return Condition(engine=EngineName("rate"), task=TOUCHED, posterior=POSTERIOR)
 
 
 @dataclass(frozen=True)
@@ -48,24 +52,16 @@ class CircuitLearn(Writes):
     The circuit first decides every trial at every level; then each run draws from those decisions,
     plays levels and is paid for what came of them. Tonic dopamine is what is learned, phasic
     dopamine the reward prediction error. What the learned level costs is measured on as many fresh
-    trials with fresh noise; of a table of evidence every second trial is kept for that.
+    trials with fresh noise; of a table of evidence every second trial is kept for that. Unless told
+    otherwise the circuit runs as rates without noise, so that levels differ by dopamine alone, and
+    stops at a posterior of 0.74 at a level of 1, from where dopamine can move it both ways.
 
     Example: bgmodel circuit learn dopamine.parquet --start-level 1.6 --runs 5
     """
 
     output: Positional[Path]
     """Where the table of trials goes, .parquet or .csv."""
-    circuit: CircuitName = MACAQUE
-    """Name of the table, or the path of a .toml file."""
-    engine: EngineName = RATE
-    """How the circuit is run: rates, unless another engine is named."""
-    edits: EditOption = field(default_factory=Edits)
-    """Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9"."""
-    stimuli: Annotated[Stimuli, tyro.conf.arg(name="")] = TOUCHED
-    gain: float | None = None
-    """Nats in the circuit per nat of evidence, kappa; the table's default unless given."""
-    posterior: float = 0.74
-    """Posterior, in the circuit's nats, at which it decides at a level of 1."""
+    condition: OmitArgPrefixes[Condition] = field(default_factory=learning)
     xi: float = 50.0
     """Cost of an error, readings."""
     start_level: float | None = None
@@ -75,7 +71,6 @@ class CircuitLearn(Writes):
     runs: int = 10
     """Independent repeats."""
     learner: Learner = field(default_factory=Learner)
-    seed: int = 0
 
     def __call__(self) -> None:
         """Run the command."""
@@ -90,12 +85,13 @@ class CircuitLearn(Writes):
         from bgmodel.learning.reinforce import LearningStopped
 
         self._check()
-        trials = self.stimuli.draw(self.seed, "learn")
-        if self.stimuli.evidence is not None:
+        asked = self.condition
+        trials = asked.drawn("learn")
+        if asked.task.evidence is not None:
             print(trials.summary())
         evidence, fresh = self._learned_and_scored(trials)
         model = self._model(evidence)
-        threshold_nats = float(criterion_from_posterior(self.posterior, evidence.hypotheses))
+        threshold_nats = asked.threshold_at(evidence.hypotheses)
         levels = playable_levels(model, self.levels, threshold_nats)
         start = self._start(levels, model.circuit.name)
         low, high = f"{levels[0]:.3f}", f"{levels[-1]:.3f}"
@@ -103,14 +99,14 @@ class CircuitLearn(Writes):
         say_before("learning in", model, evidence, runs=self.levels)
         with bar(self.levels * (evidence.trials + fresh.trials)):
             outcomes = level_outcomes(model, evidence, levels, threshold_nats)
-            again = replace(model, seed=self.seed + 1)
+            again = replace(model, seed=asked.seed + 1)
             scored = level_outcomes(again, fresh, levels, threshold_nats)
         behind: dict[str, Any] = {
-            "seed": self.seed,
-            "command": options_of(self, gain=model.gain),
+            "seed": asked.seed,
+            "command": options_of(self, condition=replace(asked, gain=model.gain)),
             "circuit": identity(model.circuit),
         }
-        given: dict[str, Any] = {"runs": self.runs, "seed": self.seed, "learner": self.learner}
+        given: dict[str, Any] = {"runs": self.runs, "seed": asked.seed, "learner": self.learner}
         try:
             learned = learn_level(outcomes, xi=self.xi, start_level=start, name="learn", **given)
         except LearningStopped as stop:
@@ -122,8 +118,8 @@ class CircuitLearn(Writes):
 
     def _learned_and_scored(self, trials: Trials) -> tuple[Evidence, Evidence]:
         """Return the trials that are learned from, and others for what that costs."""
-        if self.stimuli.evidence is None:
-            return trials.evidence, self.stimuli.draw(self.seed, "learn, scored").evidence
+        if self.condition.task.evidence is None:
+            return trials.evidence, self.condition.drawn("learn, scored").evidence
         if trials.evidence.trials < 2:
             raise InputError(
                 "evidence must hold 2 trials or more: every second one is scored", "evidence"
@@ -132,15 +128,10 @@ class CircuitLearn(Writes):
 
     def _model(self, evidence: Evidence) -> BasalGanglia:
         """Return the circuit as edited, on its engine."""
-        from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-        from circuits.anatomy import load_circuit
-        from circuits.engines import engine_of
-
-        table = load_circuit(self.circuit, evidence.hypotheses).edited(*self.edits)
-        say_of_edits(self.edits)
-        table.check_nats("a criterion that dopamine sets")
-        engine = engine_of(self.engine).coarse()
-        model = BasalGanglia(table, engine, gain_of(table, self.gain), self.seed)
+        say_of_edits(self.condition.edits)
+        model = self.condition.model(evidence.hypotheses)
+        model.circuit.check_nats("a criterion that dopamine sets")
+        model = replace(model, engine=model.engine.coarse())
         model.warn_beyond_range(evidence)
         return model
 
@@ -179,20 +170,17 @@ class CircuitLearn(Writes):
     def _check(self) -> None:
         """Refuse what makes no sense, before long work starts."""
         from circuits.engines import engine_of
-        from circuits.ignored import check_edits
 
+        asked = self.condition
         check_ending("output", self.output, ".parquet", ".csv")
-        check_edits(self.edits, self.engine)
-        self.stimuli.check()
-        self.stimuli.check_idle(TOUCHED)
-        if not engine_of(self.engine).timed:
+        asked.task.check_idle(TOUCHED)
+        if not engine_of(asked.engine).timed:
             raise InputError(
-                f"the {self.engine} engine has no decision times to learn from: take rate", "engine"
+                f"the {asked.engine} engine has no decision times to learn from: take rate",
+                "engine",
             )
         check_whole(runs=self.runs)
         check_learning_memory(self.runs, self.learner.episodes)
-        numbers = 3 * 8.0 * self.levels * self.stimuli.trials
-        check_memory(numbers, f"{self.levels} levels of {self.stimuli.trials} trials")
+        numbers = 3 * 8.0 * self.levels * asked.task.trials
+        check_memory(numbers, f"{self.levels} levels of {asked.task.trials} trials")
         require(self.levels >= 2, "levels", "must be >= 2", self.levels)
-        if self.stimuli.evidence is None:
-            criterion_from_posterior(self.posterior, self.stimuli.channels)

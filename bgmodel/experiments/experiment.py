@@ -94,17 +94,13 @@ class Experiment(Observed):
         self.task.check_idle(Stimuli())
         if self.task.evidence is None:
             self._check_truth(self.task.channels)
-        if self.edits:
-            raise InputError(
-                "edits belong in [control] or [manipulation] of an experiment", "edits"
-            )
         for changes in (self.control, self.manipulation):
             self.condition(changes)
 
     def condition(self, changes: Changes) -> Observed:
         """Return the control or the manipulation as a condition of its own."""
         posterior = self.posterior if changes.posterior is None else changes.posterior
-        return self.with_changes(edits=changes.edits, posterior=posterior)
+        return self.with_changes(edits=Edits((*self.edits, *changes.edits)), posterior=posterior)
 
     @property
     def conditions(self) -> tuple[Observed, Observed]:

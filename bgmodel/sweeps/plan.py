@@ -105,7 +105,7 @@ class Shard:
             "circuit": identity(of.edited),
             "engine": of.engine,
             "gain": gain_of(of.edited, of.gain),
-            "posterior": of.posterior,
+            "posterior": of.stopping_posterior,
             **({} if of.threshold is None else {"threshold": of.threshold}),
             "foreperiod_ms": of.foreperiod_ms,
             "seed": of.seed,

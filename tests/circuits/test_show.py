@@ -28,7 +28,7 @@ def test_the_page_holds_every_row_with_its_source(name):
 
 def test_edits_show_on_the_page_and_nothing_else_does():
     page = show.text(anatomy.spiking_msprt().clamp("GPe", 0.5).with_spread(0.1))
-    assert "0.5, replaced" in page
+    assert "0.5, clamped" in page
     assert "spread" in page
     assert "1 0.9" in show.text(anatomy.spiking_msprt().scale("ctx", "D1", 0.9, channel=1))
     assert "0.75 1" in show.text(anatomy.spiking_msprt().lesion("GPe", 0.25, channel=0))

@@ -13,7 +13,7 @@ from circuits.anatomy import DEFAULT
 from tests.helpers import run
 
 FIXED_POINT = ("--engine", "algebra", "--d-prime", 1, "--t-max", 20, "--accuracies", 0.9)
-SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edit", "neurons 100")
+SMALL = ("--trials", 100, "--d-prime", 1, "--t-max", 20, "--edits", "neurons 100")
 
 
 def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsys):
@@ -41,12 +41,12 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, capsys, monkeypa
     for command, what in ((("compare",), "comparing"), (("circuit", "lesion"), "lesioning")):
         assert run(*command, tmp_path / "a.csv", "--channels", 4) == 2
         said = capsys.readouterr().err
-        assert re.search(rf"bgmodel: {what} macaque on ensemble, .*1000 trials of up", said)
+        assert re.search(rf"bgmodel: {what} macaque on population, .*1000 trials of up", said)
         assert said.index(what) < said.index("started")
     for engine, more, said in (
         ("population", (), ""),
         ("population", ("--ceiling",), "2 circuits, "),
-        ("population", ("--ceiling", "--edit", "lesion D2 10%"), "3 circuits, "),
+        ("population", ("--ceiling", "--edits", "lesion D2 10%"), "3 circuits, "),
         ("algebra", ("--ceiling",), ""),
     ):
         asked = ("compare", tmp_path / "a.csv", "--engine", engine, "--trials", 9000, *more)
@@ -80,12 +80,12 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
 def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsys):
     """Half of ctx->STN: OUT rests below every threshold."""
     task = ("--channels", 3, "--d-prime", 0.8, "--trials", 100, "--t-max", 10)
-    halved = ("--edit", "scale ctx->STN 0.5", "neurons 40")
+    halved = ("--edits", "scale ctx->STN 0.5", "neurons 40")
     for command in (("compare",), ("circuit", "lesion")):
         assert run(*command, tmp_path / "a.csv", *task, *halved) == 2
         assert "it would decide without evidence, or never" in capsys.readouterr().err
     learned = ("circuit", "learn", tmp_path / "a.csv", "--circuit", "spiking_msprt")
-    assert run(*learned, "--edit", "scale ctx->STN 0.5") == 2
+    assert run(*learned, "--edits", "scale ctx->STN 0.5") == 2
     assert "no level of dopamine" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     given = (*task[:-1], 40, "scale ctx->STN 0.5", "--engine", "rate", "--accuracies", 0.8)
@@ -131,7 +131,7 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
     assert "at the threshold of the circuit as edited (a prediction)" in shown
     assert {"as edited", *edits} == set(pd.read_csv(out, comment="#")["variant"])
     quick = ("--engine", "rate", "--trials", 100, "--t-max", 40, "--accuracies", 0.9, "--force")
-    for edited, before in (((), "intact"), (("--edit", "add D1->GPe weight=-0.01"), "as edited")):
+    for edited, before in (((), "intact"), (("--edits", "add D1->GPe weight=-0.01"), "as edited")):
         assert run("circuit", "lesion", out, "lesion STN[0] 10%", *quick, *edited) == 0
         assert re.search(rf"{before} +0.9 ", capsys.readouterr().out)
         assert set(pd.read_csv(out, comment="#")["variant"]) == {before, "lesion STN[0] 10%"}
@@ -146,7 +146,7 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         (["compare", "a.txt"], "output must end in .parquet or .csv"),
         (["compare", "a.csv", "--trials", "50"], "an interval needs 100 trials or more, got 50"),
         (["compare", "a.csv", "--accuracies", "1.2"], "accuracies must lie above chance"),
-        (["compare", "a.csv", "--channels", "40"], "takes at most 12 alternatives"),
+        (["compare", "a.csv", "--channels", "40"], "channels must be at most 12"),
         (["compare", "a.csv", "--task", "same-different", "--channels", "3"], "2 alternatives"),
         (["circuit", "lesion", "a.csv", "lesion GPi"], "has no nucleus 'GPi'"),
         (["circuit", "lesion", "a.csv", "lesion SNr"], "SNr is the read-out"),
@@ -186,7 +186,7 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
 
 def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
     small = (*FIXED_POINT, "--trials", 200)
-    assert run("compare", tmp_path / "a.csv", *small, "--edit", "lesion STN 10%") == 0
+    assert run("compare", tmp_path / "a.csv", *small, "--edits", "lesion STN 10%") == 0
     shown = capsys.readouterr().out
     assert "MSPRT at its gain, circuit minus intact: offset_ms" in shown
     found = pd.read_csv(tmp_path / "a.csv").query("reference == 'MSPRT at its gain'")

@@ -66,11 +66,11 @@ def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
     assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
 
 
-def test_where_no_criterion_is_given_it_is_a_gap_of_4_or_a_posterior_of_9_in_10(tmp_path):
+def test_where_no_criterion_is_given_it_is_a_gap_of_4_or_a_posterior_of_82_in_100(tmp_path):
     few = ("--trials", 40, "--t-max", 6, "--force")
     for command, given in (
         (("decide",), ("--delta", 4)),
-        (("circuit", "run"), ("--posterior", 0.9)),
+        (("circuit", "run"), ("--posterior", 0.82)),
     ):
         out, more = tmp_path / "out.csv", ALGEBRA if command != ("decide",) else ()
         assert run(*command, out, *few, *more) == 0

@@ -13,13 +13,13 @@ QUICK = ("--engine", "algebra", "--thresholds", 0.3)
 
 
 def test_it_prints_a_table_with_a_legend_and_json_holds_the_same(tmp_path, capsys):
-    assert run(*COMMAND, "bogacz_gurney", *QUICK) == 0
+    assert run(*COMMAND, "--circuit", "bogacz_gurney", *QUICK) == 0
     shown = capsys.readouterr().out
     assert "1 close, 2 hopeless    same lead" in shown
     assert "MSPRT: follows, at most 0 ms" in shown
     assert "same average: of the rivals: max vs average predicts none." in shown
     out = tmp_path / "a.csv"
-    assert run(*COMMAND, "bogacz_gurney", *QUICK, "--json", "--output", out) == 0
+    assert run(*COMMAND, "--circuit", "bogacz_gurney", *QUICK, "--json", "--output", out) == 0
     told = capsys.readouterr()
     found, kept = json.loads(told.out), pd.read_csv(out, comment="#")
     assert found["outcomes"]["max vs average"] == "told apart"
@@ -37,25 +37,28 @@ def test_it_takes_a_table_of_ones_own_edits_and_noise(tmp_path, capsys):
     mine = tmp_path / "mine.toml"
     assert run("circuit", "show", "macaque", "--channels", 5, "--save", mine) == 0
     capsys.readouterr()
-    given = ("--trials", 3, "--thresholds", 0.3, "--edit", "dopamine 1.01", "--seed", 2)
-    assert run(*COMMAND, mine, *given) == 0
+    given = ("--trials", 3, "--thresholds", 0.3, "--edits", "dopamine 1.01", "--seed", 2)
+    assert run(*COMMAND, "--circuit", mine, *given) == 0
     one = capsys.readouterr().out
     assert "1 close, 3 hopeless" in one
-    assert run(*COMMAND, mine, *given, "--workers", 1) == 0
+    assert run(*COMMAND, "--circuit", mine, *given, "--workers", 1) == 0
     assert capsys.readouterr().out == one
 
 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("macaque", "--thresholds", 0.05), "macaque reads no OUT below 0.0798 nats"),
-        (("spiking_msprt", "--thresholds", 0.7), "it would decide without evidence"),
-        (("macaque", "--thresholds", "nan"), "thresholds must be finite"),
-        (("macaque", "--channels", 2), "designed trials need 3 channels or more, got 2"),
-        (("macaque", "--trials", 0), "trials must be at least 1"),
-        (("macaque", "--trials", 1), "trials must be at least 2 where there is noise"),
-        (("gpr", "--engine", "rate"), "gpr has no default gain"),
-        (("macaque", "--output", "a.txt"), "output must end in .parquet or .csv"),
+        (("--thresholds", 0.05), "macaque reads no OUT below 0.0798 nats"),
+        (("--circuit", "spiking_msprt", "--thresholds", 0.7), "it would decide without evidence"),
+        (("--thresholds", "nan"), "thresholds must be finite"),
+        (
+            ("--circuit", "macaque", "--channels", 2),
+            "designed trials need 3 channels or more, got 2",
+        ),
+        (("--trials", 0), "trials must be at least 1"),
+        (("--trials", 1), "trials must be at least 2 where there is noise"),
+        (("--circuit", "gpr", "--engine", "rate"), "gpr has no default gain"),
+        (("--output", "a.txt"), "output must end in .parquet or .csv"),
     ],
 )
 def test_what_makes_no_sense_is_one_sentence(options, says, capsys):

@@ -38,7 +38,7 @@ def test_a_file_says_what_is_run(experiment_file):
     assert experiment.manipulation == Changes(Edits(["lesion STN 20%"]))
     assert experiment.control == Changes()
     assert experiment.predictions == (Prediction("mean_ms", "down", 20.0),)
-    assert (experiment.task.trials, experiment.posterior) == (120, 0.82)
+    assert (experiment.task.trials, experiment.stopping_posterior) == (120, 0.82)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from bgmodel.learning import dopamine_levels as levels
 from bgmodel.learning.dopamine import THRESHOLD_NATS, working_range
 from bgmodel.learning.dopamine_levels import level_table
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.engines import Population
 from tests.helpers import ROOT
 from tests.levels import GAIN, MODEL, SEED
 
@@ -50,7 +51,7 @@ def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
 
 def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeypatch):
     """200 trials of populations, each channel with its own evidence: .75 to .98 and further."""
-    monkeypatch.setattr(levels, "ENGINES", ("population",))
+    monkeypatch.setattr(levels, "ENGINES", (Population(),))
     table = levels.levels_against_msprt(SEED, 200)
     for channels, part in table[table["engine"] == "population"].groupby("channels"):
         known = part[part["measure"] == "criterion"].set_index("level")["value"].sort_index()
@@ -92,7 +93,7 @@ def test_readings_have_a_d_prime_of_a_half_per_50_ms_and_spiking_runs_half_of_th
     levels.levels_against_msprt(SEED, 300, 2)
     assert len(heard) == 6
     for engine, evidence, played in heard:
-        spikes = engine.id == "ensemble"
+        spikes = engine.spiking
         assert (evidence.trials, len(played)) == ((150, 7) if spikes else (300, 14))
         assert evidence.step_ms == 50
         # From below the lowest level at which the fixed point decides to just below the highest.

@@ -12,8 +12,8 @@ DRAWN = """--output-is-none, --trials many, --seed -1, --seed x, --trials 0, --t
     --trials 2.5, --t-max 0"""
 STIMULI = f"""{DRAWN}, --step-ms 0, --step-ms nan, --channels 1, --channels two, --d-prime 0,
     --d-prime inf, --conflict 1, --task walk, --period-mm 3.5, --evidence absent.csv"""
-CIRCUIT = f"""{STIMULI}, {WRONG_OPTIONS}, --edits.spread 5,
-    --engine algebra --edits.neurons 3"""
+CIRCUIT = f"""{STIMULI}, {WRONG_OPTIONS}, --edits 'spread 5',
+    --engine algebra --edits 'neurons 3'"""
 
 COMMANDS = {
     f"decide {OUT} --trials 1..59 --t-max 1..19 «|--no-forced|--step-ms 1.0..900» "
@@ -34,14 +34,15 @@ COMMANDS = {
         --training.learning-rate nan, --training.network forest""",
     f"decode decoder.safetensors taps.npz {OUT}": """--edge, --mm-per-px x,
         --no-such, more.csv""",
-    "circuit show «bogacz_gurney|appendix_b|linear_gpe|macaque|spiking_msprt|gpr|stewart» "
-    f"--channels 2..8 «||--drawing here/out.png» «{OPTIONS}»": f"""{WRONG_OPTIONS}, --channels 0,
-        --channels 2000, --noise 0.1, --drawing x.doc, more, --rest 3""",
-    f"circuit run {OUT} --engine «algebra|rate|ensemble --edits.neurons 20» --trials 1..5 "
+    "circuit show «bogacz_gurney|appendix_b|linear_gpe|macaque|spiking_msprt|gpr|humphries|"
+    f"stewart» --channels 2..8 «||--drawing here/out.png» «{OPTIONS}»": f"""{WRONG_OPTIONS},
+        --channels 0, --channels 2000, --noise 0.1, --drawing x.doc, more, --rest 3""",
+    f"circuit run {OUT} --trials 1..5 "
     f"--t-max 1..5 --channels 2..4 --posterior 0.7..0.88 --d-prime 0.2..2 {SEED} "
-    f"«{OPTIONS}»": f"""{CIRCUIT}, --gain 0, --gain nan, --posterior 0.2, --posterior 1,
+    f"--engine «ensemble --edits 'neurons 20'|«algebra|rate» «{OPTIONS}»»": f"""{CIRCUIT},
+        --gain 0, --gain nan, --posterior 0.2, --posterior 1,
         --posterior 0.9999, --workers 0, --engine pen, --circuit cortex, --rates r.txt,
-        --engine ensemble --edits.neurons 1e9""",
+        --engine ensemble --edits 'neurons 1e9'""",
     f"circuit lesion {OUT} «{LESIONS}» {COMPARED} --accuracies 0.85..0.97": f"""{CIRCUIT},
         {NO_EVIDENCE}, --accuracies 1, --accuracies 0.2, --trials 99, --gain -1, --workers 0""",
     f"circuit learn {OUT} --circuit spiking_msprt --levels 2 --learner.episodes 500 "

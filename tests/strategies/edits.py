@@ -19,7 +19,7 @@ def edit(call, values=None):
 
 GOOD = [
     edit(lambda c, x: c.lesion("STN", x), numbers(0, 0.1)),
-    edit(lambda c, x: c.lesion("GPe", x, replaced=True), numbers(0, 1)),
+    edit(lambda c, x: c.clamp("GPe", x), numbers(0, 1)),
     edit(lambda c, x: c.scale("STN", "GPe", x), numbers(0.9, 1.1)),
     edit(lambda c, x: c.dopamine(x), numbers(0.8, 1.2)),
     edit(lambda c, x: c.with_projection("STN", "GPe", delay_ms=x), st.integers(1, 19)),
@@ -29,7 +29,7 @@ GOOD = [
         lambda c, x: c.add(Population("TRN", x, 10.0), Projection("STN", "TRN", 2.0, delay_ms=2)),
         st.sampled_from([Rate(), Phase(1.0), Phase(0.3)]),
     ),
-    edit(lambda c, x: c.edited(f"STN->GPe.tau_ms={x}"), numbers(0, 20)),
+    edit(lambda c, x: c.edited(f"set STN->GPe.tau_ms {x}"), numbers(0, 20)),
     edit(lambda c, x: c.add(f"STN->D1 weight={x}"), numbers(0, 1)),
     edit(lambda c, _: c.with_population("STN", cite="mine")),
 ]
@@ -57,7 +57,7 @@ WRONG = {
     lambda c, x: c.with_projection("STN", "GPe", delay_ms=x): [-1, 1e9, "4", np.nan],
     lambda c, x: c.with_projection("D1", "SNr", weight=x): [0.5],
     lambda c, x: c.with_projection("STN", "GPe", weight=x): [np.inf, "x", None, True],
-    lambda c, x: c.edited(x): ["STN.bias_nats", "STN.x=1", "", 3, "X.tau_ms=1"],
+    lambda c, x: c.edited(x): ["set STN.bias_nats", "set STN.x 1", "", 3, "lesoin STN", "STN=0.1"],
     lambda c, x: c.add(x): ["X", "D1->X weight=-1", "X like=Y", "STN", None, 3, {"name": "a"}],
     lambda c, x: c.with_population("STN", **x): [{"wieght": 1.0}, {"transfer": "cube"}],
     lambda c, x: c.with_neurons(x): [0, 2.5, "3", -1, np.nan],
@@ -99,23 +99,24 @@ def refused_edits():
 OPTIONS = "|".join(
     (
         "",
-        "--edits.without STN=0.0..0.05",
-        "--edits.scale STN->GPe=0.98..1.02",
-        "--edits.scale D1->SNr[0]=0.98..1.02",
-        "--edits.change STN.cite=0..8",
-        "--edits.add 'STN->D1 weight=0.0..0.001'",
+        "--edits 'lesion STN 0.0..0.05'",
+        "--edits 'lesion STN 0..5%' 'scale STN->GPe 0.98..1.02'",
+        "--edits 'scale D1->SNr[0] 0.98..1.02'",
+        "--edits 'set STN.cite 0..8'",
+        "--edits 'add STN->D1 weight=0.0..0.001'",
     )
 )
 """Options that leave a circuit that works."""
-LESIONS = "STN=0.02|D1->SNr=0.99 D2|D2->GPe[0]=0.99"
+LESIONS = "'lesion STN 2%'|'scale D1->SNr 0.99' 'lesion D2'|'scale D2->GPe[0] 0.99'"
 """Arguments of `bgmodel circuit lesion`."""
-WRONG_OPTIONS = """--edits.without thalamus, --edits.without STN=2, --edits.without SNr,
-    --edits.without STN=x, --edits.scale STN, --edits.scale STN->GPe=-1, --edits.scale STN->ctx=1,
-    --edits.scale STN->GPe[9]=1, --edits.dopamine 3, --edits.change STN.wieght=1,
-    --edits.change STM.bias_nats=1, --edits.change STN->GPe.delay_ms=fast, --edits.add D1->GPe,
-    --edits.add 'TRN like=thalamus', --edits.connections 2"""
-NO_EVIDENCE = "--edits.scale ctx->STN=0.3"
+WRONG_OPTIONS = """--edits 'lesion thalamus', --edits 'lesion STN 2', --edits 'lesion SNr',
+    --edits 'lesion STN x', --edits 'lesoin STN', --edits STN=0.1, --edits 'scale STN',
+    --edits 'scale STN->GPe -1', --edits 'scale STN->ctx 1', --edits 'scale STN->GPe[9] 1',
+    --edits 'dopamine 3', --edits 'set STN.wieght 1', --edits 'set STM.bias_nats 1',
+    --edits 'set STN->GPe.delay_ms fast', --edits 'add D1->GPe', --edits 'add TRN like=thalamus',
+    --edits 'lesion STN' 'lesion STN[0]', --edits 'connections 2'"""
+NO_EVIDENCE = "--edits 'scale ctx->STN 0.3'"
 """An edit after which the circuit reads no evidence."""
-MANIPULATION = 'without = ["STN=0.005..0.05"]'
-WRONG_MANIPULATIONS = 'without = "STN"|with_out = ["STN"]'
+MANIPULATION = 'edits = ["lesion STN 0.005..0.05"]'
+WRONG_MANIPULATIONS = 'edits = "lesion STN"|edit = ["lesion STN"]|edits = ["STN=0.1"]'
 """Manipulations in an experiment's file."""

@@ -38,7 +38,7 @@ published = 2026-01-01
 truth = 7
 task = {{«trials = 0|trials = 1e13|conflict = 1.0|channels = 1|period_mm = 2.5|size = 3»}}
 manipulation = {{«{WRONG_MANIPULATIONS}|posterior = 2»}}
-control = {{neurons = "3"}}
+control = {{edits = ["neurons x"]}}
 predictions = [{{«measure = "speed"|direction = "left"|at_least = «-1|nan»»}}]
 """
 """Keys with values that are refused."""

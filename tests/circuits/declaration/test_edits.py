@@ -45,7 +45,7 @@ class File:
 
 
 def at_the_terminal(*lines):
-    return parsed(["circuit", "show", "spiking_msprt", "--edit", *lines]).edits
+    return parsed(["circuit", "show", "spiking_msprt", "--edits", *lines]).edits
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -335,13 +335,13 @@ def test_what_a_cut_and_a_scale_do_is_said_of_them_and_of_no_other_edit():
 
 @pytest.mark.parametrize("line", ["scale GPe->STN 0.5", "cut GPe->STN"])
 def test_commands_say_what_a_cut_or_a_scale_does(line, capsys):
-    assert main(["circuit", "show", "macaque", "--edit", line]) == 0
+    assert main(["circuit", "show", "macaque", "--edits", line]) == 0
     assert "tone" in capsys.readouterr().err
-    assert main(["circuit", "show", "macaque", "--edit", "lesion STN 10%"]) == 0
+    assert main(["circuit", "show", "macaque", "--edits", "lesion STN 10%"]) == 0
     assert "tone" not in capsys.readouterr().err
 
 
 def test_the_option_for_edits_is_given_once(capsys):
-    twice = ["--edit", "lesion STN 10%", "--edit", "dopamine 0.9"]
+    twice = ["--edits", "lesion STN 10%", "--edits", "dopamine 0.9"]
     assert main(["circuit", "show", "macaque", *twice]) == 2
-    assert "--edit is given twice" in capsys.readouterr().err
+    assert "--edits is given twice" in capsys.readouterr().err
