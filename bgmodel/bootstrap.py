@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
+from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import generator
-from circuits.errors import InputError, NoiseWarning
+from circuits.errors import InputError, NoiseWarning, require
 
 FEWEST_TRIALS = 100
 
@@ -47,6 +48,7 @@ def resampled(
         If groups are not one per trial, or fewer than two.
     """
     resamples, rng = whole("resamples", resamples, 1), generator(rng)
+    check_memory(8.0 * resamples * trials, f"{resamples} resamples", "resamples")
     of = np.arange(trials) if groups is None else _numbered(groups, trials)
     count = int(of.max()) + 1
     drawn = rng.multinomial(count, np.full(count, 1 / count), size=resamples)
@@ -77,11 +79,9 @@ def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
 def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
     """Return the group of each trial as a number, 0, 1, ..."""
     given = np.asarray(groups)
-    if given.shape != (trials,):
-        raise InputError.of("groups", f"must be one per trial, ({trials},)", given.shape)
+    require(given.shape == (trials,), "groups", f"must be one per trial, ({trials},)", given.shape)
     kinds, of = np.unique(given, return_inverse=True)
-    if len(kinds) < 2:
-        raise InputError.of("groups", "must be two or more for an interval", len(kinds))
+    require(len(kinds) >= 2, "groups", "must be two or more for an interval", len(kinds))
     return of
 
 

@@ -19,7 +19,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import toml_files
 from circuits import DEFAULT
 from circuits.declaration.edits import Edits
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from bgmodel.deciding.decision import Decision
@@ -68,8 +68,7 @@ class Setup:
             names.check("circuit", self.circuit, CircuitName)
         if self.engine != ENGINE:
             names.check("engine", self.engine, EngineName)
-        if self.seed < 0:
-            raise InputError.of("seed", "must be at least 0", self.seed)
+        require(self.seed >= 0, "seed", "must be at least 0", self.seed)
         if self.edits:
             from circuits.ignored import check_edits
 

@@ -14,7 +14,7 @@ from bgmodel.support.checks import checked_truth, is_number, one_per_trial, real
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import generator
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,13 +84,13 @@ class Evidence(Facts):
     def __post_init__(self) -> None:
         """Check once, here, so that nothing downstream has to."""
         values = reals("log_likelihood", self.log_likelihood)
-        if values.ndim != 3 or 0 in values.shape or values.shape[2] < 2:
-            raise InputError.of(
-                "log_likelihood",
-                "must have shape (trials, steps, hypotheses) with at least one trial, "
-                "one step and two hypotheses",
-                values.shape,
-            )
+        require(
+            values.ndim == 3 and 0 not in values.shape and (values.shape[2] >= 2),
+            "log_likelihood",
+            "must have shape (trials, steps, hypotheses) with at least one trial, "
+            "one step and two hypotheses",
+            values.shape,
+        )
         finite = np.isfinite(values)
         if not finite.all():
             trial, step, hypothesis = np.argwhere(~finite)[0]
@@ -159,8 +159,7 @@ class Evidence(Facts):
         """
         from bgmodel.plots import posteriors
 
-        if trial not in range(self.trials):
-            raise InputError.of("trial", f"must lie in 0..{self.trials - 1}", trial)
+        require(trial in range(self.trials), "trial", f"must lie in 0..{self.trials - 1}", trial)
         readings = int(self.readings[trial]) + 1
         time_ms = self.step_ms * np.arange(readings)
         truth = None if self.truth is None else int(self.truth[trial])
@@ -393,7 +392,7 @@ def separated_evidence(
     hypotheses = whole("hypotheses", hypotheses, 2)
     if not (is_number(separation) and 0 < separation < np.inf):
         raise InputError.of("separation", "must be > 0 and finite", separation)
-    if not (is_number(conflict) and np.isfinite(conflict)):
+    if not (is_number(conflict) and abs(conflict) < np.inf):
         raise InputError.of("conflict", "must be a finite number", conflict)
     check_evidence_memory(trials, steps, hypotheses)
     rng = generator(rng)
@@ -467,13 +466,13 @@ def _checked_baseline(baseline: npt.ArrayLike | None) -> float | None:
     if baseline is None:
         return None
     value = np.asarray(reals("baseline", baseline), dtype=np.float64)
-    if value.shape or not np.isfinite(value):
-        raise InputError.of(
-            "baseline",
-            "must be one finite number for all hypotheses, nats (another for each "
-            "would be evidence between them)",
-            value,
-        )
+    require(
+        not value.shape and np.isfinite(value),
+        "baseline",
+        "must be one finite number for all hypotheses, nats (another for each "
+        "would be evidence between them)",
+        value,
+    )
     return float(value)
 
 
@@ -481,12 +480,12 @@ def _checked_expectancy(
     expectancy: npt.ArrayLike, shape: tuple[int, int]
 ) -> npt.NDArray[np.float64]:
     values = np.asarray(reals("expectancy_nats", expectancy), dtype=np.float64)
-    if values.shape != shape or not np.isfinite(values).all():
-        raise InputError.of(
-            "expectancy_nats",
-            f"must hold finite nats (trials, steps of the foreperiod), {shape}",
-            values.shape,
-        )
+    require(
+        values.shape == shape and np.isfinite(values).all(),
+        "expectancy_nats",
+        f"must hold finite nats (trials, steps of the foreperiod), {shape}",
+        values.shape,
+    )
     return values
 
 

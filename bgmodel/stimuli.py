@@ -12,7 +12,7 @@ from bgmodel.evidence import expecting, gaussian_evidence, whole_steps
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 Asked = TypeVar("Asked", bound=Any)
 
@@ -51,17 +51,12 @@ class Stimuli:
     def check(self) -> None:
         """Raise ValueError for a number out of range."""
         for name in ("trials", "t_max"):
-            if getattr(self, name) < 1:
-                raise InputError.of(name, "must be at least 1", getattr(self, name))
-        if self.channels < 2:
-            raise InputError.of("channels", "must be at least 2", self.channels)
-        if not 0 < self.d_prime < np.inf:
-            raise InputError.of("d_prime", "must be > 0 and finite", self.d_prime)
-        if not 0 < self.step_ms < np.inf:
-            raise InputError.of("step_ms", "must be > 0 and finite", self.step_ms)
+            require(getattr(self, name) >= 1, name, "must be at least 1", getattr(self, name))
+        require(self.channels >= 2, "channels", "must be at least 2", self.channels)
+        require(0 < self.d_prime < np.inf, "d_prime", "must be > 0 and finite", self.d_prime)
+        require(0 < self.step_ms < np.inf, "step_ms", "must be > 0 and finite", self.step_ms)
         self._check_expectancy()
-        if not 0 <= self.conflict < 1:
-            raise InputError.of("conflict", "must lie in 0..1, below 1", self.conflict)
+        require(0 <= self.conflict < 1, "conflict", "must lie in 0..1, below 1", self.conflict)
         if self.task == "same-different" and self.channels != 2:
             raise InputError(
                 f"same-different has 2 alternatives, got channels {self.channels}", "channels"

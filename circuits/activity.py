@@ -15,7 +15,7 @@ import pandas as pd
 from circuits.arrays import Array
 from circuits.declaration.table import NATS, CircuitTable
 from circuits.dynamics.wiring import Wiring
-from circuits.errors import InputError, RangeWarning
+from circuits.errors import InputError, RangeWarning, require
 from circuits.plots import rates
 
 if TYPE_CHECKING:
@@ -133,8 +133,7 @@ class Activity:
                 f"the {self.engine} engine kept no rates: ask for them (rates=True)", "rates"
             )
         trials = len(self.output_nats)
-        if trial not in range(trials):
-            raise InputError.of("trial", f"must lie in 0..{trials - 1}", trial)
+        require(trial in range(trials), "trial", f"must lie in 0..{trials - 1}", trial)
         one = {name: values[trial] for name, values in self.rates_hz.items()}
         return rates(self.time_ms, one, ax)
 
@@ -193,12 +192,12 @@ class Activity:
         rates = np.asarray(self.rates_hz[name], dtype=np.float64)[:, late].mean(axis=2)
         apart_ms = float(self.time_ms[1] - self.time_ms[0])
         length = round(segment_ms / apart_ms)
-        if length > rates.shape[1]:
-            raise InputError.of(
-                "segment_ms",
-                f"must fit into what is left after from_ms, {rates.shape[1] * apart_ms:g} ms",
-                segment_ms,
-            )
+        require(
+            length <= rates.shape[1],
+            "segment_ms",
+            f"must fit into what is left after from_ms, {rates.shape[1] * apart_ms:g} ms",
+            segment_ms,
+        )
         frequency, power = welch(rates, fs=1000 / apart_ms, nperseg=length, axis=1)
         return frequency, power.mean(axis=0)
 

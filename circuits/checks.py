@@ -7,7 +7,7 @@ from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any
 
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 
 def check_types(row: Any, owner: str) -> None:
@@ -38,8 +38,7 @@ def is_whole(value: Any) -> bool:
 
 def check_number(what: str, value: Any) -> None:
     """Raise ValueError if a value is no real number."""
-    if not is_number(value):
-        raise InputError.of(what, "must be a number", value)
+    require(is_number(value), what, "must be a number", value)
 
 
 def check_time(what: str, value: Any, *, zero: bool = False) -> None:
@@ -51,12 +50,17 @@ def check_time(what: str, value: Any, *, zero: bool = False) -> None:
 
 def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
     """Return a time as a number of ticks; raises ValueError if it is no multiple of dt."""
-    if not dt_ms > 0:
-        raise InputError.of("dt_ms", "must be > 0", dt_ms)
+    require(dt_ms > 0, "dt_ms", "must be > 0", dt_ms)
     count = round(time_ms / dt_ms)
     if not math.isclose(count * dt_ms, time_ms, rel_tol=1e-9, abs_tol=1e-9):
-        raise InputError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}", name)
+        raise InputError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}", "dt_ms")
     return count
+
+
+def check_channel(owner: str, channel: Any, count: int) -> None:
+    """Raise ValueError for what is not the number of one of a row's channels."""
+    if not is_whole(channel) or not 0 <= channel < count:
+        raise InputError.of("channel", f"must lie in 0..{count - 1}", channel, owner=owner)
 
 
 def is_bool(value: Any) -> bool:

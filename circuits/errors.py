@@ -62,6 +62,12 @@ class InputError(ValueError):
         return type(self), (str(self), self.field, self.given if plain else shown(self.given))
 
 
+def require(allowed: object, field: Hashable, must: str, given: object, *, owner: str = "") -> None:
+    """Raise ``InputError.of(field, must, given, owner=owner)`` unless it is allowed."""
+    if not allowed:
+        raise InputError.of(field, must, given, owner=owner)
+
+
 def within(owner: str, error: Exception) -> ValueError:
     """Return an error with what it is about, as a file or a row, named first where there is one."""
     said = f"{owner}: {error}" if owner else str(error)
@@ -72,6 +78,7 @@ def within(owner: str, error: Exception) -> ValueError:
 
 def shown(given: object) -> str:
     """Return a value as messages show it: one line, numbers short, text in quotes."""
+    given = given.item() if isinstance(given, np.generic) else given
     if isinstance(given, float):
         return f"{given:g}"
     if isinstance(given, (np.dtype, type)):

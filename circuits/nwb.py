@@ -12,7 +12,7 @@ import numpy as np
 
 from circuits.activity import Activity
 from circuits.declaration.table_files import digest
-from circuits.errors import InputError
+from circuits.errors import require
 from circuits.show import text
 
 COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}
@@ -44,8 +44,7 @@ def write_nwb(activity: Activity, path: str | Path, *, trial: int = 0) -> None:
     except ImportError as error:
         raise ImportError('NWB needs pynwb: pip install ".[nwb]"') from error
     trials = len(activity.output_nats)
-    if not 0 <= trial < trials:
-        raise InputError.of("trial", f"must be 0..{trials - 1}", trial)
+    require(0 <= trial < trials, "trial", f"must be 0..{trials - 1}", trial)
     about = {"engine": activity.engine, "trial": trial, **activity.about}
     identity = json.dumps([digest(activity.circuit), about], sort_keys=True, default=str)
     file = NWBFile(

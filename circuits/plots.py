@@ -11,7 +11,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.declaration.rows import GABA
 from circuits.declaration.table import CircuitTable
-from circuits.errors import InputError
+from circuits.errors import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -141,8 +141,7 @@ def panels(
     """
     if ax is not None:
         given = np.ravel(np.asarray(ax, dtype=object))
-        if len(given) != count:
-            raise InputError.of("ax", f"must be {count} Axes, one per panel", len(given))
+        require(len(given) == count, "ax", f"must be {count} Axes, one per panel", len(given))
         return given
     try:
         import matplotlib.pyplot as plt

@@ -194,7 +194,8 @@ class _Reader:
         """Raise ValueError if a name is none of those known."""
         if not isinstance(given, str) or given not in known:
             names = ", ".join(known)
-            raise InputError(f"{where}: there is no {what} {given!r}; there are {names}", what)
+            said = f"{where}: there is no {what} {given!r}; there are {names}"
+            raise InputError(said, str(given), given)
 
     def _at(self, table: str, what: str | int) -> str:
         """Return the file and the line of a key, or of a row by its number."""

@@ -33,7 +33,7 @@ result = model.decide(evidence, posterior=0.82).to_dataframe()[["correct", "time
 result = bg.compare(model, evidence, accuracies=0.85, resamples=100).summary()""",
     "run an experiment": 'result = bg.Experiment.from_toml("lesion.toml").run().summary()',
     "run a sweep to xarray": 'result = bg.Sweep.from_toml("grid.toml").run().to_xarray()',
-    "fit a table of trials": 'result = bg.fit("trials.csv", "gap", strength="coherence").summary()',
+    "fit a table of trials": 'result = bg.fit("trials.csv", "constant_gap", strength="coherence").summary()',
     "plot": f"{EVIDENCE}\n{MODEL}\nresult = model.decide(evidence, posterior=0.82).plot()",
 }
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bgmodel.support import files, progress
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,8 +120,7 @@ def circuit_file(name: str) -> Path | None:
 
 def check_ending(name: str, path: Path, *allowed: str) -> None:
     """Raise ValueError unless the file of an option ends in one of those allowed."""
-    if path.suffix not in allowed:
-        raise InputError.of(name, f"must end in {' or '.join(allowed)}", str(path))
+    require(path.suffix in allowed, name, f"must end in {' or '.join(allowed)}", str(path))
 
 
 def check_outputs(command: Writes) -> None:
@@ -229,5 +228,4 @@ def bar(total: int, unit: str = "trial") -> Iterator[None]:
 def check_whole(**values: int) -> None:
     """Raise ValueError, with its name, for a number below 1."""
     for name, value in values.items():
-        if value < 1:
-            raise InputError.of(name, "must be at least 1", value)
+        require(value >= 1, name, "must be at least 1", value)

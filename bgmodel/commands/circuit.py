@@ -27,7 +27,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.tables import trials as tables
 from circuits.declaration.edits import Edits
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,12 +111,12 @@ def _scatter(table: Circuit, posterior: float) -> str:
     # Between the readable OUTs, and above chance.
     low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
     high = float(np.exp(-table.readable_nats[0]))
-    if not low < posterior < high:
-        raise InputError.of(
-            "noise",
-            f"must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}",
-            posterior,
-        )
+    require(
+        low < posterior < high,
+        "noise",
+        f"must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}",
+        posterior,
+    )
     if not any(row.spiking for row in table.populations):
         return "OUT does not scatter: there are no cells"
     odds = np.log(posterior * (table.channels - 1) / (1 - posterior))

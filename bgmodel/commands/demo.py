@@ -9,7 +9,7 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import Writes, check_ending, say
 from bgmodel.support.files import replacing
-from circuits.errors import InputError
+from circuits.errors import require
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,7 @@ class DemoRun(Writes):
     def __call__(self) -> None:
         """Run the command."""
         check_ending("drawing", self.drawing, ".png", ".pdf", ".svg")
-        if self.alternatives < 2:
-            raise InputError.of("alternatives", "must be at least 2", self.alternatives)
+        require(self.alternatives >= 2, "alternatives", "must be at least 2", self.alternatives)
         say("one decision of some thousands of spiking cells")
         from bgmodel.demo import demo, draw
 

@@ -27,7 +27,7 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
 from bgmodel.support.memory import check_learning_memory, check_memory
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -138,12 +138,12 @@ class CircuitLearn(Writes):
     def _start(self, levels: Array, name: str) -> float:
         """Return the level at the start, checked against those that the circuit can use."""
         start = levels[-1] if self.start_level is None else self.start_level
-        if not levels[0] <= start <= levels[-1]:
-            raise InputError.of(
-                "start_level",
-                f"must lie where {name} decides by evidence, {levels[0]:.3f}..{levels[-1]:.3f}",
-                start,
-            )
+        require(
+            levels[0] <= start <= levels[-1],
+            "start_level",
+            f"must lie where {name} decides by evidence, {levels[0]:.3f}..{levels[-1]:.3f}",
+            start,
+        )
         return start
 
     def _summary(self, learned: Learned, fresh: LevelOutcomes) -> dict[str, Any]:
@@ -183,5 +183,4 @@ class CircuitLearn(Writes):
         check_learning_memory(self.runs, self.learner.episodes)
         numbers = 3 * 8.0 * self.levels * asked.task.trials
         check_memory(numbers, f"{self.levels} levels of {asked.task.trials} trials")
-        if self.levels < 2:
-            raise InputError.of("levels", "must be >= 2", self.levels)
+        require(self.levels >= 2, "levels", "must be >= 2", self.levels)

@@ -18,7 +18,7 @@ from tyro.conf import Positional
 
 from bgmodel.commands.checks import check_whole, recorded, say, say_of_edits
 from bgmodel.support import files
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -91,8 +91,7 @@ class SweepRun:
             return None
         found = PART.fullmatch(self.part)
         k, n = (int(found[1]), int(found[2])) if found else (0, 0)
-        if not 1 <= k <= n:
-            raise InputError.of("part", "must be K/N with K in 1..N, as 3/40", self.part)
+        require(1 <= k <= n, "part", "must be K/N with K in 1..N, as 3/40", self.part)
         if self.on != "processes":
             raise InputError("part is what a job computes: give --parts, or no --on", "part")
         return k, n

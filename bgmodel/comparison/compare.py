@@ -41,6 +41,7 @@ from bgmodel.integrators.deciding import (
     is_noisy,
 )
 from bgmodel.integrators.rivals import RIVALS
+from bgmodel.support.checks import check_flag
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
@@ -193,16 +194,16 @@ def compare(
         not reach one. If posteriors at the decision are not the share of right choices.
     """
     check_trials(check_evidence(evidence).trials)
-    rivals = [rivals] if isinstance(rivals, str) else list(rivals)
-    for name in rivals:
-        if name not in RIVALS:
-            raise InputError.of("rivals", f"must be among {', '.join(RIVALS)}", name)
+    rivals = [rivals] if isinstance(rivals, str) else rivals
+    if not isinstance(rivals, (list, tuple)) or not all(name in list(RIVALS) for name in rivals):
+        raise InputError.of("rivals", f"must be among {', '.join(RIVALS)}", rivals)
     if not isinstance(model, BasalGanglia):
         circuit = checked_circuit(model, evidence.hypotheses)
         model = BasalGanglia(circuit, "population", gain_of(circuit), 0 if seed is None else seed)
     seed = (model.seed or 0) if seed is None else seed
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
     check_resamples(resamples, groups)
+    check_flag("ceiling", ceiling)
     if intact is not None:
         intact = checked_circuit(intact, evidence.hypotheses)
         check_edit_of(intact, model.circuit, "circuit")

@@ -29,7 +29,7 @@ from bgmodel.support.checks import reals
 from bgmodel.support.progress import advance
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
-from circuits.errors import InputError, RangeWarning
+from circuits.errors import InputError, RangeWarning, require
 
 CHANNELS = 4
 THRESHOLDS = (0.35, 0.25, 0.15)
@@ -205,8 +205,7 @@ def checked_thresholds(thresholds: Sequence[float] | Array) -> Array:
 
 def check_read(circuit: Circuit, threshold: float) -> None:
     """Raise ValueError unless a circuit decides by evidence at this OUT, and reads it."""
-    if not np.isfinite(threshold):
-        raise InputError.of("thresholds", "must be finite", threshold)
+    require(np.isfinite(threshold), "thresholds", "must be finite", threshold)
     check_threshold(circuit, threshold)
     if threshold > circuit.readable_nats[1]:
         raise InputError(

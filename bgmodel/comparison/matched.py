@@ -19,7 +19,7 @@ from bgmodel.comparison.pairs import side_by_side
 from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, margin, time_at
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 ACCURACIES = (0.90, 0.95, 0.97)
 # Accuracies over which the extra time is fitted by a line.
@@ -144,8 +144,7 @@ def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> 
         If the list is empty, or an accuracy is not a number between chance plus ``MARGIN`` and 1.
     """
     given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
-    if given.ndim != 1 or not given.size:
-        raise InputError.of("accuracies", "must hold one number or more", given)
+    require(given.ndim == 1 and given.size, "accuracies", "must hold one number or more", given)
     least = 1 / hypotheses + MARGIN
     for value in given.tolist():
         if not least < value < 1:

@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from bgmodel.deciding.readout import ReadOut, check_early_and_late
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from bgmodel.support.checks import checked_truth, is_number, one_per_trial, reals
+from bgmodel.support.checks import check_flag, checked_truth, is_number, one_per_trial, reals
 from bgmodel.support.reprs import Facts, span
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -311,6 +311,7 @@ def first_crossing(
     out, first, ends, numbers = _ready(trace)
     levels = _chosen(trace, thresholds, posterior)
     order, level = _sorted_levels(levels, out.shape[2])
+    check_flag("checked", checked)
     if checked:
         _check_before(trace, levels, asked=thresholds is not None)
     tick, choice = cross_all(out, first, order, level, ends, numbers)
@@ -449,8 +450,8 @@ def tally(
     """
     from bgmodel.deciding.crossing import ROUNDING, tally_all
 
-    if np.ndim(thresholds) != 1:
-        raise InputError.of("thresholds", "must be (K,)", np.shape(thresholds))
+    check_flag("checked", checked)
+    require(np.ndim(thresholds) == 1, "thresholds", "must be (K,)", np.shape(thresholds))
     if truth is None:
         raise InputError("tally counts correct choices: it needs the truth of each trial", "truth")
     out, first, ends, numbers = _ready(trace)
@@ -561,6 +562,7 @@ def _decision(
     trace: Trace, tick: Integers, choice: Integers, forced: bool, first: int, ends: Integers
 ) -> Decision:
     """Put crossings into the words of a task; tick is -1 where no threshold was reached."""
+    check_flag("forced", forced)
     reached = tick >= 0
     relative_ms = trace.time_ms - trace.onset_ms
     last = ends - 1
@@ -586,9 +588,8 @@ def _first_reading(trace: Trace) -> int:
 
 def _sorted_levels(thresholds: npt.ArrayLike, hypotheses: int) -> tuple[Integers, Array]:
     """Return, for each channel, the thresholds from highest to lowest and where they came from."""
-    levels = np.asarray(thresholds, dtype=np.float64)
-    if not np.isfinite(levels).all():
-        raise InputError.of("thresholds", "must be finite nats", levels)
+    levels = reals("thresholds", thresholds)
+    require(np.isfinite(levels).all(), "thresholds", "must be finite nats", levels)
     if levels.ndim < 2:
         levels = np.repeat(levels.reshape(-1, 1), hypotheses, axis=1)
     if levels.ndim != 2 or levels.shape[1] != hypotheses or len(levels) == 0:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals, whole
-from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarning
+from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarning, require
 
 NATS, LOG_ODDS = "nats", "nats of log odds"
 """Units of OUT from which a posterior follows: OUT = -ln P, and OUT = the log odds against."""
@@ -157,12 +157,12 @@ def criterion_from_posterior(posterior: npt.ArrayLike, hypotheses: int = 2) -> A
     """
     asked = np.asarray(reals("posterior", posterior), dtype=np.float64)
     count = whole("hypotheses", hypotheses, 2)
-    if not asked.size or not ((asked > 1 / count) & (asked < 1)).all():
-        raise InputError.of(
-            "posterior",
-            f"must lie between chance, {1 / count:.3g} with {count} hypotheses, and 1",
-            asked,
-        )
+    require(
+        asked.size and ((asked > 1 / count) & (asked < 1)).all(),
+        "posterior",
+        f"must lie between chance, {1 / count:.3g} with {count} hypotheses, and 1",
+        asked,
+    )
     return -np.log(asked)
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import Decision, Tally
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import is_number, one_per_trial
-from circuits.errors import InputError
+from circuits.errors import require
 
 
 def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
@@ -50,5 +50,4 @@ def mean_reward(counts: Tally, xi: float) -> Array:
 
 def check_xi(xi: float) -> None:
     """Raise ValueError if this cannot be the cost of an error."""
-    if not (is_number(xi) and 0 < xi < np.inf):
-        raise InputError.of("xi", "must be > 0 readings", xi)
+    require(is_number(xi) and 0 < xi < np.inf, "xi", "must be > 0 readings", xi)

@@ -116,7 +116,7 @@ class Experiment(Observed):
         ValueError
             One sentence with the key, what was given and what is allowed.
         """
-        path = path_of(file)
+        path = path_of(file, "file")
         if path.suffix == ".toml":
             return seen_from(path.parent, toml_files.read(path, cls))
         inside = SHIPPED / f"{file}.toml"

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from bgmodel.deciding.measures import MEASURES, OF_ALL, OF_DECIDED, OF_DIFFUSION, SHARES
-from circuits.errors import DataWarning, InputError
+from circuits.errors import DataWarning, InputError, require
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
 WITHOUT = "decides without evidence"
@@ -40,8 +40,7 @@ class Prediction:
     def __post_init__(self) -> None:
         if self.measure not in MEASURES:
             raise InputError.of("measure", f"must be one of {', '.join(MEASURES)}", self.measure)
-        if not 0 <= self.at_least < np.inf:
-            raise InputError.of("at_least", "must be >= 0", self.at_least)
+        require(0 <= self.at_least < np.inf, "at_least", "must be >= 0", self.at_least)
         check_size("at_least", self.measure, self.at_least, below=1)
         if self.direction == "none" and not self.at_least:
             raise InputError(

@@ -31,7 +31,7 @@ from bgmodel.integrators.basal_ganglia import (
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import is_whole
 from bgmodel.version import __version__
-from circuits.errors import InputError, RangeWarning
+from circuits.errors import InputError, RangeWarning, require
 
 if TYPE_CHECKING:
     from circuits.circuit import Circuit
@@ -103,13 +103,13 @@ class CircuitModel:
                 "circuit",
             )
         engine_of(self.engine)
-        if not is_whole(self.trials) or self.trials < PARTS:
-            raise InputError.of(
-                "trials",
-                f"must be a whole number, {PARTS} or more, since the error of the "
-                f"simulation is found from {PARTS} parts of them",
-                self.trials,
-            )
+        require(
+            is_whole(self.trials) and self.trials >= PARTS,
+            "trials",
+            f"must be a whole number, {PARTS} or more, since the error of the "
+            f"simulation is found from {PARTS} parts of them",
+            self.trials,
+        )
 
     @property
     def criterion_name(self) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bgmodel.support.checks import check_flag, is_number, path_of, whole
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
@@ -66,9 +67,12 @@ class FitSettings:
         from circuits.engines import engine_of
 
         engine_of(self.engine)
-        if not 0 < self.noise_nats < float("inf"):
+        check_flag("pooled", self.pooled)
+        whole("trials", self.trials, 1)
+        whole("seed", self.seed, 0)
+        if not (is_number(self.noise_nats) and 0 < self.noise_nats < float("inf")):
             raise InputError.of("noise_nats", "must be finite and above 0", self.noise_nats)
-        if self.criterion not in CRITERIA:
+        if not isinstance(self.criterion, str) or self.criterion not in CRITERIA:
             allowed = ", ".join(CRITERIA)
             raise InputError.of("criterion", f"must be one of {allowed}", self.criterion)
 
@@ -275,12 +279,13 @@ def fit(
     asked = FitSettings(
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
         rt_window=rt_window, criterion=criterion, engine=engine,
-        free=(free,) if isinstance(free, str) else tuple(free),
-        hold=tuple(f"{name}={value!r}" for name, value in (hold or {}).items()),
-        vary=tuple(f"{name}={column}" for name, column in (vary or {}).items()),
+        free=_names(free),
+        hold=tuple(f"{name}={value!r}" for name, value in _pairs("hold", hold)),
+        vary=tuple(f"{name}={column}" for name, column in _pairs("vary", vary)),
         noise_nats=noise_nats, trials=trials, seed=seed,
     )  # fmt: skip
     asked.check()
+    check_flag("draws", draws)
     choices = asked.read(data)
     people = asked.people(choices)
     if len(people) > 1:
@@ -291,7 +296,7 @@ def fit(
             "participant",
         )
     design = asked.design(people[0][1])
-    kept = None if folder is None else Path(folder)
+    kept = None if folder is None else path_of(folder, "folder")
     chosen = asked.model(model, seconds=seconds_of([design]), folder=kept)
     asked.check_parameters({"model": chosen})
     return fit_likelihood(asked.likelihood(design, chosen), draws=draws)
@@ -316,6 +321,18 @@ def need_fit() -> None:
         import emcee  # noqa: F401
     except ImportError as error:
         raise ImportError('fits need cma and emcee: pip install ".[fit]"') from error
+
+
+def _names(free: str | Iterable[str]) -> tuple[str, ...]:
+    if not isinstance(free, (str, list, tuple)) or not all(isinstance(name, str) for name in free):
+        raise InputError.of("free", "must be the name of a parameter, or a list of them", free)
+    return (free,) if isinstance(free, str) else tuple(free)
+
+
+def _pairs(option: str, given: Mapping[str, object] | None) -> Iterable[tuple[str, object]]:
+    if not isinstance(given, Mapping | None):
+        raise InputError.of(option, "must be a dict of parameters", given)
+    return (given or {}).items()
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:

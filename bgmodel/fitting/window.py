@@ -9,8 +9,9 @@ import numpy as np
 
 from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import reals
 from bgmodel.tables.columns import FEWEST
-from circuits.errors import DataWarning, InputError
+from circuits.errors import DataWarning, InputError, require
 
 RANGES = 25.0
 """Interquartile ranges above the upper quartile at which the default window ends.
@@ -53,13 +54,14 @@ def check_window(rt_window: tuple[float, float]) -> None:
     rt_window : tuple of float
         Earliest and latest response time, s; infinity for no latest one.
     """
-    if len(rt_window) != 2 or not 0 <= rt_window[0] < rt_window[1]:
-        raise InputError.of(
-            "rt_window",
-            "must be an earliest and a later latest time, 0 s or more, as 0.2 5 (inf "
-            "for no latest one)",
-            rt_window,
-        )
+    ends = reals("rt_window", rt_window)
+    require(
+        ends.shape == (2,) and 0 <= ends[0] < ends[1],
+        "rt_window",
+        "must be an earliest and a later latest time, 0 s or more, as 0.2 5 (inf "
+        "for no latest one)",
+        rt_window,
+    )
 
 
 def in_window(

@@ -25,7 +25,7 @@ from bgmodel.deciding.decision import (
 from bgmodel.deciding.readout import ReadOut
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import is_number, whole
+from bgmodel.support.checks import check_flag, is_number, whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.progress import advance
 from bgmodel.support.reprs import Facts
@@ -105,8 +105,8 @@ class BasalGanglia(Facts):
             raise InputError.of("gain", "must be > 0 and finite", self.gain)
         if self.seed is not None:
             whole("seed", self.seed, 0)
-        if self.centred not in (None, True, False):
-            raise InputError.of("centred", "must be None, True or False", self.centred)
+        if self.centred is not None:
+            check_flag("centred", self.centred)
         self._warn_of_ignored_edits()
 
     def _warn_of_ignored_edits(self) -> None:
@@ -266,7 +266,8 @@ class BasalGanglia(Facts):
             )
         given = posterior if threshold is None else threshold
         if given is None or not is_number(given):
-            raise InputError(f"a circuit decides at one number, got {given!r}", "threshold", given)
+            field = "posterior" if threshold is None else "threshold"
+            raise InputError.of(field, "must be one number", given)
         known, level = readout_of(self.circuit), float(given)
         if threshold is None:
             level = float(known.threshold(given, self.circuit.channels))

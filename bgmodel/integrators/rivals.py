@@ -17,7 +17,7 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 
 class Rival(Protocol):
@@ -140,8 +140,7 @@ class LinearGpe:
     def __post_init__(self) -> None:
         for name in ("gain", "slope"):
             value = getattr(self, name)
-            if not (is_number(value) and 0 < value < np.inf):
-                raise InputError.of(name, "must be > 0 and finite", value)
+            require(is_number(value) and 0 < value < np.inf, name, "must be > 0 and finite", value)
 
     def run(self, evidence: Evidence) -> Trace:
         """Return Sigma - y as a trace (trials, 1 + steps, hypotheses)."""

@@ -31,7 +31,7 @@ from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number
 from circuits.circuit import Circuit
-from circuits.errors import InputError, NoiseWarning
+from circuits.errors import InputError, NoiseWarning, require
 
 ALLOWED = (0.0, 2.0)
 """Levels that a circuit takes; 1 is normal."""
@@ -85,8 +85,7 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
         If the circuit does not read the threshold, or no level in 0..2 serves.
     """
     circuit = checked_circuit(circuit)
-    if not is_number(threshold_nats):
-        raise InputError.of("threshold_nats", "must be a number", threshold_nats)
+    require(is_number(threshold_nats), "threshold_nats", "must be a number", threshold_nats)
     odds = _odds(circuit)
     low_nats, high_nats = circuit.readable_nats
     if not low_nats < threshold_nats < high_nats:
@@ -182,8 +181,7 @@ def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float
     ValueError
         If the level lies outside the working range.
     """
-    if not (is_number(gain) and 0 < gain < np.inf):
-        raise InputError.of("gain", "must be > 0 and finite", gain)
+    require(is_number(gain) and 0 < gain < np.inf, "gain", "must be > 0 and finite", gain)
     circuit = checked_circuit(circuit)
     odds = _odds(circuit)
     past = decided_out(circuit, level, odds) - threshold_nats

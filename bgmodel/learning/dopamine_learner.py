@@ -17,7 +17,7 @@ from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
-from circuits.errors import DeadlineWarning, InputError
+from circuits.errors import DeadlineWarning, InputError, require
 
 LAST_SHARE = 0.08
 """Exploration in the end, sd as a share of the levels' distance; tuned on seed 1002. With less, an
@@ -112,8 +112,7 @@ def learn_level(
         raise InputError.of("bounds", f"must lie in {low:.3f}..{high:.3f}", policy.bounds)
     if not low <= start_level <= high:
         raise InputError.of("start_level", f"must lie in {low:.3f}..{high:.3f}", start_level)
-    if runs < 1:
-        raise InputError.of("runs", "must be >= 1", runs)
+    require(runs >= 1, "runs", "must be >= 1", runs)
     # Starts with one name are paired: the same trials and perturbations from any of them.
     trials = [stream(seed, "dopamine", name, run, "trials") for run in range(runs)]
     explored = [stream(seed, "dopamine", name, run, "explored") for run in range(runs)]

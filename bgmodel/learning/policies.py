@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from bgmodel.support.arrays import Array
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 # Gaps that are played, nats (the range of the paper's exhaustive search).
 DELTA_RANGE = (0.0, 8.0)
@@ -65,8 +65,7 @@ class GaussianPolicy:
         if not -np.inf < self.bounds[0] < self.bounds[1] < np.inf:
             raise InputError.of("bounds", "must rise", self.bounds)
         for name in ("first_share", "last_share", "half_episodes"):
-            if not getattr(self, name) > 0:
-                raise InputError.of(name, "must be > 0", getattr(self, name))
+            require(getattr(self, name) > 0, name, "must be > 0", getattr(self, name))
 
     @property
     def pace(self) -> float:

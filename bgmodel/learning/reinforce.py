@@ -13,7 +13,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import tally_sprt, threshold_from_gap
 from bgmodel.learning.policies import GaussianPolicy, Policy
 from bgmodel.support.arrays import Array
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.ArrayLike) -> Tally:
@@ -68,8 +68,7 @@ class Learner:
                 "episodes", f"must be at least last ({self.last}) >= 1", self.episodes
             )
         for name in ("rate", "half_episodes", "baseline_rate"):
-            if not getattr(self, name) > 0:
-                raise InputError.of(name, "must be > 0", getattr(self, name))
+            require(getattr(self, name) > 0, name, "must be > 0", getattr(self, name))
         if not np.isfinite(self.rate + self.baseline_rate + self.carried):
             raise InputError("rate, baseline_rate and carried must be finite", "rate", self.rate)
 
@@ -168,8 +167,7 @@ def learn(
 
 def smoothed(curve: Array, window: int) -> Array:
     """Return the running mean of the last axis over ``window`` trials, shorter at the start."""
-    if window < 1:
-        raise InputError.of("window", "must be >= 1", window)
+    require(window >= 1, "window", "must be >= 1", window)
     total = np.cumsum(np.insert(curve, 0, 0.0, axis=-1), axis=-1)
     end = np.arange(1, curve.shape[-1] + 1)
     begin = np.maximum(end - window, 0)

@@ -15,7 +15,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, threshold_from_gap
 from bgmodel.learning.reinforce import Environment
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 
 def trials_of(
@@ -87,8 +87,7 @@ class LevelOutcomes:
                 f"and {self.steps.shape}",
                 "correct",
             )
-        if not np.all(np.diff(self.levels) > 0):
-            raise InputError.of("levels", "must rise", self.levels)
+        require(np.all(np.diff(self.levels) > 0), "levels", "must rise", self.levels)
 
     @classmethod
     def of(cls, found: Tradeoff, evidence: Evidence) -> LevelOutcomes:

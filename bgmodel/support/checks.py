@@ -76,13 +76,14 @@ def checked_truth(truth: npt.ArrayLike, trials: int, hypotheses: int) -> Integer
     return values
 
 
-def path_of(given: str | Path) -> Path:
+def check_flag(name: str, value: object) -> None:
+    """Raise ValueError unless a value is True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise InputError.of(name, "must be True or False", value)
+
+
+def path_of(given: str | Path, field: str = "path") -> Path:
     """Return the path of a file; ValueError for what is none."""
     if not isinstance(given, (str, PathLike)):
-        raise InputError(f"a file is given by its path, got {type(given).__name__}", "path", given)
+        raise InputError.of(field, "must be the path of a file", given)
     return Path(given)
-
-
-def _kind(values: object) -> str:
-    dtype = getattr(values, "dtype", None)
-    return f"an array of {dtype}" if dtype is not None else type(values).__name__

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from circuits.errors import InputError
+
 SMALL_BYTES = 1e8
 """Smaller runs skip the check."""
 CELL_BYTES, TEXT_TIMES = 24, 2
@@ -11,11 +13,11 @@ CELL_BYTES, TEXT_TIMES = 24, 2
 measured."""
 
 
-class NoMemoryError(ValueError):
+class NoMemoryError(InputError):
     """There is not as much memory as a run needs now."""
 
 
-def check_memory(needed_bytes: float, what: str) -> None:
+def check_memory(needed_bytes: float, what: str, field: str = "trials") -> None:
     """Raise NoMemoryError, before anything is run, if there is not so much memory.
 
     Parameters
@@ -24,6 +26,8 @@ def check_memory(needed_bytes: float, what: str) -> None:
         An estimate.
     what : str
         What needs it, for the message.
+    field : str
+        The argument to reduce.
     """
     if needed_bytes < SMALL_BYTES:
         return
@@ -31,7 +35,8 @@ def check_memory(needed_bytes: float, what: str) -> None:
 
     free = psutil.virtual_memory().available
     if needed_bytes > free:
-        raise NoMemoryError(f"{what} need {_size(needed_bytes)} of memory, {_size(free)} are free")
+        said = f"{what} need {_size(needed_bytes)} of memory, {_size(free)} are free"
+        raise NoMemoryError(said, field)
 
 
 def check_evidence_memory(trials: int, steps: int, hypotheses: int) -> None:
@@ -43,7 +48,7 @@ def check_evidence_memory(trials: int, steps: int, hypotheses: int) -> None:
 
 def check_learning_memory(runs: int, episodes: int) -> None:
     """Raise ValueError if there is no memory for what learning keeps of each run and episode."""
-    check_memory(10 * 8 * float(runs) * episodes, f"{runs} runs of {episodes} episodes")
+    check_memory(10 * 8 * float(runs) * episodes, f"{runs} runs of {episodes} episodes", "runs")
 
 
 def check_table_memory(path: Path) -> None:
@@ -55,7 +60,7 @@ def check_table_memory(path: Path) -> None:
         A ``.parquet``, of which only the metadata are read, or a file of text.
     """
     if path.suffix != ".parquet":
-        check_memory(TEXT_TIMES * path.stat().st_size, f"the rows of {path.name!r}")
+        check_memory(TEXT_TIMES * path.stat().st_size, f"the rows of {path.name!r}", "path")
         return
     import pyarrow.parquet as pq
 
@@ -63,6 +68,7 @@ def check_table_memory(path: Path) -> None:
     check_memory(
         float(CELL_BYTES) * about.num_rows * about.num_columns,
         f"{about.num_rows} rows of {about.num_columns} columns in {path.name!r}",
+        "path",
     )
 
 

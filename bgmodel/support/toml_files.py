@@ -78,9 +78,10 @@ def decoded(given: dict[str, Any], kind: type[T], name: str) -> T:
         raise InputError(f"{name}: the key {key!r} is missing", key)
     says = wrong["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if wrong["type"] == "value_error":
+        field = getattr(wrong["ctx"]["error"], "field", key)
         if says.startswith("it must"):
             raise InputError(f"{name}: {key}{says.removeprefix('it')}", key)
-        raise InputError(f"{name}: {'' if key == 'the whole' else key + ': '}{says}", key)
+        raise InputError(f"{name}: {'' if key == 'the whole' else key + ': '}{says}", field)
     raise InputError.of(key, f"{says}", wrong["input"], owner=name)
 
 

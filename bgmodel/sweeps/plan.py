@@ -22,6 +22,7 @@ from bgmodel.integrators.basal_ganglia import (
 )
 from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from bgmodel.support import files, toml_files
+from bgmodel.support.checks import path_of
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
 from bgmodel.version import __version__
@@ -266,7 +267,7 @@ def read_plan(file: str | Path) -> Plan:
     ValueError
         One sentence with the key, what was given and what is allowed.
     """
-    path = Path(file)
+    path = path_of(file, "file")
     if path.suffix != ".toml":
         raise InputError(f"a sweep is a .toml file, got {str(file)!r}", "file", file)
     found = seen_from(path.parent, toml_files.read(path, Plan))

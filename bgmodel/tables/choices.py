@@ -211,6 +211,8 @@ def read_choices(
         counted from 0.
     """
     name, table = _table(source)
+    if not isinstance(conditions, (str, list, tuple)):
+        raise InputError.of("conditions", "must be names of columns", conditions)
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
     try:
         used = [*wanted, *([] if strength is None else [strength])]
@@ -247,7 +249,7 @@ def _table(source: str | Path | pd.DataFrame) -> tuple[str, pd.DataFrame]:
     """Return the name of a source, and its table as it stands there."""
     if isinstance(source, pd.DataFrame):
         return "a table", source
-    path = path_of(source)
+    path = path_of(source, "source")
     if source in SETS:
         return str(source), shipped()[str(source)].table
     if not path.suffix:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
-from circuits.errors import InputError
+from bgmodel.support.checks import is_number
+from circuits.errors import InputError, require
 
 MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
 """What a cell of numbers or responses holds where there is none."""
@@ -91,6 +92,9 @@ def _check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
 
 def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.DataFrame:
     """Return the rows of one participant or of all, each with its number as the index."""
+    for name in wanted:
+        if not isinstance(name, str):
+            raise InputError.of("conditions", "and strength must be names of columns", name)
     names = [str(name) for name in table.columns]
     table = table.set_axis(names, axis=1).reset_index(drop=True)
     check_columns(table, ["rt", "response", *wanted])
@@ -105,7 +109,7 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     if participant is None:
         return table
     who = participants(table)
-    if participant not in who:
+    if not isinstance(participant, str) or participant not in who:
         known = ", ".join(sorted(set(who.tolist())))
         raise InputError.of("participant", f"must be one of {known}", participant)
     return pd.DataFrame(table[who == participant])
@@ -122,6 +126,8 @@ def answers(
     table: pd.DataFrame, deadline_s: float | None, upper: str | None
 ) -> tuple[Array, npt.NDArray[np.int8]]:
     """Return times, s, and responses; ValueError where one stands without the other, or late."""
+    if not isinstance(upper, str | None):
+        raise InputError.of("upper", "must be the name of a response", upper)
     rt, response = table["rt"], table["response"]
     rt_s, told = times(rt)
     chosen = responses(response, told, upper)
@@ -131,7 +137,7 @@ def answers(
     if deadline_s is None:
         hint = ": say when such a trial ended (deadline_s, at the terminal --deadline, s)"
         refuse(absent, rt, "given unless trials have a deadline", hint)
-    elif not 0 < deadline_s < np.inf:
+    elif not (is_number(deadline_s) and 0 < deadline_s < np.inf):
         raise InputError.of("deadline_s", "must be finite and above 0", deadline_s)
     else:
         refuse(rt_s > deadline_s, rt, f"no later than deadline_s, {deadline_s:g} s")
@@ -188,8 +194,7 @@ def numbers(column: pd.Series) -> Array:
     ValueError
         If a value is no finite number.
     """
-    if column.dtype.kind in "mMb":
-        raise InputError.of(column.name, "must hold numbers", column.dtype)
+    require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
     missing = _is_missing(column)
     values = np.array(
         [np.nan if m else _number(v) for v, m in zip(column, missing, strict=True)],

@@ -13,13 +13,13 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.deciding.calibration import warn_of_units
-from bgmodel.evidence import MOST_NATS, Evidence
+from bgmodel.evidence import MOST_NATS, Evidence, checked_prior
 from bgmodel.readings import warn_of_copies
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
 from bgmodel.support.memory import check_evidence_memory, check_table_memory
 from bgmodel.tables.trials import RESULT, Trials
-from circuits.errors import InputError, within
+from circuits.errors import InputError, require, within
 
 KEYS = ("participant_id", "trial")
 """Columns that tell trials apart, the first one if a table has it."""
@@ -139,7 +139,7 @@ def trials_from_table(
     values[trial, step] = _numbers(table, columns)
     names = [name[3:] for name in columns]
     truth = _truth_of(table, names, trial, first_row) if "truth" in table.columns else None
-    prior_array = None if prior is None else np.asarray(prior, dtype=np.float64)
+    prior_array = None if prior is None else checked_prior(prior, len(columns))
     evidence = Evidence(
         values,
         truth,
@@ -328,8 +328,7 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> npt.NDArray[np.float64]
 
 def _check_numeric(column: pd.Series) -> None:
     """Raise ValueError for a column of times or of true and false: they are no numbers."""
-    if column.dtype.kind in "mMb":
-        raise InputError.of(column.name, "must hold numbers", column.dtype)
+    require(column.dtype.kind not in "mMb", column.name, "must hold numbers", column.dtype)
 
 
 def _constant(

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from bgmodel.support.arrays import Array, Image
 from bgmodel.tactile.tips import Tip
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 _DARK, _BRIGHT = 18.0, 225.0
 
@@ -84,8 +84,7 @@ def render(
         There is not one displacement for each pin, or the picture or markers have no size.
     """
     tip = tip or Tip()
-    if min(shape) < 16:
-        raise InputError.of("shape", "must be 16 pixels or more each way", shape)
+    require(min(shape) >= 16, "shape", "must be 16 pixels or more each way", shape)
     if not 0 < marker_mm <= tip.pitch_mm:
         raise InputError.of("marker_mm", f"must be in (0, {tip.pitch_mm:g}]", marker_mm)
     radius = marker_mm / 2 * pixels_per_mm(tip, shape)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from bgmodel.support.arrays import Array, Truths
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 Convolution = Callable[[Array, Array], Array]
 
@@ -96,8 +96,7 @@ def polonsky_keer(
     """
     gap, kernel, pressure = _checked(gap_mm, compliance, start_mpa)
     for name, value in (("load_n", load_n), ("dx_mm", dx_mm), ("tol", tol)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError.of(name, "must be a finite number above 0", value)
+        require(np.isfinite(value) and value > 0, name, "must be a finite number above 0", value)
     total = load_n / dx_mm**2 / (2 if mirrored else 1)
     stiffness = wavenumbers(gap.shape, dx_mm, mirrored=mirrored)
     convolve = _mirrored_convolution if mirrored else _periodic_convolution

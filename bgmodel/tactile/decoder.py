@@ -14,7 +14,7 @@ from bgmodel.support.arrays import Reals
 from bgmodel.support.files import check_writable, provenance, replacing
 from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
 from bgmodel.tactile.taps import Taps
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import torch
@@ -55,12 +55,9 @@ class Training:
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError.of(name, "must be > 0", getattr(self, name))
         for name in ("epochs", "patience", "batch"):
-            if getattr(self, name) < 1:
-                raise InputError.of(name, "must be at least 1", getattr(self, name))
-        if not 0 < self.validation < 1:
-            raise InputError.of("validation", "must lie between 0 and 1", self.validation)
-        if not 0 <= self.dropout <= 2:
-            raise InputError.of("dropout", "must lie in 0..2", self.dropout)
+            require(getattr(self, name) >= 1, name, "must be at least 1", getattr(self, name))
+        require(0 < self.validation < 1, "validation", "must lie between 0 and 1", self.validation)
+        require(0 <= self.dropout <= 2, "dropout", "must lie in 0..2", self.dropout)
 
 
 # Found by the error of held-out parts of the training taps.

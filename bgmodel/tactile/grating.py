@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 PERIODS_MM = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
 """Periods of the eight stimuli, mm; 0 is smooth (Pestell, Griffith & Lepora 2022)."""
@@ -27,8 +27,7 @@ class Grating:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise InputError.of(name, "must be finite and 0 or more", value, owner="Grating")
-        if not np.isfinite(self.phase):
-            raise InputError.of("phase", "must be finite", self.phase, owner="Grating")
+        require(np.isfinite(self.phase), "phase", "must be finite", self.phase, owner="Grating")
 
     def half_period_cells(self, dx_mm: float) -> int:
         """Cells of side `dx_mm` in a bar.

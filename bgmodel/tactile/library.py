@@ -23,7 +23,7 @@ from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.files import replacing
 from bgmodel.tactile import sampling
 from bgmodel.tactile.pressing import LibraryPlan, press
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +144,7 @@ def contact_library(
     ValueError
         `workers` is below 1.
     """
-    if workers < 1:
-        raise InputError.of("workers", "must be 1 or more", workers)
+    require(workers >= 1, "workers", "must be 1 or more", workers)
     plan = plan or LibraryPlan()
     path = _place(plan, cache_dir)
     fields = _load(path, plan)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,16 +90,13 @@ class Density:
     """Folds of the fitted taps that choose the shrinkage; our choice."""
 
     def __post_init__(self) -> None:
-        if self.kind not in ("kde", "t"):
-            raise InputError.of("kind", "must be 'kde' or 't'", self.kind)
+        require(self.kind in ("kde", "t"), "kind", "must be 'kde' or 't'", self.kind)
         if self.shrink is not None and not 0 <= self.shrink <= 1:
             raise InputError.of("shrink", "must lie in 0..1", self.shrink)
         for name in ("bandwidth_deg", "cap_nats"):
             value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError.of(name, "must be > 0", value)
-        if self.inner_folds < 2:
-            raise InputError.of("inner_folds", "must be at least 2", self.inner_folds)
+            require(value is None or (np.isfinite(value) and value > 0), name, "must be > 0", value)
+        require(self.inner_folds >= 2, "inner_folds", "must be at least 2", self.inner_folds)
 
 
 Pool = Sequence[Array]

@@ -14,7 +14,7 @@ from bgmodel.support.arrays import Array, Singles
 from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
 from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.skin import Skin, response
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 _FORMAT = 2  # raise it when the numbers or their layout change: older files are then left alone
 
@@ -57,22 +57,21 @@ class LibraryPlan:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise InputError.of(name, "must be finite and above 0", value, owner="LibraryPlan")
-        if self.phases < 2:
-            raise InputError.of("phases", "must be 2 or more", self.phases, owner="LibraryPlan")
-        if len(self.forces_n) < 2 or not np.all(np.diff(self.forces_n, prepend=0.0) > 0):
-            raise InputError.of(
-                "forces_n",
-                "must be two or more forces above 0, increasing",
-                self.forces_n,
-                owner="LibraryPlan",
-            )
-        if self.field_side_mm < max(self.side_mm, self.kept_mm):
-            raise InputError.of(
-                "field_side_mm",
-                f"must be at least side_mm = {self.side_mm:g} and kept_mm = {self.kept_mm:g}",
-                self.field_side_mm,
-                owner="LibraryPlan",
-            )
+        require(self.phases >= 2, "phases", "must be 2 or more", self.phases, owner="LibraryPlan")
+        require(
+            len(self.forces_n) >= 2 and np.all(np.diff(self.forces_n, prepend=0.0) > 0),
+            "forces_n",
+            "must be two or more forces above 0, increasing",
+            self.forces_n,
+            owner="LibraryPlan",
+        )
+        require(
+            self.field_side_mm >= max(self.side_mm, self.kept_mm),
+            "field_side_mm",
+            f"must be at least side_mm = {self.side_mm:g} and kept_mm = {self.kept_mm:g}",
+            self.field_side_mm,
+            owner="LibraryPlan",
+        )
         for side, name in product(sides, ("dx_mm", "stored_dx_mm")):
             side_mm = getattr(self, side)
             cells = side_mm / 2 / getattr(self, name)

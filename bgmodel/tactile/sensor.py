@@ -12,7 +12,7 @@ from bgmodel.support.arrays import Array, Singles
 from bgmodel.tactile.skin import Skin
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.tips import Tip
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,19 +47,18 @@ class Nuisance:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise InputError.of(name, "must be finite and 0 or more", value, owner="Nuisance")
-        if len(self.force_n) != 2 or not 0 < self.force_n[0] <= self.force_n[1] < np.inf:
-            raise InputError.of(
-                "force_n",
-                "must be (low, high) with 0 < low <= high",
-                self.force_n,
-                owner="Nuisance",
-            )
+        require(
+            len(self.force_n) == 2 and 0 < self.force_n[0] <= self.force_n[1] < np.inf,
+            "force_n",
+            "must be (low, high) with 0 < low <= high",
+            self.force_n,
+            owner="Nuisance",
+        )
         if self.noise_per not in ("tap", "frame"):
             raise InputError.of(
                 "noise_per", "must be 'tap' or 'frame'", self.noise_per, owner="Nuisance"
             )
-        if self.frames < 1:
-            raise InputError.of("frames", "must be 1 or more", self.frames, owner="Nuisance")
+        require(self.frames >= 1, "frames", "must be 1 or more", self.frames, owner="Nuisance")
 
     def press_profile(self) -> Singles:
         """Share of the peak displacement in each frame, (frames,): a half sine with peak 1."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.files import replacing
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,13 +40,13 @@ class Taps:
         if self.stimulus not in STIMULI:
             raise InputError.of("stimulus", f"must be one of {', '.join(STIMULI)}", self.stimulus)
         expected = (len(self.labels), len(self.rest_mm), 2)
-        if self.displacement_mm.shape != expected:
-            raise InputError.of(
-                "displacement_mm",
-                f"must be {expected} to agree with labels and rest_mm",
-                self.displacement_mm.shape,
-                owner="Taps",
-            )
+        require(
+            self.displacement_mm.shape == expected,
+            "displacement_mm",
+            f"must be {expected} to agree with labels and rest_mm",
+            self.displacement_mm.shape,
+            owner="Taps",
+        )
 
     def __len__(self) -> int:
         return len(self.labels)

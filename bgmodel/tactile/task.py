@@ -18,7 +18,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
-from circuits.errors import CalibrationWarning, InputError
+from circuits.errors import CalibrationWarning, InputError, require
 
 FOLDS = 6
 STEP_MS = 500.0
@@ -87,8 +87,7 @@ class Orientations:
     circular: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        if not 2 <= self.count <= 8:
-            raise InputError.of("count", "must be 2 to 8 orientations", self.count)
+        require(2 <= self.count <= 8, "count", "must be 2 to 8 orientations", self.count)
 
     @property
     def yaws_deg(self) -> tuple[float, ...]:
@@ -221,8 +220,7 @@ class Folds:
             As for ``Source.draw``; trials must be as many as there are folds, or more.
         """
         count = len(self.sources)
-        if trials < count:
-            raise InputError.of("trials", f"must be {count} or more, one per fold", trials)
+        require(trials >= count, "trials", f"must be {count} or more, one per fold", trials)
         values = np.empty((trials, steps, len(self.sources[0].names)))
         truth = np.empty(trials, dtype=np.int64)
         for fold, readings in enumerate(self.sources):
@@ -275,8 +273,7 @@ def source(
     ValueError
         If there are no such taps, or the fold does not exist.
     """
-    if not 0 <= fold < FOLDS:
-        raise InputError.of("fold", f"must be 0..{FOLDS - 1}", fold)
+    require(0 <= fold < FOLDS, "fold", f"must be 0..{FOLDS - 1}", fold)
     pool = tap_pool(taps, task, period_mm)
     scored = [np.arange(len(part)) % FOLDS == fold for part in pool]
     fitted = [part[~mask] for part, mask in zip(pool, scored, strict=True)]

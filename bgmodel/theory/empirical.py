@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.support.arrays import Array, Truths
-from circuits.errors import InputError
+from circuits.errors import require
 
 MAX_STATES = 6000  # a larger dense chain takes minutes and gigabytes
 MAX_HEAVY = 32  # atoms of x whose sums are followed exactly,
@@ -15,16 +15,10 @@ MAX_PLACES = 128  # to so many places of Z
 HEAVY = 2e-3  # a lighter atom brings less than one walk in 250 000 twice to the same spot
 
 
-def require(condition: bool, name: str, given: object, allowed: str) -> None:
-    """Raise ValueError "name must be allowed, got ..." unless `condition` holds."""
-    if not condition:
-        raise InputError.of(name, f"must be {allowed}", given)
-
-
 def check_size(states: float, lower: float, upper: float) -> None:
     """Raise ValueError where the bounds would need more than MAX_STATES states."""
     allowed = f"closer to lower, or t_max given and smaller, for at most {MAX_STATES} states"
-    require(states <= MAX_STATES, "upper", upper, allowed)
+    require(states <= MAX_STATES, "upper", f"must be {allowed}", upper)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +44,22 @@ class Empirical:
     def __post_init__(self) -> None:
         given = np.atleast_1d(np.asarray(self.values, dtype=float))
         weights = np.atleast_1d(np.asarray(self.weights, dtype=float))
-        require(given.ndim == 1 and given.size > 0, "values", given.shape, "of shape (n,), n >= 1")
-        require(bool(np.isfinite(given).all()), "values", given, "finite")
-        require(weights.shape == given.shape, "weights", weights.shape, f"of shape {given.shape}")
-        require(bool((weights >= 0).all()), "weights", weights, "at least 0")
+        require(
+            given.ndim == 1 and given.size > 0,
+            "values",
+            "must be (n,), n >= 1",
+            given.shape,
+        )
+        require(np.isfinite(given).all(), "values", "must be finite", given)
+        require(
+            weights.shape == given.shape,
+            "weights",
+            f"must be {given.shape}",
+            weights.shape,
+        )
+        require((weights >= 0).all(), "weights", "must be at least 0", weights)
         total = float(weights.sum())
-        require(abs(total - 1) < 1e-9, "weights", weights, "of sum 1")
+        require(abs(total - 1) < 1e-9, "weights", "must be of sum 1", weights)
         # Values that differ by rounding alone are one; the walk tells apart no less than 1e-10.
         near = np.round(given[weights > 0], 12) + 0.0
         values, group = np.unique(near, return_inverse=True)

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bgmodel.support.arrays import Array
-from bgmodel.theory.empirical import Empirical, check_size, empirical_chain, require
+from bgmodel.theory.empirical import Empirical, check_size, empirical_chain
+from circuits.errors import require
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class Gaussian:
     sd: float
 
     def __post_init__(self) -> None:
-        require(bool(np.isfinite(self.mean)), "mean", self.mean, "finite")
-        require(bool(np.isfinite(self.sd)) and self.sd > 0, "sd", self.sd, "finite and > 0")
+        require(np.isfinite(self.mean), "mean", "must be finite", self.mean)
+        require(np.isfinite(self.sd) and self.sd > 0, "sd", "must be finite and > 0", self.sd)
 
 
 Increments = Gaussian | Empirical
@@ -48,7 +49,7 @@ def gaussian_pair(d: float) -> tuple[Gaussian, Gaussian]:
     ValueError
         If `d` is not finite and above 0.
     """
-    require(bool(np.isfinite(d)) and d > 0, "d", d, "finite and > 0")
+    require(np.isfinite(d) and d > 0, "d", "must be finite and > 0", d)
     return Gaussian(-(d**2) / 2, d), Gaussian(d**2 / 2, d)
 
 
@@ -180,8 +181,8 @@ def walk(
     Kemp (1958), the Fredholm equation; Brook and Evans (1972), the Markov chain.
     """
     for name, value in (("lower", lower), ("upper", upper), ("start", start)):
-        require(bool(np.isfinite(value)), name, value, "finite")
-    require(lower <= upper, "lower", lower, f"at most upper = {upper}")
+        require(np.isfinite(value), name, "must be finite", value)
+    require(lower <= upper, "lower", f"must be at most upper = {upper}", lower)
     t_max = None if t_max is None else _whole("t_max", t_max, 1)
     cells = _whole("cells", cells, 4)
     if start > upper or start < lower:
@@ -190,7 +191,7 @@ def walk(
     if isinstance(increments, Gaussian):
         return gaussian_chain(increments, lower, upper, start, t_max).run(t_max)
     moving = t_max is not None or lower == upper or bool(np.any(increments.values != 0))
-    require(moving, "increments", "only 0", "other than 0 somewhere, or t_max given")
+    require(moving, "increments", "must be other than 0 somewhere, or t_max given", "only 0")
     return Chain(*empirical_chain(increments, lower, upper, start, t_max, cells)).run(t_max)
 
 
@@ -199,5 +200,5 @@ def _whole(name: str, value: int, least: int) -> int:
         whole = index(value)
     except TypeError:
         whole = least - 1
-    require(whole >= least, name, value, f"a whole number, at least {least}")
+    require(whole >= least, name, f"must be a whole number, at least {least}", value)
     return whole

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 
 from bgmodel.deciding.reward import reward_of
 from bgmodel.support.arrays import Array
-from bgmodel.theory.empirical import Empirical, require
+from bgmodel.theory.empirical import Empirical
 from bgmodel.theory.first_passage import Gaussian, Increments, Walk, gaussian_pair, walk
+from circuits.errors import require
 
 __all__ = [
     "Empirical",
@@ -84,8 +85,8 @@ def sprt(
         If a `delta` is negative or not finite, or `prior_s2` is not between 0 and 1.
     """
     deltas = np.asarray(delta, dtype=float)
-    require(bool(np.all(np.isfinite(deltas) & (deltas >= 0))), "delta", delta, "finite and >= 0")
-    require(0 < prior_s2 < 1, "prior_s2", prior_s2, "above 0 and below 1")
+    require(np.all(np.isfinite(deltas) & (deltas >= 0)), "delta", "must be finite and >= 0", delta)
+    require(0 < prior_s2 < 1, "prior_s2", "must be above 0 and below 1", prior_s2)
     start = float(np.log(prior_s2) - np.log1p(-prior_s2))
     out = np.empty((2, deltas.size))
     for i, bound in enumerate(deltas.ravel() / 2):
@@ -116,7 +117,7 @@ def wald(d: ArrayLike, theta: ArrayLike) -> Performance:
         If `d` is not finite and above 0, or `theta` is not finite and at least 0.
     """
     drift, bound = _positive("d", d) ** 2 / 2, np.asarray(theta, dtype=float)
-    require(bool(np.all(np.isfinite(bound) & (bound >= 0))), "theta", theta, "finite and >= 0")
+    require(np.all(np.isfinite(bound) & (bound >= 0)), "theta", "must be finite and >= 0", theta)
     shrink = np.exp(-bound)  # written so that a large bound cannot overflow
     return Performance(shrink / (1 + shrink), bound / drift * np.tanh(bound / 2))
 
@@ -132,7 +133,7 @@ def siegmund(d: ArrayLike, theta: ArrayLike) -> Performance:
 
 def _positive(name: str, given: ArrayLike) -> Array:
     array = np.asarray(given, dtype=float)
-    require(bool(np.all(np.isfinite(array) & (array > 0))), name, given, "finite and > 0")
+    require(np.all(np.isfinite(array) & (array > 0)), name, "must be finite and > 0", given)
     return array
 
 
@@ -216,7 +217,7 @@ def optimal_delta(
     from scipy.optimize import minimize_scalar
 
     low, high = bounds
-    require(0 <= low < high < np.inf, "bounds", bounds, "finite, rising and at least 0")
+    require(0 <= low < high < np.inf, "bounds", "must be finite, rising and at least 0", bounds)
     pair = increments_s1, increments_s2
 
     def cost(delta: ArrayLike) -> Array:

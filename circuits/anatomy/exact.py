@@ -10,7 +10,7 @@ from circuits.cells import Rate
 from circuits.checks import check_channels
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 BG2007 = "Bogacz & Gurney 2007"
 APPENDIX_B = "Bogacz & Gurney 2007, appendix B"
@@ -112,8 +112,7 @@ def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
 
     Their figure's best is slope .84 with the evidence scaled by .4.
     """
-    if not slope > 0:
-        raise InputError.of("slope", "must be > 0", slope)
+    require(slope > 0, "slope", "must be > 0", slope)
     exact = bogacz_gurney(channels)
     linear = exact.with_projection("STN", "GPe", transfer="linear", weight=slope, cite=BG2007)
     # Up to a loop gain slope * Sigma of 4, as the exact circuit: it oscillates from 4.5.

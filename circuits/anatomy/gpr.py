@@ -7,7 +7,7 @@ from circuits.cells import Rate
 from circuits.checks import check_channels, check_number
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
-from circuits.errors import InputError
+from circuits.errors import require
 
 GPR = "Gurney et al. 2001"
 ASSUMED = "1 is 100 Hz, assumed"
@@ -30,8 +30,7 @@ def gpr(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
     """
     check_channels(channels)
     check_number("dopamine", dopamine)
-    if not 0 <= dopamine <= 1:
-        raise InputError.of("dopamine", "must lie in 0..1", dopamine)
+    require(0 <= dopamine <= 1, "dopamine", "must lie in 0..1", dopamine)
     unit, weight, gained = Rate(), GPR, f"{GPR}, lambda {dopamine:g}"
     salience = f"{GPR}, saliences 0 to 1; {ASSUMED}"
     ramp = f"{GPR}, ramp; tau, authors' code; {ASSUMED}"

@@ -10,7 +10,7 @@ from circuits.cells import Lif, Phase, Rate
 from circuits.checks import check_channels, check_number
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
-from circuits.errors import InputError
+from circuits.errors import require
 
 HUMPHRIES = "Humphries et al. 2006"
 CODE = f"{HUMPHRIES}, ModelDB 83559"
@@ -138,8 +138,7 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     """
     check_channels(channels)
     check_number("dopamine", dopamine)
-    if not 0 <= dopamine <= 1:
-        raise InputError.of("dopamine", "must lie in 0..1", dopamine)
+    require(0 <= dopamine <= 1, "dopamine", "must lie in 0..1", dopamine)
     half = 1 - 0.5 * dopamine
     of_gpe = half * SYNAPSES * PALLIDAL_HZ  # spikes per second that reach a cell of STN
     mutual = SYNAPSES * PALLIDAL_HZ / 2  # half of them proximal, half somatic

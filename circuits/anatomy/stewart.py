@@ -7,7 +7,7 @@ from circuits.cells import Phase, Rate
 from circuits.checks import check_channels, check_number
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
-from circuits.errors import InputError
+from circuits.errors import require
 
 STEWART = "Stewart et al. 2010"
 CODE = f"{STEWART}, nengo 4.1"
@@ -43,8 +43,7 @@ def stewart(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
     """
     check_channels(channels)
     check_number("dopamine", dopamine)
-    if not 0 <= dopamine <= 1:
-        raise InputError.of("dopamine", "must lie in 0..1", dopamine)
+    require(0 <= dopamine <= 1, "dopamine", "must lie in 0..1", dopamine)
     cell = Phase(0.0)
     given = f"no synapse, {CODE}"
     d1, d2 = 1 + dopamine, 1 - dopamine

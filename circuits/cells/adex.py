@@ -11,7 +11,7 @@ from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, register
 from circuits.cells.single import ONE, ZERO, choose, exponential, fused, single
 from circuits.checks import check_types, whole_ticks
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 
 def _begin(
@@ -112,8 +112,7 @@ class AdEx(Cell):
         for name in ("tau_ms", "tau_w_ms", "noise_mv", "sharpness_mv"):
             if not getattr(self, name) > 0:
                 raise InputError.of(name, "of an AdEx cell must be > 0", getattr(self, name))
-        if not self.refractory_ms >= 0:
-            raise InputError.of("refractory_ms", "must be >= 0", self.refractory_ms)
+        require(self.refractory_ms >= 0, "refractory_ms", "must be >= 0", self.refractory_ms)
         if not self.reset_mv < self.knee_mv < self.peak_mv:
             raise InputError(
                 "reset_mv must lie below knee_mv, and that below peak_mv, got "

@@ -13,7 +13,7 @@ from circuits.cells.membrane import Membrane, lif_rate_hz
 from circuits.cells.response import lif_response
 from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_types, whole_ticks
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 OVERSHOOT = 0.5825971579390107
 """-zeta(1/2)/sqrt(2 pi): how far, in steps, a sampled walk overshoots a bound (Siegmund 1985)."""
@@ -89,10 +89,8 @@ class Lif(Membrane, Cell):
         if not all(np.isfinite(value) for value in vars(self).values()):
             raise InputError.of("constants", "of a Lif cell must be finite", vars(self))
         for name in ("tau_ms", "noise_mv"):
-            if not getattr(self, name) > 0:
-                raise InputError.of(name, "of a Lif cell must be > 0", getattr(self, name))
-        if not self.refractory_ms >= 0:
-            raise InputError.of("refractory_ms", "must be >= 0", self.refractory_ms)
+            require(getattr(self, name) > 0, name, "of a Lif cell must be > 0", getattr(self, name))
+        require(self.refractory_ms >= 0, "refractory_ms", "must be >= 0", self.refractory_ms)
         if not self.reset_mv < self.threshold_mv:
             below = f"must lie below threshold_mv = {self.threshold_mv:g}"
             raise InputError.of("reset_mv", below, self.reset_mv)

@@ -13,7 +13,7 @@ from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, regi
 from circuits.cells.renewal import renewal_spectrum
 from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_types
-from circuits.errors import InputError
+from circuits.errors import require
 
 FOUR = np.float32(4)
 
@@ -61,8 +61,7 @@ class Phase(Cell):
 
     def __post_init__(self) -> None:
         check_types(self, "a Phase cell")
-        if not 0 <= self.cv <= 1:
-            raise InputError.of("cv", "must lie in 0..1", self.cv)
+        require(0 <= self.cv <= 1, "cv", "must lie in 0..1", self.cv)
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
         """Return the noise of a bit over the root of a tick's mean advance, and the rate's factor.

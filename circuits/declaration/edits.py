@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from itertools import combinations, product
 from typing import TYPE_CHECKING, Any
 
-from circuits.errors import InputError
+from circuits.errors import InputError, shown
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
@@ -307,10 +307,8 @@ def parsed(line: str) -> Edit:
     """
     verb, _, rest = line.strip().partition(" ") if isinstance(line, str) else ("", "", "")
     if verb not in VERBS:
-        raise InputError(
-            f"{line!r}: an edit begins with one of {', '.join(VERBS)}, such as 'lesion STN 10%'",
-            "edits",
-        )
+        known = f"{', '.join(VERBS)}, such as 'lesion STN 10%'"
+        raise InputError(f"{shown(line)}: an edit begins with one of {known}", "edits", line)
     kind, rest = VERBS[verb], rest.strip()
     if verb == "add":
         edit = _new_row(line, rest)

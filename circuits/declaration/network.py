@@ -11,7 +11,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.checks import check_channels, check_types
 from circuits.declaration.rows import PATTERNS, SIGNS, Population, Projection
-from circuits.errors import InputError
+from circuits.errors import InputError, require, shown
 
 
 @dataclass(frozen=True, repr=False)
@@ -68,13 +68,13 @@ class Network(Mapping[str, "Population | Projection"]):
             )
         for name in ("factors", "intact_by_channel"):
             count = len(getattr(p, name))
-            if count not in (0, channels):
-                raise InputError.of(
-                    name,
-                    f"must hold one number for each of {channels} channels",
-                    count,
-                    owner=p.name,
-                )
+            require(
+                count in (0, channels),
+                name,
+                f"must hold one number for each of {channels} channels",
+                count,
+                owner=p.name,
+            )
 
     def population(self, name: str) -> Population:
         """Return a row by name.
@@ -85,18 +85,18 @@ class Network(Mapping[str, "Population | Projection"]):
             If there is none, with the names that there are.
         """
         if not isinstance(name, str) or name not in self._known:
-            raise InputError(
-                f"{self.name} has no nucleus {name!r}: {', '.join(self._known)}", "nucleus"
-            )
+            said = f"{self.name} has no nucleus {shown(name)}: {', '.join(self._known)}"
+            raise InputError(said, "nucleus", name)
         return self._known[name]
 
     def projection(self, source: str, target: str) -> Projection:
         """Return a row by its two ends; raises ValueError with the valid names."""
+        name = " ".join(f"{source}->{target}".split())
         for p in self.projections:
-            if (p.source, p.target) == (source, target):
+            if p.name == name:
                 return p
         valid = ", ".join(p.name for p in self.projections)
-        raise InputError(f"{self.name} has no pathway {source}->{target}: {valid}", "pathway")
+        raise InputError(f"{self.name} has no pathway {name}: {valid}", "pathway")
 
     def row(self, name: str) -> Population | Projection:
         """Return a population, ``"STN"``, or a projection, ``"STN->GPe"``, by its name."""

@@ -34,7 +34,7 @@ from circuits.declaration.edits import Edit
 from circuits.declaration.motifs import MOTIFS, expanded
 from circuits.declaration.rows import WHOLE, Population, Projection
 from circuits.declaration.table import CircuitTable
-from circuits.errors import InputError, within
+from circuits.errors import InputError, require, within
 
 Row = Population | Projection
 Edited = TypeVar("Edited", Population, Projection, Cell)
@@ -225,8 +225,7 @@ def _made(kind: type, old: Any, values: Mapping[str, Any], owner: str) -> Any:
 
 
 def _cell_type(kind: str, owner: str) -> type[Cell]:
-    if kind not in CELLS:
-        raise InputError.of("cell", f"must be one of {', '.join(CELLS)}", kind, owner=owner)
+    require(kind in CELLS, "cell", f"must be one of {', '.join(CELLS)}", kind, owner=owner)
     return CELLS[kind]
 
 

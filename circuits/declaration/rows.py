@@ -16,7 +16,7 @@ from circuits.cells import Cell
 from circuits.cells.cell import check_cell
 from circuits.checks import check_types
 from circuits.declaration import transfer
-from circuits.errors import EditWarning, InputError
+from circuits.errors import EditWarning, InputError, require
 
 GLUTAMATE, GABA = "glutamate", "GABA"
 SIGNS = {GLUTAMATE: 1, GABA: -1}
@@ -128,41 +128,39 @@ class Population:
             )
 
     def _check_ranges(self) -> None:
-        if not 1 <= self.neurons <= MOST_NEURONS:
-            raise InputError.of(
-                "neurons",
-                f"must be a whole number from 1 to {MOST_NEURONS}",
-                self.neurons,
-                owner=self.name,
-            )
+        require(
+            1 <= self.neurons <= MOST_NEURONS,
+            "neurons",
+            f"must be a whole number from 1 to {MOST_NEURONS}",
+            self.neurons,
+            owner=self.name,
+        )
         if not 0 < self.gain_hz_per_nat < math.inf:
             raise InputError.of(
                 "gain_hz_per_nat", "must be > 0", self.gain_hz_per_nat, owner=self.name
             )
-        if not 0 <= self.tau_ms < math.inf:
-            raise InputError.of("tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
+        require(0 <= self.tau_ms < math.inf, "tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
         # Beyond, a good part of the cells would have constants of the wrong sign.
-        if not 0 <= self.spread <= 1:
-            raise InputError.of("spread", "must lie in 0..1", self.spread, owner=self.name)
+        require(0 <= self.spread <= 1, "spread", "must lie in 0..1", self.spread, owner=self.name)
         for name in ("baseline_hz", "bias_nats", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
         published = self.published_hz
-        if published and not (len(published) == 2 and 0 <= published[0] <= published[1] < math.inf):
-            raise InputError.of(
-                "published_hz",
-                "must be the lowest and the highest rate, Hz",
-                published,
-                owner=self.name,
-            )
+        require(
+            not published or (len(published) == 2 and 0 <= published[0] <= published[1] < math.inf),
+            "published_hz",
+            "must be the lowest and the highest rate, Hz",
+            published,
+            owner=self.name,
+        )
         lowest_hz = min(0.0, self.cell.lowest_hz)
-        if not lowest_hz <= self.baseline_hz <= MOST_HZ:
-            raise InputError.of(
-                "baseline_hz",
-                f"must lie in {lowest_hz:g}..{MOST_HZ:g} Hz, a spike per ms",
-                self.baseline_hz,
-                owner=self.name,
-            )
+        require(
+            lowest_hz <= self.baseline_hz <= MOST_HZ,
+            "baseline_hz",
+            f"must lie in {lowest_hz:g}..{MOST_HZ:g} Hz, a spike per ms",
+            self.baseline_hz,
+            owner=self.name,
+        )
         if self.baseline_hz > USUAL_HZ:
             warnings.warn(
                 f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
@@ -237,8 +235,7 @@ class Projection:
         for name in ("weight", "pivot_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
-        if not 0 <= self.tau_ms < math.inf:
-            raise InputError.of("tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
+        require(0 <= self.tau_ms < math.inf, "tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
         if not 0 <= self.delay_ms <= MOST_DELAY_MS:
             raise InputError.of(
                 "delay_ms", f"must lie in 0..{MOST_DELAY_MS:g}", self.delay_ms, owner=self.name
@@ -282,8 +279,7 @@ def _warn_of_times(owner: str, **times_ms: float) -> None:
 
 def _check_intact(row: Population | Projection) -> None:
     """Refuse surviving fractions out of range."""
-    if not 0 <= row.intact <= 1:
-        raise InputError.of("intact", "must lie in 0..1", row.intact, owner=row.name)
+    require(0 <= row.intact <= 1, "intact", "must lie in 0..1", row.intact, owner=row.name)
     if not all(0 <= part <= 1 for part in row.intact_by_channel):
         raise InputError.of(
             "intact_by_channel", "must lie in 0..1", row.intact_by_channel, owner=row.name

@@ -12,7 +12,7 @@ from circuits.arrays import Array
 from circuits.declaration.courses import DOPAMINE, Course, extremes
 from circuits.declaration.network import Network, check_rows
 from circuits.declaration.rows import RECEPTORS, WHOLE, Population, Projection
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 NOT_WRITTEN = ("unedited",)
 """Fields of a circuit that say where it came from, not what it is: no file and no hash has them."""
@@ -97,8 +97,7 @@ class CircuitTable(Network):
 
     def _check_numbers(self) -> None:
         for name in ("reach_nats", "most_lead_nats"):
-            if not getattr(self, name) > 0:
-                raise InputError.of(name, "must be > 0", getattr(self, name))
+            require(getattr(self, name) > 0, name, "must be > 0", getattr(self, name))
         if not 0 <= self.readout_tau_ms < math.inf:
             raise InputError.of("readout_tau_ms", "must be >= 0", self.readout_tau_ms)
         for name in ("range_nats", "readable_nats"):
@@ -107,12 +106,10 @@ class CircuitTable(Network):
             if sorted(getattr(self, name)) != list(getattr(self, name)):
                 raise InputError.of(name, "must rise", getattr(self, name))
         for name in ("reference_nats", "drive_gain"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError.of(name, "must be finite", getattr(self, name))
+            require(math.isfinite(getattr(self, name)), name, "must be finite", getattr(self, name))
 
     def _check_unit(self) -> None:
-        if self.unit not in UNITS:
-            raise InputError.of("unit", f"must be one of {', '.join(UNITS)}", self.unit)
+        require(self.unit in UNITS, "unit", f"must be one of {', '.join(UNITS)}", self.unit)
         if self.exact:
             self.check_nats("exact, OUT = -ln P,")
         if self.default_gain is not None and not 0 < self.default_gain < math.inf:
@@ -192,7 +189,7 @@ class CircuitTable(Network):
         if self.unit != NATS:
             raise InputError(
                 f"{self.name} works in {self.unit}, not nats: {what} has no meaning there{instead}",
-                what,
+                "unit",
             )
 
     @property

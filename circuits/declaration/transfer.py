@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.errors import InputError
+from circuits.errors import require
 
 EXP_MOST = 60.0
 """Exponents are capped here, nats: far above any rate, far below overflow."""
@@ -137,6 +137,5 @@ def named(name: str) -> Transfer:
     ValueError
         If there is none, with the names that there are.
     """
-    if name not in TRANSFERS:
-        raise InputError.of("transfer", f"must be one of {', '.join(TRANSFERS)}", name)
+    require(name in TRANSFERS, "transfer", f"must be one of {', '.join(TRANSFERS)}", name)
     return TRANSFERS[name]

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Self
 
-from circuits.checks import check_number
+from circuits.checks import check_channel, check_channels, check_number
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import Edit, Edits
 from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
-from circuits.errors import InputError
+from circuits.errors import InputError, require, shown
 
 NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite", "published_hz")
 """Fields of rows that leave the fixed point as it is."""
@@ -108,8 +108,7 @@ class EditableTable(CircuitTable):
                 f"{name} is {there} already: it can't be both lesioned and clamped", "nucleus"
             )
         check_number("fraction", fraction)
-        if not 0 <= fraction <= 1:
-            raise InputError.of("fraction", "must lie in 0..1", fraction)
+        require(0 <= fraction <= 1, "fraction", "must lie in 0..1", fraction)
         if channel is not None:
             self._check_own_channel(row, channel)
         if fraction == 0:
@@ -123,14 +122,11 @@ class EditableTable(CircuitTable):
     def _check_own_channel(self, row: Population, channel: int) -> None:
         if row.pooled:
             raise InputError(
-                f"{row.name} is pooled, one for all alternatives: it has no channel {channel} to "
-                "lesion, give none",
+                f"{row.name} is pooled, one for all alternatives: it has no channel "
+                f"{shown(channel)} to lesion, give none",
                 "channel",
             )
-        if channel not in range(self.channels):
-            raise InputError.of(
-                "channel", f"must lie in 0..{self.channels - 1}", channel, owner=row.name
-            )
+        check_channel(row.name, channel, self.channels)
 
     def scale(self, source: str, target: str, factor: float, channel: int | None = None) -> Self:
         """Return the circuit with the weight of one pathway multiplied by a factor.
@@ -156,8 +152,7 @@ class EditableTable(CircuitTable):
         """
         row = self.projection(source, target)
         check_number("factor", factor)
-        if not 0 <= factor < math.inf:
-            raise InputError.of("factor", "must be >= 0", factor)
+        require(0 <= factor < math.inf, "factor", "must be >= 0", factor)
         if channel is None:
             return self.with_projection(source, target, weight=row.weight * factor)
         return self._multiplied(row, "factors", factor, channel)
@@ -187,8 +182,7 @@ class EditableTable(CircuitTable):
         """
         row = self.projection(source, target)
         check_number("fraction", fraction)
-        if not 0 <= fraction <= 1:
-            raise InputError.of("fraction", "must lie in 0..1", fraction)
+        require(0 <= fraction <= 1, "fraction", "must lie in 0..1", fraction)
         if channel is None:
             return self.with_projection(source, target, intact=row.intact * (1 - fraction))
         return self._multiplied(row, "intact_by_channel", 1 - fraction, channel)
@@ -196,8 +190,7 @@ class EditableTable(CircuitTable):
     def _multiplied(self, row: Projection, field: str, factor: float, channel: int) -> Self:
         """Return the circuit with one target channel's number of a pathway multiplied."""
         count = self.channels_of(row.target)
-        if channel not in range(count):
-            raise InputError.of("channel", f"must lie in 0..{count - 1}", channel, owner=row.name)
+        check_channel(row.name, channel, count)
         if factor == 1:
             return self
         values = list(getattr(row, field) or (1.0,) * count)
@@ -211,9 +204,8 @@ class EditableTable(CircuitTable):
         own level: the level 1.2 and a course of +0.5 multiply a weight with D1 receptors by 1.2
         and 1.5.
         """
-        check_number("dopamine level", level)
-        if not 0 <= level <= 2:
-            raise InputError.of("dopamine", "level must lie in 0..2", level)
+        check_number("level", level)
+        require(0 <= level <= 2, "level", "must lie in 0..2", level)
         circuit = self
         for p, change, nats in self.dopamine_changes(level) if level != 1 else ():
             bias = circuit.population(p.target).bias_nats + nats
@@ -226,6 +218,7 @@ class EditableTable(CircuitTable):
 
         The default gain and the largest lead were measured for one number: neither is kept.
         """
+        check_channels(channels)
         same = channels == self.channels
         return self._edited(
             channels=channels,
@@ -243,8 +236,7 @@ class EditableTable(CircuitTable):
     def with_neurons_times(self, factor: float) -> Self:
         """Return the circuit with so many times the cells of every spiking population, rounded."""
         check_number("factor", factor)
-        if not 0 < factor < math.inf:
-            raise InputError.of("factor", "must be > 0 and finite", factor)
+        require(0 < factor < math.inf, "factor", "must be > 0 and finite", factor)
         rows = tuple(
             replace(p, neurons=max(1, round(p.neurons * factor))) if p.spiking else p
             for p in self.populations

@@ -291,6 +291,8 @@ def _goal(
         rates[blocks] = hz[before.blocks_of(row.name)]
         if all(getattr(row, name) == getattr(old, name) for name in line):
             inputs[blocks] = x[before.blocks_of(row.name)]
+    if not isinstance(rebound_nats, Mapping | None):
+        raise InputError.of("rebound_nats", "must be a dict of nuclei and nats", rebound_nats)
     for name, nats in (rebound_nats or {}).items():
         blocks = wiring.blocks_of(name)
         if name not in known:
@@ -311,9 +313,10 @@ def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> Circuit
     """Return the circuit before the edits; ValueError where it is not known or does not fit."""
     for row in circuit.populations:
         if row.clamped:
-            raise ValueError(
+            raise InputError(
                 f"{row.name} is clamped, which leaves resting rates what they were: there is "
-                "nothing to compensate"
+                "nothing to compensate",
+                "clamp",
             )
     if reference is None:
         if circuit == circuit.unlesioned:
@@ -323,6 +326,8 @@ def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> Circuit
                 "reference",
             )
         return circuit.unlesioned
+    if not isinstance(reference, CircuitTable):
+        raise InputError.of("reference", "must be a Circuit", reference)
     if reference.channels != circuit.channels:
         raise InputError(
             f"the reference must have {circuit.channels} channels, got {reference.channels}",

@@ -18,7 +18,7 @@ from circuits.arrays import Array, Complex, Index
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import parts, solve, wired
 from circuits.dynamics.wiring import Wiring
-from circuits.errors import InputError
+from circuits.errors import require
 
 NODES = 12
 """Intervals of a delay line: roots are exact to 1e-6 while their modulus times the delay is < 6."""
@@ -155,8 +155,7 @@ def _held(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
     wiring.circuit.check_steady("stability")
     channels = wiring.circuit.channels
     held = np.zeros(channels) if drive is None else np.asarray(drive, dtype=np.float64)
-    if held.shape != (channels,):
-        raise InputError.of("drive", f"must be ({channels},)", held.shape)
+    require(held.shape == (channels,), "drive", f"must be ({channels},)", held.shape)
     return solve(wiring, held[None])
 
 

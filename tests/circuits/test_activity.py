@@ -16,7 +16,9 @@ from circuits.cells.phase import phase_spectrum
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population
 from circuits.engines import run
+from circuits.errors import RangeWarning
 from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_algebra, run_ensemble, run_rate
+from tests.helpers import refused
 
 
 def test_total_is_the_log_of_the_sum():
@@ -70,23 +72,23 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
 
 def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
     found = run_rate(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
-    with pytest.raises(ValueError, match="segment_ms must fit into what is left"):
+    with refused("segment_ms"):
         found.spectrum("STN", from_ms=100)
 
 
 @pytest.mark.parametrize(
     ("drive", "message"),
     [
-        (np.zeros((2, 3)), r"\(trials, steps, channels\), got shape \(2, 3\)"),
-        (np.zeros((0, 3, 2)), "got shape"),
+        (np.zeros((2, 3)), r"drive \(trials, steps, channels\)"),
+        (np.zeros((0, 3, 2)), "drive"),
         (np.zeros((2, 3, 4)), r"drive has 4 hypotheses.*load_circuit\(\.\.\., 4\)"),
-        (np.full((1, 1, 2), np.nan), "drive must be finite"),
-        (np.full((1, 1, 2), -np.inf), "drive must be finite"),
+        (np.full((1, 1, 2), np.nan), "drive finite"),
+        (np.full((1, 1, 2), -np.inf), "drive finite"),
     ],
 )
 def test_a_drive_that_does_not_fit_is_refused(circuit, drive, message):
     for engine in (checked_drive, run_algebra, lambda *a: run_rate(*a, step_ms=1)):
-        with pytest.raises(ValueError, match=message):
+        with refused(message):
             engine(circuit, drive)
 
 
@@ -99,7 +101,7 @@ def test_a_circuit_in_saliences_says_between_which_inputs_it_works():
         warn_beyond_range(circuit, np.array([-rest, 0.9 - rest]))
     for drive in ([-rest - 0.25, 0.5], [0.2, 1.3 - rest]):
         said = f"the input runs from {rest + drive[0]:.2f} to {rest + drive[1]:.2f} salience"
-        with pytest.warns(UserWarning, match=said):
+        with pytest.warns(RangeWarning, match=said):
             warn_beyond_range(circuit, np.array(drive))
 
 
@@ -121,11 +123,11 @@ def test_rates_are_drawn_a_panel_per_nucleus_and_a_line_per_channel(activity):
 
 
 def test_what_cannot_be_drawn_is_said(activity):
-    with pytest.raises(ValueError, match=r"trial must lie in 0\.\.1, got 2"):
+    with refused("trial"):
         activity.plot(2)
-    with pytest.raises(ValueError, match="kept no rates"):
+    with refused("rates"):
         replace(activity, rates_hz={}).plot(0)
-    with pytest.raises(ValueError, match="ax must be 7 Axes, one per panel, got 1"):
+    with refused("ax"):
         activity.plot(0, Figure().subplots())
 
 

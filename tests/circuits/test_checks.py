@@ -10,6 +10,7 @@ from circuits.checks import check_channels, is_whole, whole_ticks
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.wiring import wire
 from tests.circuits.helpers import run_rate
+from tests.helpers import refused
 
 
 def test_times_are_whole_ticks():
@@ -21,15 +22,15 @@ def test_times_are_whole_ticks():
         _ = Scheme(wire(circuit), 0.1).unit_delay
     with pytest.raises(ValueError, match="delay of STN->GPe"):
         run_rate(circuit, np.zeros((1, 1, 2)), step_ms=1)
-    with pytest.raises(ValueError, match="dt_ms must be > 0, got 0"):
+    with refused("dt_ms"):
         whole_ticks("delay", 2, 0)
-    with pytest.raises(ValueError, match="step_ms must be > 0 and finite, got 0"):
+    with refused("step_ms"):
         Clock(1, 0)
-    with pytest.raises(ValueError, match=r"sample_ms of 0.25 ms is no multiple"):
+    with refused("sample_ms of 0.25 ms is no multiple"):
         Clock(1, 1, sample_ms=0.25)
-    with pytest.raises(ValueError, match="settle_ms must be >= 0 and finite, got -1"):
+    with refused("settle_ms"):
         Clock(1, 1, settle_ms=-1)
-    with pytest.raises(ValueError, match="step_ms must be a multiple of sample_ms, got 3 and 2"):
+    with refused("sample_ms step_ms must be a multiple of sample_ms"):
         Clock(1, 3, sample_ms=2)
 
 
@@ -45,18 +46,18 @@ def test_what_is_no_whole_number(value):
 
 @pytest.mark.parametrize("value", [(1, "x"), (1, True), (1, None), 3, {1.0, 2.0}])
 def test_factors_of_channels_are_a_list_of_numbers(value):
-    with pytest.raises(ValueError, match="ctx->D1: factors must be numbers, got"):
+    with refused("factors"):
         anatomy.spiking_msprt().with_projection("ctx", "D1", factors=value)
 
 
 @pytest.mark.parametrize("value", [(1,), (1, 2, 3), (1, "x"), {1.0, 2.0}, 3, "ab"])
 def test_a_range_is_two_numbers(value):
-    with pytest.raises(ValueError, match="range_nats must be two numbers, got"):
+    with refused("range_nats"):
         replace(anatomy.spiking_msprt(), range_nats=value)
 
 
 @pytest.mark.parametrize("channels", [1, 0, 2.5, "3", None, True])
 def test_what_is_no_number_of_channels_is_refused_before_a_table_is_made(channels):
-    with pytest.raises(ValueError, match=r"channels must be a whole number >= 2, got"):
+    with refused("channels"):
         check_channels(channels)
     check_channels(2)

@@ -16,7 +16,9 @@ from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table_files import digest
 from circuits.dynamics.fixed_point import rest_rates, wired
 from circuits.dynamics.wiring import wire
+from circuits.errors import EditWarning
 from tests.circuits.helpers import run_algebra
+from tests.helpers import refused
 
 EDITS = {
     "lesion": lambda c: c.lesion("STN", 0.3),
@@ -103,18 +105,18 @@ def test_one_channel_is_scaled_and_no_other(circuit):
 
 def test_an_edit_that_one_channel_cannot_have_is_refused():
     circuit = anatomy.spiking_msprt(2)
-    with pytest.raises(ValueError, match=r"ctx->D1: channel must lie in 0\.\.1, got 2"):
+    with refused("channel"):
         circuit.scale("ctx", "D1", 0.5, channel=2)
-    with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
+    with refused("factor must be >= 0"):
         circuit.scale("ctx", "D1", -1, channel=0)
-    with pytest.raises(ValueError, match=r"one number for each of 4 channels, got 2$"):
+    with refused("factors"):
         circuit.scale("ctx", "D1", 0.5, channel=0).with_channels(4)
-    with pytest.raises(ValueError, match="STN->GPe: only a linear pathway can be scaled in one"):
+    with refused("transfer STN->GPe"):
         anatomy.bogacz_gurney().scale("STN", "GPe", 0.5, channel=0)
-    with pytest.raises(ValueError, match=r"factors must be >= 0, got \(-1, 1\)"):
+    with refused("factors"):
         circuit.with_projection("ctx", "D1", factors=(-1, 1))
     silent = anatomy.bogacz_gurney().scale("D1", "SNr", 0, 0).scale("D1", "SNr", 0, 1)
-    with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
+    with refused("readout"):
         silent.lesion("STN")
 
 
@@ -144,7 +146,7 @@ def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes(
     table = anatomy.spiking_msprt(2)
     lost = table.clamp("GPe", channel=0)
     np.testing.assert_allclose(rest_rates(wired(lost)), rest_rates(wired(table)), atol=1e-9)
-    with pytest.raises(ValueError, match="GPe is clamped already"):
+    with refused("nucleus GPe is clamped already"):
         lost.lesion("GPe", 0.5)
     assert lost.clamp("GPe", channel=1).unlesioned == table
 
@@ -179,31 +181,31 @@ def test_unknown_names_list_the_valid_ones(circuit):
         circuit.lesion,
         lambda name: circuit.with_population(name, neurons=2),
     ):
-        with pytest.raises(ValueError, match=rf"no nucleus 'GPi': {nuclei}$"):
+        with refused(f"nucleus {nuclei}"):
             edit("GPi")
     paths = ", ".join(p.name for p in circuit.projections)
-    with pytest.raises(ValueError, match=f"no pathway STN->GPi: {paths}$"):
+    with refused(f"pathway {paths}"):
         circuit.scale("STN", "GPi", 2)
-    with pytest.raises(ValueError, match="no pathway STN->GPi: "):
+    with refused(f"pathway {paths}"):
         circuit.with_projection("STN", "GPi", weight=2)
-    with pytest.raises(ValueError, match=r"STN has no 'tau': cell, baseline_hz"):
+    with refused("tau"):
         circuit.with_population("STN", tau=3)
-    with pytest.raises(ValueError, match="has no 'delay': weight, pattern"):
+    with refused("delay"):
         circuit.with_projection("STN", "GPe", delay=3)
-    with pytest.raises(ValueError, match=r"one of bogacz_gurney, appendix_b.*got 'gprx'"):
+    with refused("circuit one of bogacz_gurney, appendix_b.*got 'gprx'"):
         anatomy.load_circuit("gprx")
-    with pytest.raises(ValueError, match=r"transfer must be one of linear, .*got 'cubic'"):
+    with refused("transfer"):
         circuit.with_population("STN", transfer="cubic")
-    with pytest.raises(ValueError, match=r"pattern must be one of 'channel', .*got 'random'"):
+    with refused("pattern"):
         circuit.with_projection("STN", "GPe", pattern="random")
 
 
 def test_input_and_readout_cannot_be_lesioned(circuit):
-    with pytest.raises(ValueError, match="ctx is the input"):
+    with refused("nucleus ctx is the input"):
         circuit.lesion("ctx", 0.1)
-    with pytest.raises(ValueError, match="SNr is the read-out"):
+    with refused("nucleus SNr is the read-out"):
         circuit.lesion("SNr")
-    with pytest.raises(ValueError, match=r"fraction must lie in 0\.\.1, got 1.5"):
+    with refused(r"fraction must lie in 0\.\.1"):
         circuit.lesion("STN", 1.5)
 
 
@@ -214,7 +216,7 @@ def test_lesions_that_cut_the_input_from_the_readout_are_refused():
         lambda: exact.lesion("STN").scale("D1", "SNr", 0),
         lambda: exact.lesion("D1").scale("ctx", "STN", 0),
     ):
-        with pytest.raises(ValueError, match="no pathway is left from ctx to SNr"):
+        with refused("readout"):
             cut()
     # With all pathways one is left, through D2 and GPe.
     detour = anatomy.appendix_b().lesion("STN").lesion("D1")
@@ -232,45 +234,45 @@ def edit(circuit, row, values):
 @pytest.mark.parametrize(
     ("row", "values", "message"),
     [
-        ("D1->SNr", {"weight": 1}, "D1 releases GABA, so the weight must be <= 0, got 1"),
-        ("STN->SNr", {"weight": -1}, "STN releases glutamate, so the weight must be >= 0, got -1"),
-        ("STN->SNr", {"weight": math.nan}, "weight must be finite"),
-        ("STN->SNr", {"delay_ms": -1}, "STN->SNr: delay_ms must lie in 0..10000, got -1"),
-        ("STN->SNr", {"delay_ms": math.inf}, "STN->SNr: delay_ms must lie in 0..10000, got inf"),
-        ("STN->SNr", {"tau_ms": -1}, "STN->SNr: tau_ms must be >= 0, got -1"),
-        ("STN->SNr", {"probability": 0}, r"probability must lie in 0\.\.1, got 0"),
-        ("STN->SNr", {"probability": 1.1}, r"probability must lie in 0\.\.1, got 1.1"),
-        ("STN", {"neurons": 0}, "STN: neurons must be a whole number from 1 to 1000000000, got 0"),
-        ("STN", {"neurons": 10**12}, "STN: neurons must be .* got 1000000000000"),
-        ("STN", {"neurons": 2.5}, "STN: neurons must be a whole number"),
-        ("STN", {"tau_ms": -1}, "STN: tau_ms must be >= 0, got -1"),
-        ("STN", {"spread": -0.1}, "STN: spread must lie in 0..1, got -0.1"),
-        ("STN", {"intact": 1.1}, r"STN: intact must lie in 0\.\.1"),
-        ("STN", {"gain_hz_per_nat": 0}, "STN: gain_hz_per_nat must be > 0, got 0"),
-        ("STN", {"bias_nats": math.nan}, "STN: bias_nats must be finite"),
-        ("STN.cell", {"cv": 1.5}, r"cv must lie in 0\.\.1, got 1.5"),
-        ("STN", {"transmitter": "glycine"}, "transmitter must be one of 'glutamate', 'GABA'"),
-        ("GPe.cell", {"tau_ms": 0}, "tau_ms of a Lif cell must be > 0, got 0"),
-        ("GPe.cell", {"noise_mv": -1}, "noise_mv of a Lif cell must be > 0"),
-        ("GPe.cell", {"refractory_ms": -1}, "refractory_ms must be >= 0, got -1"),
-        ("GPe.cell", {"reset_mv": 20}, "reset_mv must lie below threshold_mv, got 20 and 15"),
-        ("STN->GPe", {"delay_ms": "4"}, "STN->GPe: delay_ms must be a number, got '4'"),
-        ("STN->GPe", {"delay_ms": 1e9}, r"delay_ms must lie in 0..10000, got 1000000000.0"),
-        ("STN->GPe", {"weight": "x"}, "STN->GPe: weight must be a number, got 'x'"),
-        ("STN->GPe", {"weight": True}, "STN->GPe: weight must be a number, got True"),
-        ("ctx->D1", {"factors": "ab"}, "ctx->D1: factors must be numbers, got 'ab'"),
-        ("STN", {"bias_nats": "x"}, "STN: bias_nats must be a number, got 'x'"),
-        ("STN", {"neurons": "3"}, "STN: neurons must be a whole number, got '3'"),
-        ("STN", {"neurons": math.nan}, "STN: neurons must be a whole number, got nan"),
-        ("STN", {"spread": 5}, "STN: spread must lie in 0..1, got 5"),
-        ("STN", {"pooled": 1}, "STN: pooled must be true or false, got 1"),
-        ("STN", {"cell": "Lif"}, "STN: cell must be one of AdEx, .*got 'Lif'"),
-        ("STN", {"gain_hz_per_nat": "1"}, "STN: gain_hz_per_nat must be a number, got '1'"),
-        ("GPe.cell", {"tau_ms": "x"}, "a Lif cell: tau_ms must be a number, got 'x'"),
+        ("D1->SNr", {"weight": 1}, "weight"),
+        ("STN->SNr", {"weight": -1}, "weight"),
+        ("STN->SNr", {"weight": math.nan}, "weight finite"),
+        ("STN->SNr", {"delay_ms": -1}, "delay_ms"),
+        ("STN->SNr", {"delay_ms": math.inf}, "delay_ms"),
+        ("STN->SNr", {"tau_ms": -1}, "tau_ms STN->SNr"),
+        ("STN->SNr", {"probability": 0}, "probability"),
+        ("STN->SNr", {"probability": 1.1}, "probability"),
+        ("STN", {"neurons": 0}, "neurons"),
+        ("STN", {"neurons": 10**12}, "neurons"),
+        ("STN", {"neurons": 2.5}, "neurons"),
+        ("STN", {"tau_ms": -1}, "tau_ms STN: tau_ms must be >= 0, got -1"),
+        ("STN", {"spread": -0.1}, "spread"),
+        ("STN", {"intact": 1.1}, "intact"),
+        ("STN", {"gain_hz_per_nat": 0}, "gain_hz_per_nat"),
+        ("STN", {"bias_nats": math.nan}, "bias_nats STN: bias_nats must be finite"),
+        ("STN.cell", {"cv": 1.5}, "cv"),
+        ("STN", {"transmitter": "glycine"}, "transmitter"),
+        ("GPe.cell", {"tau_ms": 0}, "tau_ms"),
+        ("GPe.cell", {"noise_mv": -1}, "noise_mv"),
+        ("GPe.cell", {"refractory_ms": -1}, "refractory_ms must be >= 0"),
+        ("GPe.cell", {"reset_mv": 20}, "reset_mv"),
+        ("STN->GPe", {"delay_ms": "4"}, "delay_ms"),
+        ("STN->GPe", {"delay_ms": 1e9}, "delay_ms"),
+        ("STN->GPe", {"weight": "x"}, "weight"),
+        ("STN->GPe", {"weight": True}, "weight"),
+        ("ctx->D1", {"factors": "ab"}, "factors"),
+        ("STN", {"bias_nats": "x"}, "bias_nats"),
+        ("STN", {"neurons": "3"}, "neurons"),
+        ("STN", {"neurons": math.nan}, "neurons"),
+        ("STN", {"spread": 5}, "spread"),
+        ("STN", {"pooled": 1}, "pooled"),
+        ("STN", {"cell": "Lif"}, "cell STN: cell must be one of AdEx, .*got 'Lif'"),
+        ("STN", {"gain_hz_per_nat": "1"}, "gain_hz_per_nat"),
+        ("GPe.cell", {"tau_ms": "x"}, "tau_ms"),
     ],
 )
 def test_numbers_without_sense_are_refused(row, values, message):
-    with pytest.raises(ValueError, match=message):
+    with refused(message):
         edit(anatomy.spiking_msprt(), row, values)
 
 
@@ -303,29 +305,29 @@ def test_edits_without_sense_are_refused(edit, says):
 def test_tables_without_sense_are_refused():
     circuit = anatomy.bogacz_gurney()
     stn = circuit.population("STN")
-    with pytest.raises(ValueError, match="two populations have one name"):
+    with refused("populations"):
         circuit.add(stn)
-    with pytest.raises(ValueError, match="two projections join the same populations"):
+    with refused("projections"):
         circuit.add(circuit.projection("STN", "GPe"))
-    with pytest.raises(ValueError, match="no nucleus 'thalamus': ctx, D1"):
+    with refused("nucleus"):
         circuit.add(Projection("SNr", "thalamus", -1))
-    with pytest.raises(ValueError, match="channels must be a whole number >= 2, got 1"):
+    with refused("channels"):
         circuit.with_channels(1)
-    with pytest.raises(ValueError, match="ctx and SNr need a channel an alternative"):
+    with refused("input"):
         circuit.with_population("SNr", pooled=True)
-    with pytest.raises(ValueError, match="readout_tau_ms must be >= 0"):
+    with refused("readout_tau_ms"):
         replace(circuit, readout_tau_ms=-1)
-    with pytest.raises(ValueError, match="reference_nats must be finite"):
+    with refused("reference_nats finite"):
         replace(circuit, reference_nats=math.nan)
-    with pytest.raises(ValueError, match="STN: tau_ms is that of the Lif cell"):
+    with refused("tau_ms STN: tau_ms is that of the Lif cell"):
         replace(stn, cell=Lif(10, 3, 15, 5, 2, 0, 1))
-    with pytest.raises(ValueError, match="probability < 1 must be linear"):
+    with refused("transfer probability < 1 must be linear"):
         circuit.with_projection("STN", "GPe", probability=0.5)
-    with pytest.raises(ValueError, match="factor must be >= 0, got -1"):
+    with refused("factor must be >= 0"):
         circuit.scale("STN", "GPe", -1)
-    with pytest.raises(ValueError, match=r"dopamine level must lie in 0\.\.2, got 3"):
+    with refused("dopamine"):
         circuit.dopamine(3)
-    with pytest.raises(ValueError, match="slope must be > 0, got 0"):
+    with refused("slope"):
         anatomy.linear_gpe(slope=0)
 
 
@@ -385,7 +387,7 @@ def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away(
 def test_a_table_of_ones_own_takes_a_thousand_alternatives():
     rows = Population("ctx", Rate()), Population("SNr", Rate(), transmitter="GABA")
     table = Circuit("mine", rows, (Projection("ctx", "SNr", 1.0),), 1000)
-    with pytest.raises(ValueError, match="mine takes at most 1000 alternatives, got 1001"):
+    with refused("channels"):
         table.with_channels(1001)
 
 
@@ -420,7 +422,7 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
     ]
     assert {edited.most_lead_nats for edited in cleared} == {np.inf}
     for wrong in (0.0, -1.0, float("nan")):
-        with pytest.raises(ValueError, match="most_lead_nats must be > 0"):
+        with refused("most_lead_nats must be > 0"):
             replace(table, most_lead_nats=wrong)
 
 
@@ -451,14 +453,14 @@ def test_a_rate_that_no_cell_has_is_refused(baseline_hz):
         lambda: table.edited(f"set STN.baseline_hz={baseline_hz}"),
         lambda: table.add(f"TRN like=STN baseline_hz={baseline_hz}"),
     ):
-        with pytest.raises(ValueError, match="baseline_hz"):
+        with refused("baseline_hz"):
             edit()
 
 
 def test_only_a_rate_that_is_a_difference_may_be_negative():
     table = named("appendix_b")
     assert table.with_population("GPe", baseline_hz=-20).population("GPe").baseline_hz == -20
-    with pytest.raises(ValueError, match="baseline_hz"):
+    with refused("baseline_hz"):
         table.with_population("SNr", baseline_hz=-20)
 
 
@@ -475,7 +477,7 @@ def test_only_a_rate_that_is_a_difference_may_be_negative():
 )
 def test_numbers_far_outside_physiology_are_warned_of(edit):
     name = edit.split(" ")[1].split(".", 1)[1].replace(".", "_")
-    with pytest.warns(UserWarning, match=name):
+    with pytest.warns(EditWarning, match=name):
         named("spiking_msprt").edited(edit)
 
 

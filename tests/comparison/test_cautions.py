@@ -18,6 +18,7 @@ from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_cal
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.rivals import Lca
+from circuits.errors import CalibrationWarning, DeadlineWarning
 from tests.helpers import run
 
 
@@ -53,7 +54,7 @@ def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
     evidence = drawn(400, 5)
     top = f"{ceiling(evidence):.3f}"
     said = rf"no threshold reaches .* of 0.9, 0.99: all readings .*, 5 at most, allow {top};"
-    with pytest.warns(UserWarning, match=said):
+    with pytest.warns(DeadlineWarning, match=said):
         assert warn_of_ceiling(evidence, (0.7, 0.9, 0.99)) == [0.7]
     assert silent(warn_of_ceiling, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
 
@@ -62,7 +63,7 @@ def test_a_rival_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own()
     evidence = drawn(400, 120)
     leaky = tradeoff(Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence), evidence)
     with pytest.warns(
-        UserWarning, match=r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
+        DeadlineWarning, match=r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
     ):
         warn_of_own_ceiling("LCA", leaky, (0.6, 0.99))
     test = tradeoff(Msprt().run(evidence), evidence)
@@ -81,7 +82,7 @@ def test_posteriors_of_the_right_likelihoods_are_not_warned_of(hypotheses, seed)
 def test_wrong_likelihoods_are_warned_of_with_both_numbers(factor, sure):
     stated, right = at_criterion(scaled(drawn(1000, 60), factor), 0.9)
     said = rf"too {sure}: .* is {stated.mean():.3f}, and {right.mean():.3f} of 1000 decisions"
-    with pytest.warns(UserWarning, match=said) as found:
+    with pytest.warns(CalibrationWarning, match=said) as found:
         warn_of_calibration(stated, right)
     low, high = map(float, re.findall(r"interval (\S+) to ([^)]+)\)", str(found[0].message))[0])
     assert low < (right - stated).mean() < high
@@ -113,7 +114,7 @@ def test_a_run_under_conflict_says_that_posteriors_are_not_calibrated(tmp_path, 
     if not conflict:
         silent(run, *asked)
         return
-    with pytest.warns(UserWarning, match="too sure: .* of 200 decisions are right"):
+    with pytest.warns(CalibrationWarning, match="too sure: .* of 200 decisions are right"):
         assert run(*asked) == 0
 
 
@@ -124,7 +125,7 @@ def test_few_trials_show_no_miscalibration():
 def test_a_comparison_says_what_is_out_of_reach_before_it_runs():
     evidence = scaled(drawn(400, 8), 2.0)
     model = BasalGanglia("spiking_msprt", "algebra", 0.5)
-    with pytest.warns(UserWarning, match="no threshold reaches an accuracy of 0.999") as found:
+    with pytest.warns(DeadlineWarning, match="no threshold reaches an accuracy of 0.999") as found:
         compare(model, evidence, accuracies=(0.8, 0.999))
     assert any("the evidence is too sure" in str(one.message) for one in found)
 
@@ -142,7 +143,7 @@ def own_table(path, factor):
 def test_a_table_of_ones_own_that_is_too_sure_is_told_so(tmp_path):
     out = tmp_path / "decided.csv"
     sure, right = (own_table(tmp_path / f"{factor}.csv", factor) for factor in (3.0, 1.0))
-    with pytest.warns(UserWarning, match=r"the evidence is too sure: .* of 300 decisions"):
+    with pytest.warns(CalibrationWarning, match=r"the evidence is too sure: .* of 300 decisions"):
         assert run("decide", out, "--evidence", sure, "--posterior", 0.9) == 0
     asked = ("decide", out, "--evidence", right, "--posterior", 0.9, "--force")
     assert silent(run, *asked) == 0

@@ -28,6 +28,7 @@ from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble, engine_of
+from circuits.errors import EditWarning, RangeWarning
 from circuits.laws.controls import shuffled_stn
 
 SEED, GAIN = 51, 0.5
@@ -186,7 +187,7 @@ LONG = separated_evidence(
 def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given():
     """At .8 the MSPRT decides where OUT rests, at .999 where no OUT is read."""
     given = {"seed": SEED, "rivals": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
-    with pytest.warns(UserWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: sp"):
+    with pytest.warns(RangeWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: sp"):
         found = compare(QUICK, LONG, **given).table
     known = found[(found["model"] == CIRCUIT) & (found["measure"] == "agreement")]
     known = known[known["reference"] == MSPRT_AT_GAIN].set_index("accuracy")["value"]
@@ -196,7 +197,7 @@ def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given()
 def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
     edited = {"blind": TABLE.scale("ctx", "STN", 0.5)}
     options = {"seed": SEED, "accuracies": (0.8, 0.95), "resamples": 20}
-    with pytest.warns(UserWarning, match="nothing is compared at") as said:
+    with pytest.warns(RangeWarning, match="nothing is compared at") as said:
         found = compare_edits(QUICK, edited, LONG, **options)
     text = " ".join(str(one.message) for one in said)
     assert "nothing is compared at accuracy 0.8: spiking_msprt would have to" in text
@@ -312,7 +313,7 @@ def test_the_decoder_beside_a_circuit_counts_for_20_ms_by_default(monkeypatch):
 def test_an_edit_that_changes_nothing_is_warned_of():
     given = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
     edited = {"D1->SNr=1": TABLE.scale("D1", "SNr", 1.0)}
-    with pytest.warns(UserWarning, match="changes nothing"):
+    with pytest.warns(EditWarning):
         compare_edits(replace(QUICK, engine="rate"), edited, LONG, **given)
 
 

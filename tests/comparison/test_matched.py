@@ -15,6 +15,7 @@ from bgmodel.deciding.decision import Trace
 from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, margin, reads_nothing, tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.rivals import MaxVsAverage, Race
+from tests.helpers import refused
 
 EVIDENCE = separated_evidence(800, 60, 0.5, rng=stream(1, "comparison"), hypotheses=4, step_ms=50.0)
 TRACE = Msprt().run(EVIDENCE)
@@ -152,17 +153,17 @@ def test_parts_join_to_the_whole():
     joined = parts[0] + parts[1]
     for name in ("choice", "time_ms", "forced", "premature", "posterior"):
         assert np.array_equal(getattr(joined, name), getattr(TEST, name)), name
-    with pytest.raises(ValueError, match="over the same settings"):
+    with refused("thresholds over the same settings"):
         parts[0] + tradeoff(TRACE, EVIDENCE, [0.1, 0.2])
 
 
 def test_bad_input_is_refused():
     few = tradeoff(Msprt().run(EVIDENCE[:50]), EVIDENCE[:50])
-    with pytest.raises(ValueError, match="the same trials must be compared, got 800 and 50"):
+    with refused("other"):
         measured(few)
-    with pytest.raises(ValueError, match="an interval needs 100 trials or more, got 50"):
+    with refused("trials"):
         matched_measures(few, few, rng=stream(1, "x"))
-    with pytest.raises(ValueError, match="an interval needs 100 trials or more, got 99"):
+    with refused("trials"):
         check_trials(99)
     check_trials(100)
 
@@ -239,9 +240,9 @@ def test_a_group_of_one_trial_each_is_no_group():
     two = resampled(4, 30, stream(1, "g"), ["a", "a", "b", "b"])
     assert np.array_equal(two[:, [0, 2]], two[:, [1, 3]])
     assert set(two[1:, 0]) == {0, 1, 2}
-    with pytest.raises(ValueError, match="groups must be one per trial"):
+    with refused("groups must be one per trial"):
         resampled(50, 20, stream(1, "g"), np.arange(40))
-    with pytest.raises(ValueError, match="groups must be two or more for an interval, got 1"):
+    with refused("groups must be two or more for an interval"):
         resampled(50, 20, stream(1, "g"), np.zeros(50))
 
 

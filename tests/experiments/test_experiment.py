@@ -21,7 +21,7 @@ from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.stimuli import Stimuli
 from circuits import anatomy
 from circuits.declaration.edits import Edits
-from tests.helpers import GOOD, ROOT, behaving, run
+from tests.helpers import GOOD, ROOT, behaving, refused, run
 
 EFFECT = """[[effects]]
 measure = "{}"
@@ -153,7 +153,7 @@ def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file,
     pd.DataFrame(rows).to_csv(mine, index=False)
     own = replace(Experiment.from_toml(experiment_file), task=Stimuli(evidence=mine), truth=2)
     np.testing.assert_array_equal(own.given().evidence.log_likelihood, drawn[2::3])
-    with pytest.raises(ValueError, match=r"truth must lie in 0\.\.2, got 3"):
+    with refused(r"truth must lie in 0\.\.2"):
         replace(own, truth=3).given()
 
 
@@ -189,7 +189,7 @@ def test_an_effect_is_a_finite_number_with_or_without_an_interval(value):
     assert np.isnan(Effect("mean_ms", 5.0, "nobody").interval).all()
     assert Effect("mean_ms", 5.0, "nobody", 4.0, 6.0).interval == (4.0, 6.0)
     for ends in ((), (-np.inf, np.inf)):
-        with pytest.raises(ValueError, match="value must lie between low and high, got"):
+        with refused("value must lie between low and high"):
             Effect("mean_ms", value, "nobody", *ends)
 
 
@@ -289,9 +289,9 @@ def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():
     experiment = replace(experiment, circuit="spiking_msprt")
     experiment = replace(experiment, task=replace(experiment.task, trials=100))
     careful = replace(experiment.manipulation, posterior=0.96)
-    with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
+    with refused(r"thresholds reads no OUT below 0\.0539 nats"):
         replace(experiment, manipulation=careful).run()
-    with pytest.raises(ValueError, match=r"reads no OUT below 0\.0539 nats"):
+    with refused(r"thresholds reads no OUT below 0\.0539 nats"):
         replace(experiment, control=Changes(posterior=0.96)).run()
 
 

@@ -24,6 +24,7 @@ from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Ef
 from bgmodel.stimuli import Stimuli
 from bgmodel.support.seeds import stream
 from circuits.declaration.edits import Edits
+from circuits.errors import CalibrationWarning, EditWarning
 from tests.helpers import behaving
 
 
@@ -413,7 +414,7 @@ def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction)
         name="", note="", engine="rate", circuit="macaque", predictions=predictions,
         manipulation=Changes(Edits([edit])), task=Stimuli(trials=100, t_max=40, d_prime=1.0),
     )  # fmt: skip
-    with pytest.warns(UserWarning, match="no decision differs"):
+    with pytest.warns(EditWarning, match="no decision differs"):
         table = asked.run().measures
     found = outcomes(asked, table)
     assert found["outcome"].tolist() == [OPEN, OPEN]
@@ -433,7 +434,9 @@ def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():
         task=replace(experiment.task, trials=120, t_max=60),
         predictions=(Prediction("accuracy", "down", 0.01), Prediction("missed", "none", 0.4)),
     )
-    with pytest.warns(UserWarning, match="the manipulation's choices go against the evidence"):
+    with pytest.warns(
+        CalibrationWarning, match="the manipulation's choices go against the evidence"
+    ):
         table = experiment.run().measures
     assert table.set_index(["condition", "measure"]).loc[("manipulation", "accuracy"), "high"] < 0.5
     said = outcomes(experiment, table)

@@ -18,6 +18,14 @@ from bgmodel.tables.trials import Trials, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
 from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
+from circuits.errors import (
+    BgmodelWarning,
+    CalibrationWarning,
+    EditWarning,
+    NoiseWarning,
+    RangeWarning,
+)
+from tests.helpers import refused
 
 SEED, GAIN = 51, 0.5
 TABLE = load_circuit("spiking_msprt", 4)
@@ -46,9 +54,7 @@ def test_one_trial_is_what_it_is_among_all_with_its_own_noise():
 
 
 def test_a_threshold_that_noise_crosses_is_warned_of():
-    with pytest.warns(
-        UserWarning, match=r"threshold of 0\.62 nats in \d+% of trials within 500 ms"
-    ):
+    with pytest.warns(NoiseWarning):
         MODEL.warn_of_noise(0.62)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -172,7 +178,7 @@ def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warne
         warnings.simplefilter("error")
         model.decide(evidence, posterior=0.8, forced=forced)
     shuffled = replace(evidence, truth=stream(3, "shuffled").permutation(evidence.truth))
-    with pytest.warns(UserWarning, match="too sure"):
+    with pytest.warns(CalibrationWarning, match="too sure"):
         model.decide(shuffled, posterior=0.8, forced=forced)
     model.decide(replace(evidence, truth=None), posterior=0.8)
 
@@ -214,7 +220,7 @@ def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
     ahead = expecting(
         separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
     )
-    with pytest.raises(ValueError, match=r"^what is expected is common to all channels"):
+    with refused("evidence ^what is expected is common to all channels"):
         BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)
 
 
@@ -269,7 +275,7 @@ def test_stronger_evidence_is_decided_sooner_up_to_the_stated_lead_and_later_bey
         warnings.simplefilter("error")
         times_ms = [mean_ms(d_prime, posterior) for d_prime in (0.7, 0.9, 1.15, 1.45)]
     assert (np.diff(times_ms) < -20).all()
-    with pytest.warns(UserWarning, match="too strong for macaque"):
+    with pytest.warns(RangeWarning, match="too strong for macaque"):
         late_ms = mean_ms(2.9, posterior)
     assert late_ms > times_ms[-1]
 
@@ -298,7 +304,7 @@ def test_the_lead_per_100_ms_decides_between_silence_warning_and_refusal(channel
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         if ratio > 1.001 * most:
-            with pytest.raises(ValueError, match="lower the gain"):
+            with refused("evidence lower the gain"):
                 model.check_strength(evidence)
         elif ratio < 0.999 * most:
             model.check_strength(evidence)
@@ -310,9 +316,9 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
     table = macaque(2)
     model = BasalGanglia(table, "population", gain_of(table), SEED)
     for run in (model.run, model.activity, lambda evidence: next(model.batches(evidence))):
-        with pytest.raises(ValueError, match="too strong"):
+        with refused("evidence too strong"):
             run(strong(10.0))
-    with pytest.warns(UserWarning, match="too strong") as caught:
+    with pytest.warns(RangeWarning, match="too strong") as caught:
         parts = [part.trials for part, _, _ in model.batches(strong(2.0, trials=300, steps=2))]
     assert (len(parts), len(caught)) == (2, 1)
 
@@ -329,7 +335,7 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
 )
 def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field):
     edited = edit(macaque())
-    with pytest.warns(UserWarning, match=field):
+    with pytest.warns(EditWarning):
         BasalGanglia(edited, engine)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -341,7 +347,7 @@ def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field
 
 def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
     edited = macaque().edited("set STN->GPe.delay_ms=4", "set STN->GPe.tau_ms=7")
-    with pytest.warns(UserWarning, match=r"delay_ms of STN->GPe; tau_ms of STN->GPe"):
+    with pytest.warns(EditWarning):
         BasalGanglia(edited, "algebra")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -353,7 +359,7 @@ def test_rare_samples_of_out_are_warned_of():
     few = EVIDENCE[:4]
     for sample_ms in (10.0, 50.0):
         model = BasalGanglia(TABLE, Rate(sample_ms=sample_ms), GAIN)
-        with pytest.warns(UserWarning, match="sample_ms"):
+        with pytest.warns(BgmodelWarning):
             model.run(few)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -363,7 +369,7 @@ def test_rare_samples_of_out_are_warned_of():
 def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth():
     evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
     for given_truth in (evidence, replace(evidence, truth=None)):
-        with pytest.warns(UserWarning, match="choices go against the evidence"):
+        with pytest.warns(CalibrationWarning, match="choices go against the evidence"):
             decided = BasalGanglia(macaque().dopamine(0.0), Rate(rates=False)).decide(
                 given_truth, posterior=0.82
             )
@@ -378,5 +384,5 @@ def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth()
 def test_a_threshold_that_looks_like_a_posterior_is_doubted():
     evidence = gaussian_evidence(20, channels=4, d_prime=1.0, seed=1)
     model = BasalGanglia(load_circuit("macaque", 4), "population", seed=1)
-    with pytest.warns(UserWarning, match="did you mean a posterior"):
+    with pytest.warns(RangeWarning, match="did you mean a posterior"):
         model.decide(evidence, 0.85)

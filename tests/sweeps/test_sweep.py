@@ -6,6 +6,7 @@ import pytest
 from bgmodel.cli import main
 from bgmodel.support.files import read_table
 from bgmodel.sweeps.sweep import Sweep
+from circuits.errors import BgmodelWarning
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 GRID = """
@@ -71,7 +72,7 @@ def test_a_reader_sees_the_measures_that_the_plan_shows(outcome):
 def test_remarks_on_points_are_warned_of_in_python_as_at_the_terminal(file, tmp_path, capsys):
     short = tmp_path / "short.toml"
     short.write_text(GRID.replace("t_max = 20", "t_max = 3").replace("d_prime = 1.0", ""))
-    with pytest.warns(UserWarning, match=r"at \d of 4 points") as caught:
+    with pytest.warns(BgmodelWarning) as caught:
         outcome = Sweep.from_toml(short).run()
     said = [str(each.message) for each in caught if "points:" in str(each.message)]
     assert said == outcome.cautions()

@@ -5,12 +5,13 @@ import math
 import pytest
 
 from circuits import anatomy
+from tests.helpers import refused
 
 
 @pytest.mark.parametrize("table", anatomy.CIRCUITS.values())
 @pytest.mark.parametrize("channels", [0, 1, -1, "2", 2.5, math.nan, None, True])
 def test_a_table_has_two_or_more_channels(table, channels):
-    with pytest.raises(ValueError, match="channels must be a whole number >= 2, got"):
+    with refused("channels"):
         table(channels)
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from circuits import anatomy
 from circuits.engines import run
+from circuits.errors import RangeWarning
 from tests.circuits.helpers import hashes
 
 SALIENCES = [(0.0, 0.0), (0.5, 0.2), (0.8, 0.3), (0.9, 0.0), (0.3, 0.3), (1.0, 1.0)]
@@ -83,7 +84,9 @@ def test_more_dopamine_makes_selection_easier_and_less_makes_it_harder():
 
 
 def test_a_salience_above_one_counts_as_one():
-    with pytest.warns(UserWarning, match=r"the input runs from 0\.00 to 1\.70 salience, gpr works"):
+    with pytest.warns(
+        RangeWarning, match=r"the input runs from 0\.00 to 1\.70 salience, gpr works"
+    ):
         beyond = output([1.7, 0.0])
     np.testing.assert_allclose(beyond, output([1.0, 0.0]))
 

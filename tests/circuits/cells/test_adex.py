@@ -9,6 +9,7 @@ import pytest
 from circuits.cells import single
 from circuits.laws.stability import growth
 from tests.circuits.spiking import ADEX, BASE, SPIKING, WITH_ADEX, lacking, spikes_of, with_cell
+from tests.helpers import refused
 
 
 def test_an_adex_without_upstroke_and_adaptation_is_the_exact_linear_membrane():
@@ -113,7 +114,7 @@ def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision()
     ],
 )
 def test_an_adex_without_laws_says_so(call, answer, user):
-    with pytest.raises(ValueError, match="have it") as error:
+    with refused("cell have it") as error:
         call(WITH_ADEX)
     said = str(error.value)
     assert said == f"{user} needs AdEx.{answer}, and AdEx cells do not have it"

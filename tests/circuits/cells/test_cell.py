@@ -9,6 +9,7 @@ from circuits.cells import CELLS, AdEx, Cell, Phase, Rate, register
 from circuits.cells.cell import RESERVED
 from circuits.cells.single import single
 from tests.circuits.spiking import ADEX, BASE, SPIKING, lacking, one_sentence, spikes_of, with_cell
+from tests.helpers import refused
 
 
 def test_a_law_of_the_mean_alone_is_not_taken_for_the_law_of_fluctuations():
@@ -20,7 +21,7 @@ def test_a_law_of_the_mean_alone_is_not_taken_for_the_law_of_fluctuations():
 
     circuit = with_cell(BASE, "GPe", Half(**vars(ADEX)))
     lacking("algebra", laws="cells")(circuit)
-    with pytest.raises(ValueError, match=r'laws="finite" needs Half\.response, and Half cells'):
+    with refused(r'cell laws="finite" needs Half\.response, and Half cells'):
         lacking("algebra", laws="finite")(circuit)
 
 
@@ -32,7 +33,7 @@ def test_a_type_that_only_names_its_state_lacks_every_step():
 
     circuit = with_cell(BASE, "GPe", Bare())
     for engine in SPIKING:
-        with pytest.raises(ValueError, match=r"needs Bare\.\w+, and Bare cells do not have it"):
+        with refused(r"cell Bare\.\w+, and Bare cells do not have it"):
             lacking(engine)(circuit)
 
 
@@ -43,7 +44,7 @@ def test_a_type_without_a_text_is_refused_by_brian2_alone():
         brian = None
 
     circuit = with_cell(BASE, "STN", Mute(0.3))
-    with pytest.raises(ValueError, match=r"the brian2 engine needs Mute\.brian"):
+    with refused(r"cell brian2 engine needs Mute\.brian"):
         lacking("brian2")(circuit)
     assert spikes_of(circuit, "ensemble") == spikes_of(circuit, "plain")
 

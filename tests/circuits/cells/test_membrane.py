@@ -13,6 +13,7 @@ from circuits.cells import Lif
 from circuits.cells.membrane import fit_current, lif_mean_mv, lif_rate_hz
 from circuits.checks import whole_ticks
 from circuits.dynamics import noise
+from tests.helpers import refused
 
 SPIKING = anatomy.spiking_msprt()
 # Population: the rates over which its current is fitted, and the largest departure from its line.
@@ -164,7 +165,7 @@ def test_the_mean_potential_inverts_the_rate():
     for rate in (1e-6, 0.5, 12.0, 200.0):
         assert lif_rate_hz(cell, lif_mean_mv(cell, rate)) == pytest.approx(rate, rel=1e-9)
     for rate in (0, -1, 500, np.nan):
-        with pytest.raises(ValueError, match=r"rate_hz must lie in 0\.\.1000/refractory_ms"):
+        with refused("rate_hz"):
             lif_mean_mv(cell, rate)
 
 

@@ -17,6 +17,7 @@ from circuits.declaration.courses import Course
 from circuits.declaration.edits import FRACTION, VERBS, Edits
 from circuits.declaration.edits import parsed as parsed_line
 from circuits.ignored import check_edits
+from tests.helpers import refused
 
 TABLE = load_circuit("spiking_msprt", 2)
 ADDED = ("add TRN like=STN bias_nats=-1", "add TRN->GPe weight=0.1")
@@ -175,14 +176,14 @@ def test_a_line_that_is_no_edit_is_named_with_an_example_or_the_verbs(line):
 
 @pytest.mark.parametrize("line", [3, None, ["lesion STN"]])
 def test_an_edit_is_text(line):
-    with pytest.raises(ValueError, match="an edit begins with one of"):
+    with refused("edits an edit begins with one of"):
         Edits([line])
 
 
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if VERBS[verb].takes == FRACTION])
 def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
     row = VERBS[verb].example.split()[1]
-    with pytest.raises(ValueError, match=r"write 15% or 0\.15"):
+    with refused(r"edits write 15% or 0\.15"):
         TABLE.edited(f"{verb} {row} 15")
     assert TABLE.edited(f"{verb} {row} 1") == TABLE.edited(f"{verb} {row}")
 
@@ -232,7 +233,7 @@ OVERLAPS = [
 @pytest.mark.parametrize(("one", "other"), OVERLAPS)
 def test_two_edits_of_one_number_are_refused_with_both(one, other):
     for lines in ((one, other), (other, one)):
-        with pytest.raises(ValueError, match="edit the same number") as error:
+        with refused("edits edit the same number") as error:
             Edits(lines)
         assert repr(one) in str(error.value)
         assert repr(other) in str(error.value)
@@ -264,9 +265,9 @@ def test_an_edit_replaces_the_same_edit_in_any_spelling_and_no_other():
     edits = Edits(["lesion STN 10%", "scale STN->GPe 0.5", "compensate", "dopamine 0.9"])
     new = edits.replacing(["scale STN -> GPe  2", "lesion GPe 5%"], without=["compensate"])
     assert set(new) == {"lesion STN 10%", "dopamine 0.9", "scale STN -> GPe  2", "lesion GPe 5%"}
-    with pytest.raises(ValueError, match="edit the same number"):
+    with refused("edits edit the same number"):
         edits.replacing(["lesion STN[0] 10%"])
-    with pytest.raises(ValueError, match="edit the same number"):
+    with refused("edits edit the same number"):
         Edits(["add STN amount=0.1"]).replacing(["add STN amount=0.1 to_ms=300"])
 
 
@@ -286,7 +287,7 @@ def test_an_edit_replaces_the_same_edit_in_any_spelling_and_no_other():
 )
 def test_an_edit_that_an_engine_does_not_feel_is_refused(engine, line):
     check_edits(Edits([line]), "ensemble")
-    with pytest.raises(ValueError, match=f"^'{line}' says nothing to the {engine} engine"):
+    with refused("edits"):
         check_edits(Edits([line]), engine)
 
 
@@ -302,14 +303,14 @@ def test_a_rebound_compensates_the_others_too():
     edited = TABLE.edited("lesion STN", "rebound SNr 0.5")
     assert edited == TABLE.edited("compensate", "rebound SNr 0.5", "lesion STN")
     assert TABLE.edited("compensate") == TABLE
-    with pytest.raises(ValueError, match="spiking_msprt has no nucleus 'GPi': ctx"):
+    with refused("nucleus"):
         TABLE.edited("rebound GPi 0.5")
 
 
 def test_a_clamped_nucleus_is_neither_lesioned_nor_compensated():
     clamped = TABLE.clamp("GPe", 0.5)
     assert clamped != TABLE.lesion("GPe", 0.5)
-    with pytest.raises(ValueError, match="GPe is clamped already"):
+    with refused("nucleus GPe is clamped already"):
         clamped.lesion("GPe", 0.1)
     with pytest.raises(ValueError, match="GPe is clamped"):
         TABLE.edited("clamp GPe 50%", "compensate")
@@ -318,7 +319,7 @@ def test_a_clamped_nucleus_is_neither_lesioned_nor_compensated():
 def test_keep_rest_needs_a_row_that_is_added():
     rows = [line.removeprefix("add ") for line in ADDED]
     assert TABLE.edited(*ADDED, "keep rest") == TABLE.add(*rows, keep_rest=True) != TABLE.add(*rows)
-    with pytest.raises(ValueError, match="'keep rest' is for rows that are added"):
+    with refused("edits"):
         TABLE.edited("keep rest")
 
 

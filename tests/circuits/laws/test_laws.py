@@ -21,6 +21,7 @@ from circuits.laws.mean_field import own_rates, settled
 from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.laws.stability import growth, ringing
 from tests.circuits.helpers import run_algebra, run_ensemble
+from tests.helpers import refused
 
 S0 = 2.2
 LAW = transfer.named("s_minus_log_s")
@@ -325,7 +326,7 @@ def test_a_loop_amplifies_more_where_evidence_drives_it():
     table = loop(300, delay_ms=2.0)
     assert ringing(table, (0.5, 0.5))[0] > ringing(table)[0] > 1
     assert ringing(table, (0.0, 0.0)) == ringing(table)
-    with pytest.raises(ValueError, match=r"drive must be \(2,\), got shape \(3,\)"):
+    with refused("drive"):
         ringing(table, np.zeros(3))
 
 

@@ -7,6 +7,7 @@ from circuits import anatomy
 from circuits.cells.phase import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
 from tests.circuits.helpers import run_ensemble, state
+from tests.helpers import refused
 
 TABLE = anatomy.spiking_msprt()
 MANY = TABLE.with_neurons(1000)
@@ -89,7 +90,7 @@ def test_a_lesion_takes_the_noise_with_what_it_takes():
 
 
 def test_a_drive_or_frequency_without_sense_is_refused():
-    with pytest.raises(ValueError, match=r"drive must be 2 finite numbers, got \[1\.0\]"):
+    with refused("drive"):
         out_variance(TABLE, [1.0])
-    with pytest.raises(ValueError, match=r"frequency_hz must be 0\.001 or more, got 0\.0"):
+    with refused("frequency_hz"):
         rate_spectrum(TABLE, "STN", [0.0])

@@ -11,6 +11,7 @@ from circuits import anatomy
 from circuits.laws import stability
 from circuits.laws.stability import growth, onset, roots
 from tests.circuits.helpers import MEMBERS, creeping, run_algebra, run_rate
+from tests.helpers import refused
 
 
 @pytest.mark.filterwarnings("ignore:S runs from")
@@ -157,7 +158,7 @@ def test_without_a_loop_or_with_a_common_mode_nothing_oscillates():
 
 def test_a_drive_of_another_shape_and_a_loop_that_is_never_stable_are_refused():
     circuit = anatomy.bogacz_gurney()
-    with pytest.raises(ValueError, match=r"drive must be \(2,\), got shape \(3,\)"):
+    with refused("drive"):
         stability.growth(circuit, np.zeros(3))
     unstable = circuit.with_projection("STN", "GPe", transfer="linear", weight=400, delay_ms=50)
     with pytest.raises(ValueError, match=r"unstable already at S = 0\.25 nats"):

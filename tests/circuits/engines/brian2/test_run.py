@@ -14,6 +14,7 @@ from circuits.cells import Lif, Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, Population, Projection
 from tests.circuits.helpers import run_brian2, run_plain
+from tests.helpers import refused
 
 # Brian2 2.9 calls pyparsing by its old names.
 
@@ -125,14 +126,14 @@ def test_a_table_of_rates_settles_at_the_log_posterior():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"spikes": ("slow",)}, "slow has no cells that spike"),
-        ({"spikes": ("STNN",)}, "no nucleus 'STNN'"),
-        ({"settle_ms": 0.05}, "settle_ms of 0.05 ms is no multiple of dt_ms"),
-        ({"seed": -1}, "seed must be"),
+        ({"spikes": ("slow",)}, "slow"),
+        ({"spikes": ("STNN",)}, "nucleus"),
+        ({"settle_ms": 0.05}, "settle_ms"),
+        ({"seed": -1}, "seed"),
     ],
 )
 def test_an_option_that_does_not_fit_is_refused_before_the_run(options, message):
-    with pytest.raises(ValueError, match=message):
+    with refused(message):
         run_brian2(small(), DRIVE, **STEPS | {"seed": 1} | options)
 
 

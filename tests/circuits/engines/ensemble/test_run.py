@@ -13,7 +13,9 @@ from circuits.dynamics.wiring import wire
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble import run as ensemble
 from circuits.engines.ensemble.plan import plan
+from circuits.errors import EditWarning, RangeWarning
 from tests.circuits.helpers import run_ensemble, run_plain
+from tests.helpers import refused
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)
@@ -150,24 +152,24 @@ def test_more_spikes_than_room_are_all_there(monkeypatch):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=-1), "seed must be"),
-        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=0.25, seed=1), "no multiple of dt_ms"),
-        (lambda: run_ensemble(BASE, ramp(1, 2, 3), step_ms=40, seed=1), "3 hypotheses"),
-        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("X",)), "no nucleus"),
+        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=-1), "seed"),
+        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=0.25, seed=1), "step_ms"),
+        (lambda: run_ensemble(BASE, ramp(1, 2, 3), step_ms=40, seed=1), "drive 3 hypotheses"),
+        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("X",)), "nucleus"),
         (
             lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=1, spikes=("common",)),
-            "no cells that spike",
+            "common",
         ),
-        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=1, workers=0), "workers must be"),
+        (lambda: run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=1, workers=0), "workers"),
     ],
 )
 def test_bad_input_gets_one_clear_sentence(call, says):
-    with pytest.raises(ValueError, match=says):
+    with refused(says):
         call()
 
 
 def test_a_drive_beyond_the_range_warns_once_with_the_number():
-    with pytest.warns(UserWarning, match=r"S runs from .* to 2\d\.\d\d nats") as caught:
+    with pytest.warns(RangeWarning, match=r"S runs from .* to 2\d\.\d\d nats") as caught:
         run_ensemble(BASE, ramp(3, 2, top=40.0), step_ms=20, seed=1)
     assert len(caught) == 1
 
@@ -179,7 +181,7 @@ def test_strong_inhibition_is_not_taken_for_a_refractory_period():
 
 def test_an_edit_without_a_state_of_rest_warns():
     runaway = BASE.add(Projection("STN", "STN", 0.5, "diffuse")).lesion("common")
-    with pytest.warns(UserWarning, match="as edited has no state of rest"):
+    with pytest.warns(EditWarning, match="as edited has no state of rest"):
         run_ensemble(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
 
 

@@ -1,0 +1,135 @@
+"""Every argument of the front door, given what it can't be: one sentence that names it."""
+
+import inspect
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bgmodel as bg
+from bgmodel.fitting import fit as fitting
+
+EVIDENCE = bg.gaussian_evidence(120, d_prime=0.7, t_max=8, seed=1)
+TRACE = bg.Msprt().run(EVIDENCE)
+CIRCUIT = bg.load_circuit("macaque")
+MODEL = bg.BasalGanglia(CIRCUIT, "algebra")
+TRIALS = pd.DataFrame(
+    {
+        "rt": np.tile(np.linspace(0.3, 0.9, 30), 4),
+        "response": np.tile([1, 1, 0], 40),
+        "coherence": np.tile([0.1, 0.2, -0.2], 40),
+    }
+)
+PATHWAY = {"source": "STN", "target": "GPe"}
+DECIDE = {"evidence": EVIDENCE, "posterior": 0.9}
+CALLS = {
+    bg.gaussian_evidence: {"trials": 4, "t_max": 3, "seed": 1},
+    bg.Evidence: {"log_likelihood": np.ones((2, 3, 2))},
+    bg.read_evidence: {"path": "e.csv", "step_ms": 50.0},
+    bg.read_choices: {"source": TRIALS},
+    bg.stream: {"seed": 1},
+    bg.Sprt: {},
+    bg.Msprt: {},
+    bg.criterion_from_gap: {"delta": 1.0},
+    bg.criterion_from_posterior: {"posterior": 0.9},
+    bg.threshold_from_gap: {"delta": 1.0},
+    bg.first_crossing: {"trace": TRACE, "thresholds": 0.3},
+    bg.tally: {"trace": TRACE, "truth": EVIDENCE.truth, "thresholds": [0.3]},
+    bg.load_circuit: {"name": "macaque"},
+    CIRCUIT.row: {"name": "STN"},
+    CIRCUIT.edited: {"lines": "lesion STN"},
+    CIRCUIT.lesion: {"name": "STN"},
+    CIRCUIT.clamp: {"name": "STN"},
+    CIRCUIT.cut: PATHWAY,
+    CIRCUIT.scale: {**PATHWAY, "factor": 0.5},
+    CIRCUIT.set: {"field": "STN.baseline_hz", "value": 20.0},
+    CIRCUIT.dopamine: {"level": 1.0},
+    CIRCUIT.with_channels: {"channels": 3},
+    CIRCUIT.lesion("STN", 0.1).compensate: {},
+    bg.BasalGanglia: {"circuit": "macaque"},
+    MODEL.run: {"evidence": EVIDENCE},
+    MODEL.decide: DECIDE,
+    bg.Msprt().run: {"evidence": EVIDENCE},
+    bg.Msprt().decide: DECIDE,
+    bg.Sprt().decide: DECIDE,
+    bg.compare: {"model": MODEL, "evidence": EVIDENCE, "resamples": 20},
+    bg.Experiment.from_toml: {"file": "stn_conflict"},
+    bg.Sweep.from_toml: {"file": "grid.toml"},
+    bg.fit: {"data": TRIALS, "model": "constant_gap"},
+}
+ODD = {
+    "None": None, "text": "x", "object": object(), "list": [1, "a"], "nan": np.nan, "inf": np.inf,
+    "negative": -1, "huge": 1e30, "array": np.zeros((2, 2)),
+}  # fmt: skip
+LEGAL = {
+    "seed": ["huge"],
+    "BasalGanglia seed": ["None"],
+    "gain": ["huge"],
+    "hypotheses": ["huge"],
+    "factor": ["huge"],
+    "noise_nats": ["huge"],
+    "fit trials": ["huge"],
+    "conflict": ["negative"],
+    "baseline": ["negative", "huge"],
+    "delta": ["huge", "array"],
+    "first_crossing thresholds": ["array"],
+    "fit folder": ["text"],
+    "names": ODD,
+}
+"""Odd values that make sense, by argument; None does so where it is the default."""
+FIELDS = {
+    "d_prime": ["log_likelihood"],
+    "conflict": ["log_likelihood"],
+    "channels": ["trials"],  # of which there are too many for the memory
+    "t_max": ["trials"],
+    "expectancy_nats": ["foreperiod_ms"],
+    "strength": ["x", "conditions"],
+    "conditions": ["x"],
+    "thresholds": ["posterior"],
+    "threshold": ["posterior"],
+    "name": ["circuit", "nucleus"],
+    "lines": ["edits"],
+    "source": ["pathway"],
+    "target": ["pathway"],
+    "field": ["edits"],
+    "value": ["baseline_hz", "edits"],
+    "model": ["circuit", "models"],
+    "intact": ["circuit"],
+    "data": ["source"],
+    "deadline": ["deadline_s"],
+}
+"""Fields that an error names in place of the argument."""
+
+
+def given(call, argument, odd):
+    good = {name: value for name, value in CALLS[call].items() if name != argument.name}
+    if argument.kind == argument.VAR_POSITIONAL:
+        return call(*good.values(), odd)
+    return call(**good, **{argument.name: odd})
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__qualname__)
+@pytest.mark.filterwarnings("ignore")
+def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(fitting, "fit_likelihood", lambda *_, **__: None)
+    (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")
+    for argument in inspect.signature(call).parameters.values():
+        name = argument.name
+        legal = [*LEGAL.get(name, []), *LEGAL.get(f"{call.__name__} {name}", [])]
+        if argument.default is None and name not in CALLS[call]:
+            legal.append("None")
+        for what, odd in ODD.items():
+            if what in legal:
+                given(call, argument, odd)
+                continue
+            with pytest.raises(bg.InputError) as caught:
+                given(call, argument, odd)
+            assert caught.value.field in (name, *FIELDS.get(name, [])), (name, what)
+            assert len(str(caught.value).splitlines()) == 1
+
+
+def test_every_function_of_the_front_door_is_in_the_table():
+    tried = {call.__name__ for call in CALLS} | {"Circuit", "Experiment", "Sweep"}
+    results = {"Decision", "Trace", "InputError", "BgmodelWarning", "__version__"}
+    assert set(bg.__all__) == {name for name in tried if name in bg.__all__} | results
