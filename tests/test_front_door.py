@@ -129,3 +129,19 @@ def test_an_experiment_is_read_run_and_summed_up():
         rows.loc[("control", "accuracy"), "value"], 3
     )
     assert outcome.to_dataframe() is outcome.measures
+
+
+def test_an_experiment_has_its_verdicts_and_its_report():
+    asked = bg.Experiment.from_toml("stn_conflict")
+    outcome = replace(asked, task=replace(asked.task, trials=150)).run()
+    verdicts = outcome.verdicts()
+    assert list(verdicts.measure) == [one.measure for one in asked.predictions]
+    assert len(outcome.published()) == len(asked.effects)
+    assert asked.name in outcome.text()
+
+
+def test_engines_and_the_text_of_a_circuit_are_at_hand():
+    assert str(bg.engines.Population(dt_ms=0.5)) == "population"
+    circuit = bg.load_circuit("macaque")
+    assert all(name in str(circuit) for name in ("STN", "GPe", "SNr"))
+    assert "\n" not in repr(circuit)
