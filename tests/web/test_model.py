@@ -15,6 +15,7 @@ from bgmodel.web.model import ALTERNATIVES, LESIONED, plain, tables
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import write
 from circuits.declaration.transfer import TRANSFERS
+from tests.helpers import refused
 
 quickjs = pytest.importorskip("quickjs")
 SCRIPT = (files("bgmodel.web") / "model.js").read_text()
@@ -168,7 +169,7 @@ def refusal(table):
     return str(error.value)
 
 
-def test_what_the_page_cannot_show_is_refusal():
+def test_what_the_page_cannot_show_is_refused():
     macaque = load_circuit("macaque", 2)
     assert "not nats" in refusal(load_circuit("gpr", 3))
     assert "courses" in refusal(macaque.add("STN amount=0.1"))
@@ -188,5 +189,5 @@ def test_a_file_is_shown_for_its_own_number_of_alternatives(tmp_path):
         assert list(found) == ["4"]
         assert found["4"] == plain(load_circuit(path))
     assert list(tables("macaque")) == ["2", "3", "4"]
-    with refusal(r"path missing\.toml"):
+    with refused(r"path missing\.toml"):
         tables(tmp_path / "missing.toml")
