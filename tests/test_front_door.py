@@ -9,6 +9,7 @@ import pytest
 import bgmodel as bg
 from bgmodel.stimuli import Stimuli
 from circuits.declaration.edits import Edits
+from circuits.errors import RangeWarning
 from tests.helpers import refused
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -163,7 +164,7 @@ def test_a_warning_points_at_the_line_that_called():
     strong = bg.gaussian_evidence(40, d_prime=2, seed=1)
     model = bg.BasalGanglia("macaque", seed=1)
     for call in (model.activity, model.run):
-        with pytest.warns(bg.RangeWarning) as caught:
+        with pytest.warns(RangeWarning) as caught:
             call(strong)
         assert {each.filename for each in caught} == {__file__}
 
