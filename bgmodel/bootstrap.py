@@ -11,7 +11,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.seeds import generator
-from circuits.errors import InputError, NoiseWarning, require
+from circuits.errors import InputError, NoiseWarning, require, user_level
 
 FEWEST_TRIALS = 100
 
@@ -72,7 +72,7 @@ def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
                 f"95 % intervals from {count} {name} are too rough to tell: give "
                 f"{FEWEST_DRAWN[name]} or more",
                 NoiseWarning,
-                stacklevel=4,
+                stacklevel=user_level(),
             )
 
 

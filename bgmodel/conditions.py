@@ -245,7 +245,7 @@ class Condition(Setup):
         name : str
             Of the stream of random numbers that evidence is drawn from.
         workers : int
-            Threads of engines that can use several; they change no byte.
+            Threads of engines that can use several; the results do not depend on it.
         """
         self.task.check_idle()
         evidence = self.drawn(name).evidence

@@ -335,7 +335,7 @@ def gaussian_evidence(
         How far one rival rises towards the truth: 0 as the others, 1 level. The likelihoods do not
         know of it.
     seed : int or numpy.random.Generator
-        Of every random number.
+        The source of all random numbers.
 
     Raises
     ------

@@ -21,14 +21,14 @@ def new_axes(ax: Axes | None = None) -> Axes:
 
     Raises
     ------
+    ValueError
+        If something other than Axes is given.
     ImportError
         If Matplotlib is not installed.
     """
-    if ax is not None:
-        return ax
     from circuits.plots import panels
 
-    found: Axes = panels(1)[0]
+    found: Axes = panels(1, ax)[0]
     return found
 
 

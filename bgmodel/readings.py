@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Integers
-from circuits.errors import DataWarning
+from circuits.errors import DataWarning, user_level
 
 MOST_TRIALS = 1000
 """Trials that are looked at: enough to tell, and quick."""
@@ -48,7 +48,7 @@ def warn_of_readings(
             f"{hypotheses} hypotheses and {steps} readings: are the axes exchanged? They are "
             "(trials, readings, hypotheses)",
             DataWarning,
-            stacklevel=4,
+            stacklevel=user_level(),
         )
     values = log_likelihood[:MOST_TRIALS]
     read = np.ones(values.shape[:2], bool)
@@ -62,7 +62,7 @@ def warn_of_readings(
             "all log-likelihoods lie between 0 and 1, as probabilities do: give their natural "
             "logarithms",
             DataWarning,
-            stacklevel=4,
+            stacklevel=user_level(),
         )
     r = serial_correlation(values, read)
     if r > CORRELATED:
@@ -71,7 +71,7 @@ def warn_of_readings(
             "independent: if these are running sums or posteriors, give the log-likelihood of "
             "each reading alone",
             DataWarning,
-            stacklevel=4,
+            stacklevel=user_level(),
         )
 
 
@@ -99,7 +99,7 @@ def warn_of_copies(log_likelihood: npt.NDArray[np.floating], lengths: Integers) 
             f"{copies} of {len(lengths)} trials hold the very readings of an earlier trial: "
             "intervals count them as new; keep one of each",
             DataWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
 
 

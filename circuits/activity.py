@@ -15,7 +15,7 @@ import pandas as pd
 from circuits.arrays import Array
 from circuits.declaration.table import NATS, CircuitTable
 from circuits.dynamics.wiring import Wiring
-from circuits.errors import InputError, RangeWarning, require
+from circuits.errors import InputError, RangeWarning, require, user_level
 from circuits.plots import rates
 
 if TYPE_CHECKING:
@@ -211,7 +211,9 @@ class Activity:
         """
         if not self.spikes:
             raise InputError(
-                f"the {self.engine} engine kept no spikes: ask for some (spikes=)", "spikes"
+                f"the {self.engine} engine recorded no spikes: name the populations to record with "
+                'an engine of spiking cells, such as engine=Ensemble(spikes=("STN",))',
+                "spikes",
             )
         parts = [table.assign(population=name) for name, table in self.spikes.items()]
         whole = pd.concat(parts, ignore_index=True)
@@ -302,14 +304,15 @@ def warn_beyond_range(circuit: CircuitTable, drive: Array) -> None:
     found = total_nats(circuit, drive) if in_nats else circuit.rest_drive + drive
     low, high = circuit.range_nats
     if found.min() < low or found.max() > high:
-        common = (
-            ""
-            if circuit.centred
-            else (": beyond that it does not cancel what its channels have in common")
-        )
+        where = ", where S = ln sum exp of the inputs" if in_nats else ""
+        common, gain = "", " or a lower gain"
+        if not circuit.centred:
+            common = ": outside that range inputs common to all channels do not cancel"
+            gain = ", a lower gain, or evidence with its baseline subtracted"
         warnings.warn(
             f"{'S' if in_nats else 'the input'} runs from {found.min():.2f} to {found.max():.2f} "
-            f"{circuit.unit}, {circuit.name} works from {low:.3g} to {high:.3g}{common}",
+            f"{circuit.unit}, {circuit.name} works from {low:.3g} to {high:.3g}{where}{common}; "
+            f"give weaker evidence{gain}",
             RangeWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )

@@ -7,6 +7,7 @@ warnings is silenced or made an error as any other:
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Hashable
 from typing import Any, Self
 
@@ -14,6 +15,8 @@ import numpy as np
 
 LONGEST = 80
 """Characters of a value that a message shows."""
+INSIDE = ("bgmodel", "circuits", "contextlib", "functools")
+"""Modules whose lines a warning does not point at."""
 
 
 class InputError(ValueError):
@@ -90,6 +93,17 @@ def shown(given: object) -> str:
         given = given.tolist()
     said = " ".join(repr(given).split())
     return said if len(said) <= LONGEST else f"{said[: LONGEST - 3]}..."
+
+
+def user_level() -> int:
+    """Return the ``stacklevel`` with which a warning points at the line that called the package.
+
+    Frames of this package are skipped, and those of the standard library between them.
+    """
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in INSIDE:
+        level, frame = level + 1, frame.f_back
+    return level
 
 
 class BgmodelWarning(UserWarning):

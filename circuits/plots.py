@@ -135,18 +135,21 @@ def panels(
     Raises
     ------
     ValueError
-        If another number of Axes is given.
+        If something other than Axes is given, or another number of them.
     ImportError
         If Matplotlib is not installed.
     """
-    if ax is not None:
-        given = np.ravel(np.asarray(ax, dtype=object))
-        require(len(given) == count, "ax", f"must be {count} Axes, one per panel", len(given))
-        return given
     try:
         import matplotlib.pyplot as plt
+        from matplotlib.axes import Axes
     except ImportError as error:
         raise ImportError("a plot needs Matplotlib: pip install matplotlib") from error
+    if ax is not None:
+        given = np.ravel(np.asarray(ax, dtype=object))
+        are_axes = all(isinstance(each, Axes) for each in given)
+        require(are_axes, "ax", "must be Matplotlib Axes, as from plt.subplots()", ax)
+        require(len(given) == count, "ax", f"must be {count} Axes, one per panel", len(given))
+        return given
     size = (6.0, max(3.0, height * count))
     _, axes = plt.subplots(count, squeeze=False, figsize=size, layout="constrained")
     return np.asarray(axes[:, 0])

@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import bgmodel as bg
 from bgmodel.stimuli import Stimuli
 from circuits.declaration.edits import Edits
+from circuits.errors import RangeWarning
 from tests.helpers import refused
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -119,6 +121,52 @@ def test_a_table_of_evidence_is_read(tmp_path):
 def test_a_wrong_argument_is_named(call, named):
     with pytest.raises((ValueError, FileNotFoundError), match=named):
         call()
+
+
+SHORT = bg.gaussian_evidence(5, seed=1)
+TRIALS = pd.DataFrame({"coherence": [0.1, 0.2] * 20, "rt": 0.5, "response": [1, 0] * 20})
+
+
+def fitted(table=TRIALS, **options):
+    return bg.fit(table, "constant_gap", strength="coherence", **options)
+
+
+def decided(*thresholds, **options):
+    return bg.BasalGanglia("macaque", "algebra").decide(SHORT, *thresholds, **options)
+
+
+@pytest.mark.parametrize(
+    ("call", "wanted"),
+    [
+        (lambda: bg.BasalGanglia("macaque", "algebra").run("ev.csv"), "evidence"),
+        (lambda: bg.BasalGanglia("macaque").activity("ev.csv"), "evidence"),
+        (lambda: bg.Sweep.from_toml(None), "file"),
+        (lambda: fitted(hold="lapse=0.02"), 'hold .*{"lapse": 0.02}'),
+        (lambda: fitted(vary={"drift": "coherence"}), "vary .*'drift'"),
+        (lambda: fitted(TRIALS.rename(columns={"response": "correct"})), "response .*rename it"),
+        (lambda: decided(posterior=0.8, forced="no"), "forced"),
+        (decided, "posterior posterior=0.82"),
+        (lambda: decided(0.2, posterior=0.8), "posterior not both"),
+        (lambda: bg.Msprt().decide(SHORT), "posterior posterior=0.82"),
+        (lambda: bg.load_circuit("macaque").plot(3), "ax"),
+        (lambda: SHORT.plot(ax="x"), "ax"),
+        (lambda: bg.load_circuit("macaque").cut("GPe->STN", 0.5), 'source cut."GPe", "STN"'),
+        (lambda: bg.load_circuit("macaque").edited(["lesion STN 10%"]), "edits unpack"),
+        (lambda: bg.BasalGanglia("macaque").activity(SHORT).spike_table(), "spikes Ensemble"),
+    ],
+)
+def test_what_newcomers_try_is_refused_with_the_next_step(call, wanted):
+    with refused(wanted):
+        call()
+
+
+def test_a_warning_points_at_the_line_that_called():
+    strong = bg.gaussian_evidence(40, d_prime=2, seed=1)
+    model = bg.BasalGanglia("macaque", seed=1)
+    for call in (model.activity, model.run):
+        with pytest.warns(RangeWarning) as caught:
+            call(strong)
+        assert {each.filename for each in caught} == {__file__}
 
 
 def test_an_experiment_is_read_run_and_summed_up():

@@ -25,7 +25,7 @@ COMPILES = "compiling, once for this kind of circuit"
 OUTPUTS = ("output", "drawing", "save", "rates", "nwb")
 """Options that name a file to be written, in every command."""
 UNRECORDED = (*OUTPUTS, "force", "workers", "seed", "json")
-"""Options that change no byte of a result; the seed stands apart."""
+"""Options on which the numbers do not depend, and the seed, which is recorded on its own."""
 RECORDS = ("setup", "condition")
 """Fields of commands whose own fields are options."""
 

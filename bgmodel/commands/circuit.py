@@ -141,7 +141,7 @@ class CircuitRun(Writes):
     """Where the trial table goes, .parquet or .csv."""
     condition: OmitArgPrefixes[Condition] = field(default_factory=Condition)
     workers: int = 2
-    """Threads of the engines that can use several; they change no byte."""
+    """Threads of the engines that can use several; the results do not depend on it."""
     rates: Path | None = None
     """Where mean rates go, .parquet or .csv."""
     spikes: Path | None = None

@@ -46,7 +46,7 @@ class Comparison(Shows):
     accuracies: tuple[float, ...] = (0.90, 0.95, 0.97)
     """Expected accuracies at which thresholds are matched."""
     workers: int = 2
-    """Threads of the engines that can use several; they change no byte."""
+    """Threads of the engines that can use several; the results do not depend on it."""
 
     def _about(self, evidence: Evidence) -> dict[str, Any]:
         """Return the JSON values beside the rows."""

@@ -49,7 +49,7 @@ class CircuitDesigned(Shows):
     trials: int = 200
     """Trials per design, each with noise of its own; an engine without noise takes one."""
     workers: int = 2
-    """Threads of the engines that can use several; they change no byte."""
+    """Threads of the engines that can use several; the results do not depend on it."""
     output: Path | None = None
     """Where the table goes, .parquet or .csv."""
 

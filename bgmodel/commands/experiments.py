@@ -52,7 +52,7 @@ class ExperimentRun(Shows):
     engine: EngineName | None = None
     """Engine, if not that of the file: population takes a second where spikes take minutes."""
     workers: int = 2
-    """Threads of the engines that can use several; they change no byte."""
+    """Threads of the engines that can use several; the results do not depend on it."""
     shown: Annotated[bool, tyro.conf.arg(name="show")] = False
     """Print the file of an experiment that is shipped, and run nothing: to start your own from."""
 

@@ -73,7 +73,7 @@ class Figures:
     fast: bool = False
     """A coarse run with few trials, into figures/fast."""
     cores: int = 2
-    """Jobs at a time; they change no byte."""
+    """Jobs at a time; the results do not depend on it."""
     recordings: Path | None = None
     """Folder of real taps for figure R1; BGMODEL_RECORDINGS if left out."""
     unlock: bool = False

@@ -51,7 +51,7 @@ class SweepRun:
     """Where its shards, outcome.csv and outcome.png go; sweeps/NAME, after the file, if left out.
     """
     workers: int = 2
-    """Processes; they change no byte."""
+    """Processes; the results do not depend on it."""
     part: str | None = None
     """K/N: compute only the K-th of N parts, and gather nothing: for a scheduler of your own."""
     on: Literal["processes", "snakemake", "slurm"] = "processes"

@@ -44,7 +44,7 @@ class Simulate(Writes):
     skin: Skin = field(default_factory=Skin)
     nuisance: Nuisance = field(default_factory=Nuisance)
     workers: int = 1
-    """Processes for the contact library; they change no byte."""
+    """Processes for the contact library; the results do not depend on it."""
     seed: int = 0
 
     def __call__(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from bgmodel.deciding.tradeoff import Tradeoff, curve, margin
 from bgmodel.evidence import Evidence
-from circuits.errors import DeadlineWarning
+from circuits.errors import DeadlineWarning, user_level
 
 
 def ceiling(evidence: Evidence) -> float:
@@ -39,7 +39,7 @@ def warn_of_ceiling(evidence: Evidence, accuracies: Sequence[float]) -> list[flo
             f"{evidence.steps} at most, allow {top:.3f}; give more readings (t_max) or ask for a "
             "lower accuracy",
             DeadlineWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
     return [accuracy for accuracy in accuracies if accuracy not in lost]
 
@@ -65,7 +65,7 @@ def warn_of_own_ceiling(name: str, found: Tradeoff, accuracies: Sequence[float])
             f"{reached[best]:.3f}, and the deadline decides {found.forced[best].mean():.0%} of its "
             "trials there",
             DeadlineWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
 
 

@@ -43,7 +43,7 @@ from bgmodel.integrators.deciding import (
 )
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
-from circuits.errors import EditWarning, InputError
+from circuits.errors import EditWarning, InputError, user_level
 
 INTACT, AS_EDITED = "intact", "as edited"
 
@@ -110,7 +110,7 @@ def compare_edits(
         warnings.warn(
             f"{', '.join(alike)}: the edit changes nothing in this circuit",
             EditWarning,
-            stacklevel=2,
+            stacklevel=user_level(),
         )
     model.warn_beyond_range(evidence)
     warn_of_ceiling(evidence, accuracies)

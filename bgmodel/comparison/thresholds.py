@@ -32,7 +32,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
-from circuits.errors import InputError, RangeWarning
+from circuits.errors import InputError, RangeWarning, user_level
 
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 
@@ -124,7 +124,9 @@ def unreached(
         lost, why = list(accuracies), f"{name} decides without evidence ({rest})"
     if lost:
         warnings.warn(
-            f"nothing is compared at accuracy {listed(lost)}: {why}", RangeWarning, stacklevel=3
+            f"nothing is compared at accuracy {listed(lost)}: {why}",
+            RangeWarning,
+            stacklevel=user_level(),
         )
     return lost
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.evidence import Evidence, minus_log_softmax
 from bgmodel.support.arrays import Array, Integers
-from circuits.errors import CalibrationWarning
+from circuits.errors import CalibrationWarning, user_level
 
 FEWEST_CHOICES = 20
 """Choices that can tell whether they go against the evidence."""
@@ -98,7 +98,7 @@ def warn_of_units(evidence: Evidence) -> None:
         f"multiplied by about {scale:.2g}: {units}look for readings that are not independent, "
         "another truth, or likelihoods of other readings",
         CalibrationWarning,
-        stacklevel=4,
+        stacklevel=user_level(),
     )
 
 
@@ -176,7 +176,7 @@ def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
     """
     posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
     if len(right) and (said := calibration(posterior.mean(), right.mean(), len(right))):
-        warnings.warn(said, CalibrationWarning, stacklevel=3)
+        warnings.warn(said, CalibrationWarning, stacklevel=user_level())
 
 
 def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
@@ -219,7 +219,7 @@ def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
     times = np.where(decided, decision.time_ms, 0.0)  # NaN is no time of a reading
     stated = posterior_at(evidence, times, decision.choice)
     if said := against_evidence(stated[decided & ~decision.forced], evidence.hypotheses):
-        warnings.warn(said, CalibrationWarning, stacklevel=3)
+        warnings.warn(said, CalibrationWarning, stacklevel=user_level())
     if evidence.truth is None:
         return
     warn_of_calibration(stated[decided], (decision.choice == evidence.truth)[decided])

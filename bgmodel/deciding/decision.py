@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.readout import ReadOut, check_early_and_late
+from bgmodel.deciding.readout import ReadOut, check_early_and_late, check_one_given
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import check_flag, checked_truth, is_number, one_per_trial, reals
 from bgmodel.support.reprs import Facts, span
@@ -429,7 +429,7 @@ class Tally(Facts):
 def tally(
     trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike, *, checked: bool = True
 ) -> Tally:
-    """Count what ``first_crossing`` would decide, without keeping each decision.
+    """Count correct and forced choices at each threshold, without keeping each decision.
 
     Parameters
     ----------
@@ -482,10 +482,7 @@ def _chosen(
     trace: Trace, thresholds: npt.ArrayLike | None, posterior: npt.ArrayLike | None
 ) -> npt.ArrayLike:
     """Return the thresholds that are given, or those of a posterior."""
-    if (thresholds is None) == (posterior is None):
-        raise InputError(
-            "give thresholds, on OUT in nats, or a posterior, and not both", "posterior"
-        )
+    check_one_given("thresholds", thresholds, posterior)
     if posterior is None:
         return reals("thresholds", thresholds)  # type: ignore[arg-type]
     if trace.readout is None:

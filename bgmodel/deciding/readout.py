@@ -11,7 +11,14 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals, whole
-from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarning, require
+from circuits.errors import (
+    DeadlineWarning,
+    InputError,
+    NoiseWarning,
+    RangeWarning,
+    require,
+    user_level,
+)
 
 NATS, LOG_ODDS = "nats", "nats of log odds"
 """Units of OUT from which a posterior follows: OUT = -ln P, and OUT = the log odds against."""
@@ -59,7 +66,7 @@ class ReadOut:
                 f"a threshold of {threshold:g} nats stops at a posterior of "
                 f"{np.exp(-threshold):.3f}{meant(threshold)}",
                 RangeWarning,
-                stacklevel=4,
+                stacklevel=user_level(),
             )
 
     def threshold(self, posterior: npt.ArrayLike, hypotheses: int) -> Array:
@@ -111,7 +118,7 @@ class ReadOut:
                     f"{wrong.sum()} of {len(rows)} thresholds mean nothing, the first of them: "
                     f"{said}",
                     RangeWarning,
-                    stacklevel=4,
+                    stacklevel=user_level(),
                 )
 
     def _without_evidence(self, threshold: float) -> str:
@@ -130,6 +137,18 @@ class ReadOut:
             f"{self.name} reads no OUT below {self.lowest:.3g} {self.unit}{at}; the threshold is "
             f"{threshold:.2f} {self.unit}{of}"
         )
+
+
+def check_one_given(name: str, threshold: object, posterior: object) -> None:
+    """Raise ValueError unless just one of them is given; ``name`` is the threshold's argument."""
+    if threshold is None and posterior is None:
+        raise InputError(
+            "neither a posterior nor a threshold is given: give posterior=0.82, or "
+            f"{name}, an OUT at which to decide",
+            "posterior",
+        )
+    if threshold is not None and posterior is not None:
+        raise InputError(f"give either posterior or {name}, not both", "posterior", posterior)
 
 
 def meant(threshold: float) -> str:
@@ -216,4 +235,4 @@ def check_early_and_late(
         who = f"{wrong[0]} of {trials} trials"
         if count > 1:
             who = f"at {most.sum()} of {count} thresholds most trials"
-        warnings.warn(f"{who} {what}: give {better}", kind, stacklevel=4)
+        warnings.warn(f"{who} {what}: give {better}", kind, stacklevel=user_level())

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from bgmodel.deciding.measures import MEASURES, OF_ALL, OF_DECIDED, OF_DIFFUSION, SHARES
-from circuits.errors import DataWarning, InputError, require
+from circuits.errors import DataWarning, InputError, require, user_level
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
 WITHOUT = "decides without evidence"
@@ -132,5 +132,5 @@ def check_size(what: str, measure: str, size: float, below: float) -> None:
             f"{what} = {size:g} is an unlikely change of {measure}, which is "
             f"{units.get(measure, 'in ms, not in s')}",
             DataWarning,
-            stacklevel=4,
+            stacklevel=user_level(),
         )

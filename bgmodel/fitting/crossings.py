@@ -64,7 +64,7 @@ class Crossings:
     bins : int array (thresholds, trials)
         Bin of the decision, which is also its last reading; the last bin where there was none.
     choice : int array (thresholds, trials)
-        0 or 1, -1 where there was none. Evidence of positive drift speaks for 0.
+        0 or 1, -1 where there was none. Evidence of positive drift favours 0.
     evidence : array (thresholds, trials), sqrt(s)
         X, the difference of what the two channels had read by then.
     control : control.Control, optional

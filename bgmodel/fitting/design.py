@@ -15,7 +15,7 @@ from bgmodel.fitting.window import in_window
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
-from circuits.errors import DataWarning, InputError
+from circuits.errors import DataWarning, InputError, user_level
 
 ALONE = 1.0
 """Strength of every trial where there is no column of strengths."""
@@ -33,7 +33,7 @@ class Design:
     conditions : dict of str to list of str (cells,)
         What each cell is called in each column.
     observed : Observed
-        The trials; response 1 is the one that the strength speaks for.
+        The trials; response 1 is the one that the strength favours.
     left_out : int
         Number of trials whose response time lies outside the window: they are not among the trials.
     who : str
@@ -126,7 +126,7 @@ def _warn_of_several(choices: Choices) -> None:
             "parameters are then a mixture. Fit each on its own, "
             f"choices.where(choices.participant == {people[0]!r}), or say pooled=True",
             DataWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
 
 
@@ -149,7 +149,7 @@ def _laid(choices: Choices, by: Sequence[str], rt_window: tuple[float, float] | 
 
 
 def _mirrored(choices: Choices) -> Integers:
-    """Return the responses, 1 on the side that the strength speaks for."""
+    """Return the responses, 1 on the side that the strength favours."""
     response = choices.response.astype(np.int64)
     if choices.strength is None:
         return response

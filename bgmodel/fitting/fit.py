@@ -21,7 +21,7 @@ from bgmodel.fitting.simulation import Simulation, simulation_error, without_par
 from bgmodel.fitting.slow import warn_of_slow
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.reprs import Facts
-from circuits.errors import FitWarning
+from circuits.errors import FitWarning, user_level
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -231,7 +231,7 @@ def fit_likelihood(
     cautions = [*apart.cautions(found), *there.cautions(), *_rough(there, simulated)]
     cautions += [*_ended(found), *_short(drawn)]
     for caution in cautions:
-        warnings.warn(caution, FitWarning, stacklevel=2)
+        warnings.warn(caution, FitWarning, stacklevel=user_level())
     return Fit(found, there, simulated, apart, drawn)
 
 

@@ -15,7 +15,7 @@ from bgmodel.fitting.design import Design
 from bgmodel.fitting.parameters import RESPONSE, Freedom, freedom
 from bgmodel.fitting.responses import moments, responded
 from bgmodel.support.arrays import Array, Truths
-from circuits.errors import FitWarning
+from circuits.errors import FitWarning, user_level
 
 OPTIMUM_SEED = 24_101
 """Of the search, which draws."""
@@ -101,7 +101,7 @@ def _warn_of_later(model: Model, design: Design) -> None:
             f"for which the circuit is simulated, the last at {rt_s.max():.3g} s: it never decides "
             "then, so that they count as lapses. Simulate longer trials (seconds)",
             FitWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
 
 

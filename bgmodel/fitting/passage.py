@@ -21,7 +21,7 @@ TERMS = 12
 
 
 def accuracy(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
-    """Return the probability of the response that the drift speaks for.
+    """Return the probability of the response that the drift favours.
 
     Parameters
     ----------

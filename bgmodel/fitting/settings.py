@@ -29,7 +29,7 @@ class FitSettings:
     """What is read from a table of trials, and what a fit moves."""
 
     strength: str | None = None
-    """Column of the signed strength of the evidence: positive speaks for response 1."""
+    """Column of the signed strength of the evidence: positive favours response 1."""
     participant: str | None = None
     """The participant to fit; if left out, each is fitted separately."""
     pooled: bool = False
@@ -117,7 +117,7 @@ class FitSettings:
         return design_of(choices, self.columns, rt_window=self.rt_window, pooled=self.pooled)
 
     def model(
-        self, model: str | Path | Circuit, *, seconds: float, folder: Path | None = None
+        self, model: str | Path | Circuit, *, seconds: float = 3.0, folder: Path | None = None
     ) -> Model:
         """Return a model to fit.
 
@@ -126,7 +126,7 @@ class FitSettings:
         model : str, path or Circuit
             A name in ``GAPS``, or a circuit of two channels: its name, its .toml file or itself.
         seconds : float
-            Length of simulated trials, s; see ``seconds_of``.
+            Length of simulated trials, s; see ``seconds_of``. Parameters do not depend on it.
         folder : path, optional
             Where simulated trials are kept, for another fit.
         """
@@ -201,6 +201,10 @@ class FitSettings:
         )
 
 
+EXAMPLES = {"hold": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
+"""Mappings of parameters, as ``fit`` takes them."""
+
+
 def fit(
     data: str | Path | pd.DataFrame,
     model: str | Path | Circuit = "macaque",
@@ -232,7 +236,7 @@ def fit(
     model : str, path or Circuit
         constant_gap, falling_gap, or a circuit of two channels: its name, its .toml file or itself.
     strength : str, optional
-        Column of the signed strength of the evidence: positive speaks for response 1.
+        Column of the signed strength of the evidence: positive favours response 1.
     participant : str, optional
         The participant to fit, where there are several.
     pooled : bool
@@ -286,6 +290,8 @@ def fit(
     )  # fmt: skip
     asked.check()
     check_flag("draws", draws)
+    # Before the table is read: a column that goes with an unknown parameter may not be there.
+    asked.check_parameters({"model": asked.model(model)})
     choices = asked.read(data)
     people = asked.people(choices)
     if len(people) > 1:
@@ -298,7 +304,6 @@ def fit(
     design = asked.design(people[0][1])
     kept = None if folder is None else path_of(folder, "folder")
     chosen = asked.model(model, seconds=seconds_of([design]), folder=kept)
-    asked.check_parameters({"model": chosen})
     return fit_likelihood(asked.likelihood(design, chosen), draws=draws)
 
 
@@ -331,7 +336,7 @@ def _names(free: str | Iterable[str]) -> tuple[str, ...]:
 
 def _pairs(option: str, given: Mapping[str, object] | None) -> Iterable[tuple[str, object]]:
     if not isinstance(given, Mapping | None):
-        raise InputError.of(option, "must be a dict of parameters", given)
+        raise InputError.of(option, f"must be a mapping such as {EXAMPLES[option]}", given)
     return (given or {}).items()
 
 

@@ -11,7 +11,7 @@ from bgmodel.deciding.calibration import STANDARD_ERRORS
 from bgmodel.tables.cautions import check_signs
 from bgmodel.tables.choices import Choices
 from bgmodel.tables.columns import EVERYONE
-from circuits.errors import DataWarning, InputError
+from circuits.errors import DataWarning, InputError, user_level
 
 SAME = 0.6
 """Share of one response to evidence for either side above which it may say right or wrong."""
@@ -55,7 +55,7 @@ def check_sides(choices: Choices, by: Sequence[str] = ()) -> None:
                 f"than if both sides were alike ({abs(z):.1f} standard errors). No model has a "
                 f"bias to one response: this one enters the other parameters{_coded(some, share)}",
                 DataWarning,
-                stacklevel=3,
+                stacklevel=user_level(),
             )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.support.arrays import Array
-from circuits.errors import FitWarning
+from circuits.errors import FitWarning, user_level
 
 TAILS_S = (0.75, 1.5, 3.0)
 """Means of the exponential delays that slow trials may have, s."""
@@ -73,7 +73,7 @@ def warn_of_slow(found: Optimum) -> None:
         f"Such trials bias sensitivity and criterion: {free}compare with a fit to an earlier "
         "rt_window (at the terminal --rt-window)",
         FitWarning,
-        stacklevel=3,
+        stacklevel=user_level(),
     )
 
 

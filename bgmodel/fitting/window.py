@@ -11,7 +11,7 @@ from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
 from bgmodel.tables.columns import FEWEST
-from circuits.errors import DataWarning, InputError, require
+from circuits.errors import DataWarning, InputError, require, user_level
 
 RANGES = 25.0
 """Interquartile ranges above the upper quartile at which the default window ends.
@@ -113,7 +113,7 @@ def in_window(
             f"{rt_s[~inside].max():.3g} s: it uses those {span}. Another window: rt_window (at the "
             "terminal --rt-window); 0 inf keeps all",
             DataWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
     elif rule:
         # Nothing is left out: the likelihood is that of all times.

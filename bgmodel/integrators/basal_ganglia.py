@@ -22,7 +22,7 @@ from bgmodel.deciding.decision import (
     first_crossing,
     joined,
 )
-from bgmodel.deciding.readout import ReadOut
+from bgmodel.deciding.readout import ReadOut, check_one_given
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag, is_number, whole
@@ -33,7 +33,14 @@ from circuits.activity import RateMeans, checked_drive, warn_beyond_range
 from circuits.anatomy import load_circuit as named
 from circuits.circuit import Circuit
 from circuits.engines import Algebra, EngineOrName
-from circuits.errors import BgmodelWarning, EditWarning, InputError, NoiseWarning, RangeWarning
+from circuits.errors import (
+    BgmodelWarning,
+    EditWarning,
+    InputError,
+    NoiseWarning,
+    RangeWarning,
+    user_level,
+)
 from circuits.ignored import ignored_edits
 
 if TYPE_CHECKING:
@@ -116,7 +123,7 @@ class BasalGanglia(Facts):
                 f"the {self.engine} engine makes no use of these edits of {self.circuit.name}: "
                 f"{'; '.join(ignored)}; take another engine, or leave them out",
                 EditWarning,
-                stacklevel=4,
+                stacklevel=user_level(),
             )
 
     def facts(self) -> dict[str, str]:
@@ -229,6 +236,7 @@ class BasalGanglia(Facts):
         """
         if not isinstance(rates, (RateMeans, NoneType)):
             raise InputError.of("rates", "must be a RateMeans() of circuits.activity", rates)
+        check_flag("forced", forced)
         level = self.threshold(threshold, posterior)
         self.warn_beyond_range(evidence)
         self.warn_of_noise(level)
@@ -260,10 +268,7 @@ class BasalGanglia(Facts):
 
     def threshold(self, threshold: float | None, posterior: float | None) -> float:
         """Return the OUT at which the circuit decides, given as one or as a posterior; checked."""
-        if (threshold is None) == (posterior is None):
-            raise InputError(
-                "give a threshold, an OUT of the circuit, or a posterior, not both", "posterior"
-            )
+        check_one_given("threshold", threshold, posterior)
         given = posterior if threshold is None else threshold
         if given is None or not is_number(given):
             field = "posterior" if threshold is None else "threshold"
@@ -332,8 +337,10 @@ class BasalGanglia(Facts):
         Raises
         ------
         ValueError
-            If the evidence gains ``REFUSED_TIMES`` the lead that the circuit states, or more.
+            If the evidence gains ``REFUSED_TIMES`` the lead that the circuit states, or more, or
+            it is no ``Evidence``.
         """
+        check_evidence(evidence)
         most = self.circuit.most_lead_nats
         if not (self.engine.timed and np.isfinite(most)):
             return
@@ -348,18 +355,18 @@ class BasalGanglia(Facts):
         )
         if lead >= REFUSED_TIMES * most:
             raise InputError(f"{said}; lower the gain or give weaker evidence", "evidence")
-        warnings.warn(said, RangeWarning, stacklevel=3)
+        warnings.warn(said, RangeWarning, stacklevel=user_level())
 
     def _warn_of_coarse_samples(self, evidence: Evidence) -> None:
         """Warn if OUT is sampled so rarely that decision times come out too long."""
         sample_ms = self.engine.sample_ms
-        most = max(COARSE_MS, COARSE_SHARE * check_evidence(evidence).step_ms)
+        most = max(COARSE_MS, COARSE_SHARE * evidence.step_ms)
         if sample_ms > most:
             warnings.warn(
                 f"sample_ms = {sample_ms:g}: a decision is made only at a sample of OUT, so that "
                 f"decision times come out too long; give {most:g} or less",
                 BgmodelWarning,
-                stacklevel=3,
+                stacklevel=user_level(),
             )
 
     def out_at_rest(self, trials: int = 40) -> npt.NDArray[np.float64]:
@@ -380,7 +387,7 @@ class BasalGanglia(Facts):
                 f"nats in {share:.0%} of trials within 500 ms: OUT rests at {out.mean():.2f} +- "
                 f"{out.std():.2f}",
                 NoiseWarning,
-                stacklevel=2,
+                stacklevel=user_level(),
             )
 
     def until(self, level_nats: float, *, rates: bool = False) -> BasalGanglia:
@@ -422,7 +429,7 @@ class BasalGanglia(Facts):
             yield part, activity, self.trace(activity, part)
 
     def one_trial(self, part: Evidence, first_trial: int, trial: int) -> tuple[Activity, Trace]:
-        """Return one trial of a part as ``batches`` yields it, and as it is in that part."""
+        """Return the activity and OUT of one trial of a part, the same as within that part."""
         ((_, activity, trace),) = self._parts(part[trial : trial + 1], first_trial + trial)
         return activity, trace
 

@@ -17,7 +17,7 @@ from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
-from circuits.errors import DeadlineWarning, InputError, require
+from circuits.errors import DeadlineWarning, InputError, require, user_level
 
 LAST_SHARE = 0.08
 """Exploration in the end, sd as a share of the levels' distance; tuned on seed 1002. With less, an
@@ -62,7 +62,7 @@ def check_decided(outcomes: LevelOutcomes) -> None:
         warnings.warn(
             f"the deadline decides most trials at {late.sum()} of {len(late)} levels",
             DeadlineWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
 
 

@@ -22,7 +22,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.sweeps.plan import Plan, Point
 from bgmodel.sweeps.shards import REMARK, read
 from circuits.declaration.edits import FRACTION, VERBS
-from circuits.errors import EditWarning, InputError
+from circuits.errors import EditWarning, InputError, user_level
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -162,7 +162,7 @@ def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
                 f"no measure depends on {key}: it says nothing to the engine, or nothing while a "
                 "trial lasts; look at its units and times",
                 EditWarning,
-                stacklevel=2,
+                stacklevel=user_level(),
             )
     return table
 

@@ -127,8 +127,9 @@ class Plan(Point):
 
     A key of ``grid`` or ``points`` is a field of ``Point``, a field of its task as
     ``task.d_prime``, or an edit without its value: ``lesion STN``, ``scale STN->GPe``,
-    ``set STN.bias_nats``, ``dopamine``. It replaces the same edit in ``edits``; an edit that it
-    would only add to, such as a factor on a weight that is set, is refused. The values of a key
+    ``set STN.bias_nats``, ``dopamine``. It replaces the same edit in ``edits``; a key
+    that would change the same number as another edit, such as a factor on a weight that is set, is
+    refused. The values of a key
     that is an edit by itself may be true and false: the edit is made, or not.
     """
 
@@ -184,12 +185,12 @@ class Plan(Point):
         Parameters
         ----------
         folder : Path
-            Where the files lie that it names: that of its own file.
+            Folder to which the paths in the plan are relative: that of its own file.
 
         Raises
         ------
         ValueError
-            One sentence with the point, for a key or a value that says nothing.
+            One sentence with the point, for a key or a value that has no effect there.
         """
         same = {f.name: getattr(self, f.name) for f in fields(Point)}
         return [_point(Point(**same), point, folder) for point in self.each]

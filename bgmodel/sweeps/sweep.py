@@ -13,20 +13,25 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
 from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan
-from circuits.errors import BgmodelWarning
+from circuits.errors import BgmodelWarning, shown, user_level
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
 
+NAMED = 3
+"""Points that a caution names."""
+
+
 @dataclass(frozen=True)
 class Sweep:
-    """A plan with the folder in which the files lie that it names.
+    """A plan, and the folder to which the paths in it are relative.
 
     Parameters
     ----------
@@ -48,11 +53,12 @@ class Sweep:
         ValueError
             One sentence with the key, what was given and what is allowed.
         """
-        return cls(read_plan(file), Path(file).parent)
+        path = path_of(file, "file")
+        return cls(read_plan(path), path.parent)
 
     @cached_property
     def points(self) -> list[Point]:
-        """Every point; ValueError for one that says nothing."""
+        """Every point; ValueError for a key or a value that has no effect there."""
         return self.plan.all_points(self.beside)
 
     @cached_property
@@ -70,13 +76,13 @@ class Sweep:
             Where shards are kept, as by ``bgmodel sweep``: those that are there are not computed
             again. None is kept if left out.
         workers : int
-            Processes; they change no byte. With more than one, a script needs
+            Processes; the results do not depend on it. With more than one, a script needs
             ``if __name__ == "__main__"``.
 
         Raises
         ------
         ValueError
-            If a point says nothing, or another sweep is at work in the folder.
+            If a key has no effect at a point, or another sweep is at work in the folder.
 
         Warns
         -----
@@ -98,7 +104,7 @@ class Sweep:
             tables = [measured(point, place) for point in self.points]
             outcome = SweepOutcome(self.plan, gathered(self.plan, tables))
         for caution in outcome.cautions():
-            warnings.warn(caution, BgmodelWarning, stacklevel=2)
+            warnings.warn(caution, BgmodelWarning, stacklevel=user_level())
         return outcome
 
 
@@ -130,10 +136,20 @@ class SweepOutcome(Facts):
         }
 
     def cautions(self) -> list[str]:
-        """Return each remark on points, with the number of points that have it."""
-        remarks = self.table.drop_duplicates(subset=list(self.plan.axes))["remark"]
-        counts = remarks[remarks != ""].value_counts()
-        return [f"at {count} of {len(remarks)} points: {text}" for text, count in counts.items()]
+        """Return each remark on points, with the number of points that have it and their names."""
+        axes = list(self.plan.axes)
+        points = self.table.drop_duplicates(subset=axes)
+        found = []
+        for text, some in points[points["remark"] != ""].groupby("remark", sort=False):
+            names = [
+                ", ".join(f"{axis} = {shown(value)}" for axis, value in zip(axes, row, strict=True))
+                for row in some[axes].head(NAMED).itertuples(index=False)
+            ]
+            more = "; ..." if len(some) > NAMED else ""
+            found.append(
+                f"at {len(some)} of {len(points)} points ({'; '.join(names)}{more}): {text}"
+            )
+        return found
 
     def summary(self) -> pd.DataFrame:
         """Return the measures that the plan shows, one row per point."""

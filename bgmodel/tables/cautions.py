@@ -12,7 +12,7 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array
 from bgmodel.tables.columns import FEWEST, NO_RESPONSE, OURS
-from circuits.errors import DataWarning, InputError
+from circuits.errors import DataWarning, InputError, user_level
 
 LATE, TOO_LATE = 3.0, 10.0
 """Multiples of the slowest response at which a deadline is doubted, and refused."""
@@ -70,7 +70,7 @@ def check_times(rt_s: Array) -> None:
             f"the median of rt is {median:.3g} s: check that rt is in seconds from the onset of "
             "evidence (hundredths of a second have to be divided by 100)",
             DataWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
     for step_s in STEPS_S:
         if (np.abs(given - step_s * np.round(given / step_s)) <= STEP_ERROR_S).all():
@@ -79,7 +79,7 @@ def check_times(rt_s: Array) -> None:
                 f"{1000 * step_s / np.sqrt(12):.0f} ms to t0_sd_s, and cutting off also takes "
                 f"{500 * step_s:.0f} ms off t0_s",
                 DataWarning,
-                stacklevel=3,
+                stacklevel=user_level(),
             )
             break
     _warn_of_pile(given)
@@ -96,7 +96,7 @@ def _warn_of_pile(given: Array) -> None:
             "trial ended then without a response, leave rt and response empty, and give that time "
             "as the deadline (deadline_s, at the terminal --deadline)",
             DataWarning,
-            stacklevel=4,
+            stacklevel=user_level(),
         )
 
 
@@ -118,7 +118,7 @@ def warn_of_far(strength: Array) -> None:
                 f"and all others of {sizes[first - 1]:g} or less: check them, since few such "
                 "trials set the sensitivity of all",
                 DataWarning,
-                stacklevel=3,
+                stacklevel=user_level(),
             )
             break
 
@@ -145,7 +145,7 @@ def warn_of_units(strength: Array) -> None:
             f"{first:g} and {100 * first:g}: if the larger ones, in {many} of {len(strength)} "
             "trials, are in per cent, divide them by 100",
             DataWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
 
 
@@ -173,7 +173,7 @@ def warn_of_copies(table: pd.DataFrame) -> None:
             "were put together twice, leave out the copies (drop_duplicates in pandas), since "
             "standard errors count each row as a new trial",
             DataWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
 
 
@@ -238,7 +238,7 @@ def check_deadline(rt_s: Array, deadline_s: float) -> None:
         f"the slowest of {len(given)} responses took {slowest:.3g} s, and deadline_s is "
         f"{deadline_s:g}: {advice}",
         DataWarning,
-        stacklevel=3,
+        stacklevel=user_level(),
     )
 
 
@@ -258,7 +258,7 @@ def check_signs(strength: Array | None, response: npt.NDArray[np.int8]) -> None:
     wrong = int((response[most] == 0).sum())
     if most.sum() >= ENOUGH and wrong > (1 - LEAST_RIGHT) * most.sum():
         raise InputError(
-            f"strength must be signed, positive where it speaks for response 1: none is below "
+            f"strength must be signed, positive where it favours response 1: none is below "
             f"0, yet {wrong} of {int(most.sum())} responses to the largest are 0",
             "strength",
         )
@@ -300,7 +300,7 @@ def warn_without_strength(
             "trials count as equally difficult. Name the column of signed strengths (strength, at "
             "the terminal --strength)",
             DataWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
         return
     share = float((response[response >= 0] == 1).mean())
@@ -310,7 +310,7 @@ def warn_without_strength(
             f"{share:.0%} of responses: name the column of signed strengths (strength, at the "
             "terminal --strength)",
             DataWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )
 
 
@@ -342,7 +342,7 @@ def without_rounding(strength: Array) -> Array:
         f"{len(sizes)} strengths are taken for {group[-1] + 1}, since some differ by rounding "
         f"only, as {sizes[first]!r:.22} and {merged[first]!r:.22}",
         DataWarning,
-        stacklevel=3,
+        stacklevel=user_level(),
     )
     at = np.searchsorted(sizes, np.abs(strength))
     return np.asarray(np.sign(strength) * merged[at])

@@ -54,7 +54,7 @@ class Choices(Facts):
     response : (trials,) int8
         1 or 0; -1 without a response.
     strength : (trials,) float64 or None
-        Signed strength of the evidence: positive speaks for response 1.
+        Signed strength of the evidence: positive favours response 1.
     conditions : DataFrame
         One row per trial, columns of text; possibly without columns.
     deadline_s : float or None
@@ -189,7 +189,7 @@ def read_choices(
         without a response has neither ``rt`` nor ``response``; where ``rt`` is -999, as HSSM
         writes it, ``response`` is not read.
     strength : str, optional
-        Column of the signed strength of the evidence; positive speaks for response 1.
+        Column of the signed strength of the evidence; positive favours response 1.
     conditions : names
         Columns of conditions; they are read as text.
     participant : str, optional

@@ -63,7 +63,10 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
             )
     for name in wanted:
         if name not in names:
-            raise InputError(f"there is no column {name}: there are {', '.join(names)}", name)
+            hint = ""
+            if name == "response" and "correct" in names:
+                hint = "; if correct is 1 or 0, rename it to response and give unsigned strengths"
+            raise InputError(f"there is no column {name}: there are {', '.join(names)}{hint}", name)
     if len(table) == 0:
         raise InputError("a table of choices needs at least one trial, got 0 rows", "table", table)
 

@@ -18,7 +18,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
-from circuits.errors import CalibrationWarning, InputError, require
+from circuits.errors import CalibrationWarning, InputError, require, user_level
 
 FOLDS = 6
 STEP_MS = 500.0
@@ -176,7 +176,7 @@ class Source:
                 f"{len(self.names)} hypotheses apart: saying nothing predicts held-out taps best, "
                 "so that every reading is worth 0 nats and every choice is a guess",
                 CalibrationWarning,
-                stacklevel=3,
+                stacklevel=user_level(),
             )
 
     @property

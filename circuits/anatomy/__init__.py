@@ -53,7 +53,16 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
     Parameters
     ----------
     name : str or path
-        A name in ``CIRCUITS``, or the path of a file that ends in .toml.
+        The path of a file that ends in .toml, or the name of a table:
+
+        - "macaque": a macaque's basal ganglia in spikes, driven by raw evidence;
+        - "spiking_msprt": spiking cells that compute the MSPRT;
+        - "bogacz_gurney": the exact circuit of Bogacz & Gurney (2007), where OUT = -ln P;
+        - "appendix_b": the exact circuit with all pathways (their appendix B);
+        - "linear_gpe": the same circuit with a linear GPe, which is not exact;
+        - "gpr": action selection by rates (Gurney, Prescott & Redgrave 2001);
+        - "humphries": action selection in spikes (Humphries, Stewart & Gurney 2006);
+        - "stewart": the weights of "gpr" in spikes (Stewart, Choo & Eliasmith 2010).
     channels : int, optional
         Number of alternatives; unless given, 2, or that of the file.
 

@@ -238,7 +238,8 @@ class Edits(tuple[str, ...]):
         """Tell pydantic to read a list of lines."""
         from pydantic_core import core_schema
 
-        return core_schema.no_info_after_validator_function(cls, handler(tuple[str, ...]))
+        lines = core_schema.no_info_before_validator_function(_list, handler(tuple[str, ...]))
+        return core_schema.no_info_after_validator_function(cls, lines)
 
     def parsed(self) -> list[Edit]:
         """Return the edits in the order in which they are made."""
@@ -288,6 +289,14 @@ class Edits(tuple[str, ...]):
         return Edits(edit.text for edit in (*replaced, *new.values()))
 
 
+def _list(given: object) -> tuple[object, ...]:
+    """Return the list of edits that a file gives; ValueError for anything else."""
+    if not isinstance(given, (list, tuple)):
+        must = 'must be a list of lines, such as edits = ["lesion STN 10%"]'
+        raise InputError.of("edits", must, given)
+    return tuple(given)
+
+
 def overlapping(one: Edit, other: Edit) -> ValueError:
     """Return the error for two edits of one number."""
     return InputError(
@@ -305,7 +314,14 @@ def parsed(line: str) -> Edit:
     ValueError
         One sentence with the line as it was written, what is allowed and an example.
     """
-    verb, _, rest = line.strip().partition(" ") if isinstance(line, str) else ("", "", "")
+    if not isinstance(line, str):
+        many = ": unpack it, edited(*lines)" if isinstance(line, (list, tuple)) else ""
+        raise InputError(
+            f"an edit must be a text such as 'lesion STN 10%', got {shown(line)}{many}",
+            "edits",
+            line,
+        )
+    verb, _, rest = line.strip().partition(" ")
     if verb not in VERBS:
         known = f"{', '.join(VERBS)}, such as 'lesion STN 10%'"
         raise InputError(f"{shown(line)}: an edit begins with one of {known}", "edits", line)

@@ -91,6 +91,14 @@ class Network(Mapping[str, "Population | Projection"]):
 
     def projection(self, source: str, target: str) -> Projection:
         """Return a row by its two ends; raises ValueError with the valid names."""
+        if isinstance(source, str) and "->" in source:
+            ends = ", ".join(f'"{end.strip()}"' for end in source.split("->"))
+            raise InputError(
+                f"source must be one nucleus, got {shown(source)}: give the two ends of a pathway "
+                f"one by one, as in cut({ends}, 0.5)",
+                "source",
+                source,
+            )
         name = " ".join(f"{source}->{target}".split())
         for p in self.projections:
             if p.name == name:

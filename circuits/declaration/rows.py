@@ -16,7 +16,7 @@ from circuits.cells import Cell
 from circuits.cells.cell import check_cell
 from circuits.checks import check_types
 from circuits.declaration import transfer
-from circuits.errors import EditWarning, InputError, require
+from circuits.errors import EditWarning, InputError, require, user_level
 
 GLUTAMATE, GABA = "glutamate", "GABA"
 SIGNS = {GLUTAMATE: 1, GABA: -1}
@@ -166,7 +166,7 @@ class Population:
                 f"{self.name}: baseline_hz = {self.baseline_hz:g} is above {USUAL_HZ:g} Hz, more "
                 "than any nucleus of the basal ganglia fires at rest: look at its unit",
                 EditWarning,
-                stacklevel=4,
+                stacklevel=user_level(),
             )
         _warn_of_times(self.name, tau_ms=self.tau_ms, cell_tau_ms=getattr(self.cell, "tau_ms", 0.0))
         _check_intact(self)
@@ -273,7 +273,7 @@ def _warn_of_times(owner: str, **times_ms: float) -> None:
                 f"{owner}: {name} = {time_ms:g} lies outside {LEAST_MS:g}..{LONGEST_MS:g} ms, what "
                 "cells and synapses take: times are in ms, not in s",
                 EditWarning,
-                stacklevel=5,
+                stacklevel=user_level(),
             )
 
 

@@ -39,7 +39,7 @@ from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import rest
 from circuits.dynamics.wiring import Wiring, wire
-from circuits.errors import EditWarning, InputError
+from circuits.errors import EditWarning, InputError, user_level
 
 SPIKE_BITS = 40
 """Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""
@@ -183,7 +183,7 @@ class Scheme:
                 f"{edited.name} as edited has no state of rest: what it does depends "
                 "on the time it has to settle",
                 EditWarning,
-                stacklevel=2,
+                stacklevel=user_level(),
             )
         return self.wiring.deliver @ rates, x, rates
 

@@ -206,11 +206,11 @@ class SpikingEngine(TimedEngine):
     """Populations whose spikes are recorded."""
 
     def __post_init__(self) -> None:
-        """Take the names of populations from any collection."""
-        given = self.spikes
-        names = given if isinstance(given, Collection) and not isinstance(given, str) else (None,)
+        """Take the names of populations from any collection, or one name."""
+        given = (self.spikes,) if isinstance(self.spikes, str) else self.spikes
+        names = given if isinstance(given, Collection) else (None,)
         if not all(isinstance(name, str) for name in names):
-            raise InputError.of("spikes", "must be a tuple of names of populations", given)
+            raise InputError.of("spikes", "must be names of populations, such as ('STN',)", given)
         object.__setattr__(self, "spikes", tuple(given))
         super().__post_init__()
 
@@ -245,7 +245,7 @@ class CompiledEngine(TimedEngine):
     drop_below: float | None = None
     """OUT, nats, below which a trial is over: what follows is NaN."""
     workers: int = 1
-    """Threads; they change no byte."""
+    """Threads; the results do not depend on it."""
 
     def __post_init__(self) -> None:
         """Check the threads and the level too."""

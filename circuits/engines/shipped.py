@@ -28,7 +28,14 @@ COARSE_MS, COARSE_SAMPLE_MS = 0.5, 2.0
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Algebra(Engine):
-    """The fixed point of the table for every reading: no time passes."""
+    """The fixed point of the table for every reading: no time passes.
+
+    Parameters
+    ----------
+    laws : {"table", "cells", "finite"}
+        What populations follow: the lines of their rows; their cells' own f-I laws; or those laws
+        and the effect that the noise of the row's number of cells has on the means.
+    """
 
     id: ClassVar[str] = "algebra"
     module: ClassVar[str] = "circuits.engines.algebra"
@@ -86,7 +93,22 @@ class PopulationsEngine(CompiledEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Rate(PopulationsEngine):
-    """Populations that follow the lines of their rows behind their membranes, without noise."""
+    """Populations that follow the lines of their rows behind their membranes, without noise.
+
+    Parameters
+    ----------
+    dt_ms : float, optional
+        One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that all times fit.
+    sample_ms, settle_ms : float
+        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
+        300 ms.
+    rates : bool
+        Whether to keep the rates of all populations; True.
+    drop_below : float, optional
+        OUT, nats, below which a trial is over; what follows is NaN.
+    workers : int
+        Threads, 1; the results do not depend on it.
+    """
 
     id: ClassVar[str] = "rate"
     module: ClassVar[str] = "circuits.engines.population.run"
@@ -104,7 +126,26 @@ class Rate(PopulationsEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Population(PopulationsEngine):
-    """Populations that follow their cells' laws, with the noise of a finite number of cells."""
+    """Populations that follow their cells' laws, with the noise of a finite number of cells.
+
+    Parameters
+    ----------
+    laws : {"cells", "lines"}
+        What rates follow: the cells' own laws and lags, or the lines of the table.
+    noise : bool
+        Whether rates have the noise of a finite number of cells; True.
+    dt_ms : float, optional
+        One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that all times fit.
+    sample_ms, settle_ms : float
+        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
+        300 ms.
+    rates : bool
+        Whether to keep the rates of all populations; True.
+    drop_below : float, optional
+        OUT, nats, below which a trial is over; what follows is NaN.
+    workers : int
+        Threads, 1; the results do not depend on it.
+    """
 
     id: ClassVar[str] = "population"
     module: ClassVar[str] = "circuits.engines.population.run"
@@ -133,7 +174,26 @@ class Population(PopulationsEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Ensemble(CompiledEngine, SpikingEngine):
-    """Spiking cells, compiled."""
+    """Spiking cells, compiled.
+
+    Parameters
+    ----------
+    dt_ms : float
+        One tick, 0.1 ms.
+    spikes : tuple of str
+        Populations whose spikes are recorded; none by default.
+    sample_ms, settle_ms : float
+        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
+        300 ms.
+    rates : bool
+        Whether to keep the rates of all populations; True.
+    drop_below : float, optional
+        OUT, nats, below which a trial is over; what follows is NaN.
+    workers : int
+        Threads, 1; the results do not depend on it.
+    progress : bool
+        Whether to show how far a run is; False.
+    """
 
     id: ClassVar[str] = "ensemble"
     module: ClassVar[str] = "circuits.engines.ensemble.run"
@@ -151,7 +211,20 @@ class Ensemble(CompiledEngine, SpikingEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Brian2(SpikingEngine):
-    """Spiking cells in Brian2, generated from the table."""
+    """Spiking cells in Brian2, generated from the table.
+
+    Parameters
+    ----------
+    dt_ms : float
+        One tick, 0.1 ms.
+    spikes : tuple of str
+        Populations whose spikes are recorded; none by default.
+    sample_ms, settle_ms : float
+        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
+        300 ms.
+    explicit : bool
+        Whether connections of probability 1 become synapses too, to check shared inputs; False.
+    """
 
     id: ClassVar[str] = "brian2"
     module: ClassVar[str] = "circuits.engines.brian2.run"
@@ -173,7 +246,18 @@ class Brian2(SpikingEngine):
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Plain(SpikingEngine):
-    """Spiking cells in NumPy, one trial at a time: the readable reference."""
+    """Spiking cells in NumPy, one trial at a time: the readable reference.
+
+    Parameters
+    ----------
+    dt_ms : float
+        One tick, 0.1 ms.
+    spikes : tuple of str
+        Populations whose spikes are recorded; none by default.
+    sample_ms, settle_ms : float
+        Time from one recorded sample to the next, 1 ms, and time at rest before the first reading,
+        300 ms.
+    """
 
     id: ClassVar[str] = "plain"
     module: ClassVar[str] = "circuits.engines.plain"

@@ -279,7 +279,7 @@ def test_strengths_without_a_sign_are_seen(mine, capsys, drop):
             assert run("fit", "mine.csv", *GAP, *QUICK, "--pooled") == 0
     else:
         said = fails(capsys, "mine.csv", *COHERENCE, *GAP)
-        assert said.startswith("mine.csv: strength must be signed, positive where it speaks for")
+        assert said.startswith("mine.csv: strength must be signed, positive where it favours")
 
 
 def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(mine):

@@ -64,8 +64,8 @@ def test_a_sweep_is_one_table_with_what_it_was_made_from(swept):
     folder, said, warned = swept
     assert said.splitlines()[1].split() == ["measure", "accuracy", "mean_ms", "missed"]
     # Each remark once, with the number of points that have it; none for points without a remark.
-    assert "bgmodel: at 2 of 6 points: many trials are not decided in time" in warned
-    assert "points: \n" not in warned
+    assert "bgmodel: at 2 of 6 points (lesion STN = 0, posterior = 0.9; lesion STN" in warned
+    assert "): \n" not in warned
     assert said.startswith(f"points: 6; shards: 6, 0 there already; folder: {folder}\n")
     assert said.endswith(f"drawn: {folder / 'outcome.png'}\n-> {folder / 'outcome.csv'}\n")
     table = pd.read_csv(folder / "outcome.csv")

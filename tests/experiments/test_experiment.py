@@ -59,7 +59,7 @@ def test_a_file_says_what_is_run(experiment_file):
         ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 where the direction is "no'),
         ('name = "a lesion"', "", "the key 'name' is missing"),
         ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
-        ('["lesion STN 20%"]', '"STN"', "manipulation.edits should be a valid array, got 'STN'"),
+        ('["lesion STN 20%"]', '"STN"', r'edits = \["lesion STN 10%"\]'),
         (
             "[task]",
             "posterior = 1.5\n[task]",

@@ -27,7 +27,7 @@ from circuits.engines.population.answers import (
     answers,
     looked_up,
 )
-from circuits.errors import InputError, NoiseWarning
+from circuits.errors import InputError, NoiseWarning, user_level
 
 if TYPE_CHECKING:
     from circuits.engines.shipped import PopulationsEngine
@@ -78,7 +78,7 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
     input_from, inputs = edges(records.EDGE, wiring.weight)
     blocks = _blocks(scheme, tables, courses, input_from)
     for sentence in tables.rough:
-        warnings.warn(sentence, NoiseWarning, stacklevel=3)
+        warnings.warn(sentence, NoiseWarning, stacklevel=user_level())
     return records.Plan(
         clock=_clock(scheme, clock),
         units=_units(scheme, tables, courses, source_from),

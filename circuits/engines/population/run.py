@@ -33,7 +33,7 @@ from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.engines.population import kernel
 from circuits.engines.population.plan import plan, tick_ms, workspace
-from circuits.errors import InputError, NoiseWarning
+from circuits.errors import InputError, NoiseWarning, user_level
 from circuits.laws.stability import ringing
 
 if TYPE_CHECKING:
@@ -139,5 +139,5 @@ def _warn_of_ringing(circuit: Circuit) -> None:
             f"{circuit.name} is near an oscillation, or beyond, at {hz:.0f} Hz: its cells fire "
             "together there, and the population engine takes their noise for independent",
             NoiseWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )

@@ -176,7 +176,7 @@ def test_a_line_that_is_no_edit_is_named_with_an_example_or_the_verbs(line):
 
 @pytest.mark.parametrize("line", [3, None, ["lesion STN"]])
 def test_an_edit_is_text(line):
-    with refused("edits an edit begins with one of"):
+    with refused("edits an edit must be a text"):
         Edits([line])
 
 

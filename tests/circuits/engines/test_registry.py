@@ -62,7 +62,7 @@ def test_an_option_that_there_is_not_is_refused(name, option):
         (Ensemble, "workers", [0, 1.5, "2", True]),
         (Ensemble, "drop_below", ["a", float("nan")]),
         (Ensemble, "rates", ["no"]),
-        (Plain, "spikes", ["STN", (1,), 3]),
+        (Plain, "spikes", [(1,), 3]),
     ],
 )
 def test_an_option_of_the_wrong_type_or_out_of_range_is_one_sentence(kind, option, values):
