@@ -1,7 +1,21 @@
-"""From a tactile tap to a learned decision.
+"""Decision making in the basal ganglia: circuits, the optimal test, experiments and fits.
 
-A tap becomes evidence, evidence becomes an output trace, the trace crosses a threshold, and the
-reward moves the threshold.  Importing this package loads neither torch, brian2 nor matplotlib.
+    import bgmodel as bg
+
+    circuit = bg.load_circuit("macaque")              # print(circuit), circuit.plot()
+    edited = circuit.lesion("STN", 0.1).dopamine(0.9)
+    edited = circuit.edited("lesion STN 10%", "dopamine 0.9")    # the same, as in files
+    evidence = bg.gaussian_evidence(500, d_prime=0.5, t_max=110, seed=1)
+    model = bg.BasalGanglia(edited, seed=1)           # engine="ensemble" runs spikes
+    decision = model.decide(evidence, posterior=0.82) # .accuracy, .to_dataframe(), .plot()
+    model.activity(evidence[:5]).to_xarray().rate_hz.sel(nucleus="STN", channel=0)
+    bg.compare(model, evidence).summary()             # with the MSPRT, trial by trial
+    bg.Experiment.from_toml("lesion.toml").run().summary()
+    bg.Sweep.from_toml("grid.toml").run().to_xarray()
+    bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
+
+A tap becomes evidence, evidence becomes an output trace, the trace crosses a threshold, and reward
+moves the threshold.  Importing this package loads neither torch, brian2 nor matplotlib.
 """
 
 from __future__ import annotations
@@ -38,6 +52,7 @@ if TYPE_CHECKING:
     from bgmodel.sweeps.sweep import Sweep
     from bgmodel.tables.choices import read_choices
     from bgmodel.tables.evidence import read_evidence
+    from circuits import engines
     from circuits.anatomy import load_circuit
     from circuits.circuit import Circuit
 
@@ -74,6 +89,7 @@ __all__ = [
     "compare",
     "criterion_from_gap",
     "criterion_from_posterior",
+    "engines",
     "first_crossing",
     "fit",
     "gaussian_evidence",
@@ -89,10 +105,12 @@ if not TYPE_CHECKING:  # mypy would take any name for one that is there
 
     def __getattr__(name: str) -> Any:
         """Return a name that is loaded where it is used."""
-        if name not in LAZY:
-            raise AttributeError(f"module 'bgmodel' has no attribute {name!r}")
         from importlib import import_module
 
+        if name == "engines":
+            return import_module("circuits.engines")
+        if name not in LAZY:
+            raise AttributeError(f"module 'bgmodel' has no attribute {name!r}")
         found = getattr(import_module(LAZY[name]), name)
         globals()[name] = found
         return found

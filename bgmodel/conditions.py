@@ -18,6 +18,7 @@ from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import toml_files
 from circuits import DEFAULT
+from circuits.checks import check_types
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
@@ -64,11 +65,18 @@ class Setup:
 
     def __post_init__(self) -> None:
         # Looking names up imports all circuits and engines: the help of commands does without.
-        if self.circuit != CIRCUIT:
-            names.check("circuit", self.circuit, CircuitName)
-        if self.engine != ENGINE:
-            names.check("engine", self.engine, EngineName)
+        for name, default, kind in (
+            ("circuit", CIRCUIT, CircuitName),
+            ("engine", ENGINE, EngineName),
+        ):
+            given = getattr(self, name)
+            if not isinstance(given, str) or given != default:
+                names.check(name, given, kind)
+        check_types(self, type(self).__name__)
         require(self.seed >= 0, "seed", "must be at least 0", self.seed)
+        if self.gain is not None:
+            require(0 < self.gain < np.inf, "gain", "must be > 0 and finite", self.gain)
+        require(isinstance(self.edits, Edits), "edits", "must be Edits of lines", self.edits)
         if self.edits:
             from circuits.ignored import check_edits
 
@@ -144,6 +152,8 @@ class Condition(Setup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not isinstance(self.task, Stimuli):
+            raise InputError.of("task", "must be Stimuli", self.task)
         self.task.check()
         if self.threshold is not None:
             if self.posterior is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -12,9 +12,13 @@ from bgmodel.evidence import expecting, gaussian_evidence, whole_steps
 from bgmodel.support.memory import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
+from circuits.checks import check_types
 from circuits.errors import InputError, require
 
 Asked = TypeVar("Asked", bound=Any)
+
+
+Task = Literal["gaussian", "same-different", "orientation"]
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,7 @@ class Stimuli:
 
     evidence: Path | None = None
     """A table of log-likelihoods, as for `bgmodel decide`, instead of a task."""
-    task: Literal["gaussian", "same-different", "orientation"] = "gaussian"
+    task: Task = "gaussian"
     """Gaussian evidence, or a tactile question: same or different, which of N orientations."""
     channels: int = 2
     """Alternatives of the Gaussian evidence, or N orientations, 2..8."""
@@ -50,6 +54,14 @@ class Stimuli:
 
     def check(self) -> None:
         """Raise ValueError for a number out of range."""
+        check_types(self, type(self).__name__)
+        require(isinstance(self.evidence, Path | None), "evidence", "must be a Path", self.evidence)
+        require(
+            str(self.task) in get_args(Task),
+            "task",
+            f"must be one of {', '.join(get_args(Task))}",
+            self.task,
+        )
         for name in ("trials", "t_max"):
             require(getattr(self, name) >= 1, name, "must be at least 1", getattr(self, name))
         require(self.channels >= 2, "channels", "must be at least 2", self.channels)

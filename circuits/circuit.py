@@ -32,7 +32,7 @@ class Circuit(EditableTable):
     """
 
     def __repr__(self) -> str:
-        """Return one line: the tables are long, ``circuits.show.text`` prints them."""
+        """Return one line: ``print(circuit)`` has the tables."""
         own = (row for row in self.populations if row.spiking and not row.pooled)
         return (
             f"Circuit({self.name}: {self.channels} channels in {self.unit}, "
@@ -40,6 +40,12 @@ class Circuit(EditableTable):
             f"{f'{len(self.courses)} courses, ' if self.courses else ''}"
             f"{sum(row.neurons for row in own)} cells per channel, sha256 {digest(self)[:8]})"
         )
+
+    def __str__(self) -> str:
+        """Return the whole table as text, as ``bgmodel circuit show`` prints it."""
+        from circuits.show import text  # pandas, only where a circuit is shown
+
+        return text(self)
 
     def _repr_html_(self) -> str:
         """Return both tables, for a notebook."""

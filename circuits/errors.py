@@ -71,12 +71,13 @@ def require(allowed: object, field: Hashable, must: str, given: object, *, owner
         raise InputError.of(field, must, given, owner=owner)
 
 
-def within(owner: str, error: Exception) -> ValueError:
-    """Return an error with what it is about, as a file or a row, named first where there is one."""
+def within(owner: str, error: Exception, field: str) -> InputError:
+    """Return an error with what it is about, as a file or a row, named first where there is one.
+
+    The field is that of the error, or else the one given.
+    """
     said = f"{owner}: {error}" if owner else str(error)
-    if isinstance(error, InputError):
-        return InputError(said, error.field, error.given)
-    return ValueError(said)
+    return InputError(said, getattr(error, "field", field), getattr(error, "given", None))
 
 
 def shown(given: object) -> str:

@@ -94,7 +94,7 @@ class _Reader:
         try:
             return Circuit(**{"name": Path(self.file).stem, **given, **tables})
         except (ValueError, TypeError) as error:
-            raise within(self._named_in(str(error)), error) from None
+            raise within(self._named_in(str(error)), error, "path") from None
 
     def _named_in(self, message: str) -> str:
         """Return the place of the row or key that a message begins with, or else the file."""
@@ -219,7 +219,7 @@ def _placed(where: str) -> Iterator[None]:
     try:
         yield
     except (ValueError, TypeError) as error:
-        raise within(where, error) from None
+        raise within(where, error, "row") from None
 
 
 def _hashable(value: Any) -> Any:

@@ -20,6 +20,13 @@ TRIALS = pd.DataFrame(
         "coherence": np.tile([0.1, 0.2, -0.2], 40),
     }
 )
+
+
+def stimuli(**task):
+    return bg.Condition(task=bg.Stimuli(**task))
+
+
+stimuli.__signature__ = inspect.signature(bg.Stimuli)  # type: ignore[attr-defined]
 PATHWAY = {"source": "STN", "target": "GPe"}
 DECIDE = {"evidence": EVIDENCE, "posterior": 0.9}
 CALLS = {
@@ -52,6 +59,8 @@ CALLS = {
     bg.Msprt().run: {"evidence": EVIDENCE},
     bg.Msprt().decide: DECIDE,
     bg.Sprt().decide: DECIDE,
+    bg.Condition: {},
+    stimuli: {},
     bg.compare: {"model": MODEL, "evidence": EVIDENCE, "resamples": 20},
     bg.Experiment.from_toml: {"file": "stn_conflict"},
     bg.Sweep.from_toml: {"file": "grid.toml"},
@@ -69,7 +78,14 @@ LEGAL = {
     "factor": ["huge"],
     "noise_nats": ["huge"],
     "fit trials": ["huge"],
-    "conflict": ["negative"],
+    "gaussian_evidence conflict": ["negative"],
+    "Condition threshold": ["negative", "huge"],
+    **{
+        f"stimuli {name}": ["huge"]
+        for name in ("channels", "d_prime", "trials", "t_max", "step_ms")
+    },
+    "stimuli period_mm": ["nan", "inf", "negative", "huge"],  # of no say in Gaussian evidence
+    "stimuli fold": ["negative", "huge"],
     "baseline": ["negative", "huge"],
     "delta": ["huge", "array"],
     "first_crossing thresholds": ["array"],
@@ -130,6 +146,6 @@ def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypat
 
 
 def test_every_function_of_the_front_door_is_in_the_table():
-    tried = {call.__name__ for call in CALLS} | {"Circuit", "Experiment", "Sweep"}
+    tried = {call.__name__ for call in CALLS} | {"Circuit", "Experiment", "Sweep", "Stimuli"}
     results = {"Decision", "Trace", "InputError", "BgmodelWarning", "__version__"}
     assert set(bg.__all__) == {name for name in tried if name in bg.__all__} | results

@@ -11,7 +11,7 @@ EVIDENCE = "evidence = bg.gaussian_evidence(150, d_prime=1.0, t_max=30, seed=1)"
 MODEL = 'model = bg.BasalGanglia("macaque", seed=1)'
 TASKS = {
     "load a circuit": 'result = bg.load_circuit("macaque")["STN->GPe"]',
-    "show it": 'result = bg.load_circuit("macaque")._repr_html_()',
+    "show it": 'result = "STN" in str(bg.load_circuit("macaque"))',
     "edit it": """
 circuit = bg.load_circuit("macaque")
 by_verbs = circuit.lesion("STN", 0.1).cut("GPe", "STN", 0.5).dopamine(0.9)
@@ -32,8 +32,10 @@ result = model.decide(evidence, posterior=0.82).to_dataframe()[["correct", "time
 {MODEL}
 result = bg.compare(model, evidence, accuracies=0.85, resamples=100).summary()""",
     "run an experiment": 'result = bg.Experiment.from_toml("lesion.toml").run().summary()',
-    "run a sweep to xarray": 'result = bg.Sweep.from_toml("grid.toml").run().to_xarray()',
-    "fit a table of trials": 'result = bg.fit("trials.csv", "constant_gap", strength="coherence").summary()',
+    "run a sweep to xarray": 'result = bg.Sweep.from_toml("grid.toml").run().to_xarray().accuracy',
+    "fit a table of trials": """
+fitted = bg.fit("trials.csv", "constant_gap", strength="coherence")
+result = fitted.summary()""",
     "plot": f"{EVIDENCE}\n{MODEL}\nresult = model.decide(evidence, posterior=0.82).plot()",
 }
 

@@ -27,7 +27,8 @@ from benchmarks.scores.fits import (
     stimulated,
 )
 from benchmarks.scores.pieces import Made, Piece, Score, main
-from bgmodel.experiments.experiment import Changes, Experiment
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.experiments.record import Changes
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.responses import BIN_S

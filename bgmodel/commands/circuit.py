@@ -66,7 +66,6 @@ class CircuitShow(Writes):
     def __call__(self) -> None:
         """Run the command."""
         from circuits.anatomy import load_circuit
-        from circuits.show import text
 
         if self.save is not None:
             check_ending("save", self.save, ".toml")
@@ -82,7 +81,7 @@ class CircuitShow(Writes):
             draw(table, ax)
             with files.replacing(self.drawing) as beside:
                 figure.savefig(beside, format=self.drawing.suffix[1:], bbox_inches="tight")
-        print(text(table))
+        print(table)
         if edits := self.edits.text():
             print(f"\nedited, in this order: {edits}")
             say_of_edits(self.edits)

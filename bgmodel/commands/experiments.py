@@ -127,14 +127,12 @@ class ExperimentRun(Shows):
     @staticmethod
     def _outcomes(experiment: Experiment, done: Outcome) -> pd.DataFrame:
         """Return the measures, and what came of each that was predicted or published."""
-        from bgmodel.experiments.outcomes import beside_published, outcomes
-
-        found = outcomes(experiment, done.measures).assign(condition="change")
+        found = done.verdicts().assign(condition="change")
         kept = ["condition", "measure", "direction", "at_least", "outcome", "reason"]
         rows = done.measures.merge(found[kept], how="left", on=["condition", "measure"])
         if not experiment.effects:
             return rows
-        held = beside_published(experiment, done.measures)
+        held = done.published()
         held = held.drop(columns=["value", "low", "high"])
         return rows.merge(held, how="left", on=["condition", "measure"])
 
@@ -155,8 +153,6 @@ class ExperimentRun(Shows):
 
     def _show(self, experiment: Experiment, done: Outcome, rows: pd.DataFrame) -> None:
         """Show measures and outcomes."""
-        from bgmodel.experiments.outcomes import page
-
         trials = len(done.trials) // 2
         about: dict[str, Any] = {"name": experiment.name, "source": experiment.source}
         about |= {"published": experiment.published}
@@ -164,8 +160,7 @@ class ExperimentRun(Shows):
         about |= {"circuit": model.circuit.name, "engine": model.engine.id, "gain": model.gain}
         about |= {"posterior": posterior, "seed": experiment.seed}
         where = {"trials": trials, "output": self.output}
-        experiment = replace(experiment, gain=done.models[0].gain)
-        self.show(page(experiment, done.measures), rows, **about, **where)
+        self.show(done.text(), rows, **about, **where)
         self.note(f"{trials} trials" + (f" -> {self.output}" if self.output is not None else ""))
 
     def _check_apart(self, evidence: Path | None) -> None:

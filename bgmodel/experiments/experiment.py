@@ -7,7 +7,7 @@ and, before anything is run, which measure goes which way by how much at least.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,27 +16,31 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
-from bgmodel.conditions import Observed
-from bgmodel.deciding.calibration import calibration
 from bgmodel.deciding.measures import MEASURES, OF_DECIDED, Behaviour
 from bgmodel.deciding.tradeoff import reads_nothing
+from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.predictions import (
     FEWEST_DECIDED,
     PERCENT,
     RELATIVE,
-    Effect,
-    Prediction,
+)
+from bgmodel.experiments.record import (
+    CONDITIONS,
+    MANY_MISSED,
+    UNCHANGED,
+    ExperimentRecord,
+    uncalibrated,
+    unchanged,
 )
 from bgmodel.integrators.basal_ganglia import (
     BasalGanglia,
 )
-from bgmodel.stimuli import Stimuli, seen_from
+from bgmodel.stimuli import seen_from
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
-from circuits.declaration.edits import Edits
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 
 if TYPE_CHECKING:
@@ -45,67 +49,36 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SHIPPED = resources("bgmodel.experiments") / "shipped"
-MANY_MISSED = 0.05
-"""Share of trials without a decision in time above which a run warns of it."""
-UNCHANGED = "no decision differs between control and manipulation"
-CONDITIONS = ("control", "manipulation", "change")
-
-
-@dataclass(frozen=True)
-class Changes:
-    """What a condition changes; nothing unless it is given."""
-
-    edits: Edits = field(default_factory=Edits)
-    """Differences from the table, one line each."""
-    posterior: float | None = None
-    """Posterior at which it decides, if it is another one: an instruction."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Experiment(Observed):
-    """A control, a manipulation and what it should do; both have the rest in common."""
+class Experiment(ExperimentRecord):
+    """A control, a manipulation and what it should do; both have the rest in common.
 
-    name: str
-    """What was done, in a few words."""
-    note: str
-    """Why the manipulation stands for what was done, and where the sizes come from."""
-    manipulation: Changes
-    """What the manipulation changes."""
-    control: Changes = Changes()
-    """What the control changes."""
-    predictions: tuple[Prediction, ...] = ()
-    """Written before the run; without any, it reports and gives no verdict."""
-    published: str = ""
-    """What was found; nothing where the question is new."""
-    source: str = ""
-    """Who found it, and whether the paper or its abstract was read."""
-    effects: tuple[Effect, ...] = ()
-    """What was found, as numbers, where there are any."""
-    truth: int | None = None
-    """The hypothesis that is true in every trial that counts; each in turn if left out."""
+    As a file::
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        told = [(effect.measure, effect.unit) for effect in self.effects]
-        if len(set(told)) < len(told):
-            raise InputError(
-                "effects must give a measure in one unit once, got it twice", "effects"
-            )
-        self.task.check_idle(Stimuli())
-        if self.task.evidence is None:
-            self._check_truth(self.task.channels)
-        for changes in (self.control, self.manipulation):
-            self.condition(changes)
+        name = "STN lesion"
+        note = "why the manipulation stands for what was done"
+        circuit = "macaque"
 
-    def condition(self, changes: Changes) -> Observed:
-        """Return the control or the manipulation as a condition of its own."""
-        posterior = self.posterior if changes.posterior is None else changes.posterior
-        return self.with_changes(edits=Edits((*self.edits, *changes.edits)), posterior=posterior)
+        [task]
+        d_prime = 0.5
+        trials = 1000
+        t_max = 120
 
-    @property
-    def conditions(self) -> tuple[Observed, Observed]:
-        """Control and manipulation."""
-        return self.condition(self.control), self.condition(self.manipulation)
+        [control]                    # may be left out
+        edits = []
+
+        [manipulation]
+        edits = ["lesion STN 10%", "dopamine 0.9"]
+
+        [[predictions]]              # before the run; may be left out
+        measure = "accuracy"
+        direction = "down"           # "up", or "none": within +-at_least
+        at_least = 0.01              # in the measure's unit: the least change that counts
+
+    ``bgmodel experiment NAME --show`` prints one that is shipped.
+    """
 
     @classmethod
     def from_toml(cls, file: str | Path) -> Experiment:
@@ -126,42 +99,6 @@ class Experiment(Observed):
                 f"an experiment is a .toml file or one of {names}; got {str(file)!r}", "file"
             )
         return toml_files.read(Path(str(inside)), cls)
-
-    def check_differs(self) -> None:
-        """Raise ValueError if both conditions are alike, or decide at a threshold that is refused.
-
-        ``run`` refuses the latter too; this check comes before the run is announced.
-        """
-        control, manipulation = self.conditions
-        self.given()
-        if (control.edited, control.threshold_nats) == (
-            manipulation.edited,
-            manipulation.threshold_nats,
-        ):
-            raise InputError(
-                "the manipulation changes nothing: control and manipulation are alike",
-                "manipulation",
-            )
-        manipulation.check(control)
-
-    def given(self) -> Trials:
-        """Return the evidence with the names of its hypotheses and a table's own columns."""
-        found = self.drawn("experiment")
-        drawn = found.evidence
-        if drawn.truth is None:
-            raise InputError("an experiment counts errors: its evidence needs the truth", "truth")
-        self._check_truth(drawn.hypotheses)
-        return found if self.truth is None else found.where(drawn.truth == self.truth)
-
-    def _check_truth(self, hypotheses: int) -> None:
-        if self.truth is not None and self.truth not in range(hypotheses):
-            raise InputError.of("truth", f"must lie in 0..{hypotheses - 1}", self.truth)
-
-    @property
-    def stopping(self) -> str:
-        """The posterior at which both conditions decide, or that of each, as text."""
-        texts = [condition.stopping for condition in self.conditions]
-        return texts[0] if texts[0] == texts[1] else f"{texts[0]} (control), {texts[1]}"
 
     def run(self, *, workers: int = 1, given: Trials | None = None) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
@@ -294,6 +231,19 @@ class Outcome(Facts):
             found |= {name: rows["value"], f"{name}_low": rows["low"], f"{name}_high": rows["high"]}
         return pd.DataFrame(found).round(3)
 
+    def verdicts(self) -> pd.DataFrame:
+        """Return each prediction with the change that was found, the verdict and its reason."""
+        return outcomes(self.experiment, self.measures)
+
+    def published(self) -> pd.DataFrame:
+        """Return each published effect with the circuit's."""
+        return beside_published(self.experiment, self.measures)
+
+    def text(self) -> str:
+        """Return the report that the command prints."""
+        model = self.models[0]
+        return page(replace(self.experiment, gain=model.gain), self.measures)
+
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``measures``."""
         return self.measures
@@ -337,32 +287,6 @@ def _table(found: list[dict[str, Any]], trials: int) -> pd.DataFrame:
     ]
     columns = ["condition", "measure", "value", "low", "high", "trials"]
     return pd.DataFrame(rows, columns=columns)
-
-
-def unchanged(table: pd.DataFrame) -> bool:
-    """Whether every change that is known is 0 with an interval of 0: no decision differs."""
-    change = table.loc[table["condition"] == CONDITIONS[2], ["value", "low", "high"]]
-    known = change[change["value"].notna()]
-    return bool(len(known) and (known == 0).all(axis=None))
-
-
-def uncalibrated(experiment: Experiment, table: pd.DataFrame) -> str:
-    """Return a sentence if posteriors at the decision are not accuracies, or no text.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What was run. Where one truth alone counts, nothing is said: errors of one kind are missing.
-    table : DataFrame
-        The measures, as of ``Outcome``.
-    """
-    values = table.set_index(["condition", "measure"])["value"]
-    for condition in CONDITIONS[:2] if experiment.truth is None else ():
-        names = ("criterion", "accuracy", "decided")
-        posterior, accuracy, decided = (float(values[condition, name]) for name in names)
-        if said := calibration(posterior, accuracy, decided):
-            return f"{condition}: {said}"
-    return ""
 
 
 def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -> None:

@@ -19,14 +19,6 @@ from bgmodel.deciding.measures import (
     SHARES,
 )
 from bgmodel.deciding.tradeoff import reads_nothing
-from bgmodel.experiments.experiment import (
-    CONDITIONS,
-    MANY_MISSED,
-    UNCHANGED,
-    Experiment,
-    uncalibrated,
-    unchanged,
-)
 from bgmodel.experiments.predictions import (
     AGREES,
     DISAGREES,
@@ -36,6 +28,14 @@ from bgmodel.experiments.predictions import (
     WITHOUT,
     Effect,
     Prediction,
+)
+from bgmodel.experiments.record import (
+    CONDITIONS,
+    MANY_MISSED,
+    UNCHANGED,
+    ExperimentRecord,
+    uncalibrated,
+    unchanged,
 )
 from bgmodel.integrators.basal_ganglia import gain_of
 from circuits.anatomy import load_circuit
@@ -59,12 +59,12 @@ UNITS = (
 """Measures, and the unit that a page prints."""
 
 
-def outcomes(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
+def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     """Compare what was found with what was predicted.
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ExperimentRecord
         With its predictions.
     table : DataFrame
         The measures, as of ``Outcome``.
@@ -119,7 +119,7 @@ class Judged(Protocol):
 
 
 def _verdict(
-    experiment: Experiment, table: pd.DataFrame, measure: str, judged: Judged
+    experiment: ExperimentRecord, table: pd.DataFrame, measure: str, judged: Judged
 ) -> tuple[str, str]:
     """Return the verdict on a measure, and why it is left open if its interval does not say so."""
     if _blind(experiment, table):
@@ -172,7 +172,7 @@ def _no_room(prediction: Prediction, control: float) -> str:
     )
 
 
-def _blind(experiment: Experiment, table: pd.DataFrame) -> bool:
+def _blind(experiment: ExperimentRecord, table: pd.DataFrame) -> bool:
     """Whether the manipulated circuit decides without evidence."""
     shares = table[table["condition"] == "manipulation"].set_index("measure")["value"]
     return bool(
@@ -180,7 +180,7 @@ def _blind(experiment: Experiment, table: pd.DataFrame) -> bool:
     )
 
 
-def _below_chance(experiment: Experiment, table: pd.DataFrame) -> str:
+def _below_chance(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     """Return why a circuit that is right less often than by chance gets no verdict, or no text.
 
     Where one truth alone counts, a bias can take accuracy anywhere: there the posterior tells.
@@ -195,7 +195,7 @@ def _below_chance(experiment: Experiment, table: pd.DataFrame) -> str:
     return ""
 
 
-def _channels(experiment: Experiment) -> int:
+def _channels(experiment: ExperimentRecord) -> int:
     """Return the number of alternatives."""
     if experiment.task.evidence is None:
         return experiment.task.channels
@@ -214,12 +214,12 @@ def _both(table: pd.DataFrame, measure: str) -> tuple[float, float]:
     return float(values["control"]), float(values["manipulation"])
 
 
-def beside_published(experiment: Experiment, table: pd.DataFrame) -> pd.DataFrame:
+def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     """Return the measures beside the published effects.
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ExperimentRecord
         With its effects.
     table : DataFrame
         The measures, as of ``Outcome``.
@@ -270,12 +270,12 @@ def _held(effect: Effect, value: float, low: float, high: float) -> str:
     return COMPATIBLE if lower <= 0 <= upper else DIFFERS
 
 
-def page(experiment: Experiment, table: pd.DataFrame) -> str:
+def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     """Return an experiment and its outcome as text, 95 % intervals in brackets.
 
     Parameters
     ----------
-    experiment : Experiment
+    experiment : ExperimentRecord
         What was run.
     table : DataFrame
         The measures, as of ``Outcome``.
@@ -301,7 +301,7 @@ def page(experiment: Experiment, table: pd.DataFrame) -> str:
     return "\n".join(line.rstrip() for line in [*lines, *_effects(experiment, table)])
 
 
-def _setting(experiment: Experiment, table: pd.DataFrame) -> str:
+def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     """Return circuit, engine, gain, posterior, seed and trials, as text."""
     gain = experiment.gain
     if gain is None:
@@ -313,7 +313,7 @@ def _setting(experiment: Experiment, table: pd.DataFrame) -> str:
     )
 
 
-def _verdicts(experiment: Experiment, table: pd.DataFrame) -> list[str]:
+def _verdicts(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     """Return what was predicted and what came out, a line per prediction."""
     if not experiment.predictions:
         return ["no prediction was made before the run, so there is no verdict"]
@@ -331,7 +331,7 @@ def _verdicts(experiment: Experiment, table: pd.DataFrame) -> list[str]:
     return lines
 
 
-def _effects(experiment: Experiment, table: pd.DataFrame) -> list[str]:
+def _effects(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     """Return each published effect beside the model's, a line per effect."""
     lines = ["", "published, as a number, and the model's:"] if experiment.effects else []
     for row in beside_published(experiment, table).to_dict("records"):
@@ -358,7 +358,7 @@ def _units(table: pd.DataFrame) -> str:
     return "units: " + "; ".join(unit for names, unit in UNITS if {*names} & known)
 
 
-def _withheld(experiment: Experiment, table: pd.DataFrame) -> list[str]:
+def _withheld(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     """Return why a condition has no diffusion's parameters, a line per condition."""
     predicted = any(p.measure in OF_DIFFUSION for p in experiment.predictions)
     if not predicted and (experiment.task.evidence is not None or experiment.task.channels != 2):
@@ -380,7 +380,7 @@ def _withheld(experiment: Experiment, table: pd.DataFrame) -> list[str]:
     return found
 
 
-def _edits(experiment: Experiment) -> list[str]:
+def _edits(experiment: ExperimentRecord) -> list[str]:
     """Return what is edited in each condition that is, in the order in which it is done."""
     conditions = {"control": experiment.control, "manipulation": experiment.manipulation}
     edits = {name: condition.edits.text() for name, condition in conditions.items()}

@@ -15,8 +15,8 @@ from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.calibration import miscalibrated
 from bgmodel.deciding.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
 from bgmodel.deciding.tradeoff import reads_nothing
-from bgmodel.experiments.experiment import MANY_MISSED
 from bgmodel.experiments.predictions import FEWEST_DECIDED
+from bgmodel.experiments.record import MANY_MISSED
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.sweeps.plan import Plan, Point

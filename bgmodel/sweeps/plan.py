@@ -201,12 +201,12 @@ def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
     try:
         values = _values(same, point, folder)
     except ValueError as error:
-        raise within(owner, error) from None
+        raise within(owner, error, "points") from None
     found = toml_files.decoded(values, Point, owner)
     try:
         found.check()
     except ValueError as error:
-        raise within(owner, error) from None
+        raise within(owner, error, "points") from None
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -163,8 +164,16 @@ class SweepOutcome(Facts):
         return self.table
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return value, low, high, trials and remark by the keys that change, and measure."""
-        return self.table.set_index([*self.plan.axes, "measure"]).to_xarray()
+        """Return an array per measure, by the keys that change and ``of``.
+
+        ``of`` is "value", "low" or "high", the two ends of the 95 % interval:
+        ``found.accuracy.sel(of="value")``. Keys become names: ``lesion_STN``, ``task_channels``.
+        """
+        axes = list(self.plan.axes)
+        long = self.table.melt([*axes, "measure"], ["value", "low", "high"], "of", "number")
+        wide = long.set_index([*axes, "of", "measure"])["number"].unstack("measure")
+        found = wide.to_xarray().rename({key: re.sub(r"\W+", "_", key) for key in axes})
+        return found.reindex(of=["value", "low", "high"])
 
     def plot(self) -> Figure:
         """Draw the measures that the plan shows, over one key or two.

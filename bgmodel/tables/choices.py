@@ -241,7 +241,7 @@ def read_choices(
         if strength is None:
             warn_without_strength(table, used, response)
     except ValueError as error:
-        raise within(name, error) from None
+        raise within(name, error, "source") from None
     return found
 
 

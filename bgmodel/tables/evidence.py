@@ -58,7 +58,7 @@ def read_evidence_table(
     try:
         return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
     except ValueError as error:
-        raise within(path.name, error) from None
+        raise within(path.name, error, "path") from None
 
 
 def read_evidence(

@@ -174,7 +174,7 @@ def naming(*edits: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise within(", ".join(map(repr, edits)), error) from None
+        raise within(", ".join(map(repr, edits)), error, "edits") from None
 
 
 def _tidied(text: str) -> str:

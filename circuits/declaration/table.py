@@ -87,9 +87,8 @@ class CircuitTable(Network):
         super().__post_init__()
         check_rows(self.name, Course, self.courses)
         if self.channels > self.most_channels:
-            raise InputError.of(
-                "channels", f"must be at most {self.most_channels}", self.channels, owner=self.name
-            )
+            most = f"{self.name} takes at most {self.most_channels} alternatives"
+            raise InputError(f"{most}, got {self.channels}", "channels", self.channels)
         self._check_numbers()
         self._check_unit()
         self._reaches()

@@ -281,8 +281,8 @@ def test_numbers_without_sense_are_refused(row, values, message):
     [
         (lambda c: c.add("STN"), "'STN': STN exists already: use set"),
         (lambda c: c.add(None), "a row is a Population, a Projection, a Course or text, got"),
-        (lambda c: c.with_channels("3"), "channels must be a whole number, got '3'"),
-        (lambda c: c.dopamine("1"), "dopamine level must be a number, got '1'"),
+        (lambda c: c.with_channels("3"), "channels must be a whole number"),
+        (lambda c: c.dopamine("1"), "level must be a number, got '1'"),
         (lambda c: c.lesion("STN", "a"), "fraction must be a number, got 'a'"),
         (lambda c: c.scale("STN", "GPe", "2"), "factor must be a number, got '2'"),
         (lambda c: c.scale("STN", "GPe", math.inf), "factor must be >= 0, got inf"),
@@ -325,7 +325,7 @@ def test_tables_without_sense_are_refused():
         circuit.with_projection("STN", "GPe", probability=0.5)
     with refused("factor must be >= 0"):
         circuit.scale("STN", "GPe", -1)
-    with refused("dopamine"):
+    with refused("level"):
         circuit.dopamine(3)
     with refused("slope"):
         anatomy.linear_gpe(slope=0)

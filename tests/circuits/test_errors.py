@@ -46,10 +46,10 @@ def test_an_error_comes_back_from_another_process(given):
 
 
 def test_what_an_error_is_about_is_named_first():
-    error = within("a.csv", InputError("rt must be > 0", "rt", -1))
+    error = within("a.csv", InputError("rt must be > 0", "rt", -1), "path")
     assert (str(error), error.field, error.given) == ("a.csv: rt must be > 0", "rt", -1)
-    assert str(within("a.csv", TypeError("wrong"))) == "a.csv: wrong"
-    assert str(within("", ValueError("wrong"))) == "wrong"
+    other = within("", TypeError("wrong"), "path")
+    assert (str(other), other.field, other.given) == ("wrong", "path", None)
 
 
 def test_every_family_of_warnings_is_silenced_as_one():

@@ -146,7 +146,7 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         (["compare", "a.txt"], "output must end in .parquet or .csv"),
         (["compare", "a.csv", "--trials", "50"], "an interval needs 100 trials or more, got 50"),
         (["compare", "a.csv", "--accuracies", "1.2"], "accuracies must lie above chance"),
-        (["compare", "a.csv", "--channels", "40"], "channels must be at most 12"),
+        (["compare", "a.csv", "--channels", "40"], "macaque takes at most 12 alternatives, got 40"),
         (["compare", "a.csv", "--task", "same-different", "--channels", "3"], "2 alternatives"),
         (["circuit", "lesion", "a.csv", "lesion GPi"], "has no nucleus 'GPi'"),
         (["circuit", "lesion", "a.csv", "lesion SNr"], "SNr is the read-out"),

@@ -13,9 +13,10 @@ from bgmodel import stream
 from bgmodel.conditions import POSTERIOR
 from bgmodel.deciding.measures import MEASURES
 from bgmodel.evidence import separated_evidence
-from bgmodel.experiments.experiment import Changes, Experiment, shipped
+from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
+from bgmodel.experiments.record import Changes
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.stimuli import Stimuli

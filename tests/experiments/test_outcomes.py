@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from bgmodel.deciding.measures import MEASURES, OF_DECIDED
-from bgmodel.experiments.experiment import Changes, Experiment, shipped
+from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import (
     COMPATIBLE,
     DIFFERS,
@@ -21,6 +21,7 @@ from bgmodel.experiments.outcomes import (
     page,
 )
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT, Effect, Prediction
+from bgmodel.experiments.record import Changes
 from bgmodel.stimuli import Stimuli
 from bgmodel.support.seeds import stream
 from circuits.declaration.edits import Edits

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bgmodel.experiments.experiment import Changes, Experiment
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.experiments.record import Changes
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps.plan import BLOCK, Plan, Point, read_plan
 from circuits.anatomy import load_circuit

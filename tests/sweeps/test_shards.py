@@ -138,7 +138,7 @@ def test_a_machine_short_of_memory_is_no_outcome(tmp_path, monkeypatch):
     (shard,) = one_setting().shards()
 
     def short(*_):
-        raise NoMemoryError("trials need 1 TB of memory, 1 GB are free")
+        raise NoMemoryError("trials need 1 TB of memory, 1 GB are free", "trials")
 
     monkeypatch.setattr(stored, "_decided", short)
     with pytest.raises(NoMemoryError):

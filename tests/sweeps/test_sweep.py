@@ -54,10 +54,9 @@ def test_what_lies_in_a_folder_is_not_computed_again(file, outcome, tmp_path, mo
 
 def test_labels_are_keys_and_measures(outcome):
     labelled = outcome.to_xarray()
-    assert dict(labelled.sizes) == {
-        "lesion STN": 2, "task.channels": 2, "measure": outcome.table["measure"].nunique(),
-    }  # fmt: skip
-    one = labelled["value"].sel({"lesion STN": 0.05, "task.channels": 3, "measure": "accuracy"})
+    assert dict(labelled.sizes) == {"lesion_STN": 2, "task_channels": 2, "of": 3}
+    assert set(labelled) == set(outcome.table["measure"])
+    one = labelled.accuracy.sel(lesion_STN=0.05, task_channels=3, of="value")
     rows = outcome.table.query("`lesion STN` == 0.05 and measure == 'accuracy'")
     assert float(one) == rows.loc[rows["task.channels"] == 3, "value"].item()
 

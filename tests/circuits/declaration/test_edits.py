@@ -197,7 +197,7 @@ def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
         ("clamp SNr", "SNr is the read-out"),
         ("scale STN->GPi 0.5", "spiking_msprt has no pathway STN->GPi"),
         ("cut GPe->STN[7] 10%", "channel must lie in 0..1"),
-        ("dopamine 3", "dopamine level must lie in 0..2"),
+        ("dopamine 3", "level must lie in 0..2"),
         ("neurons 1.5", "neurons must be a whole number"),
         ("set STN.bias 1", "STN has no 'bias': "),
         ("set STN.bias_nats x", "STN: bias_nats must be a number"),

@@ -171,7 +171,7 @@ def test_a_file_of_ones_own_needs_no_more_than_what_differs():
         table_reader.parse(text.replace('"Rate", "GABA"', '"Rate", "gaba"'), "mine.toml")
     other = text.replace('"mine"],\n', '"mine"],', 1).replace('["SNr",', '\n["SNr",')
     other = other.replace('"D1",  "Rate"', '"D1", "Rat"')
-    with refused(r"cell ^mine\.toml, populations, row 2"):
+    with refused(r"Rat ^mine\.toml, populations, row 2"):
         table_reader.parse(other, "mine.toml")
 
 

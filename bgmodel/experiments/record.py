@@ -1,0 +1,150 @@
+"""The declaration of an experiment: what both conditions share, and what each changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from bgmodel.conditions import Observed
+from bgmodel.deciding.calibration import calibration
+from bgmodel.experiments.predictions import (
+    Effect,
+    Prediction,
+)
+from bgmodel.stimuli import Stimuli
+from bgmodel.tables.trials import Trials
+from circuits.declaration.edits import Edits
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    pass
+
+MANY_MISSED = 0.05
+"""Share of trials without a decision in time above which a run warns of it."""
+
+
+UNCHANGED = "no decision differs between control and manipulation"
+
+
+CONDITIONS = ("control", "manipulation", "change")
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a condition changes; nothing unless it is given."""
+
+    edits: Edits = field(default_factory=Edits)
+    """Differences from the table, one line each."""
+    posterior: float | None = None
+    """Posterior at which it decides, if it is another one: an instruction."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExperimentRecord(Observed):
+    """A control, a manipulation and what it should do; both have the rest in common."""
+
+    name: str
+    """What was done, in a few words."""
+    note: str
+    """Why the manipulation stands for what was done, and where the sizes come from."""
+    manipulation: Changes
+    """What the manipulation changes."""
+    control: Changes = Changes()
+    """What the control changes."""
+    predictions: tuple[Prediction, ...] = ()
+    """Written before the run; without any, it reports and gives no verdict."""
+    published: str = ""
+    """What was found; nothing where the question is new."""
+    source: str = ""
+    """Who found it, and whether the paper or its abstract was read."""
+    effects: tuple[Effect, ...] = ()
+    """What was found, as numbers, where there are any."""
+    truth: int | None = None
+    """The hypothesis that is true in every trial that counts; each in turn if left out."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        told = [(effect.measure, effect.unit) for effect in self.effects]
+        if len(set(told)) < len(told):
+            raise InputError(
+                "effects must give a measure in one unit once, got it twice", "effects"
+            )
+        self.task.check_idle(Stimuli())
+        if self.task.evidence is None:
+            self._check_truth(self.task.channels)
+        for changes in (self.control, self.manipulation):
+            self.condition(changes)
+
+    def condition(self, changes: Changes) -> Observed:
+        """Return the control or the manipulation as a condition of its own."""
+        posterior = self.posterior if changes.posterior is None else changes.posterior
+        return self.with_changes(edits=Edits((*self.edits, *changes.edits)), posterior=posterior)
+
+    @property
+    def conditions(self) -> tuple[Observed, Observed]:
+        """Control and manipulation."""
+        return self.condition(self.control), self.condition(self.manipulation)
+
+    def check_differs(self) -> None:
+        """Raise ValueError if both conditions are alike, or decide at a threshold that is refused.
+
+        ``run`` refuses the latter too; this check comes before the run is announced.
+        """
+        control, manipulation = self.conditions
+        self.given()
+        if (control.edited, control.threshold_nats) == (
+            manipulation.edited,
+            manipulation.threshold_nats,
+        ):
+            raise InputError(
+                "the manipulation changes nothing: control and manipulation are alike",
+                "manipulation",
+            )
+        manipulation.check(control)
+
+    def given(self) -> Trials:
+        """Return the evidence with the names of its hypotheses and a table's own columns."""
+        found = self.drawn("experiment")
+        drawn = found.evidence
+        if drawn.truth is None:
+            raise InputError("an experiment counts errors: its evidence needs the truth", "truth")
+        self._check_truth(drawn.hypotheses)
+        return found if self.truth is None else found.where(drawn.truth == self.truth)
+
+    def _check_truth(self, hypotheses: int) -> None:
+        if self.truth is not None and self.truth not in range(hypotheses):
+            raise InputError.of("truth", f"must lie in 0..{hypotheses - 1}", self.truth)
+
+    @property
+    def stopping(self) -> str:
+        """The posterior at which both conditions decide, or that of each, as text."""
+        texts = [condition.stopping for condition in self.conditions]
+        return texts[0] if texts[0] == texts[1] else f"{texts[0]} (control), {texts[1]}"
+
+
+def unchanged(table: pd.DataFrame) -> bool:
+    """Whether every change that is known is 0 with an interval of 0: no decision differs."""
+    change = table.loc[table["condition"] == CONDITIONS[2], ["value", "low", "high"]]
+    known = change[change["value"].notna()]
+    return bool(len(known) and (known == 0).all(axis=None))
+
+
+def uncalibrated(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
+    """Return a sentence if posteriors at the decision are not accuracies, or no text.
+
+    Parameters
+    ----------
+    experiment : ExperimentRecord
+        What was run. Where one truth alone counts, nothing is said: errors of one kind are missing.
+    table : DataFrame
+        The measures, as of ``Outcome``.
+    """
+    values = table.set_index(["condition", "measure"])["value"]
+    for condition in CONDITIONS[:2] if experiment.truth is None else ():
+        names = ("criterion", "accuracy", "decided")
+        posterior, accuracy, decided = (float(values[condition, name]) for name in names)
+        if said := calibration(posterior, accuracy, decided):
+            return f"{condition}: {said}"
+    return ""
