@@ -147,5 +147,5 @@ def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypat
 
 def test_every_function_of_the_front_door_is_in_the_table():
     tried = {call.__name__ for call in CALLS} | {"Circuit", "Experiment", "Sweep", "Stimuli"}
-    results = {"Decision", "Trace", "InputError", "BgmodelWarning", "__version__"}
+    results = {"Decision", "Trace", "InputError", "BgmodelWarning", "__version__", "engines"}
     assert set(bg.__all__) == {name for name in tried if name in bg.__all__} | results

@@ -144,11 +144,11 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     spiking = {n: gain_of(anatomy.spiking_msprt(n)) for n in (2, 3, 4, 7, 8, 12)}
     assert spiking == {2: 0.7, 3: 0.5, 4: 0.5, 7: 0.5, 8: 0.6, 12: 0.6}
     assert gain_of(anatomy.spiking_msprt(), 0.3) == 0.3
-    for name in ("bogacz_gurney", "appendix_b", "linear_gpe"):
+    for name in ("bogacz_gurney", "appendix_b"):
         exact = load_circuit(name)
         assert gain_of(exact) == gain_of(exact.dopamine(0.9)) == 1
         assert gain_of(exact, 0.7) == 0.7
-    for name in ("gpr", "humphries", "stewart"):
+    for name in ("linear_gpe", "gpr", "humphries", "stewart"):
         with pytest.raises(ValueError, match=rf"{name} has no default gain: give gain"):
             BasalGanglia(name)
     # Numbers made for two alternatives say nothing of five.
