@@ -21,8 +21,8 @@ from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import Tradeoff, curve, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.baselines import MaxVsAverage, Race
 from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
-from bgmodel.integrators.rivals import MaxVsAverage, Race
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.task import Folds, SameDifferent, folds
 from circuits.anatomy import DEFAULT, load_circuit

@@ -24,8 +24,8 @@ from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.deciding import CIRCUIT, sample_ms
-from bgmodel.integrators.rivals import RIVALS, rivals_on
 from bgmodel.tactile.task import (
     FOLDS,
     Folds,
@@ -181,9 +181,9 @@ def decisions(condition: Condition, workers: int) -> pd.DataFrame:
     evidence = condition.draw()
     engine = Ensemble(workers=workers, sample_ms=sample_ms(evidence.step_ms))
     model = BasalGanglia(condition.table, engine, condition.gain, SCORING_SEED)
-    rivals = rivals_on(zero_is_nothing=condition.name.startswith("Gaussian"))
+    rivals = baselines_on(zero_is_nothing=condition.name.startswith("Gaussian"))
     found = compare(
-        model, evidence, seed=SCORING_SEED, rivals=rivals, groups=groups(condition)
+        model, evidence, seed=SCORING_SEED, baselines=rivals, groups=groups(condition)
     ).table
     known = {"evidence": condition.name, "trials": condition.trials, "gain": condition.gain}
     return found.assign(**known, channels=condition.table.channels)
@@ -210,7 +210,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     at = own[own["accuracy"].notna() & own["measure"].isin(shown)]
     gaps = found[(found["reference"] == MSPRT) & (found["measure"] == "accuracy_gap")]
     gaps = gaps[gaps["evidence"].str.fullmatch(rf"{RIVALLED}, N = \d+")]
-    gaps = gaps[gaps["model"].isin([CIRCUIT, *RIVALS])]
+    gaps = gaps[gaps["model"].isin([CIRCUIT, *BASELINES])]
     return {
         "decisions": ("decisions", wide(at, [*by, "accuracy"])),
         "lines": ("decisions", wide(lines, by)),

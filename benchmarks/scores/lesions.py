@@ -20,7 +20,7 @@ from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.rivals import MaxVsAverage
+from bgmodel.integrators.baselines import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import leader_drive, lesions, steady_shifts
 from circuits.anatomy import load_circuit

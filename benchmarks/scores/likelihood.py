@@ -20,7 +20,7 @@ from benchmarks.scores.pieces import Made, Piece, Score, main
 from bgmodel import stream
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.control import decided
-from bgmodel.fitting.crossings import Crossings
+from bgmodel.fitting.crossings import FirstPassageTimes
 from bgmodel.fitting.network import LikelihoodNetwork, read_network
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.support.arrays import Array
@@ -44,7 +44,7 @@ def model_of(trials: int, seed: int) -> CircuitModel:
     )
 
 
-def density(crossings: Crossings, point: dict[str, float], t0_sd_s: float) -> Array:
+def density(crossings: FirstPassageTimes, point: dict[str, float], t0_sd_s: float) -> Array:
     """Return the simulated density of responses 0 and 1 at a point, (2, BINS), 1/s."""
     grid = Grid(BINS)
     found = decided([(crossings, 1.0)], point["threshold"], [point["v"]], grid)
@@ -52,7 +52,7 @@ def density(crossings: Crossings, point: dict[str, float], t0_sd_s: float) -> Ar
     return responded(found, grid, **shape, lapse=np.zeros(1))[0]
 
 
-def part(crossings: Crossings, half: int) -> Crossings:
+def part(crossings: FirstPassageTimes, half: int) -> FirstPassageTimes:
     """Return the first or second half of the trials at each drift."""
     trials = crossings.bins.shape[1]
     each = trials // len(crossings.drifts)

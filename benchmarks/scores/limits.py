@@ -71,7 +71,7 @@ def times(kind: Kind, trials: int, workers: int) -> pd.DataFrame:
             model,
             drawn(kind, trials, 50.0),
             seed=SCORING_SEED,
-            rivals=(),
+            baselines=(),
             groups=groups_of(kind.name, trials),
             ceiling=case == AS_IT_IS,
         ).table

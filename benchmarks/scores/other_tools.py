@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.rivals import Lca, Race
+from bgmodel.integrators.baselines import Lca, Race
 from bgmodel.support.arrays import Array
 from bgmodel.theory.first_passage import gaussian_pair, walk
 from bgmodel.theory.sprt import OVERSHOOT

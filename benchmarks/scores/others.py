@@ -175,7 +175,7 @@ def decisions(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
     model, _ = tuned(entrant, alternatives)
     evidence = drawn(alternatives, 0.0, trials)
     found = compare(
-        model, evidence, seed=SCORING_SEED, rivals=(), accuracies=(ACCURACY,), ceiling=True
+        model, evidence, seed=SCORING_SEED, baselines=(), accuracies=(ACCURACY,), ceiling=True
     ).table
     row: dict[str, Any] = {"gain": model.gain}
     of = found[(found["model"] == CIRCUIT) & (found["accuracy"] == ACCURACY)]

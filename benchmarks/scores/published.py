@@ -22,7 +22,7 @@ from bgmodel import Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, time_at, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.rivals import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
+from bgmodel.integrators.baselines import Lca, LinearGpe, MaxVsAverage, MaxVsNext, Race
 from bgmodel.integrators.sprt import Integrator
 from circuits.anatomy import DEFAULT
 

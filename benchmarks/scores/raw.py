@@ -53,7 +53,7 @@ def decisions(
         model,
         drawn(kind, trials, step_ms),
         seed=SCORING_SEED,
-        rivals=(),
+        baselines=(),
         ceiling=not centred,
         groups=groups_of(kind.name, trials),
         accuracies=accuracies,

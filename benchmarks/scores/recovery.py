@@ -23,7 +23,7 @@ from bgmodel import stream
 from bgmodel.fitting.algorithms import GapModel, Model
 from bgmodel.fitting.circuit import NONE
 from bgmodel.fitting.control import decided
-from bgmodel.fitting.crossings import Crossings, simulated
+from bgmodel.fitting.crossings import FirstPassageTimes, simulated
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.fit import fit_likelihood, widened
 from bgmodel.fitting.identify import directions
@@ -85,7 +85,7 @@ def decided_by_circuit(
     threshold = np.array([values["threshold_nats"]])
     drifts = values["sensitivity"] * np.array(STRENGTHS)
     seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
-    found: Crossings = simulated(
+    found: FirstPassageTimes = simulated(
         replace(model, seed=seed).run((), float(threshold[0])), threshold,
         seconds=grid.bins * BIN_S, trials=SET_TRIALS // len(STRENGTHS), seed=seed, drifts=drifts,
     )  # fmt: skip

@@ -20,7 +20,7 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.conditions import Setup
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.rivals import RIVALS, rivals_on
+from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from circuits.declaration.edits import Edits
@@ -57,10 +57,10 @@ class Comparison(Shows):
 class Compare(Comparison):
     """Let a circuit and the MSPRT decide on the same evidence, and compare decision by decision.
 
-    Thresholds are matched to equal accuracy. Two references, the MSPRT at the circuit's gain and
-    the full one; beside the circuit a decoder of its own cortical spikes, and the rivals. Beside
-    each share of agreement stands that of shuffled trials, its chance level. An edited circuit is
-    also held to the intact one: each measure minus that of the intact circuit.
+    Thresholds are matched to equal accuracy. The references are the MSPRT at the circuit's gain and
+    the full one. A decoder of the circuit's own cortical spikes and baseline models are compared
+    too, and each share of agreement comes with its chance level, that of shuffled trials. For an
+    edited circuit there is also each measure minus that of the intact circuit.
 
     Examples: bgmodel compare agreement.csv --channels 4;
     bgmodel compare ceiling.csv --engine population --ceiling;
@@ -81,8 +81,8 @@ class Compare(Comparison):
         model, evidence = _model(self)
         gaussian = self.task.evidence is None and self.task.task == "gaussian"
         # Elsewhere the zero of the evidence means nothing.
-        rivals = rivals_on(zero_is_nothing=gaussian)
-        if left := [name for name in RIVALS if name not in rivals]:
+        baselines = baselines_on(zero_is_nothing=gaussian)
+        if left := [name for name in BASELINES if name not in baselines]:
             say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
         whole = self.setup.intact(evidence.hypotheses)
         intact = None if model.circuit == whole else whole
@@ -92,7 +92,7 @@ class Compare(Comparison):
         given: dict[str, Any] = {"seed": self.setup.seed, "accuracies": self.accuracies}
         with bar(runs * evidence.trials):
             found = compare(
-                model, evidence, rivals=rivals, intact=intact, ceiling=self.ceiling, **given
+                model, evidence, baselines=baselines, intact=intact, ceiling=self.ceiling, **given
             )
         table = found.table
         files.write_table(table, self.output, seed=self.setup.seed, **_behind(self, model))

@@ -33,6 +33,7 @@ from bgmodel.comparison.thresholds import (
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, checked_circuit, gain_of
+from bgmodel.integrators.baselines import BASELINES
 from bgmodel.integrators.deciding import (
     CIRCUIT,
     HIGHEST,
@@ -40,7 +41,6 @@ from bgmodel.integrators.deciding import (
     decide_at_thresholds,
     is_noisy,
 )
-from bgmodel.integrators.rivals import RIVALS
 from bgmodel.support.checks import check_flag
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
@@ -141,7 +141,7 @@ def compare(
     evidence: Evidence,
     *,
     seed: int | None = None,
-    rivals: Sequence[str] | str = (),
+    baselines: Sequence[str] | str = (),
     accuracies: Sequence[float] | float = ACCURACIES,
     resamples: int = RESAMPLES,
     intact: Circuit | str | None = None,
@@ -160,9 +160,9 @@ def compare(
     seed : int, optional
         Of the bootstrap, and of the noise of a circuit that is not a model yet; the model's own
         unless given.
-    rivals : sequence of str
-        Which of ``RIVALS`` are compared too. "race" and "LCA" need evidence whose zero means that
-        nothing was seen, as that of ``gaussian_evidence``.
+    baselines : sequence of str
+        Which of ``BASELINES`` are compared too. "race" and "LCA" need evidence whose zero means
+        that nothing was seen, as that of ``gaussian_evidence``.
     accuracies, resamples, groups :
         As for ``matched_measures``.
     intact : Circuit or str, optional
@@ -194,9 +194,11 @@ def compare(
         not reach one. If posteriors at the decision are not the share of right choices.
     """
     check_trials(check_evidence(evidence).trials)
-    rivals = [rivals] if isinstance(rivals, str) else rivals
-    if not isinstance(rivals, (list, tuple)) or not all(name in list(RIVALS) for name in rivals):
-        raise InputError.of("rivals", f"must be among {', '.join(RIVALS)}", rivals)
+    baselines = [baselines] if isinstance(baselines, str) else baselines
+    if not isinstance(baselines, (list, tuple)) or not all(
+        name in list(BASELINES) for name in baselines
+    ):
+        raise InputError.of("baselines", f"must be among {', '.join(BASELINES)}", baselines)
     if not isinstance(model, BasalGanglia):
         circuit = checked_circuit(model, evidence.hypotheses)
         model = BasalGanglia(circuit, "population", gain_of(circuit), 0 if seed is None else seed)
@@ -227,8 +229,8 @@ def compare(
     if again is not None:
         tests[OTHER_NOISE] = again
         pairs.append((CIRCUIT, OTHER_NOISE))
-    for name in rivals:
-        found[name] = tradeoff(RIVALS[name]().run(evidence), evidence)
+    for name in baselines:
+        found[name] = tradeoff(BASELINES[name]().run(evidence), evidence)
         warn_of_own_ceiling(name, found[name], allowed)
         pairs.append((name, MSPRT))
     curves = _curves(tests | found)
@@ -241,7 +243,7 @@ def compare(
         pairs.append((MINUS_INTACT, first))
     parts = []
     for name, reference in pairs:
-        late = name not in RIVALS and reference != OTHER_NOISE
+        late = name not in BASELINES and reference != OTHER_NOISE
         table = matched_measures(
             tests[reference],
             found[name],

@@ -21,8 +21,8 @@ from bgmodel.bootstrap import shown
 from bgmodel.deciding.decision import Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, check_threshold
+from bgmodel.integrators.baselines import BASELINES
 from bgmodel.integrators.deciding import is_noisy
-from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import reals
@@ -121,7 +121,7 @@ def designs(channels: int = CHANNELS) -> tuple[Design, ...]:
 
 def theories(kappa: float = 1.0) -> dict[str, Integrator]:
     """Return the MSPRT at a gain, and rivals of it."""
-    return {MSPRT: Msprt(kappa), **{name: RIVALS[name]() for name in UNABLE}}
+    return {MSPRT: Msprt(kappa), **{name: BASELINES[name]() for name in UNABLE}}
 
 
 def designed_circuit(

@@ -109,7 +109,7 @@ class Tradeoff(Facts):
         return float(self.settings[np.abs(reached[0] - accuracy).argmin()])
 
 
-def reads_nothing(premature: float, anticipatory: float, foreperiod_ms: float) -> bool:
+def decides_without_evidence(premature: float, anticipatory: float, foreperiod_ms: float) -> bool:
     """Whether a circuit decides without evidence, by two shares of its responses.
 
     Parameters

@@ -17,7 +17,7 @@ import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
 from bgmodel.deciding.measures import MEASURES, OF_DECIDED, Behaviour
-from bgmodel.deciding.tradeoff import reads_nothing
+from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.predictions import (
     FEWEST_DECIDED,
@@ -296,7 +296,7 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
     """
     premature, waited = behaviour.decision.premature.mean(), behaviour.anticipatory.mean()
     missed = behaviour.decision.forced
-    if condition == "control" and reads_nothing(premature, waited, foreperiod_ms):
+    if condition == "control" and decides_without_evidence(premature, waited, foreperiod_ms):
         raise ValueError(
             f"the control decides without evidence: {premature:.0%} of its trials before the first "
             f"reading, {waited:.0%} of foreperiods of {foreperiod_ms:g} ms end in a response"

@@ -18,7 +18,7 @@ from bgmodel.deciding.measures import (
     OF_DIFFUSION,
     SHARES,
 )
-from bgmodel.deciding.tradeoff import reads_nothing
+from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.predictions import (
     AGREES,
     DISAGREES,
@@ -176,7 +176,9 @@ def _blind(experiment: ExperimentRecord, table: pd.DataFrame) -> bool:
     """Whether the manipulated circuit decides without evidence."""
     shares = table[table["condition"] == "manipulation"].set_index("measure")["value"]
     return bool(
-        reads_nothing(shares["premature"], shares["anticipatory"], experiment.foreperiod_ms)
+        decides_without_evidence(
+            shares["premature"], shares["anticipatory"], experiment.foreperiod_ms
+        )
     )
 
 

@@ -19,7 +19,7 @@ from bgmodel.deciding.decision import Trace
 from bgmodel.fitting.algorithms import SENSITIVITY
 from bgmodel.fitting.control import BOUNDS, decided, ideal, matched
 from bgmodel.fitting.criteria import CRITERIA, NONE, Axis, Criterion
-from bgmodel.fitting.crossings import DRIFTS, Crossings, Run, simulated
+from bgmodel.fitting.crossings import DRIFTS, FirstPassageTimes, Run, simulated
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.stored import read_crossings, write_crossings
@@ -85,7 +85,7 @@ class CircuitModel:
     trials: int = TRIALS
     seed: int = SIMULATION_SEED
     folder: Path | None = None
-    _kept: dict[tuple[float, ...], Crossings] = field(default_factory=dict, repr=False)
+    _kept: dict[tuple[float, ...], FirstPassageTimes] = field(default_factory=dict, repr=False)
     _part_of: tuple[CircuitModel, Truths] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -182,7 +182,7 @@ class CircuitModel:
         for corner in itertools.product(*sides):
             yield tuple(value for value, _ in corner), math.prod(share for _, share in corner)
 
-    def stored(self, point: tuple[float, ...]) -> Crossings:
+    def stored(self, point: tuple[float, ...]) -> FirstPassageTimes:
         """Return the crossings at values of the axes: from the folder, or simulated."""
         if point not in self._kept:
             if self._part_of is not None:
@@ -194,7 +194,7 @@ class CircuitModel:
         return self._kept[point]
 
     @cached_property
-    def _walks(self) -> Crossings:
+    def _walks(self) -> FirstPassageTimes:
         """What an ideal integrator decides on the evidence of the stored trials."""
         bounds = np.linspace(HIGHEST_LOG_ODDS * 1.1, 0.1, BOUNDS) / self.noise_nats
         return simulated(ideal, -bounds, seconds=self.seconds, trials=self.trials, seed=self.seed)
@@ -234,7 +234,7 @@ class CircuitModel:
         text = json.dumps(self._key(point), sort_keys=True)
         return Path(self.folder) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.parquet"
 
-    def _read(self, point: tuple[float, ...]) -> Crossings | None:
+    def _read(self, point: tuple[float, ...]) -> FirstPassageTimes | None:
         """Return stored crossings; None where there are none, or their file was cut short."""
         path = self.path(point)
         return None if path is None else read_crossings(path, self.thresholds_nats, DRIFTS)
@@ -272,7 +272,7 @@ class CircuitModel:
         drive = np.maximum(drive, drive.max(axis=2, keepdims=True) - self.circuit.reach_nats)
         return np.asarray(drive - drive.mean(axis=2, keepdims=True))
 
-    def _simulate(self, point: tuple[float, ...]) -> Crossings:
+    def _simulate(self, point: tuple[float, ...]) -> FirstPassageTimes:
         run = self.run(point, float(self.thresholds_nats[0]))
         found = simulated(
             run, self.thresholds_nats, seconds=self.seconds, trials=self.trials, seed=self.seed

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.decision import Trace
-from bgmodel.fitting.crossings import Crossings, interpolated, log_odds, read
+from bgmodel.fitting.crossings import FirstPassageTimes, interpolated, log_odds, read
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.support.arrays import Array, Truths
 
@@ -34,7 +34,7 @@ class Control:
 
     Parameters
     ----------
-    walks : Crossings
+    walks : FirstPassageTimes
         Of the ideal integrator; its "thresholds" are minus the bounds, sqrt(s).
     bound_of_odds : array (3,)
         Polynomial of the matching bound, sqrt(s), in the log odds of a threshold.
@@ -42,7 +42,7 @@ class Control:
         How much later the circuit decides, bins.
     """
 
-    walks: Crossings
+    walks: FirstPassageTimes
     bound_of_odds: Array
     lag: float
 
@@ -83,7 +83,7 @@ class Control:
 
 
 def decided(
-    settings: Sequence[tuple[Crossings, float]],
+    settings: Sequence[tuple[FirstPassageTimes, float]],
     threshold_nats: float,
     drift: npt.ArrayLike,
     grid: Grid,
@@ -92,7 +92,7 @@ def decided(
 
     Parameters
     ----------
-    settings : sequence of (Crossings, float)
+    settings : sequence of (FirstPassageTimes, float)
         The same trials at settings of a circuit that the asked one lies between, and its share of
         each; they sum to 1. Where a trial chose alike at all of them, it decides between them in
         time; where not, it is divided among them.
@@ -131,12 +131,12 @@ def joined(settings: Sequence[tuple[Control, float]]) -> Control:
     return Control(settings[0][0].walks, line, lag)
 
 
-def matched(crossings: Crossings, walks: Crossings) -> Control:
+def matched(crossings: FirstPassageTimes, walks: FirstPassageTimes) -> Control:
     """Return the walks that go best with a circuit: at each threshold, those most like it in time.
 
     Parameters
     ----------
-    crossings, walks : Crossings
+    crossings, walks : FirstPassageTimes
         Of the circuit and of the ideal integrator, on the same evidence.
     """
     rows = np.linspace(0, len(crossings.thresholds_nats) - 1, LEVELS).astype(int)
@@ -147,7 +147,9 @@ def matched(crossings: Crossings, walks: Crossings) -> Control:
     return Control(walks, line, float(np.median(lag[np.arange(LEVELS), best])))
 
 
-def _likeness(crossings: Crossings, row: int, walks: Crossings) -> tuple[list[float], list[float]]:
+def _likeness(
+    crossings: FirstPassageTimes, row: int, walks: FirstPassageTimes
+) -> tuple[list[float], list[float]]:
     """Return how alike in time the walks at each bound decide, and how much earlier, bins."""
     slow = slice(0, SLOW * crossings.bins.shape[1] // len(crossings.drifts))
     choice, bins = crossings.choice[row, slow], crossings.bins[row, slow].astype(float)

@@ -52,7 +52,7 @@ class Divided(Protocol):
 
 
 @dataclass(frozen=True, repr=False)
-class Crossings:
+class FirstPassageTimes:
     """When and how trials decided, at each of several thresholds.
 
     Parameters
@@ -83,7 +83,7 @@ class Crossings:
     parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
     _counted: dict[int, Counts] = field(default_factory=dict, compare=False)
 
-    def part(self, parts: Truths) -> Crossings:
+    def part(self, parts: Truths) -> FirstPassageTimes:
         """Return the crossings of some parts of the trials."""
         control = None if self.control is None else self.control.part(parts)
         return replace(self, parts=parts, control=control, _counted={})
@@ -155,13 +155,13 @@ def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
 
 
 def read(
-    settings: Sequence[tuple[Crossings, float]], rows: Sequence[tuple[int, float]], v: Array
+    settings: Sequence[tuple[FirstPassageTimes, float]], rows: Sequence[tuple[int, float]], v: Array
 ) -> Array:
     """Return the probability of a decision in each bin, and one more, from the trials alone.
 
     Parameters
     ----------
-    settings : sequence of (Crossings, float)
+    settings : sequence of (FirstPassageTimes, float)
         As of ``decided``.
     rows : sequence of (int, float)
         Stored thresholds and their weights.
@@ -237,7 +237,7 @@ def log_odds(threshold_nats: npt.ArrayLike) -> Any:
     return -np.log(np.expm1(threshold_nats))
 
 
-def _ends(settings: Sequence[tuple[Crossings, float]]) -> int:
+def _ends(settings: Sequence[tuple[FirstPassageTimes, float]]) -> int:
     """Return the number of bins of the longest trial."""
     return max(each.ends for each, _ in settings)
 
@@ -247,7 +247,7 @@ def _evidence(columns: int) -> Array:
     return np.asarray((np.arange(columns) - columns // 2) * EVIDENCE_BIN, dtype=np.float64)
 
 
-def _count(settings: Sequence[tuple[Crossings, float]], row: int) -> Counts:
+def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Counts:
     """Count the trials of several settings at one stored threshold."""
     from bgmodel.fitting.weights import count
 
@@ -281,7 +281,7 @@ def simulated(
     trials: int,
     seed: int,
     drifts: npt.ArrayLike = DRIFTS,
-) -> Crossings:
+) -> FirstPassageTimes:
     """Return the crossings of trials simulated for the purpose.
 
     The same seed gives every circuit the same evidence.
@@ -314,7 +314,7 @@ def simulated(
             trace = run(read, number * trials + first)
             parts.append(_crossed(trace, read, thresholds_nats))
     bins, choice, evidence = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-    return Crossings(
+    return FirstPassageTimes(
         thresholds_nats,
         nodes,
         np.ascontiguousarray(bins, np.int16),

@@ -12,7 +12,7 @@ import numpy as np
 
 from bgmodel.fitting.algorithms import SENSITIVITY, Model
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.parameters import RESPONSE, Freedom, freedom
+from bgmodel.fitting.parameters import RESPONSE, ParameterSpace, freedom
 from bgmodel.fitting.responses import moments, responded
 from bgmodel.support.arrays import Array, Truths
 from circuits.errors import FitWarning, user_level
@@ -36,13 +36,13 @@ class Likelihood:
         What decides.
     design : Design
         Cells and trials.
-    freedom : Freedom
+    freedom : ParameterSpace
         What a fit moves.
     """
 
     model: Model
     design: Design
-    freedom: Freedom
+    freedom: ParameterSpace
 
     def density(self, vector: Array) -> Array:
         """Return the density of responses (cells, 2, bins), 1/s, at the numbers of a fit."""

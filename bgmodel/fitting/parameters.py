@@ -57,7 +57,7 @@ RESPONSE = (
 
 
 @dataclass(frozen=True)
-class Moved:
+class FreeParameter:
     """One number of a fit: a parameter, in all cells of a design or in some.
 
     Parameters
@@ -76,21 +76,21 @@ class Moved:
 
 
 @dataclass(frozen=True)
-class Freedom:
+class ParameterSpace:
     """What a fit moves: from a vector of numbers to the parameters of every cell, and back.
 
     Parameters
     ----------
     parameters : sequence of Parameter
         All of the model.
-    moved : tuple of Moved
+    moved : tuple of FreeParameter
         Those that the fit moves, in order.
     cells : int
         Number of cells of the design.
     """
 
     parameters: tuple[Parameter, ...]
-    moved: tuple[Moved, ...]
+    moved: tuple[FreeParameter, ...]
     cells: int
 
     @property
@@ -142,7 +142,7 @@ def freedom(
     free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None,
     vary: Mapping[str, str] | None = None,
-) -> Freedom:
+) -> ParameterSpace:
     """Return what a fit moves.
 
     Parameters
@@ -186,18 +186,20 @@ def freedom(
     )
     if held:
         raise InputError(f"{', '.join(held)} can't be moved and held at once", "hold", held)
-    moved: list[Moved] = []
+    moved: list[FreeParameter] = []
     for each in known.values():
         if each.name in vary:
             moved += _levels(each, vary[each.name], conditions)
         elif each.name in chosen:
-            moved.append(Moved(each.name, each, np.arange(cells)))
+            moved.append(FreeParameter(each.name, each, np.arange(cells)))
     if not moved:
         raise InputError(f"nothing is free: name some of {', '.join(known)}", "free", free)
-    return Freedom(tuple(known.values()), tuple(moved), cells)
+    return ParameterSpace(tuple(known.values()), tuple(moved), cells)
 
 
-def _levels(each: Parameter, column: str, conditions: Mapping[str, Sequence[str]]) -> list[Moved]:
+def _levels(
+    each: Parameter, column: str, conditions: Mapping[str, Sequence[str]]
+) -> list[FreeParameter]:
     column, _, reference = column.partition("/")
     if column not in conditions:
         there = ", ".join(conditions) or "none"
@@ -207,7 +209,7 @@ def _levels(each: Parameter, column: str, conditions: Mapping[str, Sequence[str]
     if reference and reference not in levels:
         raise InputError(f"{column} has no level {reference!r}: {', '.join(levels)}", "vary")
     return [
-        Moved(f"{each.name}[{column}={level}]", each, np.flatnonzero(names == level))
+        FreeParameter(f"{each.name}[{column}={level}]", each, np.flatnonzero(names == level))
         for level in levels
         if level != reference
     ]

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.crossings import Crossings
+from bgmodel.fitting.crossings import FirstPassageTimes
 from bgmodel.support import files
 from bgmodel.support.arrays import Array
 
 KINDS = ("bin", "choice", "evidence")
 
 
-def write_crossings(crossings: Crossings, path: Path, *, seed: int, **made: Any) -> None:
+def write_crossings(crossings: FirstPassageTimes, path: Path, *, seed: int, **made: Any) -> None:
     """Write crossings as parquet, whole or not at all.
 
     Parameters
     ----------
-    crossings : Crossings
+    crossings : FirstPassageTimes
         What is stored.
     path : path
         Its folder is made where it is not there.
@@ -40,7 +40,9 @@ def write_crossings(crossings: Crossings, path: Path, *, seed: int, **made: Any)
     files.write_table(pd.DataFrame(columns), path, seed=seed, **made)
 
 
-def read_crossings(path: Path, thresholds_nats: Array, drifts: Sequence[float]) -> Crossings | None:
+def read_crossings(
+    path: Path, thresholds_nats: Array, drifts: Sequence[float]
+) -> FirstPassageTimes | None:
     """Return stored crossings; None where there are none, or their file was cut short.
 
     Parameters
@@ -57,4 +59,4 @@ def read_crossings(path: Path, thresholds_nats: Array, drifts: Sequence[float]) 
     levels = range(len(thresholds_nats))
     arrays = [table[[f"{kind}_{k}" for k in levels]].to_numpy().T for kind in KINDS]
     bins, choice, evidence = (np.ascontiguousarray(each) for each in arrays)
-    return Crossings(thresholds_nats, np.array(drifts), bins, choice, evidence)
+    return FirstPassageTimes(thresholds_nats, np.array(drifts), bins, choice, evidence)

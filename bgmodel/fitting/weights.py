@@ -24,7 +24,7 @@ def count(
     choice : int array (settings, trials)
         0 or 1, -1 where there was none.
     evidence : array (settings, trials), sqrt(s)
-        As of ``Crossings``.
+        As of ``FirstPassageTimes``.
     share : array (settings,)
         How near the asked setting lies to each; they sum to 1.
     parts : bool array

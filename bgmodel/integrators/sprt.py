@@ -21,7 +21,7 @@ OF_MSPRT = ReadOut("the MSPRT", lowest=0.0)
 
 
 class Integrator(Protocol):
-    """Anything that turns evidence into an output trace: a test, a rival, a circuit."""
+    """Anything that turns evidence into an output trace: a test, a baseline model, a circuit."""
 
     def run(self, evidence: Evidence) -> Trace:
         """Return the output trace of every trial."""

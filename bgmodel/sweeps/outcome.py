@@ -14,7 +14,7 @@ import pandas as pd
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.calibration import miscalibrated
 from bgmodel.deciding.measures import CUT_OFF, MEASURES, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
-from bgmodel.deciding.tradeoff import reads_nothing
+from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.predictions import FEWEST_DECIDED
 from bgmodel.experiments.record import MANY_MISSED
 from bgmodel.support.arrays import Array
@@ -76,7 +76,7 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
 
 def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
     """Return a caution about the other measures, or no text."""
-    if reads_nothing(values["premature"], values["anticipatory"], foreperiod_ms):
+    if decides_without_evidence(values["premature"], values["anticipatory"], foreperiod_ms):
         return "the circuit decides without evidence"
     if values["decided"] < FEWEST_DECIDED:
         return f"fewer than {FEWEST_DECIDED} trials are decided in time"

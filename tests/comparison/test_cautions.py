@@ -17,7 +17,7 @@ from bgmodel.comparison.compare import compare
 from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
-from bgmodel.integrators.rivals import Lca
+from bgmodel.integrators.baselines import Lca
 from circuits.errors import CalibrationWarning, DeadlineWarning
 from tests.helpers import run
 

@@ -27,7 +27,7 @@ def test_a_model_and_a_circuit_that_runs_as_this_model_are_compared_alike():
 
 
 def test_a_comparison_is_a_short_table_a_long_one_and_a_picture():
-    found = compare("spiking_msprt", EVIDENCE, rivals="race", **GIVEN)
+    found = compare("spiking_msprt", EVIDENCE, baselines="race", **GIVEN)
     short = found.summary()
     assert list(short["accuracy"].unique()) == [0.9]
     assert {"agreement", "extra_ms", "accuracy_gap"} <= set(short)
@@ -41,7 +41,7 @@ def test_a_comparison_is_a_short_table_a_long_one_and_a_picture():
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"rivals": ["ddm"]}, "rivals"),
+        ({"baselines": ["ddm"]}, "baselines"),
     ],
 )
 def test_what_is_unknown_is_refused_in_one_sentence(given, says):

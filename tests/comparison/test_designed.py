@@ -31,7 +31,7 @@ from bgmodel.comparison.designed import (
     verdicts,
 )
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.rivals import MaxVsAverage, MaxVsNext
+from bgmodel.integrators.baselines import MaxVsAverage, MaxVsNext
 from bgmodel.integrators.sprt import Msprt
 from circuits import anatomy
 from circuits.engines import Population

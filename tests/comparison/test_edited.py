@@ -15,6 +15,7 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.baselines import BASELINES
 from bgmodel.integrators.deciding import (
     CIRCUIT,
     DECODER,
@@ -24,7 +25,6 @@ from bgmodel.integrators.deciding import (
     thresholds_about,
     without_noise_alone,
 )
-from bgmodel.integrators.rivals import RIVALS
 from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble, engine_of
@@ -49,9 +49,9 @@ def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", *
 
 @pytest.fixture(scope="module")
 def table():
-    every = tuple(RIVALS)
+    every = tuple(BASELINES)
     given = {"seed": SEED, "accuracies": (0.9, 0.95), "resamples": 200}
-    return compare(MODEL, EVIDENCE, rivals=every, **given).table
+    return compare(MODEL, EVIDENCE, baselines=every, **given).table
 
 
 def test_the_spiking_circuit_decides_as_the_msprt(table):
@@ -65,7 +65,7 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     assert of(table, "accuracy_gap", "race", MSPRT, "high", accuracy=0.95) < 0
     # Rivals are abstract: all of their time is decision time.
     full = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
-    for name, rival in RIVALS.items():
+    for name, rival in BASELINES.items():
         options = {"truth": EVIDENCE.truth, "accuracies": (0.9, 0.95), "resamples": 2}
         swept = tradeoff(rival().run(EVIDENCE), EVIDENCE)
         alone = matched_measures(full, swept, rng=stream(1, "b"), latency_ms=0.0, **options)
@@ -186,7 +186,7 @@ LONG = separated_evidence(
 
 def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given():
     """At .8 the MSPRT decides where OUT rests, at .999 where no OUT is read."""
-    given = {"seed": SEED, "rivals": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
+    given = {"seed": SEED, "baselines": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
     with pytest.warns(RangeWarning, match=r"nothing is compared at accuracy 0\.8, 0\.999: sp"):
         found = compare(QUICK, LONG, **given).table
     known = found[(found["model"] == CIRCUIT) & (found["measure"] == "agreement")]
@@ -211,7 +211,7 @@ def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
 
 
 def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
-    given = {"seed": SEED, "rivals": (), "accuracies": (0.95,), "resamples": 20, "ceiling": True}
+    given = {"seed": SEED, "baselines": (), "accuracies": (0.95,), "resamples": 20, "ceiling": True}
     noisy = compare(QUICK, LONG, **given).table
     r = of(noisy, "pearson_r", reference=OTHER_NOISE)
     assert 0.8 < r < 1

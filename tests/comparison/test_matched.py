@@ -12,9 +12,16 @@ from bgmodel import Msprt, stream
 from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled, shown
 from bgmodel.comparison.matched import _matched, equivalent, latency, matched_measures
 from bgmodel.deciding.decision import Trace
-from bgmodel.deciding.tradeoff import Tradeoff, curve, levels, margin, reads_nothing, tradeoff
+from bgmodel.deciding.tradeoff import (
+    Tradeoff,
+    curve,
+    decides_without_evidence,
+    levels,
+    margin,
+    tradeoff,
+)
 from bgmodel.evidence import separated_evidence
-from bgmodel.integrators.rivals import MaxVsAverage, Race
+from bgmodel.integrators.baselines import MaxVsAverage, Race
 from tests.helpers import refused
 
 EVIDENCE = separated_evidence(800, 60, 0.5, rng=stream(1, "comparison"), hypotheses=4, step_ms=50.0)
@@ -248,12 +255,12 @@ def test_a_group_of_one_trial_each_is_no_group():
 
 def test_a_circuit_reads_nothing_if_most_responses_come_within_half_a_second_of_rest():
     """At a constant hazard half a second, twice over, is survived by (1 - p)^2 of the trials."""
-    assert [reads_nothing(0, p, 500.0) for p in (0.49, 0.51)] == [False, True]
+    assert [decides_without_evidence(0, p, 500.0) for p in (0.49, 0.51)] == [False, True]
     for p in (0.48, 0.52):
-        assert reads_nothing(0, 1 - (1 - p) ** 2, 1000.0) == (p > 0.5)
-        assert reads_nothing(0, 1 - np.sqrt(1 - p), 250.0) == (p > 0.5)
+        assert decides_without_evidence(0, 1 - (1 - p) ** 2, 1000.0) == (p > 0.5)
+        assert decides_without_evidence(0, 1 - np.sqrt(1 - p), 250.0) == (p > 0.5)
     # Either share is enough, and half is not most.
-    assert [reads_nothing(p, 0.0, 500.0) for p in (0.5, 0.51)] == [False, True]
+    assert [decides_without_evidence(p, 0.0, 500.0) for p in (0.5, 0.51)] == [False, True]
 
 
 @pytest.mark.parametrize(("share", "most"), [(0.45, False), (0.5, False), (0.55, True)])

@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.fitting import circuit as module
 from bgmodel.fitting.circuit import CRITERIA, Axis, CircuitModel, Criterion
-from bgmodel.fitting.crossings import Crossings, simulated
+from bgmodel.fitting.crossings import FirstPassageTimes, simulated
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from circuits.anatomy import load_circuit
@@ -151,7 +151,7 @@ class Later(CircuitModel):
     def stored(self, point):
         bins = np.full((module.LEVELS, 20), round(sum(point)))
         still = np.zeros((module.LEVELS, 20))
-        return Crossings(self.thresholds_nats, np.zeros(1), bins, np.ones_like(bins), still)
+        return FirstPassageTimes(self.thresholds_nats, np.zeros(1), bins, np.ones_like(bins), still)
 
 
 @pytest.mark.parametrize(("a", "b"), [(10, 0), (12, 0), (17.5, 3), (23, 31), (30, 40)])

@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting import passage
 from bgmodel.fitting.control import decided
-from bgmodel.fitting.crossings import DRIFTS, Crossings, interpolated, log_mixture, simulated
+from bgmodel.fitting.crossings import (
+    DRIFTS,
+    FirstPassageTimes,
+    interpolated,
+    log_mixture,
+    simulated,
+)
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.theory.first_passage import Gaussian, walk
 from tests.drawn import GAIN, ideal
@@ -121,7 +127,9 @@ def test_a_threshold_between_two_stored_ones_lies_between_them_in_time(stored, t
 def shifted(stored, by):
     """Return the same trials at a setting where all decide some bins later."""
     bins = stored.bins + np.int32(by)
-    return Crossings(stored.thresholds_nats, stored.drifts, bins, stored.choice, stored.evidence)
+    return FirstPassageTimes(
+        stored.thresholds_nats, stored.drifts, bins, stored.choice, stored.evidence
+    )
 
 
 @given(st.floats(0, 1))
@@ -129,7 +137,7 @@ def shifted(stored, by):
 def test_a_setting_between_two_lies_as_near_to_each_as_its_share_says(share):
     rng = np.random.default_rng(3)
     bins, choice = rng.integers(20, 50, (1, 200)), rng.integers(0, 2, (1, 200))
-    still = Crossings(np.array([0.3]), np.zeros(1), bins, choice, np.zeros((1, 200)))
+    still = FirstPassageTimes(np.array([0.3]), np.zeros(1), bins, choice, np.zeros((1, 200)))
     pair = [(still, 1 - share), (shifted(still, 20), share)]
     mean = moments(decided(pair, 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
     own = moments(decided([(still, 1.0)], 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]

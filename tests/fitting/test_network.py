@@ -11,7 +11,7 @@ from benchmarks.scores import likelihood
 from bgmodel import stream
 from bgmodel.fitting.circuit import CircuitModel
 from bgmodel.fitting.control import decided
-from bgmodel.fitting.crossings import DRIFTS, Crossings
+from bgmodel.fitting.crossings import DRIFTS, FirstPassageTimes
 from bgmodel.fitting.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.integrators.basal_ganglia import identity
@@ -159,7 +159,7 @@ def test_reading_a_network_needs_no_torch():
 
 def test_the_score_halves_the_trials_of_every_drift():
     rows = np.arange(8)[None]
-    whole = Crossings(np.array([0.2]), np.array([0.0, 3.0]), rows, rows % 2, rows / 10)
+    whole = FirstPassageTimes(np.array([0.2]), np.array([0.0, 3.0]), rows, rows % 2, rows / 10)
     assert [likelihood.part(whole, half).bins.tolist() for half in (0, 1)] == [
         [[0, 1, 4, 5]],
         [[2, 3, 6, 7]],

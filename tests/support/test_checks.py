@@ -10,8 +10,8 @@ from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing
 from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import expecting, separated_evidence
+from bgmodel.integrators.baselines import BASELINES, Lca, LinearGpe
 from bgmodel.integrators.deciding import decide_at_thresholds
-from bgmodel.integrators.rivals import RIVALS, Lca, LinearGpe
 from bgmodel.integrators.sprt import (
     Stream,
     tally_sprt,
@@ -100,7 +100,7 @@ def test_what_is_of_the_wrong_kind_is_refused_by_name(field):
         Msprt(),
         RecursiveMsprt(),
         BasalGanglia(TABLE, "algebra"),
-        *(kind() for kind in RIVALS.values()),
+        *(kind() for kind in BASELINES.values()),
     ],
     ids=lambda one: type(one).__name__,
 )

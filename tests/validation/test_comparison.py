@@ -11,7 +11,7 @@ from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.rivals import MaxVsAverage
+from bgmodel.integrators.baselines import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.tactile.task import SameDifferent, held_out_taps, source
 from circuits.anatomy import load_circuit

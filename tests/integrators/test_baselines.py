@@ -13,14 +13,14 @@ from bgmodel import Msprt, Sprt, first_crossing, stream
 from bgmodel.cli import main
 from bgmodel.deciding.tradeoff import curve, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.rivals import (
-    RIVALS,
+from bgmodel.integrators.baselines import (
+    BASELINES,
     Lca,
     LinearGpe,
     MaxVsAverage,
     MaxVsNext,
     Race,
-    rivals_on,
+    baselines_on,
 )
 from bgmodel.integrators.sprt import at_readings
 from tests.helpers import refused
@@ -49,12 +49,12 @@ def test_a_common_input_changes_nothing_but_a_race(kind):
     np.testing.assert_allclose(one, two, atol=1e-10)
 
 
-@pytest.mark.parametrize("name", sorted(RIVALS))
+@pytest.mark.parametrize("name", sorted(BASELINES))
 def test_a_rival_says_whether_what_all_hypotheses_share_counts(name):
     evidence = drawn()
     shifted = replace(evidence, log_likelihood=evidence.log_likelihood + 0.1)
-    choices = [first_crossing(RIVALS[name]().run(e), -1.0).time_ms for e in (evidence, shifted)]
-    assert RIVALS[name].needs_zero != np.array_equal(*choices)
+    choices = [first_crossing(BASELINES[name]().run(e), -1.0).time_ms for e in (evidence, shifted)]
+    assert BASELINES[name].needs_zero != np.array_equal(*choices)
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Last:
 
 
 def test_a_rival_is_a_class_and_a_line_of_registration(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(RIVALS, "last", Last)
+    monkeypatch.setitem(BASELINES, "last", Last)
     options = ["--trials", "100", "--t-max", "20", "--engine", "algebra"]
     assert main(["compare", str(tmp_path / "a.csv"), *options]) == 0
     assert "last" in set(pd.read_csv(tmp_path / "a.csv", comment="#")["model"])
@@ -173,7 +173,7 @@ def test_decision_times_are_those_that_bogacz_and_gurney_print():
 
 def test_first_crossing_takes_any_rival():
     evidence = drawn()
-    for kind in RIVALS.values():
+    for kind in BASELINES.values():
         decision = first_crossing(kind().run(evidence), -0.5)
         assert np.mean(decision.choice == evidence.truth) > 0.3
 
@@ -186,5 +186,5 @@ def test_default_constants_are_those_that_bogacz_and_gurney_print():
 
 
 def test_without_a_zero_only_rivals_that_compare_are_left():
-    assert rivals_on(True) == list(RIVALS)
-    assert rivals_on(False) == ["max vs average", "max vs next"]
+    assert baselines_on(True) == list(BASELINES)
+    assert baselines_on(False) == ["max vs average", "max vs next"]

@@ -1,8 +1,8 @@
 """What the MSPRT must beat: integrators that see the same evidence and combine it otherwise.
 
 Each is a linear integrator of the summed log-likelihoods ``Y_i`` with a rule of its own; OUT is
-minus what its rule compares with a threshold, so that the lowest OUT is the most favoured. A rival
-is a class with ``run`` and ``needs_zero``, and one line in ``RIVALS``.
+minus what its rule compares with a threshold, so that the lowest OUT is the most favoured. A
+baseline model is a class with ``run`` and ``needs_zero``, and one line in ``BASELINES``.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from bgmodel.support.checks import is_number
 from circuits.errors import InputError, require
 
 
-class Rival(Protocol):
+class Baseline(Protocol):
     """An integrator that is held to the MSPRT on the same evidence."""
 
     needs_zero: ClassVar[bool]
-    """Whether the zero of its evidence must mean that nothing was seen: a rival that adds up what
+    """Whether the zero of its evidence must mean that nothing was seen: a model that adds up what
     the hypotheses of a reading share."""
 
     def run(self, evidence: Evidence) -> Trace:
@@ -151,24 +151,24 @@ class LinearGpe:
         return at_readings(sigma[:, :, None] - y, evidence)
 
 
-RIVALS: dict[str, type[Rival]] = {
+BASELINES: dict[str, type[Baseline]] = {
     "race": Race,
     "LCA": Lca,
     "max vs average": MaxVsAverage,
     "max vs next": MaxVsNext,
 }
-"""The rivals by name."""
+"""The baseline models by name."""
 
 
-def rivals_on(zero_is_nothing: bool) -> list[str]:
-    """Return the names of the rivals that can be run on evidence.
+def baselines_on(zero_is_nothing: bool) -> list[str]:
+    """Return the names of the baseline models that can be run on evidence.
 
     Parameters
     ----------
     zero_is_nothing : bool
         Whether the zero of the evidence means that nothing was seen, as in ``separated_evidence``.
     """
-    return [name for name, rival in RIVALS.items() if zero_is_nothing or not rival.needs_zero]
+    return [name for name, model in BASELINES.items() if zero_is_nothing or not model.needs_zero]
 
 
 def _leaky(readings: Array, decay: float) -> Array:
