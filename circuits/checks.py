@@ -53,7 +53,8 @@ def whole_ticks(name: str, time_ms: float, dt_ms: float) -> int:
     require(dt_ms > 0, "dt_ms", "must be > 0", dt_ms)
     count = round(time_ms / dt_ms)
     if not math.isclose(count * dt_ms, time_ms, rel_tol=1e-9, abs_tol=1e-9):
-        raise InputError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}", "dt_ms")
+        field = name if name.endswith("_ms") else "delay_ms"
+        raise InputError(f"{name} of {time_ms:g} ms is no multiple of dt_ms = {dt_ms:g}", field)
     return count
 
 

@@ -134,7 +134,7 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, capsys):
     ("name", "says"),
     [
         ("gpr", "works in salience, not nats"),
-        ("bogacz_gurney", "has no default gain: give gain"),
+        ("linear_gpe", "has no default gain: give gain"),
     ],
 )
 def test_an_experiment_needs_nats_and_a_gain(here, name, says):

@@ -272,11 +272,11 @@ def test_learning_of_a_level_without_sense_is_refused(call, says):
 
 
 @pytest.mark.parametrize(
-    ("right", "wrong", "refused"),
+    ("right", "wrong", "too_long"),
     [(0.85, 0.85, False), (0.95, 0.5, True), (0.5, 0.95, True), (0.5, 0.5, False)],
 )
 def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cost(
-    right, wrong, refused
+    right, wrong, too_long
 ):
     """Of times as shares of xi, the longest of right choices and of errors."""
     steps = np.full((1, 400), 0.3 * XI)
@@ -286,7 +286,7 @@ def test_errors_are_told_from_times_where_all_are_a_tenth_shorter_than_their_cos
     assert error[0, 350]
     assert not error[0, 302]
     learned = Learned(*[steps] * 2, -steps - XI * error, steps, steps[:, 0])
-    if refused:
+    if too_long:
         with refused("xi"):
             after_errors(learned, XI)
     else:
