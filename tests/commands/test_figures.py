@@ -134,10 +134,12 @@ class Checkout:
         self.started = []
 
     def start(self, *more):
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        environment.pop("BGMODEL_RECORDINGS", None)  # may be seen from another folder
         process = psutil.Popen(
             [*COMMAND, "figures", "fig3", "--fast", *more],
             cwd=self.folder,
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            env=environment,
             stdout=subprocess.DEVNULL,
             stderr=(self.folder / f"said{len(self.started)}").open("w"),
             start_new_session=True,
@@ -153,7 +155,9 @@ class Checkout:
         """Start, and wait until the figure is drawn by half: the command, and its processes."""
         (self.folder / "hold").touch()
         command = self.start()
-        until((self.folder / "half").exists)
+        half = self.folder / "half"
+        until(lambda: half.exists() or command.poll() is not None)
+        assert half.exists(), self.said()
         return command, *command.children(recursive=True)
 
     def release(self):
