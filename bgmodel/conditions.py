@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from bgmodel import names
+from bgmodel.evidence import needed_truth
 from bgmodel.integrators.sprt import criterion_from_posterior
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
@@ -34,6 +35,8 @@ CIRCUIT = CircuitName(DEFAULT)
 POSTERIOR = 0.82
 """Stopping posterior unless told otherwise. The output of the default circuit follows -ln P there
 for two to eight alternatives."""
+STREAM = "circuit run"
+"""Stream of random numbers from which the evidence of a condition is drawn."""
 ENGINE = EngineName("population")
 """Engine unless told otherwise: it has the noise of spikes and is about fifty times as fast."""
 
@@ -187,11 +190,14 @@ class Condition(Setup):
         """Return the output (OUT) at which the circuit decides among so many alternatives."""
         if self.threshold is not None:
             return self.threshold
-        return float(criterion_from_posterior(self.stopping_posterior, hypotheses))
+        posterior = POSTERIOR if self.posterior is None else self.posterior
+        return float(criterion_from_posterior(posterior, hypotheses))
 
     @property
-    def stopping_posterior(self) -> float:
-        """The posterior at which the circuit decides, where no threshold is given."""
+    def stopping_posterior(self) -> float | None:
+        """The posterior at which the circuit decides; None where a threshold is given."""
+        if self.threshold is not None:
+            return None
         return POSTERIOR if self.posterior is None else self.posterior
 
     @property
@@ -237,20 +243,18 @@ class Condition(Setup):
         else:
             check_conditions(control.edited, control.threshold_nats, self.edited, level)
 
-    def decide(self, name: str = "decide", *, workers: int = 1) -> Decision:
-        """Draw the evidence and let the circuit decide, with every check and warning.
+    def decide(self, *, workers: int = 1) -> Decision:
+        """Draw the evidence and let the circuit decide, exactly as ``bgmodel circuit run`` does.
 
         Parameters
         ----------
-        name : str
-            Of the stream of random numbers that evidence is drawn from.
         workers : int
             Threads of engines that can use several; the results do not depend on it.
         """
         self.task.check_idle()
-        evidence = self.drawn(name).evidence
+        evidence = self.drawn(STREAM).evidence
         model = self.model(evidence.hypotheses, workers=workers, rates=False)
-        return model.decide(evidence, self.threshold_at(evidence.hypotheses))
+        return model.decide(evidence, self.threshold, posterior=self.stopping_posterior)
 
 
 @dataclass(frozen=True)
@@ -270,10 +274,8 @@ class Observed(Condition):
 
     def check(self, control: Condition | None = None) -> None:
         """Raise ValueError as ``Condition.check`` does, and for evidence without the truth."""
-        if self.task.evidence is not None and read_once(self.task).evidence.truth is None:
-            raise InputError(
-                "errors are counted: the evidence needs the truth of each trial", "truth"
-            )
+        if self.task.evidence is not None:
+            needed_truth(read_once(self.task).evidence)
         super().check(control)
 
     def behaviour(self, model: BasalGanglia, evidence: Evidence) -> Behaviour:

@@ -277,6 +277,13 @@ class Evidence(Facts):
         return trials
 
 
+def needed_truth(evidence: Evidence) -> npt.NDArray[np.integer]:
+    """Return the truth of each trial (trials,); ValueError where it is not known."""
+    if evidence.truth is None:
+        raise InputError("errors are counted: the evidence needs the truth of each trial", "truth")
+    return evidence.truth
+
+
 def check_evidence(given: Evidence) -> Evidence:
     """Return evidence as it is; ValueError for anything else, as a bare array."""
     if isinstance(given, Evidence):

@@ -10,7 +10,7 @@ import bgmodel as bg
 from bgmodel.stimuli import Stimuli
 from circuits.declaration.edits import Edits
 from circuits.errors import RangeWarning
-from tests.helpers import refused
+from tests.helpers import refused, run
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
@@ -194,3 +194,18 @@ def test_engines_and_the_text_of_a_circuit_are_at_hand():
     circuit = bg.load_circuit("macaque")
     assert all(name in str(circuit) for name in ("STN", "GPe", "SNr"))
     assert "\n" not in repr(circuit)
+
+
+def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path):
+    out = tmp_path / "a.csv"
+    given = ("--trials", 40, "--t-max", 20, "--edits", "lesion STN 5%", "--seed", 3)
+    assert run("circuit", "run", out, *given) == 0
+    asked = bg.Condition(
+        edits=Edits(["lesion STN 5%"]), seed=3, task=bg.Stimuli(trials=40, t_max=20)
+    )
+    told = pd.read_csv(out, comment="#")
+    assert np.allclose(told.rt * 1000, asked.decide().time_ms)
+    salience = replace(asked, circuit="gpr", gain=0.2, engine="rate", edits=Edits())
+    with refused("posterior"):
+        salience.decide()
+    assert run("circuit", "run", out, "--circuit", "gpr", "--gain", 0.2, "--force") == 2

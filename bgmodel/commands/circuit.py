@@ -20,7 +20,7 @@ from bgmodel.commands.checks import (
     say_before,
     say_of_edits,
 )
-from bgmodel.conditions import Condition
+from bgmodel.conditions import STREAM, Condition
 from bgmodel.deciding.decision import Decision
 from bgmodel.names import MACAQUE, CircuitName
 from bgmodel.stimuli import Stimuli
@@ -159,11 +159,11 @@ class CircuitRun(Writes):
 
         self._check()
         asked = self.condition
-        trials = asked.drawn("circuit run")
+        trials = asked.drawn(STREAM)
         evidence = trials.evidence
         say_of_edits(asked.edits)
         model = asked.model(evidence.hypotheses, workers=self.workers)
-        posterior = asked.stopping_posterior if asked.threshold is None else None
+        posterior = asked.stopping_posterior
         threshold = model.threshold(asked.threshold, posterior)
         started = time.perf_counter()
         say_before("running", model, evidence)
