@@ -27,7 +27,7 @@ from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence, separated_evidence
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, is_noisy
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
@@ -192,7 +192,7 @@ def computes(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
     """Return the verdict of designed trials on each theory."""
     model, decided = tuned(entrant, alternatives)
     thresholds = [decided.setting(accuracy) for accuracy in DESIGNED_AT]
-    table = designs.designed_circuit(model, thresholds, trials=trials if is_noisy(model) else 1)
+    table = designs.designed_circuit(model, thresholds, trials=trials if model.engine.noisy else 1)
     return designs.verdicts(table)
 
 

@@ -76,7 +76,6 @@ class Compare(Comparison):
         """Run the command."""
         from bgmodel.comparison.compare import compare
         from bgmodel.comparison.page import page
-        from bgmodel.integrators.deciding import is_noisy
 
         model, evidence = _model(self)
         gaussian = self.task.evidence is None and self.task.task == "gaussian"
@@ -86,7 +85,7 @@ class Compare(Comparison):
             say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
         whole = self.setup.intact(evidence.hypotheses)
         intact = None if model.circuit == whole else whole
-        again = self.ceiling and is_noisy(model)
+        again = self.ceiling and model.engine.noisy
         runs = 1 + (intact is not None) + again
         say_before("comparing", model, evidence, runs=runs)
         given: dict[str, Any] = {"seed": self.setup.seed, "accuracies": self.accuracies}

@@ -39,7 +39,6 @@ from bgmodel.integrators.deciding import (
     HIGHEST,
     LOWEST,
     decide_at_thresholds,
-    is_noisy,
 )
 from bgmodel.support.checks import check_flag
 from bgmodel.support.reprs import Facts
@@ -64,7 +63,7 @@ def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -
     found : Tradeoff
         What it decided.
     """
-    if not is_noisy(model):
+    if not model.engine.noisy:
         return found
     seed = int(stream(model.seed or 0, OTHER_NOISE).integers(2**31))
     again = replace(model, seed=seed)

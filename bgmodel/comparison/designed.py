@@ -22,7 +22,6 @@ from bgmodel.deciding.decision import Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia, check_threshold
 from bgmodel.integrators.baselines import BASELINES
-from bgmodel.integrators.deciding import is_noisy
 from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import reals
@@ -173,7 +172,7 @@ def size(model: BasalGanglia, thresholds: Sequence[float], trials: int) -> tuple
 
     The arguments and what is raised are those of ``designed_circuit``.
     """
-    if not is_noisy(model):
+    if not model.engine.noisy:
         trials = 1
     elif trials < 2:
         raise InputError.of("trials", "must be at least 2 where there is noise", trials)

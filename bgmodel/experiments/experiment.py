@@ -41,7 +41,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.reprs import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials, trial_table
-from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
+from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError, user_level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,7 +106,7 @@ class Experiment(ExperimentRecord):
         Parameters
         ----------
         workers : int
-            Threads of the engines that can use several; they change no byte.
+            Threads of the engines that can use several; the results do not depend on them.
         given : Trials, optional
             What ``given()`` returned, where that was asked already.
 
@@ -138,9 +138,7 @@ class Experiment(ExperimentRecord):
         weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"))
         found: list[dict[str, Any]] = []
         trials = []
-        for name, condition, model in zip(
-            CONDITIONS, (control, manipulation), models, strict=False
-        ):
+        for (name, condition), model in zip(both.items(), models, strict=True):
             behaviour = condition.behaviour(model, evidence)
             _check_decided(name, behaviour, self.foreperiod_ms)
             found.append(behaviour.measures(weights))
@@ -154,10 +152,10 @@ class Experiment(ExperimentRecord):
                 f"{UNCHANGED}: the manipulation says nothing to the {self.engine} engine, or "
                 "nothing while a trial lasts; look at its units and times",
                 EditWarning,
-                stacklevel=2,
+                stacklevel=user_level(),
             )
         if said := uncalibrated(self, measures):
-            warnings.warn(said, CalibrationWarning, stacklevel=2)
+            warnings.warn(said, CalibrationWarning, stacklevel=user_level())
         whole = pd.concat(trials, ignore_index=True)
         return Outcome(self, given, tuple(models), measures, whole)
 
@@ -304,7 +302,7 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
     if against := behaviour.against_evidence():
         if condition == "control":
             raise ValueError(f"the control's {against}")
-        warnings.warn(f"the {condition}'s {against}", CalibrationWarning, stacklevel=3)
+        warnings.warn(f"the {condition}'s {against}", CalibrationWarning, stacklevel=user_level())
     decided = int((~missed).sum())
     if condition == "control" and decided < FEWEST_DECIDED:
         raise ValueError(
@@ -317,5 +315,5 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
             "times and criterion are those of these alone; give more readings (t_max) or a lower "
             "posterior",
             DeadlineWarning,
-            stacklevel=3,
+            stacklevel=user_level(),
         )

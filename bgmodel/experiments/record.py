@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from bgmodel.conditions import Observed
 from bgmodel.deciding.calibration import calibration
+from bgmodel.evidence import needed_truth
 from bgmodel.experiments.predictions import (
     Effect,
     Prediction,
@@ -17,9 +17,6 @@ from bgmodel.stimuli import Stimuli
 from bgmodel.tables.trials import Trials
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError
-
-if TYPE_CHECKING:
-    pass
 
 MANY_MISSED = 0.05
 """Share of trials without a decision in time above which a run warns of it."""
@@ -108,10 +105,9 @@ class ExperimentRecord(Observed):
         """Return the evidence with the names of its hypotheses and a table's own columns."""
         found = self.drawn("experiment")
         drawn = found.evidence
-        if drawn.truth is None:
-            raise InputError("an experiment counts errors: its evidence needs the truth", "truth")
+        truth = needed_truth(drawn)
         self._check_truth(drawn.hypotheses)
-        return found if self.truth is None else found.where(drawn.truth == self.truth)
+        return found if self.truth is None else found.where(truth == self.truth)
 
     def _check_truth(self, hypotheses: int) -> None:
         if self.truth is not None and self.truth not in range(hypotheses):

@@ -11,7 +11,7 @@ from bgmodel.deciding.calibration import posterior_at
 from bgmodel.deciding.decision import any_crossing
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import (
     BATCH,
     NOISE_SHARE,
@@ -89,16 +89,11 @@ def without_noise_alone(
     Above them noise decides: in more than ``NOISE_SHARE`` of trials it crosses them within half a
     second without evidence.
     """
-    if not (model.engine.threaded and is_noisy(model)):
+    if not (model.engine.threaded and model.engine.noisy):
         return thresholds
     lowest = model.out_at_rest().min(axis=(1, 2))
     share = (lowest[:, None] <= thresholds).mean(axis=0)
     return np.asarray(thresholds[share <= NOISE_SHARE])
-
-
-def is_noisy(model: BasalGanglia) -> bool:
-    """Whether a second seed would change what a circuit does."""
-    return model.engine.noisy
 
 
 def decide_at_thresholds(
@@ -135,7 +130,7 @@ def decide_at_thresholds(
         # Where OUT rests may be what is asked for; what is never read is no answer.
         check_threshold(model.circuit, float(np.max(thresholds)))
     in_nats = model.circuit.unit == NATS
-    decodes = in_nats and is_noisy(model) and decoder_tau_ms is not None
+    decodes = in_nats and model.engine.noisy and decoder_tau_ms is not None
     whole, lowest = model, float(np.min(thresholds))
     model = model.until(lowest - (BELOW_NATS if decodes else ROUNDING_NATS), rates=decodes)
     found: dict[str, Tradeoff] = {}
@@ -186,8 +181,7 @@ def behaviour_of(
     ValueError
         If the evidence does not fit the circuit, or a run is impossible (its rates run away).
     """
-    if evidence.truth is None:
-        raise InputError("errors are counted: the evidence needs the truth of each trial", "truth")
+    needed_truth(evidence)
     decision = model.decided(evidence, threshold_nats)
     posterior = posterior_at(evidence, decision.time_ms, decision.choice)
     if evidence.foreperiod_steps:

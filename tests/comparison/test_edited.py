@@ -20,7 +20,6 @@ from bgmodel.integrators.deciding import (
     CIRCUIT,
     DECODER,
     decide_at_thresholds,
-    is_noisy,
     sample_ms,
     thresholds_about,
     without_noise_alone,
@@ -275,7 +274,7 @@ def test_only_noise_keeps_thresholds_away_from_rest(monkeypatch, engine, options
     rest[:20, 1, 0], rest[20, 2, 1] = 0.5, 0.6
     monkeypatch.setattr(BasalGanglia, "out_at_rest", lambda self: rest)
     model = replace(QUICK, engine=engine_of(engine, **options))
-    assert is_noisy(model) == noisy
+    assert model.engine.noisy == noisy
     levels = np.array([0.9, 0.6, 0.55, 0.5, 0.3])
     kept = without_noise_alone(model, levels).tolist()
     assert kept == ([0.55, 0.5, 0.3] if noisy else levels.tolist())
