@@ -187,7 +187,7 @@ class Condition(Setup):
         return self.task.draw(self.seed, name)
 
     def threshold_at(self, hypotheses: int) -> float:
-        """Return the output (OUT) at which the circuit decides among so many alternatives."""
+        """Return the output (OUT) at which the circuit decides, for a number of alternatives."""
         if self.threshold is not None:
             return self.threshold
         posterior = POSTERIOR if self.posterior is None else self.posterior
@@ -232,7 +232,7 @@ class Condition(Setup):
         Parameters
         ----------
         control : Condition, optional
-            That with which this one is compared; itself without edits unless given.
+            The condition with which this one is compared; by default, this one without its edits.
         """
         from bgmodel.integrators.basal_ganglia import check_conditions, gain_of
 

@@ -52,7 +52,7 @@ def msprt_tradeoffs(evidence: Evidence, gain: float) -> dict[str, Tradeoff]:
 
 
 def warn_of_calibration_of(test: Tradeoff, evidence: Evidence, accuracies: Sequence[float]) -> None:
-    """Hold the test's posteriors at the most accurate of the asked thresholds to the truth."""
+    """Warn if the test's posteriors do not match accuracy at the highest accuracy requested."""
     if evidence.truth is not None:
         k = int(np.argmin(np.abs(test.settings - test.setting(max(accuracies)))))
         warn_of_calibration(test.posterior[k], test.choice[k] == evidence.truth)

@@ -30,7 +30,7 @@ CONDITIONS = ("control", "manipulation", "change")
 
 @dataclass(frozen=True)
 class Changes:
-    """What a condition changes; nothing unless it is given."""
+    """What a condition changes: edits of the circuit, and its stopping posterior."""
 
     edits: Edits = field(default_factory=Edits)
     """Differences from the table, one line each."""
