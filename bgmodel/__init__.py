@@ -35,9 +35,9 @@ from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.sprt import (
     Msprt,
     Sprt,
-    criterion_from_gap,
-    criterion_from_posterior,
-    threshold_from_gap,
+    msprt_threshold_from_gap,
+    sprt_threshold_from_gap,
+    threshold_from_posterior,
 )
 from bgmodel.support.seeds import stream
 from bgmodel.version import __version__
@@ -87,18 +87,18 @@ __all__ = [
     "Trace",
     "__version__",
     "compare",
-    "criterion_from_gap",
-    "criterion_from_posterior",
     "engines",
     "first_crossing",
     "fit",
     "gaussian_evidence",
     "load_circuit",
+    "msprt_threshold_from_gap",
     "read_choices",
     "read_evidence",
+    "sprt_threshold_from_gap",
     "stream",
     "tally",
-    "threshold_from_gap",
+    "threshold_from_posterior",
 ]
 
 if not TYPE_CHECKING:  # mypy would take any name for one that is there

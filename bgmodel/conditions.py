@@ -14,7 +14,7 @@ import numpy as np
 
 from bgmodel import names
 from bgmodel.evidence import needed_truth
-from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stimuli import Stimuli
 from bgmodel.support import toml_files
@@ -191,7 +191,7 @@ class Condition(Setup):
         if self.threshold is not None:
             return self.threshold
         posterior = POSTERIOR if self.posterior is None else self.posterior
-        return float(criterion_from_posterior(posterior, hypotheses))
+        return float(threshold_from_posterior(posterior, hypotheses))
 
     @property
     def stopping_posterior(self) -> float | None:

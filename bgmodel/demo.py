@@ -11,7 +11,7 @@ import pandas as pd
 from bgmodel.deciding.decision import Decision, Trace, first_crossing
 from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.integrators.sprt import Msprt, criterion_from_posterior
+from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from bgmodel.plots import channel_lines, raster
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
@@ -118,7 +118,7 @@ def demo(seed: int = 1, alternatives: int = 3) -> Demo:
         "circuit": model.trace(activity, evidence),
         "MSPRT": Msprt(model.gain).run(evidence),
     }
-    criterion = criterion_from_posterior(POSTERIOR, alternatives)
+    criterion = threshold_from_posterior(POSTERIOR, alternatives)
     decisions = {
         name: first_crossing(trace, float(criterion), forced=False)
         for name, trace in traces.items()

@@ -339,8 +339,8 @@ def gaussian_evidence(
     step_ms : float
         Time between readings, ms.
     conflict : float
-        How far one rival rises towards the truth: 0 as the others, 1 level. The likelihoods do not
-        know of it.
+        How far one competitor rises towards the truth: 0 no further than the others, 1 level. The
+        likelihoods do not know of it.
     seed : int or numpy.random.Generator
         The source of all random numbers.
 
@@ -391,8 +391,8 @@ def separated_evidence(
     step_ms : float
         Time between readings, ms.
     conflict : float
-        Mean of one rival, the channel after the true one, as a fraction of the true one's. The
-        likelihoods do not know of it: they stay those of the problem without a rival, so what
+        Mean of one competitor, the channel after the true one, as a fraction of the true one's. The
+        likelihoods do not know of it: they stay those of the problem without a competitor, so what
         they say is then too sure. What all channels share changes nothing and is left out.
     """
     trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)

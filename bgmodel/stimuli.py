@@ -35,7 +35,8 @@ class Stimuli:
     """Separation of the Gaussian evidence a reading: of two hypotheses, in standard deviations of
     their difference."""
     conflict: float = 0.0
-    """How far one rival rises towards the truth in Gaussian evidence: 0 as the others, 1 level."""
+    """How far one competitor rises towards the truth in Gaussian evidence: 0 no further than the
+    others, 1 level."""
     period_mm: float = 2.0
     """Period of the tactile grating, mm."""
     fold: int = 0

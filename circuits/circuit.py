@@ -151,7 +151,7 @@ class Circuit(EditableTable):
         added, keep_rest = edits.of("add"), bool(edits.of("keep"))
         if keep_rest and not added:
             raise InputError("'keep rest' is for rows that are added: add one", "edits")
-        circuit = self._called(edits.of("neurons", "connections", "spread"))
+        circuit = self._called(edits.of("neurons", "connections", "heterogeneity"))
         circuit = circuit.add(*(str(edit.value) for edit in added), keep_rest=keep_rest)
         circuit = circuit._set(edits.of("set"))
         circuit = circuit._called(edits.of("lesion", "clamp", "cut", "scale", "dopamine"))

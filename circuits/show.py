@@ -45,13 +45,13 @@ def nuclei(circuit: CircuitTable, resting: Mapping[str, float]) -> pd.DataFrame:
             f"bias_{circuit.unit}": p.bias_nats,
             "tau_ms": p.tau_ms,
             "receptor": p.receptor,
-            "spread": p.spread,
+            "heterogeneity": p.heterogeneity,
             "intact": _intact(p),
             "source": p.cite or ASSUMED,
         }
         for p in circuit.populations
     ]
-    return _dropping(pd.DataFrame(rows), receptor="", spread=0.0, intact="1")
+    return _dropping(pd.DataFrame(rows), receptor="", heterogeneity=0.0, intact="1")
 
 
 def pathways(circuit: CircuitTable) -> pd.DataFrame:
@@ -129,8 +129,8 @@ def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
     )
     gain = circuit.default_gain
     lead = (
-        f"; follows a lead of up to {circuit.most_lead_nats:g} {circuit.unit} of drive per 100 ms"
-        if math.isfinite(circuit.most_lead_nats)
+        f"; follows a lead of up to {circuit.max_lead_nats:g} {circuit.unit} of drive per 100 ms"
+        if math.isfinite(circuit.max_lead_nats)
         else ""
     )
     default = "no default gain" if gain is None else f"default gain {gain:g} per nat of evidence"
@@ -160,10 +160,10 @@ def _off(circuit: CircuitTable) -> str:
         return ""
     try:
         low, high = off_nats(circuit)
-        text = f"all rivals level {low:+.3f} to {high:+.3f}"
+        text = f"all competitors level {low:+.3f} to {high:+.3f}"
         if circuit.channels > 2:
             low, high = off_nats(circuit, 1)
-            text += f", one rival and the others far behind {low:+.3f} to {high:+.3f}"
+            text += f", one competitor and the others far behind {low:+.3f} to {high:+.3f}"
     except ValueError as error:
         text = f"not known ({error})"
     return f"\nOUT - (-ln P) at the fixed point, where it is read, nats: {text}"
@@ -184,7 +184,11 @@ def _drive(circuit: CircuitTable) -> str:
     """Return what a channel is driven by."""
     if not circuit.centred:
         return "each channel driven by its own evidence"
-    apart = "" if math.isinf(circuit.reach_nats) else f", at most {circuit.reach_nats:g} apart"
+    apart = (
+        ""
+        if math.isinf(circuit.max_deficit_nats)
+        else f", at most {circuit.max_deficit_nats:g} apart"
+    )
     return f"drives less their mean over channels{apart}"
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bgmodel import Sprt, stream, threshold_from_gap
+from bgmodel import Sprt, sprt_threshold_from_gap, stream
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward, reward_of
 from bgmodel.learning.gap import fold_sources, search_folds
@@ -48,7 +48,9 @@ def dots(settings: Settings, taps: Path, *, output: Path) -> None:
         rng = stream(settings.seed, "dots", period)
         evidence = fold_sources(table, period)[0].draw(DOTS, settings.t_max, rng=rng)
         gaps = rng.uniform(0, 8, DOTS)
-        decision = crossing_of_each(Sprt().run(evidence), threshold_from_gap(gaps), checked=False)
+        decision = crossing_of_each(
+            Sprt().run(evidence), sprt_threshold_from_gap(gaps), checked=False
+        )
         assert evidence.truth is not None
         rewards = reward(decision, evidence.truth, settings.xi)
         parts.append(pd.DataFrame({"period_mm": period, "delta": gaps, "reward": rewards}))

@@ -1,4 +1,4 @@
-"""Figure A2: conflict: a rival with nearly the evidence of the true channel, and what STN shows."""
+"""Figure A2: conflict, a competitor with nearly the evidence of the true channel, and STN."""
 
 from __future__ import annotations
 
@@ -118,12 +118,12 @@ def rise(
     window = (time_ms >= WINDOW_MS[0]) & (time_ms <= WINDOW_MS[1])
     rows = []
     for nucleus in NUCLEI:
-        plain, with_rival = (one[nucleus] for one in found)
-        means = [weights @ hz[:, window].mean(axis=1) / trials for hz in (plain, with_rival)]
+        plain, with_competitor = (one[nucleus] for one in found)
+        means = [weights @ hz[:, window].mean(axis=1) / trials for hz in (plain, with_competitor)]
         pairs = [(np.nan, np.ptp(WINDOW_MS), *means)]
         if nucleus == "STN" and d_prime == 1:
             for mean_ms in (SAMPLE_MS, STEP_MS):
-                pairs += course(plain, with_rival, weights, mean_ms)
+                pairs += course(plain, with_competitor, weights, mean_ms)
         for t, mean_ms, before, after in pairs:
             ends = interval(100 * (after / before - 1))
             rows.append((name, engine, d_prime, nucleus, t, mean_ms, *ends, before[0], after[0]))
@@ -134,14 +134,14 @@ def rise(
 
 def course(
     plain: npt.NDArray[np.float64],
-    with_rival: npt.NDArray[np.float64],
+    with_competitor: npt.NDArray[np.float64],
     weights: npt.NDArray[np.float64],
     mean_ms: float,
 ) -> list[tuple[float, float, npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
     """Return the middle of each span, its length, and both rates for weights of trials (B,)."""
     pairs = []
     for k, first in enumerate(range(0, plain.shape[1], per := round(mean_ms / SAMPLE_MS))):
-        means = [hz[:, first : first + per].mean(axis=1) for hz in (plain, with_rival)]
+        means = [hz[:, first : first + per].mean(axis=1) for hz in (plain, with_competitor)]
         both = [weights @ hz / len(hz) for hz in means]
         pairs.append(((k + 0.5) * mean_ms, mean_ms, *both))
     return pairs

@@ -66,9 +66,9 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
         swept = msprt_tradeoffs(evidence, gain)
         swept |= decide_at_thresholds(model, evidence, thresholds_about(swept[MSPRT_AT_GAIN]))
-        for label, rival in (("race", Race()), ("max vs average", MaxVsAverage())):
+        for label, baseline in (("race", Race()), ("max vs average", MaxVsAverage())):
             if name in ("N = 4", "N = 8"):
-                swept[label] = tradeoff(rival.run(evidence), evidence)
+                swept[label] = tradeoff(baseline.run(evidence), evidence)
         for label in (CIRCUIT, DECODER):
             found = matched_measures(
                 swept[MSPRT_AT_GAIN],

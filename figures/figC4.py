@@ -76,7 +76,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
     table = load_circuit(DEFAULT, 4)
     edited = {
         "Poisson cortex": table.with_cell("ctx", cv=1.0),
-        "cells alike": table.with_spread(0.0),
+        "cells alike": table.with_heterogeneity(0.0),
         "shared noise .05 nats": correlated(table, 0.05),
         "shared noise .1 nats": correlated(table, 0.1),
         "GPe at its rest": table.clamp("GPe"),

@@ -11,7 +11,12 @@ from matplotlib.figure import Figure
 
 from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.integrators.basal_ganglia import gain_of
-from bgmodel.learning.dopamine import THRESHOLD_NATS, criterion, levels_between, working_range
+from bgmodel.learning.dopamine import (
+    THRESHOLD_NATS,
+    levels_between,
+    stopping_posterior,
+    working_range,
+)
 from bgmodel.learning.dopamine_levels import levels_against_msprt
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
@@ -73,12 +78,12 @@ def _map(ax: Axes, rows: pd.DataFrame, channels: int, colour: str) -> None:
     table = load_circuit(DEFAULT, channels)
     low, high = working_range(table, THRESHOLD_NATS)
     levels = levels_between(low * 1.001, high * 0.999, 24)
-    exact = [criterion(table, level, THRESHOLD_NATS, gain_of(table)) for level in levels]
+    exact = [stopping_posterior(table, level, THRESHOLD_NATS, gain_of(table)) for level in levels]
     ax.plot(
         levels, exact, lw=0.8, color=colour, label=f"N = {channels}: fixed point (a), MSPRT (b)"
     )
     for engine, mark, name in ENGINES:
-        points = _points(rows, engine, "criterion")
+        points = _points(rows, engine, "mean_posterior")
         off = [points["value"] - points["low"], points["high"] - points["value"]]
         ax.errorbar(
             points.index,
@@ -99,14 +104,14 @@ def _tradeoff(ax: Axes, rows: pd.DataFrame, colour: str) -> None:
     line = rows[(rows["measure"] == "curve") & (rows["reference"] == MSPRT)]
     ax.plot(line["value"] / 1000, line["level"], lw=0.8, color=colour)
     for engine, mark, _ in ENGINES:
-        time, known = (_points(rows, engine, name) for name in ("mean_ms", "criterion"))
+        time, known = (_points(rows, engine, name) for name in ("mean_ms", "mean_posterior"))
         face = colour if mark == "s" else "w"
         ax.plot(time["value"] / 1000, known["value"], mark, ms=3, color=colour, mfc=face)
 
 
 def _gap(ax: Axes, rows: pd.DataFrame, colour: str) -> None:
     for engine, mark, _ in ENGINES:
-        gap, known = (_points(rows, engine, name) for name in ("accuracy_gap", "criterion"))
+        gap, known = (_points(rows, engine, name) for name in ("accuracy_gap", "mean_posterior"))
         off = [gap["value"] - gap["low"], gap["high"] - gap["value"]]
         face = colour if mark == "s" else "w"
         ax.errorbar(

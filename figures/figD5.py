@@ -22,7 +22,7 @@ from matplotlib.patches import Patch
 from scipy.signal import welch
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
-from bgmodel.learning.dopamine import THRESHOLD_NATS, criterion, working_range
+from bgmodel.learning.dopamine import THRESHOLD_NATS, stopping_posterior, working_range
 from bgmodel.support.files import read_table, write_table
 from circuits.activity import Activity
 from circuits.anatomy import DEFAULT, load_circuit
@@ -82,7 +82,11 @@ def measured(activity: Activity) -> Iterator[dict[str, object]]:
     for name in MSN:
         each = np.asarray(activity.rates_hz[name], np.float64)[:, late].mean(axis=1)
         yield {"measure": "rate", "nucleus": f"{name} leader", **_interval(each[:, 0])}
-        yield {"measure": "rate", "nucleus": f"{name} rival", **_interval(each[:, 1:].mean(axis=1))}
+        yield {
+            "measure": "rate",
+            "nucleus": f"{name} competitor",
+            **_interval(each[:, 1:].mean(axis=1)),
+        }
 
 
 def _interval(each: np.ndarray) -> dict[str, float]:
@@ -110,8 +114,8 @@ def closed(table: Circuit) -> pd.DataFrame:
                     ("power", name, *pair, level, of) for pair in zip(FOUND_HZ, power, strict=True)
                 ]
         inside, gain = low < level < high, gain_of(table)
-        posterior = criterion(table, level, THRESHOLD_NATS, gain) if inside else np.nan
-        rows.append(("criterion", "", low, posterior, level, ""))
+        posterior = stopping_posterior(table, level, THRESHOLD_NATS, gain) if inside else np.nan
+        rows.append(("stopping_posterior", "", low, posterior, level, ""))
         root = turning(edited)
         rows.append(("growth", "", root.imag, root.real, level, ""))
     names = ["measure", "nucleus", "at", "value", "level", "drive"]
@@ -155,7 +159,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     ):
         _spectra(ax, table[table["nucleus"] == nucleus])
         letter(ax, title)
-    lowest = float(table.loc[table["measure"] == "criterion", "at"].iloc[0])
+    lowest = float(table.loc[table["measure"] == "stopping_posterior", "at"].iloc[0])
     _power(axes[0, 2], table[table["measure"] == "band"])
     _striatum(axes[1, 0], table[table["measure"] == "rate"])
     for ax in (axes[0, 2], axes[1, 0]):
@@ -246,7 +250,7 @@ def _key(table: pd.DataFrame) -> list[Line2D | Patch]:
     """Return the levels with the posterior at which each decides, and the marks."""
     known, growth = (
         table[table["measure"] == name].set_index("level")["value"]
-        for name in ("criterion", "growth")
+        for name in ("stopping_posterior", "growth")
     )
     handles: list[Line2D | Patch] = []
     for level, colour in COLOUR.items():

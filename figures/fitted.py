@@ -18,7 +18,7 @@ import pandas as pd
 from bgmodel import first_crossing, stream
 from bgmodel.deciding.decision import Trace
 from bgmodel.fitting.circuit import NOISE_NATS
-from bgmodel.fitting.criteria import CRITERIA
+from bgmodel.fitting.mechanisms import MECHANISMS
 from bgmodel.fitting.responses import BIN_S
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Array, Integers
@@ -68,7 +68,7 @@ def fitted_table(model: str, values: dict[str, float]) -> Circuit:
     table = load_circuit(DEFAULT, 2)
     if model != ONSET:
         return table
-    return CRITERIA["onset_stn"].apply(table, (values["onset_nats"], values["decay_ms"]))
+    return MECHANISMS["onset_stn"].apply(table, (values["onset_nats"], values["decay_ms"]))
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,9 @@ def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_re
     assert [path.name for path in here.iterdir()] == ["mine.toml"]
 
 
-@pytest.mark.parametrize("command", [("circuit", "run"), ("compare",), ("circuit", "lesion")])
+@pytest.mark.parametrize(
+    "command", [("circuit", "run"), ("compare",), ("circuit", "compare-edits")]
+)
 def test_a_file_runs_as_the_table_that_it_was_written_from(here, command):
     table_files.write(anatomy.spiking_msprt(2), "mine.toml")
     edit = ["lesion STN 20%"] if command[-1] == "lesion" else []
@@ -148,7 +150,7 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
 @pytest.mark.parametrize(
     "command",
     [("circuit", "show"), ("circuit", "run", "a.csv"),
-     ("circuit", "lesion", "a.csv", "lesion STN 20%"),
+     ("circuit", "compare-edits", "a.csv", "lesion STN 20%"),
      ("circuit", "learn", "a.csv"), ("compare", "a.csv")],
 )  # fmt: skip
 @pytest.mark.parametrize(

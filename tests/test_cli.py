@@ -251,7 +251,7 @@ def numbers(options):
             f"step_ms=50 {EXPECTED} workers=2 spike_trials=10",
         ),
         (
-            "circuit lesion a.csv",
+            "circuit compare-edits a.csv",
             f"seed=0 {MANY} {EXPECTED} accuracies=0.9,0.95,0.97 workers=2",
         ),
         ("circuit designed", "seed=0 thresholds=0.35,0.25,0.15 trials=200 workers=2"),

@@ -217,7 +217,7 @@ def in_plain(circuit):
         TABLE,
         LOST,
         anatomy.macaque(3).with_neurons(20).add(*COURSES),
-        TABLE.add(*COURSES).clamp("GPe", 0.3).with_spread(0.1),
+        TABLE.add(*COURSES).clamp("GPe", 0.3).with_heterogeneity(0.1),
     ],
     ids=["as it is", "one channel", "courses at terminals", "courses and a lesion"],
 )
@@ -250,7 +250,7 @@ def edited(number):
         circuit.add(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
         circuit.clamp("STN", 0.4),
         circuit.with_population("STN", cell=Phase(0.9)),
-        circuit.with_spread(0.2),
+        circuit.with_heterogeneity(0.2),
     ][number % 4]
 
 

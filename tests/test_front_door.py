@@ -141,7 +141,7 @@ def decided(*thresholds, **options):
         (lambda: bg.BasalGanglia("macaque", "algebra").run("ev.csv"), "evidence"),
         (lambda: bg.BasalGanglia("macaque").activity("ev.csv"), "evidence"),
         (lambda: bg.Sweep.from_toml(None), "file"),
-        (lambda: fitted(hold="lapse=0.02"), 'hold .*{"lapse": 0.02}'),
+        (lambda: fitted(fix="lapse=0.02"), 'fix .*{"lapse": 0.02}'),
         (lambda: fitted(vary={"drift": "coherence"}), "vary .*'drift'"),
         (lambda: fitted(TRIALS.rename(columns={"response": "correct"})), "response .*rename it"),
         (lambda: decided(posterior=0.8, forced="no"), "forced"),

@@ -33,7 +33,7 @@ def test_one_more_is_refused_with_the_number(name, tmp_path, monkeypatch, capsys
     for command in (
         ["circuit", "run", "a.csv"],
         ["compare", "a.csv"],
-        ["circuit", "lesion", "a.csv"],
+        ["circuit", "compare-edits", "a.csv"],
     ):
         assert run(*command, "--circuit", name, "--channels", most + 1) == 2
         assert capsys.readouterr().err.strip() == f"bgmodel: {said}"

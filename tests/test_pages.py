@@ -28,7 +28,7 @@ PARSED = {
     "bgmodel figures": "figures take an hour",
     "bgmodel train my_taps": "it needs recordings",
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
-    "bgmodel circuit lesion": "it runs three edited circuits on 1 000 trials",
+    "bgmodel circuit compare-edits": "it runs three edited circuits on 1 000 trials",
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel experiment stn_conflict outcome": "2 000 trials; mine.toml runs 200",
     "bgmodel experiment lesion.toml outcome": "the same; the next line runs it by populations",

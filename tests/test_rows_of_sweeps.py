@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import behaviour_of
-from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.stimuli import Stimuli
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
@@ -150,7 +150,7 @@ def test_every_row_is_a_single_run_with_exactly_what_it_names(drawn):
     ):
         assert digest(found.edited) == digest(table)
         assert gain_of(found.edited, found.gain) == gain
-        assert found.threshold_nats == criterion_from_posterior(posterior, task.channels)
+        assert found.threshold_nats == threshold_from_posterior(posterior, task.channels)
         assert (found.seed, found.task) == (seed, task)
         assert found.engine == (base | point).get("engine", "population")
 
@@ -171,7 +171,7 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
     found, _ = shards.read(setting, tmp_path)
     table, gain, posterior, _, _ = single(base | same | point)
     model = BasalGanglia(table, Population(rates=False), gain, setting.block_seed(0))
-    threshold = float(criterion_from_posterior(posterior))
+    threshold = float(threshold_from_posterior(posterior))
     want = behaviour_of(model, setting.block(0, 20).evidence, threshold, 500.0)
     assert np.array_equal(found.decision.choice, want.decision.choice)
     assert np.array_equal(found.decision.time_ms, want.decision.time_ms)

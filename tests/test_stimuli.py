@@ -12,7 +12,7 @@ from bgmodel.stimuli import Stimuli, circuit_seen_from, seen_from
 from tests.helpers import refused
 
 
-def test_a_rival_rises_and_nothing_else():
+def test_a_competitor_rises_and_nothing_else():
     """Means of the readings: the true channel's, its fraction in the next one, 0 in the others."""
     given = {"rng": stream(1, "r"), "hypotheses": 4}
     drawn = separated_evidence(4000, 5, 0.8, conflict=0.5, **given)

@@ -27,7 +27,7 @@ def test_what_needs_nats_is_refused_without_them():
         lambda: correlated(circuit, 0.1),
         lambda: dopamine.decided_out(circuit, 1.0, 1.0),
         lambda: dopamine.working_range(circuit, 0.1),
-        lambda: dopamine.criterion(circuit, 1.0, 0.1, 1.0),
+        lambda: dopamine.stopping_posterior(circuit, 1.0, 0.1, 1.0),
         lambda: dopamine.usable_range(BasalGanglia(circuit, "algebra", 1.0), 0.1),
     ):
         with pytest.raises(ValueError, match=r"gpr works in salience, not nats: .* has no meaning"):
@@ -52,7 +52,8 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
     task = ["--circuit", "gpr", "--engine", "rate", "--gain", "0.1", "--trials", "100"]
     at = ["--accuracies", "0.9", "0.97"]
     assert (
-        main(["circuit", "lesion", str(path), "lesion STN 50%", *task, "--t-max", "20", *at]) == 0
+        main(["circuit", "compare-edits", str(path), "lesion STN 50%", *task, "--t-max", "20", *at])
+        == 0
     )
     said = capsys.readouterr().err
     assert "gpr works in salience, not nats: its thresholds are in salience" in said
@@ -82,7 +83,10 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
             ["run", "a.csv", "--gain", "1", "--threshold", "-1"],
             "reads no OUT below 0 salience; the",
         ),
-        (["learn", "a.csv", "--gain", "1"], "a criterion that dopamine sets has no meaning"),
+        (
+            ["learn", "a.csv", "--gain", "1"],
+            "a stopping posterior that dopamine sets has no meaning",
+        ),
     ],
 )
 def test_the_command_says_what_saliences_do_not_have(command, says, tmp_path, monkeypatch, capsys):

@@ -24,6 +24,7 @@ from benchmarks.scores import (
     raw,
     recovery,
     sensitivity,
+    stimulation,
     worst,
 )
 from benchmarks.scores.pieces import main
@@ -40,6 +41,7 @@ MODULES = (
     experiments,
     posteriors,
     fits,
+    stimulation,
     conflict,
     recovery,
     sensitivity,

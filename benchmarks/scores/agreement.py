@@ -55,8 +55,8 @@ MORE_TRIALS = {
     "4 orientations, 2 mm": 5000,
 }
 """Where the correlation of times is near what is asked: 2 000 trials know it to +-.03."""
-RIVALLED = "Gaussian, d' 0.5"
-"""Evidence on which the rivals' loss of accuracy is shown."""
+WITH_BASELINES = "Gaussian, d' 0.5"
+"""Evidence on which the baselines' loss of accuracy is shown."""
 Draw = Callable[..., Evidence]
 
 
@@ -134,7 +134,7 @@ def conditions(fast: bool = False, trials: int | None = None) -> Iterator[Condit
         yield one("", table, many)
         if kind.name.startswith("Gaussian, d' 0.5") and kind.channels < 8:
             yield one(", Poisson cortex", table.with_cell("ctx", cv=1.0), usual)
-            apart = table.with_spread(0.1).with_connections(0.25)
+            apart = table.with_heterogeneity(0.1).with_connections(0.25)
             yield one(", 10 % spread, 25 % connections", apart, usual, times=4)
             # What the levels of dopamine take for the non-decision time.
             if gain_of(table) != GAIN:
@@ -181,9 +181,9 @@ def decisions(condition: Condition, workers: int) -> pd.DataFrame:
     evidence = condition.draw()
     engine = Ensemble(workers=workers, sample_ms=sample_ms(evidence.step_ms))
     model = BasalGanglia(condition.table, engine, condition.gain, SCORING_SEED)
-    rivals = baselines_on(zero_is_nothing=condition.name.startswith("Gaussian"))
+    baselines = baselines_on(zero_is_nothing=condition.name.startswith("Gaussian"))
     found = compare(
-        model, evidence, seed=SCORING_SEED, baselines=rivals, groups=groups(condition)
+        model, evidence, seed=SCORING_SEED, baselines=baselines, groups=groups(condition)
     ).table
     known = {"evidence": condition.name, "trials": condition.trials, "gain": condition.gain}
     return found.assign(**known, channels=condition.table.channels)
@@ -197,7 +197,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return decisions at equal accuracy, extra time as a line, and the rivals' loss."""
+    """Return decisions at equal accuracy, extra time as a line, and the baselines' loss."""
     found = made["decisions"]
     own = found[found["reference"] == MSPRT_AT_GAIN]
     own = own.assign(
@@ -209,12 +209,12 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     shown += ["within_50_ms_chance", "extra_ms", "decoder_pearson_r"]
     at = own[own["accuracy"].notna() & own["measure"].isin(shown)]
     gaps = found[(found["reference"] == MSPRT) & (found["measure"] == "accuracy_gap")]
-    gaps = gaps[gaps["evidence"].str.fullmatch(rf"{RIVALLED}, N = \d+")]
+    gaps = gaps[gaps["evidence"].str.fullmatch(rf"{WITH_BASELINES}, N = \d+")]
     gaps = gaps[gaps["model"].isin([CIRCUIT, *BASELINES])]
     return {
         "decisions": ("decisions", wide(at, [*by, "accuracy"])),
         "lines": ("decisions", wide(lines, by)),
-        "rivals": ("decisions", wide(gaps, ["channels", "trials", "accuracy", "model"])),
+        "baselines": ("decisions", wide(gaps, ["channels", "trials", "accuracy", "model"])),
     }
 
 

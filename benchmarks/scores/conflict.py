@@ -17,16 +17,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
-from benchmarks.scores.fits import (
-    COARSE_TRIALS,
-    FEWER,
-    MOVES,
-    SLOW_NATS,
-    TRIALS,
-    fitted_circuit,
-    stimulated,
-)
+from benchmarks.scores.fits import COARSE_TRIALS, FEWER, TRIALS, fitted_circuit
 from benchmarks.scores.pieces import Made, Piece, Score, main
+from benchmarks.scores.stimulation import LONGEST_S, MOVES, SLOW_NATS, STIMULATED, stimulated
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.record import Changes
 from bgmodel.fitting.design import design_of
@@ -43,8 +36,6 @@ DECISIONS, COARSE_DECISIONS = 10_000, 500
 SECONDS = 0.006
 """CPU time of a decision, about, in all conditions."""
 FITS_SECONDS = 150
-LONGEST_S = 5.0
-"""Length of a trial, s: as in the fits."""
 MEASURED = ("accuracy", "mean_ms")
 INTERACTION = "high less low"
 EXPERIMENTS = {"high": "stn_conflict", "low": "stn_no_conflict"}
@@ -53,9 +44,9 @@ EXPERIMENTS = {"high": "stn_conflict", "low": "stn_no_conflict"}
 
 def patients(trials: int) -> pd.DataFrame:
     """Return the fitted parameters of each patient, a column for each."""
-    whole = read_choices("cavanagh_2011", conditions=["conflict", "stimulation"])
-    criterion, vary = MOVES["stn_loss"]
-    model = fitted_circuit(criterion, trials, LONGEST_S, SLOW_NATS)
+    whole = read_choices("cavanagh_2011", conditions=STIMULATED)
+    mechanism, vary = MOVES["stn_loss"]
+    model = fitted_circuit(mechanism, trials, LONGEST_S, SLOW_NATS)
     rows = {}
     for who in whole.people():
         design = design_of(whole.where(whole.participant == who), ["conflict", "stimulation"])
@@ -84,7 +75,7 @@ def asked(numbers: pd.Series, conflict: str, trials: int) -> Experiment:
 
 def of_the_data() -> pd.DataFrame:
     """Return the mean changes by stimulation over patients, with 95 % intervals of t."""
-    choices = read_choices("cavanagh_2011", conditions=["conflict", "stimulation"])
+    choices = read_choices("cavanagh_2011", conditions=STIMULATED)
     table = pd.DataFrame(
         {"who": choices.participant, **choices.conditions, "accuracy": choices.response,
          "mean_ms": 1000 * choices.rt_s}

@@ -61,10 +61,10 @@ def controls(trials: int, workers: int) -> pd.DataFrame:
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(AT,))
     change = found[(found["kind"] == "change") & (found["variant"] != "intact")]
     tests = (tradeoff(one.run(evidence), evidence) for one in (Msprt(GAIN), MaxVsAverage()))
-    rival = matched_measures(*tests, rng=stream(SCORING_SEED, "bootstrap"), accuracies=(AT,))
+    other = matched_measures(*tests, rng=stream(SCORING_SEED, "bootstrap"), accuracies=(AT,))
     # Max-vs-average has no circuit to be held to: only its extra time says something.
-    rival = rival[rival["measure"] == "extra_ms"].assign(variant="max-vs-average beside the MSPRT")
-    return pd.concat([change, rival], ignore_index=True)
+    other = other[other["measure"] == "extra_ms"].assign(variant="max-vs-average beside the MSPRT")
+    return pd.concat([change, other], ignore_index=True)
 
 
 def noise() -> pd.DataFrame:

@@ -42,7 +42,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     rows = []
     index, found = ["channels", "engine", "level"], made["levels"]
     by = {name: part.set_index(index) for name, part in found.groupby("measure")}
-    known = by["criterion"]["value"]
+    known = by["mean_posterior"]["value"]
     known = known[by["premature"]["value"].loc[known.index] <= NOISE]
     at: Any
     for at, part in known.groupby(level=[0, 1], sort=False):

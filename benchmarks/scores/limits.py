@@ -73,7 +73,7 @@ def times(kind: Kind, trials: int, workers: int) -> pd.DataFrame:
             seed=SCORING_SEED,
             baselines=(),
             groups=groups_of(kind.name, trials),
-            ceiling=case == AS_IT_IS,
+            noise_ceiling=case == AS_IT_IS,
         ).table
         parts.append(found.assign(case=case))
     return pd.concat(parts, ignore_index=True).assign(evidence=kind.name)

@@ -38,7 +38,7 @@ SCORING_SEED, TUNING_SEED = 76_001, 76_002
 """Of the trials, and of those on which gains are chosen."""
 D_PRIME, STEP_MS, READINGS = 0.5, 50.0, 120
 CONFLICT = 0.7
-"""Mean of one rival, as a fraction of the true channel's."""
+"""Mean of one competitor, as a fraction of the true channel's."""
 ACCURACY = 0.9
 """Circuits are compared with the MSPRT, and edited, at the threshold of this accuracy."""
 DESIGNED_AT = (0.85, 0.9)
@@ -129,7 +129,7 @@ NOTHING, WITHOUT, NEVER = "nothing to change", "decides without evidence", "does
 
 
 def drawn(alternatives: int, conflict: float, trials: int, seed: int = SCORING_SEED) -> Evidence:
-    """Draw the problem; conflict raises the mean of one rival and changes no noise."""
+    """Draw the problem; conflict raises the mean of one competitor and changes no noise."""
     return separated_evidence(
         trials,
         READINGS,
@@ -175,7 +175,7 @@ def decisions(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
     model, _ = tuned(entrant, alternatives)
     evidence = drawn(alternatives, 0.0, trials)
     found = compare(
-        model, evidence, seed=SCORING_SEED, baselines=(), accuracies=(ACCURACY,), ceiling=True
+        model, evidence, seed=SCORING_SEED, baselines=(), accuracies=(ACCURACY,), noise_ceiling=True
     ).table
     row: dict[str, Any] = {"gain": model.gain}
     of = found[(found["model"] == CIRCUIT) & (found["accuracy"] == ACCURACY)]

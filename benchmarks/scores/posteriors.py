@@ -17,7 +17,7 @@ from bgmodel import stream
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
-from bgmodel.integrators.sprt import criterion_from_posterior
+from bgmodel.integrators.sprt import threshold_from_posterior
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Population
@@ -65,7 +65,7 @@ def behaviour(trials: int, workers: int) -> pd.DataFrame:
             table, Population(workers=workers), gain_of(load_circuit(DEFAULT)), SCORING_SEED
         )
         found = decide_at_thresholds(
-            model, evidence, criterion_from_posterior(asked), decoder_tau_ms=None
+            model, evidence, threshold_from_posterior(asked), decoder_tau_ms=None
         )[CIRCUIT]
         for k, out_nats in enumerate(found.settings):
             decided = ~found.forced[k]

@@ -54,7 +54,7 @@ def decisions(
         drawn(kind, trials, step_ms),
         seed=SCORING_SEED,
         baselines=(),
-        ceiling=not centred,
+        noise_ceiling=not centred,
         groups=groups_of(kind.name, trials),
         accuracies=accuracies,
     ).table
@@ -98,7 +98,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     beside = (*MEASURES, *(f"{name}_chance" for name in MEASURES), "agreement_corrected")
     kept = found[
         (found["reference"] == MSPRT_AT_GAIN)
-        & found["measure"].isin([*beside, "pearson_r_of_ceiling"])
+        & found["measure"].isin([*beside, "r_noise_corrected"])
     ]
     self = found[
         (found["reference"] == OTHER_NOISE)

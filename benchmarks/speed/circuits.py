@@ -43,12 +43,12 @@ def drive(trials: int, channels: int) -> Any:
 
 
 def circuit_of(
-    neurons: int = 300, channels: int = 2, connections: float = 1.0, spread: float = 0.0
+    neurons: int = 300, channels: int = 2, connections: float = 1.0, heterogeneity: float = 0.0
 ) -> Any:
     """Return the circuit that is measured."""
     from circuits.anatomy import spiking_msprt
 
-    circuit = spiking_msprt(channels).with_neurons(neurons).with_spread(spread)
+    circuit = spiking_msprt(channels).with_neurons(neurons).with_heterogeneity(heterogeneity)
     return circuit.with_connections(connections) if connections < 1 else circuit
 
 
@@ -175,9 +175,9 @@ KINDS: dict[str, Callable[..., Any]] = {
 }
 SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
     ("ensemble", "ensemble", {"trials": 300}),
-    ("ensemble, 10 % spread", "ensemble", {"trials": 300, "spread": 0.1}),
+    ("ensemble, 10 % heterogeneity", "ensemble", {"trials": 300, "heterogeneity": 0.1}),
     ("ensemble, 25 % connections", "ensemble", {"trials": 300, "connections": 0.25}),
-    ("ensemble, both", "ensemble", {"trials": 300, "spread": 0.1, "connections": 0.25}),
+    ("ensemble, both", "ensemble", {"trials": 300, "heterogeneity": 0.1, "connections": 0.25}),
     ("population", "population", {}),
     ("ensemble, 3 000 cells", "ensemble", {"trials": 30, "neurons": 3000}),
     ("population, 3 000 cells", "population", {"neurons": 3000}),

@@ -51,7 +51,10 @@ def coded(table: Circuit, top_nats: float, hz_per_nat: float) -> Circuit:
     table = table.with_population("ctx", gain_hz_per_nat=hz_per_nat)
     for name in ("D1", "D2"):
         row = table.population(name)
-        moved = {"bias_nats": row.bias_nats + by, "pivot_nats": row.pivot_nats - by}
+        moved = {
+            "bias_nats": row.bias_nats + by,
+            "operating_point_nats": row.operating_point_nats - by,
+        }
         table = table.with_population(name, **moved)
     # D2 brings its share of the exponent, already moved.
     own = table.projection("ctx", "STN").weight

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 LESIONS = (
     "lesion STN 20%", "lesion GPe 20%", "lesion D2", "scale ctx->STN 0.9", "scale D1->SNr 0.9"
 )  # fmt: skip
-"""Edits of `circuit lesion` where none is given."""
+"""Edits of `circuit compare-edits` where none is given."""
 MANY = Stimuli(trials=1000, t_max=110)
 
 
@@ -63,12 +63,12 @@ class Compare(Comparison):
     edited circuit there is also each measure minus that of the intact circuit.
 
     Examples: bgmodel compare agreement.csv --channels 4;
-    bgmodel compare ceiling.csv --engine population --ceiling;
+    bgmodel compare ceiling.csv --engine population --noise-ceiling;
     bgmodel compare tactile.csv --task same-different --period-mm 1.5;
     bgmodel compare clamped.csv --channels 4 --edits "clamp GPe"
     """
 
-    ceiling: bool = False
+    noise_ceiling: bool = False
     """Whether the circuit decides again with noise of another seed: how far it agrees with itself,
     the most that can be expected."""
 
@@ -85,13 +85,18 @@ class Compare(Comparison):
             say(f"{' and '.join(left)} are left out: the zero of this evidence means nothing")
         whole = self.setup.intact(evidence.hypotheses)
         intact = None if model.circuit == whole else whole
-        again = self.ceiling and model.engine.noisy
+        again = self.noise_ceiling and model.engine.noisy
         runs = 1 + (intact is not None) + again
         say_before("comparing", model, evidence, runs=runs)
         given: dict[str, Any] = {"seed": self.setup.seed, "accuracies": self.accuracies}
         with bar(runs * evidence.trials):
             found = compare(
-                model, evidence, baselines=baselines, intact=intact, ceiling=self.ceiling, **given
+                model,
+                evidence,
+                baselines=baselines,
+                intact=intact,
+                noise_ceiling=self.noise_ceiling,
+                **given,
             )
         table = found.table
         files.write_table(table, self.output, seed=self.setup.seed, **_behind(self, model))
@@ -100,7 +105,7 @@ class Compare(Comparison):
 
 
 @dataclass(frozen=True)
-class CircuitLesion(Comparison):
+class CircuitCompareEdits(Comparison):
     """Compare edited circuits with the circuit as it is, on the same evidence and noise.
 
     Each edit makes a circuit of its own: "lesion STN 20%", "clamp GPe", "cut GPe->STN 30%",
@@ -110,7 +115,7 @@ class CircuitLesion(Comparison):
     Behaviour is shown at the threshold of the circuit before its lesions, and with thresholds tuned
     anew. What a lesion does here is the model's prediction, not what an experiment found.
 
-    Example: bgmodel circuit lesion lesions.csv "lesion STN 20%" "set STN->GPe.delay_ms 4"
+    Example: bgmodel circuit compare-edits lesions.csv "lesion STN 20%" "set STN->GPe.delay_ms 4"
     --channels 4
     """
 

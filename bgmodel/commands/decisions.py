@@ -19,7 +19,7 @@ from bgmodel.commands.checks import (
 )
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.reward import check_xi
-from bgmodel.integrators.sprt import Msprt, Sprt, criterion_from_posterior, threshold_from_gap
+from bgmodel.integrators.sprt import Msprt, Sprt, sprt_threshold_from_gap, threshold_from_posterior
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support import files
@@ -140,7 +140,7 @@ class Decide(Shows):
             raise InputError(
                 "delta and posterior are two ways to say one thing: give one of them", "delta"
             )
-        threshold_from_gap(self._gap())
+        sprt_threshold_from_gap(self._gap())
         stream(self.seed)
         if self.evidence is None:
             if self.onset_ms:
@@ -162,14 +162,14 @@ class Decide(Shows):
 
     def _test(self, hypotheses: int) -> tuple[Sprt | Msprt, float, str]:
         if self.posterior is not None:
-            threshold = float(criterion_from_posterior(self.posterior, hypotheses))
+            threshold = float(threshold_from_posterior(self.posterior, hypotheses))
             return Msprt(), threshold, f"msprt posterior={self.posterior:g}"
         if hypotheses != 2:
             raise InputError(
                 f"a gap is for 2 hypotheses: with {hypotheses}, give --posterior", "delta"
             )
         gap = self._gap()
-        return Sprt(), float(threshold_from_gap(gap)), f"sprt delta={gap:g}"
+        return Sprt(), float(sprt_threshold_from_gap(gap)), f"sprt delta={gap:g}"
 
     def _trials(self) -> tables.Trials:
         if self.evidence is not None:

@@ -32,9 +32,10 @@ CHANNELS = 4
 class CircuitDesigned(Shows):
     """Tell which theory of decisions a circuit follows, on trials designed to tell them apart.
 
-    The evidence has no noise: rivals stand apart from the first reading on, then the leader rises
-    steadily. Printed is when the circuit decides, less its latency, less when the MSPRT at its
-    gain, max-vs-next and max-vs-average do. Each theory's threshold is set with equal rivals.
+    The evidence has no noise: competitors stand apart from the first reading on, then the leader
+    rises steadily. Printed is when the circuit decides, less its latency, less when the MSPRT at
+    its gain, max-vs-next and max-vs-average do. Each theory's threshold is set with equal
+    competitors.
 
     Examples: bgmodel circuit designed;
     bgmodel circuit designed --circuit spiking_msprt --engine ensemble --trials 100;

@@ -130,7 +130,7 @@ class CircuitLearn(Writes):
         """Return the circuit as edited, on its engine."""
         say_of_edits(self.condition.edits)
         model = self.condition.model(evidence.hypotheses)
-        model.circuit.check_nats("a criterion that dopamine sets")
+        model.circuit.check_nats("a stopping posterior that dopamine sets")
         model = replace(model, engine=model.engine.coarse())
         model.warn_beyond_range(evidence)
         return model

@@ -36,8 +36,8 @@ class FitRun(FitSettings, Shows):
     finished fits are kept in the folder: the same command goes on where it was stopped.
 
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
-    bgmodel fit mine.csv --strength contrast --vary criterion=instruction;
-    bgmodel fit mine.csv --strength contrast --criterion onset_stn --posterior
+    bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
+    bgmodel fit mine.csv --strength contrast --mechanism onset_stn --draws
     """
 
     data: Positional[str]
@@ -46,7 +46,7 @@ class FitRun(FitSettings, Shows):
     """Where results go; if left out, fits/ and the name of the data."""
     models: tuple[str, ...] = ("constant_gap", "macaque")
     """Models: constant_gap, falling_gap, or a circuit, by its name or as a .toml file."""
-    posterior: bool = False
+    draws: bool = False
     """Draw from the posterior too: adds intervals that hold .9 of it."""
 
     def __call__(self) -> None:
@@ -66,7 +66,7 @@ class FitRun(FitSettings, Shows):
             say(lacking)
         kept = Kept(
             folder, self.seed, self._asked(), _circuits(models),
-            self.posterior, self.note,
+            self.draws, self.note,
         )  # fmt: skip
         kept.check(self.force)
         # All of them before any is fitted: what is wrong is said at once.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from bgmodel.commands.circuit import CircuitRun, CircuitShow
-from bgmodel.commands.comparing import CircuitLesion, Compare
+from bgmodel.commands.comparing import CircuitCompareEdits, Compare
 from bgmodel.commands.data import Data
 from bgmodel.commands.decisions import Decide, GapLearn
 from bgmodel.commands.demo import DemoRun
@@ -21,7 +21,7 @@ from bgmodel.commands.taps import Decode, Simulate, Train
 CIRCUIT = {
     "show": CircuitShow,
     "run": CircuitRun,
-    "lesion": CircuitLesion,
+    "compare-edits": CircuitCompareEdits,
     "designed": CircuitDesigned,
     "learn": CircuitLearn,
 }

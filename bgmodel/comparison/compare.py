@@ -144,7 +144,7 @@ def compare(
     accuracies: Sequence[float] | float = ACCURACIES,
     resamples: int = RESAMPLES,
     intact: Circuit | str | None = None,
-    ceiling: bool = False,
+    noise_ceiling: bool = False,
     groups: npt.ArrayLike | None = None,
 ) -> Comparison:
     """Compare a circuit, a decoder of its input and baseline models with the MSPRT.
@@ -168,10 +168,10 @@ def compare(
         The circuit before it was edited. It decides on the same evidence with the same noise, and
         rows of the model ``MINUS_INTACT`` hold the edited circuit's measures minus its own, with
         the interval of the difference.
-    ceiling : bool
+    noise_ceiling : bool
         Whether the circuit decides a second time, with noise of another seed: rows of the reference
         ``OTHER_NOISE`` compare it with itself, the most that anything can agree with it, and
-        ``pearson_r_of_ceiling`` is known. Without noise it is not run: it would decide the same.
+        ``r_noise_corrected`` is known. Without noise it is not run: it would decide the same.
 
     Returns
     -------
@@ -204,7 +204,7 @@ def compare(
     seed = (model.seed or 0) if seed is None else seed
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)
     check_resamples(resamples, groups)
-    check_flag("ceiling", ceiling)
+    check_flag("noise_ceiling", noise_ceiling)
     if intact is not None:
         intact = checked_circuit(intact, evidence.hypotheses)
         check_edit_of(intact, model.circuit, "circuit")
@@ -224,7 +224,7 @@ def compare(
     )
     warn_of_own_ceiling(model.circuit.name, found[CIRCUIT], [a for a in allowed if a not in lost])
     pairs = [(name, reference) for reference in tests for name in found]
-    again = with_other_noise(model, evidence, found[CIRCUIT]) if ceiling else None
+    again = with_other_noise(model, evidence, found[CIRCUIT]) if noise_ceiling else None
     if again is not None:
         tests[OTHER_NOISE] = again
         pairs.append((CIRCUIT, OTHER_NOISE))

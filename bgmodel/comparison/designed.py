@@ -1,7 +1,7 @@
 """Designed trials: evidence without noise on which theories of decisions disagree.
 
 Rivals stand apart from the first reading on, then the leader alone rises, by the same at each
-reading. At any time a theory hears of the rivals one number: the MSPRT the log of their summed
+reading. At any time a theory hears of the competitors one number: the MSPRT the log of their summed
 exponentials, max-vs-next the highest, max-vs-average the mean. Designs keep one of these numbers
 and change the others. As a theory hears of the leader less that number, what a design adds to a
 crossing time is the change of the number over the leader's rise, at any threshold.
@@ -34,7 +34,7 @@ CHANNELS = 4
 THRESHOLDS = (0.35, 0.25, 0.15)
 """OUT at which designed trials are decided, nats."""
 SPREAD_NATS = 1.6
-"""How far hopeless rivals lie below close ones, in the circuit's nats."""
+"""How far hopeless competitors lie below close ones, in the circuit's nats."""
 RISE_NATS_S = 2.0
 """How fast the leader rises, in the circuit's nats per second."""
 STEP_MS = 50.0
@@ -47,27 +47,27 @@ MOST_READINGS = 512
 LEAD, AVERAGE = "same lead", "same average"
 MSPRT = "MSPRT"
 UNABLE = {"max vs next": LEAD, "max vs average": AVERAGE}
-"""The rivals of the MSPRT, and the designs that each cannot tell from equal rivals."""
+"""The alternatives to the MSPRT, and the designs that each cannot tell from equal competitors."""
 FOLLOWS, APART, OPEN = "follows", "told apart", "left open"
 
 
 @dataclass(frozen=True)
 class Design:
-    """A trial: where the rivals of the leader stand.
+    """A trial: where the competitors of the leader stand.
 
     Parameters
     ----------
     name : str
-        How many rivals are close, and how many hopeless.
+        How many competitors are close, and how many hopeless.
     held : str
-        What is as with equal rivals at any time: "same lead" over the next, or "same average".
-    rivals : tuple of float (channels - 1,)
-        From the first reading on, nats; 0 for equal rivals.
+        What is as with equal competitors at any time: "same lead" over the next, or "same average".
+    competitors : tuple of float (channels - 1,)
+        From the first reading on, nats; 0 for equal competitors.
     """
 
     name: str
     held: str
-    rivals: tuple[float, ...]
+    competitors: tuple[float, ...]
 
     def evidence(
         self, readings: int, *, trials: int = 1, kappa: float = 1.0, leader: int = 0
@@ -81,11 +81,11 @@ class Design:
         kappa : float
             Nats of the design per nat of evidence.
         leader : int
-            Index of the channel that rises; rivals follow it in their order.
+            Index of the channel that rises; competitors follow it in their order.
         """
-        count = len(self.rivals) + 1
+        count = len(self.competitors) + 1
         values = np.zeros((readings, count))
-        values[0, 1:] = self.rivals
+        values[0, 1:] = self.competitors
         values[:, 0] = RISE_NATS_S * STEP_MS / 1000
         values = np.roll(values, leader, axis=1) / kappa
         return Evidence(
@@ -97,29 +97,29 @@ class Design:
 
 
 def designs(channels: int = CHANNELS) -> tuple[Design, ...]:
-    """Return the designed trials, that with equal rivals first.
+    """Return the designed trials, that with equal competitors first.
 
     Raises
     ------
     ValueError
-        For fewer than three channels: a single rival tells no theories apart.
+        For fewer than three channels: a single competitor tells no theories apart.
     """
     if channels < 3:
         raise InputError(f"designed trials need 3 channels or more, got {channels}", "channels")
-    rivals = channels - 1
-    found = [Design(f"{rivals} equal", "", (0.0,) * rivals)]
+    competitors = channels - 1
+    found = [Design(f"{competitors} equal", "", (0.0,) * competitors)]
     for held in (LEAD, AVERAGE):
-        # One close rival, and one hopeless one; among two rivals these are the same.
-        for close in dict.fromkeys((1, rivals - 1)):
-            far = rivals - close
-            up = SPREAD_NATS * far / rivals if held == AVERAGE else 0.0
+        # One close competitor, and one hopeless one; among two competitors these are the same.
+        for close in dict.fromkeys((1, competitors - 1)):
+            far = competitors - close
+            up = SPREAD_NATS * far / competitors if held == AVERAGE else 0.0
             each = (up,) * close + (up - SPREAD_NATS,) * far
             found.append(Design(f"{close} close, {far} hopeless", held, each))
     return tuple(found)
 
 
 def theories(kappa: float = 1.0) -> dict[str, Integrator]:
-    """Return the MSPRT at a gain, and rivals of it."""
+    """Return the MSPRT at a gain, and alternatives to it."""
     return {MSPRT: Msprt(kappa), **{name: BASELINES[name]() for name in UNABLE}}
 
 
@@ -233,8 +233,8 @@ def designed(
     thresholds : sequence of float
         Its OUT at which it decides.
     settled : Integrator, optional
-        The same without noise and delays: how much later ``observed`` crosses with equal rivals is
-        its latency. Unless given there is none.
+        The same without noise and delays: how much later ``observed`` crosses with equal
+        competitors is its latency. Unless given there is none.
     kappa : float
         Nats of the designs per nat of evidence, and the gain of the MSPRT.
     channels, trials, leader : int
@@ -252,7 +252,7 @@ def designed(
     Notes
     -----
     The threshold of each theory is its OUT at the time at which ``settled`` crosses with equal
-    rivals: there all differences are 0. Between two readings OUT is taken as a straight line.
+    competitors: there all differences are 0. Between two readings OUT is taken as a straight line.
     """
     if isinstance(observed, type) or not hasattr(observed, "run"):
         raise InputError.of("observed", "must be an integrator, as Msprt()", observed)
@@ -433,7 +433,7 @@ def text(table: pd.DataFrame, unit: str = NATS) -> str:
     wide = pd.DataFrame(
         {
             "OUT": [f"{value:g}" for value in rows["threshold"]],
-            "rivals": rows["design"].to_numpy(),
+            "competitors": rows["design"].to_numpy(),
             "held": [held or "-" for held in rows["held"]],
             "circuit": [f"{value:.0f}" for value in rows["observed_ms"]],
         }
@@ -454,10 +454,10 @@ def text(table: pd.DataFrame, unit: str = NATS) -> str:
         f"OUT: the circuit's threshold, {unit}. circuit: its mean time, ms. Other columns: that",
         "time, less its latency, less the theory's, ms [95 % interval over trials].",
         f"Latency: {late}; how much later than its",
-        "own fixed point it crosses with equal rivals; delays make it later, noise earlier. Each",
-        "theory's threshold is what it has reached there: with equal rivals all differences are 0.",
-        f"{LEAD}: over the closest rival, as with equal ones: max vs next predicts no change of",
-        f"time. {AVERAGE}: of the rivals: max vs average predicts none.",
+        "own fixed point it crosses with equal competitors; delays make it later, noise earlier.",
+        "Each theory's threshold is what it has reached there: with equal competitors all",
+        f"differences are 0. {LEAD}: over the closest competitor, as with equal ones: max vs next",
+        f"predicts no change of time. {AVERAGE}: of the competitors: max vs average predicts none.",
         f"{FOLLOWS}: all intervals within {CLOSE_MS:.0f} ms; {APART}: at each OUT an interval "
         f"beyond {APART_MS:.0f} ms.",
     ]

@@ -83,7 +83,7 @@ def matched_measures(
     minus : Tradeoff, optional
         A third: every measure is then the other's minus this one's, with the interval of that.
     again : Tradeoff, optional
-        The other with noise of another seed, for pearson_r_of_ceiling.
+        The other with noise of another seed, for r_noise_corrected.
     latency_ms : float, optional
         What is not decision time and taken off before accuracies are compared in equal time: 0 for
         an abstract integrator; the mean extra time over accuracies .85 to .98 if left out.
@@ -103,7 +103,7 @@ def matched_measures(
         median lag), each also as NAME_chance, for trials shuffled within a truth, and
         NAME_corrected, (share - chance) / (1 - chance); pearson_r (of decision times) and
         pearson_r_chance, spearman_r; residual_sd_ms (of the lag); test_ms, extra_ms; accuracy_gap
-        (in equal time); forced; with ``again`` pearson_r_of_ceiling, r over the square root of the
+        (in equal time); forced; with ``again`` r_noise_corrected, r over the square root of the
         other's r with itself (Spearman 1904: what r would be without the other's noise). All are
         NaN where one does not reach the accuracy within ``margin``, or where the deadline decides
         most trials of one; what goes trial by trial has its interval for the thresholds as matched.

@@ -144,7 +144,7 @@ SHOWN = {
     "within_50_ms_chance": (BY_CHANCE, ".2f"),
     "pearson_r": ("r of times", ".3f"),
     "pearson_r_chance": (BY_CHANCE, ".3f"),
-    "pearson_r_of_ceiling": ("without the circuit's noise", ".3f"),
+    "r_noise_corrected": ("without the circuit's noise", ".3f"),
     "spearman_r": ("r of their ranks", ".3f"),
     "extra_ms": ("later, ms", ".0f"),
     "accuracy_gap": ("accuracy gained in equal time", "+.3f"),

@@ -48,7 +48,7 @@ def side_by_side(
     dict
         agreement, error_agreement and within_50_ms, each with ``_chance`` and ``_corrected``;
         pearson_r with ``_chance``, spearman_r, residual_sd_ms, test_ms, and with a truth
-        test_accuracy and accuracy; with ``again`` pearson_r_of_ceiling.
+        test_accuracy and accuracy; with ``again`` r_noise_corrected.
     """
     from scipy.stats import rankdata
 
@@ -68,7 +68,7 @@ def side_by_side(
     }
     if again is not None:
         with np.errstate(invalid="ignore", divide="ignore"):
-            found["pearson_r_of_ceiling"] = r / np.sqrt(correlation(y, again.time_ms, weights))
+            found["r_noise_corrected"] = r / np.sqrt(correlation(y, again.time_ms, weights))
     if truth is not None:
         wrong = (test.choice != truth).astype(np.float64)
         found["test_accuracy"] = 1 - mean(wrong, weights)

@@ -38,13 +38,13 @@ MEASURES = {
     "anticipatory": "share that decides in a foreperiod without evidence",
     "missed": "share that does not decide in time",
     "decided": "number of trials that decide in time",
-    "criterion": "mean posterior of what is chosen, at the decision",
+    "mean_posterior": "mean posterior of what is chosen, at the decision",
     "drift": "drift by EZ-diffusion, 1/s (noise s = .1 per root second); two alternatives",
-    "bound": "distance of its bounds, without unit (s = .1)",
+    "boundary_separation": "distance between its bounds, without unit (s = .1)",
     "non_decision_ms": "its time outside the decision, ms",
 }
 """Every measure, with its unit."""
-OF_DIFFUSION = ("drift", "bound", "non_decision_ms")
+OF_DIFFUSION = ("drift", "boundary_separation", "non_decision_ms")
 """Measures by EZ-diffusion."""
 NO_DIFFUSION = (
     "no diffusion that starts half-way between its bounds has these choices and times (its "
@@ -52,7 +52,7 @@ NO_DIFFUSION = (
     "to one side"
 )
 """Why they are withheld where the deadline cuts off few trials."""
-OF_DECIDED = ("accuracy", "choice_0", "mean_ms", "median_ms", "criterion", *OF_DIFFUSION)
+OF_DECIDED = ("accuracy", "choice_0", "mean_ms", "median_ms", "mean_posterior", *OF_DIFFUSION)
 """Measures of those trials alone that were decided in time."""
 COUNTED = {"accuracy": ("accuracy_all", "accuracy_best"), "mean_ms": ("mean_all_ms",)}
 """Measures of decided trials, and of all trials: the bounds that missed trials set.
@@ -60,7 +60,7 @@ Of accuracy these are the two ends; missed trials take at least until the deadli
 OF_ALL = tuple(name for names in COUNTED.values() for name in names)
 SHARES = (
     *("accuracy", "choice_0", "accuracy_all", "accuracy_best"),
-    *("premature", "anticipatory", "missed", "criterion"),
+    *("premature", "anticipatory", "missed", "mean_posterior"),
 )
 """Measures between 0 and 1."""
 
@@ -101,11 +101,11 @@ class Behaviour:
     def measures(self, weights: Array) -> dict[str, Array]:
         """Return every one of ``MEASURES``, (B,) each, for weights (B, trials).
 
-        NaN where no trial that counts has a weight. The criterion takes the likelihoods at their
-        word; times, accuracy and criterion are those of trials that decided in time. Those of a
-        diffusion are NaN with more than two alternatives, where the deadline cuts off more than
-        ``CUT_OFF`` of all trials, and where the non-decision time of all trials, each weighed once,
-        comes out below 0.
+        NaN where no trial that counts has a weight. The mean posterior takes the likelihoods at
+        their word; times, accuracy and mean posterior are those of trials that decided in time.
+        Those of a diffusion are NaN with more than two alternatives, where the deadline cuts off
+        more than ``CUT_OFF`` of all trials, and where the non-decision time of all trials, each
+        weighed once, comes out below 0.
         """
         missed, time_ms = self.decision.forced, self.decision.time_ms
         correct = self.decision.choice == self.decision.truth
@@ -122,7 +122,7 @@ class Behaviour:
             "anticipatory": mean(self.anticipatory, everyone, weights),
             "missed": mean(missed, everyone, weights),
             "decided": weights @ ~missed,
-            "criterion": mean(self.posterior, ~missed, weights),
+            "mean_posterior": mean(self.posterior, ~missed, weights),
         }
         # A diffusion has two bounds.
         of_two = self.hypotheses == 2 and missed.mean() <= CUT_OFF

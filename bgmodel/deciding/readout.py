@@ -83,7 +83,7 @@ class ReadOut:
                 f"give a threshold, an OUT in {self.unit}",
                 "posterior",
             )
-        nats = criterion_from_posterior(posterior, hypotheses)
+        nats = threshold_from_posterior(posterior, hypotheses)
         return nats + np.log1p(-np.exp(-nats)) if self.unit == LOG_ODDS else nats
 
     def check(self, thresholds: npt.ArrayLike) -> None:
@@ -159,7 +159,7 @@ def meant(threshold: float) -> str:
     return f"; did you mean a posterior (posterior={threshold:g})?"
 
 
-def criterion_from_posterior(posterior: npt.ArrayLike, hypotheses: int = 2) -> Array:
+def threshold_from_posterior(posterior: npt.ArrayLike, hypotheses: int = 2) -> Array:
     """Return the ``Msprt`` threshold on OUT, nats, that stops at a posterior: ``-ln P``.
 
     Parameters

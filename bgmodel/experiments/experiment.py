@@ -312,8 +312,8 @@ def _check_decided(condition: str, behaviour: Behaviour, foreperiod_ms: float) -
     if missed.mean() > MANY_MISSED:
         warnings.warn(
             f"the {condition} decides in time in {decided} of {len(missed)} trials: accuracy, "
-            "times and criterion are those of these alone; give more readings (t_max) or a lower "
-            "posterior",
+            "times and the mean posterior are those of these alone; give more readings (t_max) or "
+            "a lower posterior",
             DeadlineWarning,
             stacklevel=user_level(),
         )

@@ -52,7 +52,7 @@ COMPATIBLE, DIFFERS, NO_INTERVAL = "compatible", "differs", "no interval to comp
 UNITS = (
     (("mean_ms",), "_ms: ms"),
     (("decided",), "decided: trials"),
-    (("criterion",), "criterion: a probability"),
+    (("mean_posterior",), "mean_posterior: a probability"),
     (("drift",), f"drift: 1/s, bound: no unit (EZ-diffusion, noise s = {DIFFUSION_S:g} per √s)"),
     (("accuracy",), "the others: shares of trials"),
 )
@@ -85,11 +85,11 @@ def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     missed trials would have been, alike in both conditions. That of the accuracy must also be that
     of ``accuracy_all`` and of ``accuracy_best``, the two ends; that of the mean time also that of
     ``mean_all_ms``, and not both conditions may miss more than ``MANY_MISSED``; those of choice_0
-    and the criterion hold with missed trials at 0 and at 1; for the median the shares of missed
-    trials must not differ by more than ``CUT_OFF``. It is left open too where the manipulated
-    circuit is right less often than by chance, where no decision differs between the conditions,
-    where fewer than ``FEWEST_DECIDED`` trials are decided, or where the control is so near the end
-    of a measure's range that no change could be as large as predicted.
+    and the mean posterior hold with missed trials at 0 and at 1; for the median the shares of
+    missed trials must not differ by more than ``CUT_OFF``. It is left open too where the
+    manipulated circuit is right less often than by chance, where no decision differs between the
+    conditions, where fewer than ``FEWEST_DECIDED`` trials are decided, or where the control is so
+    near the end of a measure's range that no change could be as large as predicted.
     """
     by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
     change = by["change"][["value", "low", "high"]].reindex(list(MEASURES))
@@ -188,7 +188,7 @@ def _below_chance(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     Where one truth alone counts, a bias can take accuracy anywhere: there the posterior tells.
     """
     rows = table[table["condition"] == "manipulation"].set_index("measure")
-    for name in ("accuracy", "criterion")[experiment.truth is not None :]:
+    for name in ("accuracy", "mean_posterior")[experiment.truth is not None :]:
         value, high = rows.loc[name, ["value", "high"]].to_numpy(dtype=float)
         # Chance is at most 1/2; a table of evidence is read again for the number of alternatives.
         if high < 1 / 2 and high < (chance := 1 / _channels(experiment)):

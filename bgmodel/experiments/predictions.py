@@ -20,7 +20,7 @@ PERCENT = "percent"
 """The change in per cent of the control's value: a condition more, for measures of decisions."""
 RELATIVE = (*OF_DECIDED, *OF_ALL)
 """Measures with a change in per cent."""
-LIKELY = {"decided": (1.0, np.inf), "drift": (0.0, 1.0), "bound": (0.0, 1.0)}
+LIKELY = {"decided": (1.0, np.inf), "drift": (0.0, 1.0), "boundary_separation": (0.0, 1.0)}
 """Sizes of a change, other than 0, that are not warned of."""
 LIKELY |= dict.fromkeys(SHARES, (0.0, 0.5))
 LIKELY |= {name: (1.0, np.inf) for name in MEASURES if name.endswith("_ms")}

@@ -139,7 +139,7 @@ def uncalibrated(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     """
     values = table.set_index(["condition", "measure"])["value"]
     for condition in CONDITIONS[:2] if experiment.truth is None else ():
-        names = ("criterion", "accuracy", "decided")
+        names = ("mean_posterior", "accuracy", "decided")
         posterior, accuracy, decided = (float(values[condition, name]) for name in names)
         if said := calibration(posterior, accuracy, decided):
             return f"{condition}: {said}"

@@ -35,7 +35,7 @@ class Model(Protocol):
         """All that can be moved, those of responses last."""
 
     @property
-    def criterion_name(self) -> str:
+    def threshold_name(self) -> str:
         """The parameter that says how much evidence a decision takes."""
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
@@ -79,7 +79,7 @@ class GapModel:
         return "falling_gap" if self.falls else "constant_gap"
 
     @property
-    def criterion_name(self) -> str:
+    def threshold_name(self) -> str:
         """``bound``."""
         return BOUND.name
 

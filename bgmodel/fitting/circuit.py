@@ -18,8 +18,8 @@ import numpy as np
 from bgmodel.deciding.decision import Trace
 from bgmodel.fitting.algorithms import SENSITIVITY
 from bgmodel.fitting.control import BOUNDS, decided, ideal, matched
-from bgmodel.fitting.criteria import CRITERIA, NONE, Axis, Criterion
 from bgmodel.fitting.crossings import DRIFTS, FirstPassageTimes, Run, simulated
+from bgmodel.fitting.mechanisms import MECHANISMS, NONE, Axis, Mechanism
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.stored import read_crossings, write_crossings
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from circuits.circuit import Circuit
 from circuits.engines import engine_of
 
-__all__ = ["CRITERIA", "NONE", "Axis", "CircuitModel", "Criterion"]
+__all__ = ["MECHANISMS", "NONE", "Axis", "CircuitModel", "Mechanism"]
 
 NOISE_NATS = 2.0
 """Noise of the evidence that reaches the circuit: its nats, after one second."""
@@ -63,7 +63,7 @@ class CircuitModel:
         The table.
     engine : str
         A name in ``circuits.engines.ENGINES``.
-    criterion : Criterion
+    mechanism : Mechanism
         What else than sensitivity and threshold a fit may move.
     noise_nats : float, nats
         Noise of the accumulated evidence after one second, as the difference of the two channels
@@ -79,7 +79,7 @@ class CircuitModel:
 
     circuit: Circuit
     engine: str = "population"
-    criterion: Criterion = NONE
+    mechanism: Mechanism = NONE
     noise_nats: float = NOISE_NATS
     seconds: float = 3.0
     trials: int = TRIALS
@@ -112,14 +112,14 @@ class CircuitModel:
         )
 
     @property
-    def criterion_name(self) -> str:
+    def threshold_name(self) -> str:
         """``threshold_nats``, or what stands in its place."""
-        return self.axes[0].parameter.name if self.criterion.instead else THRESHOLD
+        return self.axes[0].parameter.name if self.mechanism.instead else THRESHOLD
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """Those of the criterion."""
-        return self.criterion.axes
+        """Those of the mechanism."""
+        return self.mechanism.axes
 
     @cached_property
     def thresholds_nats(self) -> Array:
@@ -132,7 +132,7 @@ class CircuitModel:
         """Sensitivity, threshold, the axes', and those of responses."""
         low, high = float(self.thresholds_nats[0]), float(self.thresholds_nats[-1])
         about = "OUT at which it decides, in the circuit's nats"
-        free = not self.criterion.instead
+        free = not self.mechanism.instead
         threshold = Parameter(THRESHOLD, low, high, 0.25, about, free=free)
         return (SENSITIVITY, threshold, *(axis.parameter for axis in self.axes), *RESPONSE)
 
@@ -142,7 +142,7 @@ class CircuitModel:
             "model": "circuit",
             "circuit": identity(self.circuit),
             "engine": self.engine,
-            "edits": list(self.criterion.edits),
+            "edits": list(self.mechanism.edits),
             "axes": {axis.parameter.name: axis.values.tolist() for axis in self.axes},
             "noise_nats": self.noise_nats,
             "seconds": self.seconds,
@@ -213,7 +213,7 @@ class CircuitModel:
 
     def at(self, point: tuple[float, ...]) -> Circuit:
         """Return the circuit at values of its axes."""
-        return self.criterion.apply(self.circuit, point)
+        return self.mechanism.apply(self.circuit, point)
 
     def _key(self, point: tuple[float, ...]) -> dict[str, Any]:
         own = {
@@ -269,7 +269,7 @@ class CircuitModel:
         drive = self.noise_nats * read
         if not self.circuit.centred:
             return drive
-        drive = np.maximum(drive, drive.max(axis=2, keepdims=True) - self.circuit.reach_nats)
+        drive = np.maximum(drive, drive.max(axis=2, keepdims=True) - self.circuit.max_deficit_nats)
         return np.asarray(drive - drive.mean(axis=2, keepdims=True))
 
     def _simulate(self, point: tuple[float, ...]) -> FirstPassageTimes:

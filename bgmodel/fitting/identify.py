@@ -87,7 +87,7 @@ class Directions:
                 f"{step:+.3g} is made up for by one of {self.names[j]} by {ridge:+.3g}. Hold one "
                 "of them, or give it a condition that moves it alone"
             )
-        found += [f"nothing in this design depends on {name}: hold it" for name in self.idle]
+        found += [f"nothing in this design depends on {name}: fix it" for name in self.idle]
         lacking = [
             name
             for name, error in zip(self.names, self.standard_errors, strict=True)

@@ -185,7 +185,7 @@ def freedom(
         else sorted(set(vary) & set(fixed))
     )
     if held:
-        raise InputError(f"{', '.join(held)} can't be moved and held at once", "hold", held)
+        raise InputError(f"{', '.join(held)} can't be moved and fixed at once", "fix", held)
     moved: list[FreeParameter] = []
     for each in known.values():
         if each.name in vary:

@@ -42,16 +42,16 @@ class FitSettings:
     """Earliest and latest response time to fit, s; "0 inf" keeps all. If left out and there is no
     deadline, times end at the upper quartile plus 25 interquartile ranges. The command says how
     many trials are left out."""
-    criterion: str = "threshold"
-    """What sets a circuit's criterion: threshold, dopamine, stn_loss or gpe_loss; or, with a
-    threshold, what changes within a trial: rising_dopamine or onset_stn."""
+    mechanism: str = "threshold"
+    """What moves the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
+    or, with a threshold, what changes within a trial: rising_dopamine or onset_stn."""
     free: tuple[str, ...] = ()
-    """All parameters to fit; if left out, every one but a threshold that --criterion replaces."""
-    hold: tuple[str, ...] = ()
-    """Parameters to hold at a value, as "lapse=0.02"."""
+    """All parameters to fit; if left out, every one but a threshold that --mechanism replaces."""
+    fix: tuple[str, ...] = ()
+    """Parameters to fix at a value, as "lapse=0.02"."""
     vary: tuple[str, ...] = ()
     """Parameters that differ between levels of a column: "sensitivity=conflict",
-    "criterion=instruction"; "stn_loss=stimulation/off" holds stn_loss at its start in level off."""
+    "threshold=instruction"; "stn_loss=stimulation/off" holds stn_loss at its start in level off."""
     engine: str = "population"
     """How the circuit is computed: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
@@ -62,8 +62,8 @@ class FitSettings:
     """Seed of the simulated trials."""
 
     def check(self) -> None:
-        """Raise ValueError for an engine, a noise or a criterion that there is not."""
-        from bgmodel.fitting.criteria import CRITERIA
+        """Raise ValueError for an engine, a noise or a mechanism that there is not."""
+        from bgmodel.fitting.mechanisms import MECHANISMS
         from circuits.engines import engine_of
 
         engine_of(self.engine)
@@ -72,9 +72,9 @@ class FitSettings:
         whole("seed", self.seed, 0)
         if not (is_number(self.noise_nats) and 0 < self.noise_nats < float("inf")):
             raise InputError.of("noise_nats", "must be finite and above 0", self.noise_nats)
-        if not isinstance(self.criterion, str) or self.criterion not in CRITERIA:
-            allowed = ", ".join(CRITERIA)
-            raise InputError.of("criterion", f"must be one of {allowed}", self.criterion)
+        if not isinstance(self.mechanism, str) or self.mechanism not in MECHANISMS:
+            allowed = ", ".join(MECHANISMS)
+            raise InputError.of("mechanism", f"must be one of {allowed}", self.mechanism)
 
     @property
     def columns(self) -> list[str]:
@@ -87,9 +87,9 @@ class FitSettings:
         return dict(_pair(each, "vary") for each in self.vary)
 
     @property
-    def held(self) -> dict[str, float]:
+    def fixed(self) -> dict[str, float]:
         """Parameters that are held, and at which value."""
-        return {name: _number(*pair) for name, *pair in (_pair(h, "hold") for h in self.hold)}
+        return {name: _number(*pair) for name, *pair in (_pair(h, "fix") for h in self.fix)}
 
     def read(self, data: str | Path | pd.DataFrame) -> Choices:
         """Return the trials of a table; arguments as of ``tables.choices.read_choices``."""
@@ -132,7 +132,7 @@ class FitSettings:
         """
         from bgmodel.fitting.algorithms import GapModel
         from bgmodel.fitting.circuit import CircuitModel
-        from bgmodel.fitting.criteria import CRITERIA
+        from bgmodel.fitting.mechanisms import MECHANISMS
         from bgmodel.integrators.basal_ganglia import checked_circuit
         from circuits.anatomy import CIRCUITS
         from circuits.declaration.table_files import is_path
@@ -145,7 +145,7 @@ class FitSettings:
         return CircuitModel(
             checked_circuit(model, 2),
             self.engine,
-            CRITERIA[self.criterion],
+            MECHANISMS[self.mechanism],
             noise_nats=self.noise_nats,
             seconds=seconds,
             trials=self.trials,
@@ -162,19 +162,19 @@ class FitSettings:
             For a parameter that none of the models has.
         """
         known = {each.name: 0 for model in models.values() for each in model.parameters}
-        for option, names in (("free", self.free), ("hold", self.held), ("vary", self.varied)):
+        for option, names in (("free", self.free), ("fix", self.fixed), ("vary", self.varied)):
             for name in names:
-                if name not in known and name != "criterion":
-                    there = ", ".join(("criterion", *known))
+                if name not in known and name != "threshold":
+                    there = ", ".join(("threshold", *known))
                     raise InputError.of(option, f"must name a parameter, one of {there}", name)
         found = []
         for name, model in models.items():
-            own = {each.name for each in model.parameters} | {"criterion"}
+            own = {each.name for each in model.parameters} | {"threshold"}
             lacking = ", ".join(each for each in self.free if each not in own)
             if lacking:
                 found.append(
                     f"{name} has no {lacking}, so that what --free leaves out is held in it; "
-                    "'criterion' is each model's own"
+                    "'threshold' is each model's own"
                 )
         return found
 
@@ -188,20 +188,20 @@ class FitSettings:
         known = {each.name for each in model.parameters}
 
         def own(name: str) -> str:
-            return model.criterion_name if name == "criterion" else name
+            return model.threshold_name if name == "threshold" else name
 
-        hold = {own(k): v for k, v in self.held.items()}
+        fixed = {own(k): v for k, v in self.fixed.items()}
         vary = {own(k): v for k, v in self.varied.items()}
         return likelihood_of(
             model,
             design,
             free=[own(each) for each in self.free if own(each) in known] or None,
-            fixed={k: v for k, v in hold.items() if k in known},
+            fixed={k: v for k, v in fixed.items() if k in known},
             vary={k: v for k, v in vary.items() if k in known},
         )
 
 
-EXAMPLES = {"hold": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
+EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
 """Mappings of parameters, as ``fit`` takes them."""
 
 
@@ -215,9 +215,9 @@ def fit(
     upper: str | None = None,
     deadline: float | None = None,
     rt_window: tuple[float, float] | None = None,
-    criterion: str = FitSettings.criterion,
+    mechanism: str = FitSettings.mechanism,
     free: Sequence[str] | str = (),
-    hold: Mapping[str, float] | None = None,
+    fix: Mapping[str, float] | None = None,
     vary: Mapping[str, str] | None = None,
     draws: bool = False,
     engine: str = FitSettings.engine,
@@ -247,11 +247,11 @@ def fit(
         Time at which a trial without a response ended, s.
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
-    criterion : str
-        What sets a circuit's criterion; a name in ``fitting.criteria.CRITERIA``.
+    mechanism : str
+        What moves the decision criterion of a circuit; a name in ``fitting.mechanisms.MECHANISMS``.
     free : sequence of str, or str
         All parameters to fit; every one if left out.
-    hold : mapping from names to values, optional
+    fix : mapping from names to values, optional
         Parameters that are held: ``{"lapse": 0.02}``.
     vary : mapping from names to columns, optional
         Parameters that differ between conditions: ``{"sensitivity": "conflict"}``.
@@ -282,9 +282,9 @@ def fit(
     need_fit()
     asked = FitSettings(
         strength=strength, participant=participant, pooled=pooled, upper=upper, deadline=deadline,
-        rt_window=rt_window, criterion=criterion, engine=engine,
+        rt_window=rt_window, mechanism=mechanism, engine=engine,
         free=_names(free),
-        hold=tuple(f"{name}={value!r}" for name, value in _pairs("hold", hold)),
+        fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),
         vary=tuple(f"{name}={column}" for name, column in _pairs("vary", vary)),
         noise_nats=noise_nats, trials=trials, seed=seed,
     )  # fmt: skip
@@ -343,7 +343,7 @@ def _pairs(option: str, given: Mapping[str, object] | None) -> Iterable[tuple[st
 def _pair(text: str, option: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals or not value:
-        example = "lapse=0.02" if option == "hold" else "criterion=instruction"
+        example = "lapse=0.02" if option == "fix" else "threshold=instruction"
         example = f"{option} is a name, =, and a value, as {example}"
         raise InputError(f"{example}, got {text!r}", option, text)
     return name.strip(), value.strip()
@@ -353,4 +353,4 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError.of("hold", "must give a number, as lapse=0.02", text) from None
+        raise InputError.of("fix", "must give a number, as lapse=0.02", text) from None

@@ -164,7 +164,7 @@ class BasalGanglia(Facts):
                     f"{self.circuit.name} gets: nothing of it would arrive",
                     "evidence",
                 )
-            return drive_of(evidence, self.gain, self.circuit.reach_nats)
+            return drive_of(evidence, self.gain, self.circuit.max_deficit_nats)
         totals = evidence.own_totals
         if expected is not None:
             before = totals[:, :1] + expected[:, :, None]
@@ -341,7 +341,7 @@ class BasalGanglia(Facts):
             it is no ``Evidence``.
         """
         check_evidence(evidence)
-        most = self.circuit.most_lead_nats
+        most = self.circuit.max_lead_nats
         if not (self.engine.timed and np.isfinite(most)):
             return
         lead = self.lead_nats(evidence)
@@ -563,7 +563,7 @@ def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
 
 
 def drive_of(
-    evidence: Evidence, gain: float = 1.0, reach_nats: float = np.inf
+    evidence: Evidence, gain: float = 1.0, max_deficit_nats: float = np.inf
 ) -> npt.NDArray[np.float64]:
     """Return the drive of a circuit that needs it centred, (trials, steps + 1, hypotheses) nats.
 
@@ -573,7 +573,7 @@ def drive_of(
         Readings; before the first there is the prior alone.
     gain : float
         kappa.
-    reach_nats : float
+    max_deficit_nats : float
         No drive falls further than this below the leader's.
 
     Notes
@@ -583,5 +583,5 @@ def drive_of(
     the mean no rate would have to be negative.
     """
     total = gain * evidence.totals
-    total = np.maximum(total, total.max(axis=2, keepdims=True) - reach_nats)
+    total = np.maximum(total, total.max(axis=2, keepdims=True) - max_deficit_nats)
     return np.asarray(total - total.mean(axis=2, keepdims=True))

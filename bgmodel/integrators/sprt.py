@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.decision import Decision, Tally, Trace, first_crossing
 from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
-from bgmodel.deciding.readout import criterion_from_posterior as criterion_from_posterior
+from bgmodel.deciding.readout import threshold_from_posterior as threshold_from_posterior
 from bgmodel.evidence import Evidence, check_evidence, checked_prior, minus_log_softmax
 from bgmodel.support.checks import is_number, reals, whole
 from circuits.errors import InputError
@@ -184,17 +184,17 @@ def checked_two(evidence: Evidence) -> Evidence:
     return evidence
 
 
-def threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def sprt_threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return the ``Sprt`` threshold on OUT, ``-delta/2`` nats, for the paper's gap delta >= 0."""
     gap = _checked_gap(delta)
     return -gap / 2
 
 
-def criterion_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def msprt_threshold_from_gap(delta: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return the two-hypothesis ``Msprt`` threshold on OUT that equals a gap delta, nats.
 
     ``Z >= delta/2  <=>  -ln P_2 <= ln(1 + exp(-delta/2))``. A gap is no posterior: for that there
-    is ``criterion_from_posterior``.
+    is ``threshold_from_posterior``.
 
     Raises
     ------

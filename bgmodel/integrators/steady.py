@@ -150,17 +150,17 @@ def steady_shifts(
 
 
 def lesions(table: Circuit) -> dict[str, Circuit]:
-    """Return ten lesions of a circuit by name, clamped ("replaced") where the name says so.
+    """Return ten lesions of a circuit by name, clamped ("clamped") where the name says so.
 
     They are those of figure C5 and of its score.
     """
     return {
         "STN 10 %": table.lesion("STN", 0.1),
         "STN 20 %": table.lesion("STN", 0.2),
-        "STN 50 %, replaced": table.clamp("STN", 0.5),
+        "STN 50 %, clamped": table.clamp("STN", 0.5),
         "GPe 10 %": table.lesion("GPe", 0.1),
         "GPe 20 %": table.lesion("GPe", 0.2),
-        "GPe, replaced": table.clamp("GPe"),
+        "GPe, clamped": table.clamp("GPe"),
         "D1 10 %": table.lesion("D1", 0.1),
         "D1 20 %": table.lesion("D1", 0.2),
         "D2": table.lesion("D2"),

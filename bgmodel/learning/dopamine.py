@@ -63,11 +63,11 @@ def _odds(circuit: Circuit) -> Array:
 
     Rivals are silent from ``reference_nats`` behind on, and more evidence tells them nothing.
     """
-    circuit.check_nats("a criterion that dopamine sets")
+    circuit.check_nats("a stopping posterior that dopamine sets")
     n = circuit.channels
     most = (circuit.range_nats[1] - circuit.reference_nats + np.log(n)) * n / (n - 1)
     silent = np.inf if circuit.centred else circuit.reference_nats
-    return np.linspace(0.0, min(circuit.reach_nats, most, silent), 201)
+    return np.linspace(0.0, min(circuit.max_deficit_nats, most, silent), 201)
 
 
 @lru_cache(maxsize=1024)
@@ -162,7 +162,7 @@ def playable_levels(
 
 
 @lru_cache(maxsize=1024)
-def criterion(circuit: Circuit, level: float, threshold_nats: float, gain: float) -> float:
+def stopping_posterior(circuit: Circuit, level: float, threshold_nats: float, gain: float) -> float:
     """Return the posterior at which the fixed point decides, the other alternatives equal.
 
     Parameters

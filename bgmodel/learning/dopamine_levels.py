@@ -14,9 +14,9 @@ from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
-    criterion,
     decide_at_levels,
     levels_between,
+    stopping_posterior,
     working_range,
 )
 from bgmodel.support.arrays import Array
@@ -70,7 +70,7 @@ def level_table(
     -------
     DataFrame
         One row a level and measure: level, measure, value, low, high, reference. Measures:
-        criterion (mean posterior of what is chosen), fixed_point (the posterior at which the fixed
+        mean_posterior (of what is chosen), fixed_point (the posterior at which the fixed
         point decides, NaN outside its range), mean_ms, forced, premature; and beside each test
         accuracy_gap (expected accuracy minus the test's at the same mean time less the latency) and
         extra_ms (mean time minus the test's at the same expected accuracy, the latency not taken
@@ -79,12 +79,12 @@ def level_table(
     weights = resampled(swept.trials, resamples, rng)
     weights = weights / weights.sum(axis=1, keepdims=True)
     values = {
-        ("criterion", ""): weights @ swept.posterior.T,
+        ("mean_posterior", ""): weights @ swept.posterior.T,
         ("mean_ms", ""): weights @ swept.time_ms.T,
         ("forced", ""): weights @ swept.forced.T,
         ("premature", ""): weights @ swept.premature.T,
     }
-    reached, took = values["criterion", ""], values["mean_ms", ""]
+    reached, took = values["mean_posterior", ""], values["mean_ms", ""]
     for name, test in tests.items():
         known, time = curve(test, weights)
         values["accuracy_gap", name] = reached - _between(took - latency_ms, time, known)
@@ -93,7 +93,9 @@ def level_table(
     rows = []
     for k, level in enumerate(swept.settings):
         inside = low < level < high
-        exact = criterion(circuit, float(level), threshold_nats, gain) if inside else np.nan
+        exact = (
+            stopping_posterior(circuit, float(level), threshold_nats, gain) if inside else np.nan
+        )
         rows.append((level, "fixed_point", exact, np.nan, np.nan, ""))
         rows += [(level, m, *interval(found[:, k]), name) for (m, name), found in values.items()]
     return pd.DataFrame(rows, columns=["level", "measure", "value", "low", "high", "reference"])

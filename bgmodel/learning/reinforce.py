@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.decision import Tally
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.sprt import tally_sprt, threshold_from_gap
+from bgmodel.integrators.sprt import sprt_threshold_from_gap, tally_sprt
 from bgmodel.learning.policies import GaussianPolicy, Policy
 from bgmodel.support.arrays import Array
 from circuits.errors import InputError, require
@@ -31,7 +31,7 @@ def exhaustive_search(evidence: Evidence | Iterable[Evidence], deltas: npt.Array
     Tally
         Whose ``accuracy``, ``mean_steps`` and ``mean_reward`` have one entry a gap.
     """
-    thresholds = threshold_from_gap(np.atleast_1d(deltas))
+    thresholds = sprt_threshold_from_gap(np.atleast_1d(deltas))
     total: Tally | None = None
     for block in [evidence] if isinstance(evidence, Evidence) else evidence:
         counts = tally_sprt(block, thresholds)

@@ -90,7 +90,7 @@ def _caution(values: dict[str, float], foreperiod_ms: float) -> str:
 
 def _uncalibrated(values: dict[str, float]) -> str:
     """Return a caution about posteriors that are not accuracies, or no text."""
-    sure = miscalibrated(values["criterion"], values["accuracy"], values["decided"])
+    sure = miscalibrated(values["mean_posterior"], values["accuracy"], values["decided"])
     if not sure:
         return ""
     return (

@@ -195,8 +195,10 @@ def _median_layout(taps: list[Array]) -> Array:
         places = np.nanmedian(seen, axis=0)
     # Of two places too close for two pins one is a speck, which stays put, or a merger, seen less.
     claim = share * (np.nanstd(seen, axis=0).sum(axis=1) + 1e-9)
-    rivals = cKDTree(places).query_ball_point(places, CROWDED * pitch)
-    return _lattice(places[[k for k, close in enumerate(rivals) if claim[k] >= claim[close].max()]])
+    crowding = cKDTree(places).query_ball_point(places, CROWDED * pitch)
+    return _lattice(
+        places[[k for k, close in enumerate(crowding) if claim[k] >= claim[close].max()]]
+    )
 
 
 def _tracker(layout: Array) -> Callable[[Array], tuple[Array, int]]:

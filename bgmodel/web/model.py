@@ -83,7 +83,7 @@ def plain(table: Circuit) -> dict[str, Any]:
         "channels": table.channels,
         "kappa": gain_of(table),
         "centred": table.centred,
-        "reach": table.reach_nats,
+        "reach": table.max_deficit_nats,
         "driveGain": table.drive_gain,
         "readable": list(table.readable_nats),
         "populations": [row.name for row in table.populations],
@@ -119,7 +119,7 @@ def _dopamine(wiring: Wiring) -> list[dict[str, Any]]:
         {
             "sign": RECEPTORS[row.receptor],
             "weight": path.weight,
-            "pivot": row.pivot_nats,
+            "pivot": row.operating_point_nats,
             "blocks": wiring.blocks_of(path.target).tolist(),
             "units": [u for u in range(wiring.units) if wiring.projection(u) is path],
         }

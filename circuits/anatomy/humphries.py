@@ -158,7 +158,7 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     tonic, of_ctx = TONIC_HZ / SALIENCE_HZ, SALIENCE_HZ / HZ
     # fmt: off
     populations = rows(Population, (
-        "name        cell        neurons gain_hz_per_nat transmitter bias_nats spread cite",
+        "name        cell        neurons gain_hz_per_nat transmitter bias_nats heterogeneity cite",
         ("ctx",      Phase(1.0), 64,     SALIENCE_HZ,    GLUTAMATE,  tonic,    0.0,   SALIENCE),
         ("ctx_NMDA", Rate(),     1,      HZ,             GLUTAMATE,  0.0,      0.0,   SLOW),
         ("D1",       MSN,        64,     HZ,             GABA,       msn.bias, 0.1,   CELL),

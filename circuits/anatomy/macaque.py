@@ -90,7 +90,7 @@ def macaque(channels: int = 2) -> Circuit:
         ("GPe_ctx", Rate(),     1,      True,  0,          20,             GABA,       SLOW),
         ("SNr",     Phase(0.3), 600,    False, 20,         36,             GABA,       OUTPUT),
     ), (
-        "name       transfer      tau_ms  receptor  pivot_nats  bias_nats",
+        "name       transfer      tau_ms  receptor  operating_point_nats  bias_nats",
         ("ctx",     "saturating", 2,     "",       0.0,        tone + fast * rest),
         ("ctx_inh", "linear",     5,      "",       0.0,        0.0),
         # Dopamine turns about the input at rest: rates at rest stay what they are.
@@ -102,7 +102,7 @@ def macaque(channels: int = 2) -> Circuit:
         ("SNr",     "linear",     0.0,    "",       0.0,        log_n + above_floor - sigma),
     ), (
         # The spread of the cells' rates is assumed; their mean is that of the line.
-        "name       spread published_hz",
+        "name       heterogeneity published_hz",
         ("ctx",     0.3,   ()),
         ("D1",      0.3,   (0.0, 1.0)),
         ("D2",      0.3,   (0.0, 1.0)),
@@ -127,7 +127,7 @@ def macaque(channels: int = 2) -> Circuit:
         ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    "linear",        TO_CTX),
     ), (
         # At terminals dopamine weakens the loop; GPe's activity is 0 at rest.
-        "source target receptor pivot_nats",
+        "source target receptor operating_point_nats",
         ("STN", "GPe", "D2",    from_stn),
         ("GPe", "STN", "D2",    0.0),
     ))
@@ -144,7 +144,7 @@ def macaque(channels: int = 2) -> Circuit:
         range_nats=(top - tone, inf),
         # Losers are silent from top nats behind on.
         readable_nats=(log1p((channels - 1) * exp(-top)), log_n),
-        most_lead_nats=MOST_LEAD_NATS.get(channels, inf),
+        max_lead_nats=MOST_LEAD_NATS.get(channels, inf),
         most_channels=12,
         default_gain=0.55 if channels == 2 else 0.5 if channels < 8 else 0.4,
         about="basal ganglia of a macaque that decide by raw evidence as the MSPRT does",

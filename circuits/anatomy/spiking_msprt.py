@@ -61,7 +61,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         ("GPe",    GPE,        300,     False,  45,          80,              GABA,        FITTED),
         ("SNr",    SNR,        300,     False,  10,          95,              GABA,        FITTED),
     ), (
-        "name      transfer     tau_ms  receptor  pivot_nats  bias_nats",
+        "name      transfer     tau_ms  receptor  operating_point_nats  bias_nats",
         ("ctx",    "rectified", 2,      "",       0.0,        0.7),
         ("common", "linear",    2000,   "",       0.0,        0.7 - 10 * s0),
         # A nat of gain about 0 would move OUT by all of y, about a pivot by what is above it.
@@ -96,7 +96,7 @@ def spiking_msprt(channels: int = 2) -> Circuit:
         # Losers are silent from top nats behind on.
         readable_nats=(log1p((channels - 1) * exp(-top)), top - (top - 0.65)),
         # Odds of e^5 are past every threshold; more would only outrun the slow common mode.
-        reach_nats=5.0,
+        max_deficit_nats=5.0,
         most_channels=12,
         default_gain=0.7 if channels == 2 else 0.5 if channels < 8 else 0.6,
         about="spiking cells that compute the MSPRT; after circuit J of a feasibility study",

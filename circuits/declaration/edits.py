@@ -60,12 +60,12 @@ VERBS = {
         method="with_connections",
         changes="probability",
     ),
-    "spread": Verb(
-        "spread 0.1",
-        "spread of the constants of cells in every spiking nucleus, as a fraction of each",
+    "heterogeneity": Verb(
+        "heterogeneity 0.1",
+        "heterogeneity of the constants of cells in every spiking nucleus, as a fraction of each",
         takes=NUMBER,
-        method="with_spread",
-        changes="spread",
+        method="with_heterogeneity",
+        changes="heterogeneity",
     ),
     "add": Verb(
         "add D1->GPe weight=-0.1 delay_ms=4",

@@ -13,7 +13,7 @@ Row = Population | Projection
 Given = TypeVar("Given")
 
 LIENARD = "Lienard & Girard 2014"
-FSI = f"rate {LIENARD}, macaque; CV, gain, cells, spread assumed"
+FSI = f"rate {LIENARD}, macaque; CV, gain, cells, heterogeneity assumed"
 DRIVEN = f"cortex drives them, Mallet et al. 2005, rat; delay as ctx->D1, {LIENARD}; rest assumed"
 FEEDFORWARD = (
     "inhibit D1 and D2, Koos & Tepper 1999, Planert et al. 2010, rats; D1 more than D2, "
@@ -49,7 +49,7 @@ def striatal_fsi(circuit: CircuitTable) -> tuple[Row, ...]:
         transmitter=GABA,
         neurons=300,
         bias_nats=-circuit.drive_gain * circuit.rest_drive,
-        spread=0.3,
+        heterogeneity=0.3,
         cite=FSI,
         published_hz=(7.8, 14.0),
     )

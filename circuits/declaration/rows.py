@@ -76,9 +76,9 @@ class Population:
         Time constant of the input's filter, ms; cells that hear nats have their own.
     receptor : str
         "D1" or "D2" where dopamine on the cells raises or lowers the cortical gain.
-    pivot_nats : float
+    operating_point_nats : float
         The cortical input at which dopamine changes nothing: it steepens what is above.
-    spread : float
+    heterogeneity : float
         Standard deviation across cells of the cell's constants, as a fraction of each; their mean
         in a channel is the row's.
     intact, clamped : float, bool
@@ -104,8 +104,8 @@ class Population:
     bias_nats: float = 0.0
     tau_ms: float = 0.0
     receptor: str = ""
-    pivot_nats: float = 0.0
-    spread: float = 0.0
+    operating_point_nats: float = 0.0
+    heterogeneity: float = 0.0
     intact: float = 1.0
     clamped: bool = False
     intact_by_channel: tuple[float, ...] = ()
@@ -141,8 +141,14 @@ class Population:
             )
         require(0 <= self.tau_ms < math.inf, "tau_ms", "must be >= 0", self.tau_ms, owner=self.name)
         # Beyond, a good part of the cells would have constants of the wrong sign.
-        require(0 <= self.spread <= 1, "spread", "must lie in 0..1", self.spread, owner=self.name)
-        for name in ("baseline_hz", "bias_nats", "pivot_nats"):
+        require(
+            0 <= self.heterogeneity <= 1,
+            "heterogeneity",
+            "must lie in 0..1",
+            self.heterogeneity,
+            owner=self.name,
+        )
+        for name in ("baseline_hz", "bias_nats", "operating_point_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
         published = self.published_hz
@@ -199,7 +205,7 @@ class Projection:
         What the target's dendrite makes of the summed, filtered activity, by name.
     receptor : str
         "D1" or "D2" where dopamine at its terminals raises or lowers the weight.
-    pivot_nats : float
+    operating_point_nats : float
         What arrives at rest, before the weight: there dopamine changes nothing.
     intact : float
         The fraction of axons that survives a cut. What is lost is all that they carry, the tone of
@@ -220,7 +226,7 @@ class Projection:
     factors: tuple[float, ...] = ()
     transfer: str = "linear"
     receptor: str = ""
-    pivot_nats: float = 0.0
+    operating_point_nats: float = 0.0
     intact: float = 1.0
     intact_by_channel: tuple[float, ...] = ()
     cite: str = ""
@@ -232,7 +238,7 @@ class Projection:
         transfer.named(self.transfer)
         _one_of("pattern", self.pattern, PATTERNS)
         _one_of("receptor", self.receptor, RECEPTORS)
-        for name in ("weight", "pivot_nats"):
+        for name in ("weight", "operating_point_nats"):
             if not math.isfinite(getattr(self, name)):
                 raise InputError.of(name, "must be finite", getattr(self, name), owner=self.name)
         require(0 <= self.tau_ms < math.inf, "tau_ms", "must be >= 0", self.tau_ms, owner=self.name)

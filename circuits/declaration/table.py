@@ -56,17 +56,17 @@ class CircuitTable(Network):
     centred: bool = True
     """Whether the mean of the drive over channels must be subtracted before it enters. A circuit
     that cancels what channels have in common does without: each channel gets its own evidence."""
-    reach_nats: float = math.inf
+    max_deficit_nats: float = math.inf
     """How far below the leader's drive another channel's may fall: a silent cell cannot fall
     further. The leader's OUT changes by at most ``ln(1 + (channels - 1) exp(-reach))``."""
-    most_lead_nats: float = math.inf
+    max_lead_nats: float = math.inf
     """Largest mean lead, nats of drive, that one channel may gain over the mean of the others per
     100 ms, or per reading where readings are further apart. Beyond it decisions come late or
     never. Infinite where it was not measured."""
     most_channels: int = 1000
     """Most alternatives for which the circuit has a state of rest."""
     wiring_seed: int = 0
-    """Key of what differs from cell to cell: connections and spread."""
+    """Key of what differs from cell to cell: connections and heterogeneity."""
     courses: tuple[Course, ...] = ()
     """The third table: what changes within a trial. Most circuits have none."""
     about: str = field(default="", compare=False)
@@ -95,7 +95,7 @@ class CircuitTable(Network):
         self._check_courses()
 
     def _check_numbers(self) -> None:
-        for name in ("reach_nats", "most_lead_nats"):
+        for name in ("max_deficit_nats", "max_lead_nats"):
             require(getattr(self, name) > 0, name, "must be > 0", getattr(self, name))
         if not 0 <= self.readout_tau_ms < math.inf:
             raise InputError.of("readout_tau_ms", "must be >= 0", self.readout_tau_ms)
@@ -215,7 +215,8 @@ class CircuitTable(Network):
         """Return the changes by a level of dopamine, relative to this circuit's; 1 changes nothing.
 
         The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
-        ``2 - level``; see ``receptors``. What it adds at the ``pivot_nats`` stays what it was.
+        ``2 - level``; see ``receptors``. What it adds at the ``operating_point_nats`` stays what it
+        was.
 
         Parameters
         ----------
@@ -230,14 +231,14 @@ class CircuitTable(Network):
         """
         found = []
         for p, row in self.receptors():
-            if p.factors and row.pivot_nats:
+            if p.factors and row.operating_point_nats:
                 raise InputError(
                     f"{p.name} differs from channel to channel: dopamine about a pivot would "
                     "need a bias for each",
                     "dopamine",
                 )
             change = RECEPTORS[row.receptor] * (level - 1)
-            found.append((p, change, -(change * p.weight * row.pivot_nats)))
+            found.append((p, change, -(change * p.weight * row.operating_point_nats)))
         return found
 
     @property

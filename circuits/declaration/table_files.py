@@ -64,9 +64,6 @@ def digest(circuit: CircuitTable) -> str:
                 row.pop(name, None)
     if circuit.about:  # the mark of an edit says no more than the rows
         held["about"] = circuit.about.removeprefix(EDITED)
-    for row in held["populations"]:
-        if "clamped" in row:  # under the name that it had when results were first stored
-            row["replaced"] = row.pop("clamped")
     text = json.dumps(_canonical(held), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -18,7 +18,15 @@ from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
 from circuits.errors import InputError, require, shown
 
-NOT_COMPUTED = ("neurons", "spread", "probability", "delay_ms", "tau_ms", "cite", "published_hz")
+NOT_COMPUTED = (
+    "neurons",
+    "heterogeneity",
+    "probability",
+    "delay_ms",
+    "tau_ms",
+    "cite",
+    "published_hz",
+)
 """Fields of rows that leave the fixed point as it is."""
 
 
@@ -223,7 +231,7 @@ class EditableTable(CircuitTable):
         return self._edited(
             channels=channels,
             default_gain=self.default_gain if same else None,
-            most_lead_nats=self.most_lead_nats if same else math.inf,
+            max_lead_nats=self.max_lead_nats if same else math.inf,
         )
 
     def with_neurons(self, neurons: int) -> Self:
@@ -243,9 +251,9 @@ class EditableTable(CircuitTable):
         )
         return self._edited(populations=rows)
 
-    def with_spread(self, spread: float) -> Self:
+    def with_heterogeneity(self, heterogeneity: float) -> Self:
         """Return the circuit with cells that differ by a fraction in every spiking population."""
-        return self._everywhere(spread=spread)
+        return self._everywhere(heterogeneity=heterogeneity)
 
     def with_connections(self, probability: float) -> Self:
         """Return the circuit with sparse connections, of fixed in-degree, between spiking cells.
@@ -321,7 +329,7 @@ class EditableTable(CircuitTable):
             projections=projections,
             courses=tables[2],
             exact=exact,
-            most_lead_nats=self.most_lead_nats if same else math.inf,
+            max_lead_nats=self.max_lead_nats if same else math.inf,
         )
 
     def _edited(self, **changes: Any) -> Self:

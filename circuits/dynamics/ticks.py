@@ -43,9 +43,9 @@ from circuits.errors import EditWarning, InputError, user_level
 
 SPIKE_BITS = 40
 """Bits of what a spike adds to a rate: a sum of up to 8192 is exact, in whatever order."""
-NO_SPREAD = np.ones(3)
+ALL_ALIKE = np.ones(3)
 """Factors of the constants of a cell that is its row's."""
-SPREAD_LEAST = 0.1
+LEAST_FACTOR = 0.1
 """No cell's constant falls below this fraction of its population's."""
 
 
@@ -189,11 +189,11 @@ class Scheme:
 
 
 def cell_factors(circuit: CircuitTable, name: str, channel: int) -> Array:
-    """Return the factors (3, neurons) of each cell's constants; 1 where the spread is 0.
+    """Return the factors (3, neurons) of each cell's constants; 1 where the heterogeneity is 0.
 
     What each of the three multiplies is for ``Cell.constants`` to say. They belong to the
     circuit's ``wiring_seed``, not to a trial. Their mean over a channel's cells is 1 (but for the
-    few that would fall below ``SPREAD_LEAST``): cells differ, channels hardly do. A channel of 300
+    few that would fall below ``LEAST_FACTOR``): cells differ, channels hardly do. A channel of 300
     would otherwise lie off the next by up to .03 nats of OUT for good, as a prior does. One cell
     alone is the row's.
     """
@@ -201,7 +201,7 @@ def cell_factors(circuit: CircuitTable, name: str, channel: int) -> Array:
     key = noise.stream_key(circuit.wiring_seed, 0, f"{name}/{channel}")
     draws = np.array([noise.bits32(key, noise.CELLS_TICK + i, row.neurons) for i in range(3)])
     draws -= draws.mean(axis=1, keepdims=True)
-    return np.maximum(1 + row.spread * draws, SPREAD_LEAST)
+    return np.maximum(1 + row.heterogeneity * draws, LEAST_FACTOR)
 
 
 def spike_hz(neurons: Any, dt_ms: float) -> Any:

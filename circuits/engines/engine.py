@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from circuits.activity import Activity
     from circuits.circuit import Circuit
 
-OF_CELLS = ("neurons", "probability", "spread")
+OF_CELLS = ("neurons", "probability", "heterogeneity")
 """Fields of rows that act through the number of cells, their connections and their differences."""
 OF_TIME = ("delay_ms", "tau_ms", "cell.tau_ms")
 """Fields of rows on which a fixed point does not depend."""

@@ -19,7 +19,7 @@ from circuits.cells.cell import tick_constants
 from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
-from circuits.dynamics.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz, starting_state
+from circuits.dynamics.ticks import ALL_ALIKE, Clock, Scheme, cell_factors, spike_hz, starting_state
 from circuits.dynamics.timed import Timed, timed
 from circuits.dynamics.wiring import fan_in, units_of
 
@@ -143,8 +143,8 @@ class _Cells:
         self.wiring, self.block, self.neurons = w, block, self.row.neurons
         self.spike_hz = spike_hz(self.neurons, scheme.dt_ms)
         self.decay = scheme.block_decay[block]
-        cell, factors = self.row.cell, NO_SPREAD
-        if self.row.spread:
+        cell, factors = self.row.cell, ALL_ALIKE
+        if self.row.heterogeneity:
             factors = cell_factors(w.circuit, self.row.name, int(w.channel[block]))
         constants = tick_constants(cell, factors, scheme.dt_ms)
         self.step = cell.tick or cell.lacks("tick", "the plain engine")

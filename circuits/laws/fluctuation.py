@@ -171,7 +171,7 @@ def _cells(wiring: Wiring, x: Array, frequency_hz: Array) -> tuple[Complex, Arra
         blocks = wiring.blocks_of(row.name)
         line = Line(*(law[:, blocks].ravel() for law in laws))
         states = x[:, blocks].ravel()
-        found = mean_response(row.cell, row.spread, states, line, frequency_hz)
+        found = mean_response(row.cell, row.heterogeneity, states, line, frequency_hz)
         for kept, values in zip((gain, bend, own), found, strict=True):
             wide = np.broadcast_to(values, (len(x) * len(blocks), len(frequency_hz)))
             kept[..., blocks] = wide.reshape(len(x), len(blocks), -1).swapaxes(1, 2)

@@ -23,7 +23,7 @@ def own_rates(wiring: Wiring, x: Array) -> Array:
     hz = wiring.rates(x)
     for b in range(wiring.blocks):
         row = wiring.row(b)
-        hz[:, b] = mean_rate_hz(row.cell, row.spread, x[:, b], hz[:, b])
+        hz[:, b] = mean_rate_hz(row.cell, row.heterogeneity, x[:, b], hz[:, b])
     return hz
 
 

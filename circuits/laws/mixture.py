@@ -1,6 +1,6 @@
 """Cells of a population that differ: the mean of their answers.
 
-Three factors of their constants vary with a standard deviation ``spread``. The mean over six
+Three factors of their constants vary with a standard deviation ``heterogeneity``. The mean over six
 points, each factor up or down by root 3 spreads, is right to third order.
 """
 
@@ -12,31 +12,33 @@ import numpy as np
 
 from circuits.arrays import Array
 from circuits.cells.cell import Cell, Line, Response
-from circuits.dynamics.ticks import SPREAD_LEAST
+from circuits.dynamics.ticks import LEAST_FACTOR
 
 
 @lru_cache(maxsize=256)
-def differing(cell: Cell, spread: float) -> tuple[tuple[Cell, float], ...]:
+def differing(cell: Cell, heterogeneity: float) -> tuple[tuple[Cell, float], ...]:
     """Return cells that stand for all, each with what its rate by the line is times."""
-    if not spread:
+    if not heterogeneity:
         return ((cell, 1.0),)
-    ways = np.concatenate([np.eye(3), -np.eye(3)]) * np.sqrt(3) * spread
-    return tuple(cell.varied(np.maximum(1 + way, SPREAD_LEAST)) for way in ways)
+    ways = np.concatenate([np.eye(3), -np.eye(3)]) * np.sqrt(3) * heterogeneity
+    return tuple(cell.varied(np.maximum(1 + way, LEAST_FACTOR)) for way in ways)
 
 
-def mean_rate_hz(cell: Cell, spread: float, x: Array, hz: Array) -> Array:
+def mean_rate_hz(cell: Cell, heterogeneity: float, x: Array, hz: Array) -> Array:
     """Return the mean rate at inputs x (S,), where the line is at ``hz`` (S,), Hz."""
     alike = cell.rate_hz(x, hz)  # a type without a law says so, whether its cells differ or not
-    if not spread:
+    if not heterogeneity:
         return alike
-    every = [each.rate_hz(x, factor * hz) for each, factor in differing(cell, spread)]
+    every = [each.rate_hz(x, factor * hz) for each, factor in differing(cell, heterogeneity)]
     return np.asarray(np.mean(every, axis=0))
 
 
-def mean_response(cell: Cell, spread: float, x: Array, line: Line, frequency_hz: Array) -> Response:
+def mean_response(
+    cell: Cell, heterogeneity: float, x: Array, line: Line, frequency_hz: Array
+) -> Response:
     """Return the mean response at inputs x (S,) on a line, at frequencies (F,)."""
     found = [
         each.response(x, Line(*(factor * part for part in line)), frequency_hz)
-        for each, factor in differing(cell, spread)
+        for each, factor in differing(cell, heterogeneity)
     ]
     return Response(*(np.mean(part, axis=0) for part in zip(*found, strict=True)))

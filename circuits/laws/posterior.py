@@ -13,28 +13,28 @@ from circuits.errors import InputError
 STEPS = 21
 """Values of OUT at which it is looked up, from the lowest to the highest that is read."""
 BEHIND_NATS = 30.0
-"""So far behind is a rival that counts for nothing."""
+"""So far behind is a competitor that counts for nothing."""
 
 
-def off_nats(circuit: CircuitTable, rivals: int | None = None) -> tuple[float, float]:
+def off_nats(circuit: CircuitTable, competitors: int | None = None) -> tuple[float, float]:
     """Return the lowest and highest of OUT less -ln P, nats, of the leader at the fixed point.
 
     Parameters
     ----------
     circuit : CircuitTable
         The table, its drive centred and cut as it states.
-    rivals : int, optional
-        So many rivals are level, all others far behind; all are level if left out.
+    competitors : int, optional
+        So many competitors are level, all others far behind; all are level if left out.
 
     Raises
     ------
     ValueError
-        If the circuit has no fixed point, does not work in nats, or has not so many rivals.
+        If the circuit has no fixed point, does not work in nats, or has not so many competitors.
     """
     circuit.check_nats("OUT as -ln P")
-    count = circuit.channels - 1 if rivals is None else rivals
+    count = circuit.channels - 1 if competitors is None else competitors
     if not 1 <= count < circuit.channels:
-        raise InputError.of("rivals", f"must lie in 1..{circuit.channels - 1}", rivals)
+        raise InputError.of("competitors", f"must lie in 1..{circuit.channels - 1}", competitors)
     low, high = circuit.readable_nats
     want = np.linspace(low, min(high, np.log(count + 1)), STEPS + 1)[1:]
     drive = np.full((STEPS, circuit.channels), -BEHIND_NATS)
@@ -48,7 +48,7 @@ def _entering(circuit: CircuitTable, drive: Array) -> Array:
     """Return a drive as it enters: cut at the circuit's reach and centred, if it must be."""
     if not circuit.centred:
         return drive
-    cut = np.maximum(drive, drive.max(axis=1, keepdims=True) - circuit.reach_nats)
+    cut = np.maximum(drive, drive.max(axis=1, keepdims=True) - circuit.max_deficit_nats)
     return np.asarray(cut - cut.mean(axis=1, keepdims=True))
 
 

@@ -22,7 +22,7 @@ from tests.helpers import refused
 
 EDITS = {
     "lesion": lambda c: c.lesion("STN", 0.3),
-    "replaced lesion": lambda c: c.clamp("GPe"),
+    "clamped lesion": lambda c: c.clamp("GPe"),
     "weight": lambda c: c.scale("STN", "GPe", 0.5),
     "axons": lambda c: c.cut("STN", "GPe", 0.5),
     "axons of one channel": lambda c: c.cut("D1", "SNr", 0.5, channel=1),
@@ -74,9 +74,9 @@ def test_fields_of_a_cell_are_edited_like_those_of_its_row():
     edited = circuit.with_cell("STN", cv=0.1).with_population("STN", neurons=40)
     assert (edited.population("STN").cell.cv, edited.population("STN").neurons) == (0.1, 40)
     assert circuit.with_cell("GPe", tau_ms=20).population("GPe").cell.tau_ms == 20
-    small = circuit.with_neurons(7).with_spread(0.1).with_connections(0.25)
+    small = circuit.with_neurons(7).with_heterogeneity(0.1).with_connections(0.25)
     assert {row.neurons for row in small.populations if row.spiking} == {7}
-    assert {row.spread for row in small.populations} == {0.1, 0.0}
+    assert {row.heterogeneity for row in small.populations} == {0.1, 0.0}
     assert {p.probability for p in small.projections} == {0.25, 1.0}
 
 
@@ -246,7 +246,7 @@ def edit(circuit, row, values):
         ("STN", {"neurons": 10**12}, "neurons"),
         ("STN", {"neurons": 2.5}, "neurons"),
         ("STN", {"tau_ms": -1}, "tau_ms STN: tau_ms must be >= 0, got -1"),
-        ("STN", {"spread": -0.1}, "spread"),
+        ("STN", {"heterogeneity": -0.1}, "heterogeneity"),
         ("STN", {"intact": 1.1}, "intact"),
         ("STN", {"gain_hz_per_nat": 0}, "gain_hz_per_nat"),
         ("STN", {"bias_nats": math.nan}, "bias_nats STN: bias_nats must be finite"),
@@ -264,7 +264,7 @@ def edit(circuit, row, values):
         ("STN", {"bias_nats": "x"}, "bias_nats"),
         ("STN", {"neurons": "3"}, "neurons"),
         ("STN", {"neurons": math.nan}, "neurons"),
-        ("STN", {"spread": 5}, "spread"),
+        ("STN", {"heterogeneity": 5}, "heterogeneity"),
         ("STN", {"pooled": 1}, "pooled"),
         ("STN", {"cell": "Lif"}, "cell STN: cell must be one of AdEx, .*got 'Lif'"),
         ("STN", {"gain_hz_per_nat": "1"}, "gain_hz_per_nat"),
@@ -286,7 +286,7 @@ def test_numbers_without_sense_are_refused(row, values, message):
         (lambda c: c.lesion("STN", "a"), "fraction must be a number, got 'a'"),
         (lambda c: c.scale("STN", "GPe", "2"), "factor must be a number, got '2'"),
         (lambda c: c.scale("STN", "GPe", math.inf), "factor must be >= 0, got inf"),
-        (lambda c: c.with_spread(5), "spread must lie in 0..1, got 5"),
+        (lambda c: c.with_heterogeneity(5), "heterogeneity must lie in 0..1, got 5"),
         (lambda c: c.with_neurons("3"), "neurons must be a whole number, got '3'"),
         (lambda c: Population("", Rate()), "a population's name is text without blanks"),
         (lambda c: Population("a->b", Rate()), "a population's name is text without blanks"),
@@ -402,7 +402,7 @@ def test_a_multiple_of_the_cells_is_rounded_and_at_least_one(factor, neurons):
 
 def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_cleared_by_others():
     table = anatomy.macaque(2)
-    most = table.most_lead_nats
+    most = table.max_lead_nats
     assert np.isfinite(most)
     kept = [
         table.lesion("GPe", 0.1),
@@ -413,17 +413,17 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
         table.with_neurons_times(2),
         table.with_channels(2),
     ]
-    assert {edited.most_lead_nats for edited in kept} == {most}
+    assert {edited.max_lead_nats for edited in kept} == {most}
     cleared = [
         table.edited("set STN->GPe.delay_ms=4"),
         table.edited("set GPe->STN.tau_ms=3"),
         table.edited("set GPe_ctx.tau_ms=500"),
         table.with_channels(4),
     ]
-    assert {edited.most_lead_nats for edited in cleared} == {np.inf}
+    assert {edited.max_lead_nats for edited in cleared} == {np.inf}
     for wrong in (0.0, -1.0, float("nan")):
-        with refused("most_lead_nats must be > 0"):
-            replace(table, most_lead_nats=wrong)
+        with refused("max_lead_nats must be > 0"):
+            replace(table, max_lead_nats=wrong)
 
 
 def test_a_circuit_is_a_mapping_of_its_rows():

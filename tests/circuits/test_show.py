@@ -27,12 +27,12 @@ def test_the_page_holds_every_row_with_its_source(name):
 
 
 def test_edits_show_on_the_page_and_nothing_else_does():
-    page = show.text(anatomy.spiking_msprt().clamp("GPe", 0.5).with_spread(0.1))
+    page = show.text(anatomy.spiking_msprt().clamp("GPe", 0.5).with_heterogeneity(0.1))
     assert "0.5, clamped" in page
-    assert "spread" in page
+    assert "heterogeneity" in page
     assert "1 0.9" in show.text(anatomy.spiking_msprt().scale("ctx", "D1", 0.9, channel=1))
     assert "0.75 1" in show.text(anatomy.spiking_msprt().lesion("GPe", 0.25, channel=0))
-    for idle in ("by_channel", "probability", "spread"):
+    for idle in ("by_channel", "probability", "heterogeneity"):
         assert idle not in show.text(anatomy.spiking_msprt())
     assert "probability" in show.text(anatomy.spiking_msprt().with_connections(0.25))
     assert "intact" not in show.text(anatomy.spiking_msprt())

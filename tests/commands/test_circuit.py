@@ -42,7 +42,9 @@ def test_show_says_whose_noise_it_is(capsys):
 
 
 @pytest.mark.parametrize("channels", [2, 4])
-def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_rivals(channels, monkeypatch, capsys):
+def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_competitors(
+    channels, monkeypatch, capsys
+):
     asked, real = [], steady.leader_drive
 
     def watched(odds, count):
@@ -54,8 +56,8 @@ def test_scatter_is_that_at_the_odds_of_a_leader_among_equal_rivals(channels, mo
     assert "at a posterior of 0.8 OUT scatters" in capsys.readouterr().out
     ((odds, count),) = asked
     assert count == channels
-    rivals = np.zeros(channels - 1)
-    assert np.exp(odds) / (np.exp(odds) + np.exp(rivals).sum()) == pytest.approx(0.8)
+    competitors = np.zeros(channels - 1)
+    assert np.exp(odds) / (np.exp(odds) + np.exp(competitors).sum()) == pytest.approx(0.8)
 
 
 def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys):

@@ -1,4 +1,4 @@
-"""The commands `compare` and `circuit lesion`."""
+"""The commands `compare` and `circuit compare-edits`."""
 
 import json
 import re
@@ -38,16 +38,16 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, capsys, monkeypa
 
     monkeypatch.setattr("bgmodel.comparison.compare.compare", stop)
     monkeypatch.setattr("bgmodel.comparison.edited.compare_edits", stop)
-    for command, what in ((("compare",), "comparing"), (("circuit", "lesion"), "lesioning")):
+    for command, what in ((("compare",), "comparing"), (("circuit", "compare-edits"), "lesioning")):
         assert run(*command, tmp_path / "a.csv", "--channels", 4) == 2
         said = capsys.readouterr().err
         assert re.search(rf"bgmodel: {what} macaque on population, .*1000 trials of up", said)
         assert said.index(what) < said.index("started")
     for engine, more, said in (
         ("population", (), ""),
-        ("population", ("--ceiling",), "2 circuits, "),
-        ("population", ("--ceiling", "--edits", "lesion D2 10%"), "3 circuits, "),
-        ("algebra", ("--ceiling",), ""),
+        ("population", ("--noise-ceiling",), "2 circuits, "),
+        ("population", ("--noise-ceiling", "--edits", "lesion D2 10%"), "3 circuits, "),
+        ("algebra", ("--noise-ceiling",), ""),
     ):
         asked = ("compare", tmp_path / "a.csv", "--engine", engine, "--trials", 9000, *more)
         assert run(*asked) == 2
@@ -57,7 +57,7 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, capsys, monkeypa
 def test_json_is_all_that_stdout_holds(tmp_path, capsys):
     out = tmp_path / "a.csv"
     small = (*FIXED_POINT, "--trials", 100, "--json")
-    for command, edits in ((("compare",), ()), (("circuit", "lesion"), ("lesion STN 20%",))):
+    for command, edits in ((("compare",), ()), (("circuit", "compare-edits"), ("lesion STN 20%",))):
         assert run(*command, out, *edits, *small, "--force") == 0
         told = capsys.readouterr()
         found = json.loads(told.out)
@@ -71,7 +71,7 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
         assert "left out" not in told.err
         assert "json" not in json.loads(provenance_path(out).read_text())["parameters"]["command"]
     plain = (*FIXED_POINT, "--trials", 100, "--force")
-    assert run("circuit", "lesion", out, "lesion STN 20%", *plain) == 0
+    assert run("circuit", "compare-edits", out, "lesion STN 20%", *plain) == 0
     shown = capsys.readouterr().out
     assert "value [95 % interval, by a bootstrap over trials]" in shown
     assert "mean_ms in ms" in shown
@@ -81,7 +81,7 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsy
     """Half of ctx->STN: OUT rests below every threshold."""
     task = ("--channels", 3, "--d-prime", 0.8, "--trials", 100, "--t-max", 10)
     halved = ("--edits", "scale ctx->STN 0.5", "neurons 40")
-    for command in (("compare",), ("circuit", "lesion")):
+    for command in (("compare",), ("circuit", "compare-edits")):
         assert run(*command, tmp_path / "a.csv", *task, *halved) == 2
         assert "it would decide without evidence, or never" in capsys.readouterr().err
     learned = ("circuit", "learn", tmp_path / "a.csv", "--circuit", "spiking_msprt")
@@ -89,7 +89,7 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsy
     assert "no level of dopamine" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     given = (*task[:-1], 40, "scale ctx->STN 0.5", "--engine", "rate", "--accuracies", 0.8)
-    assert run("circuit", "lesion", tmp_path / "a.csv", *given) == 0
+    assert run("circuit", "compare-edits", tmp_path / "a.csv", *given) == 0
     shown = capsys.readouterr().out
     assert re.search(r"intact +0.8 +by evidence", shown)
     assert re.search(r"scale ctx->STN 0.5 0.8 +without evidence", shown)
@@ -99,7 +99,7 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, capsy
 
 def test_a_lesion_without_an_edit_says_which_it_runs(tmp_path, capsys):
     small = ("--trials", 100, "--t-max", 4, "--engine", "algebra", "--accuracies", 0.7)
-    assert run("circuit", "lesion", tmp_path / "a.csv", *small) == 0
+    assert run("circuit", "compare-edits", tmp_path / "a.csv", *small) == 0
     said = "no edit given, these run: lesion STN 20%, lesion GPe 20%, lesion D2, scale ctx->STN 0.9"
     assert said in capsys.readouterr().err
     assert run("compare", tmp_path / "b.csv", *small[:-1], 0.505) == 2
@@ -125,17 +125,17 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         "add D1->GPe weight=-0.01",
     )
     given = (*edits, *SMALL, "--accuracies", 0.9)
-    assert run("circuit", "lesion", out, *given) == 0
+    assert run("circuit", "compare-edits", out, *given) == 0
     shown = capsys.readouterr().out
     # The cells of SMALL are an edit too.
     assert "at the threshold of the circuit as edited (a prediction)" in shown
     assert {"as edited", *edits} == set(pd.read_csv(out, comment="#")["variant"])
     quick = ("--engine", "rate", "--trials", 100, "--t-max", 40, "--accuracies", 0.9, "--force")
     for edited, before in (((), "intact"), (("--edits", "add D1->GPe weight=-0.01"), "as edited")):
-        assert run("circuit", "lesion", out, "lesion STN[0] 10%", *quick, *edited) == 0
+        assert run("circuit", "compare-edits", out, "lesion STN[0] 10%", *quick, *edited) == 0
         assert re.search(rf"{before} +0.9 ", capsys.readouterr().out)
         assert set(pd.read_csv(out, comment="#")["variant"]) == {before, "lesion STN[0] 10%"}
-    idle = ("circuit", "lesion", out, "set STN.neurons 3", "--engine", "rate", "--force")
+    idle = ("circuit", "compare-edits", out, "set STN.neurons 3", "--engine", "rate", "--force")
     assert run(*idle) == 2
     assert "'set STN.neurons 3' says nothing to the rate engine" in capsys.readouterr().err
 
@@ -148,8 +148,8 @@ def test_lesion_takes_every_kind_of_edit_and_refuses_an_idle_one(tmp_path, capsy
         (["compare", "a.csv", "--accuracies", "1.2"], "accuracies must lie above chance"),
         (["compare", "a.csv", "--channels", "40"], "macaque takes at most 12 alternatives, got 40"),
         (["compare", "a.csv", "--task", "same-different", "--channels", "3"], "2 alternatives"),
-        (["circuit", "lesion", "a.csv", "lesion GPi"], "has no nucleus 'GPi'"),
-        (["circuit", "lesion", "a.csv", "lesion SNr"], "SNr is the read-out"),
+        (["circuit", "compare-edits", "a.csv", "lesion GPi"], "has no nucleus 'GPi'"),
+        (["circuit", "compare-edits", "a.csv", "lesion SNr"], "SNr is the read-out"),
     ],
 )
 def test_bad_use_of_compare_and_lesion_gets_one_clear_sentence(
@@ -175,9 +175,14 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, capsys):
     assert "are left out: the zero of this evidence means nothing" in told.err
     assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
     small = ("--trials", 100, "--engine", "algebra", "--accuracies", 0.9, "--d-prime", 1)
-    assert run("circuit", "lesion", tmp_path / "b.csv", "lesion GPe", *small, "--t-max", 40) == 0
+    assert (
+        run("circuit", "compare-edits", tmp_path / "b.csv", "lesion GPe", *small, "--t-max", 40)
+        == 0
+    )
     assert re.search(r"GPe +0.9 +mostly at the deadline", capsys.readouterr().out)
-    assert run("circuit", "lesion", tmp_path / "d.csv", "lesion GPe", *small, "--t-max", 2) == 0
+    assert (
+        run("circuit", "compare-edits", tmp_path / "d.csv", "lesion GPe", *small, "--t-max", 2) == 0
+    )
     assert re.search(r"intact +0.9 +not reached", capsys.readouterr().out)
     little = ("--trials", 20, "--t-max", 1, "--levels", 2, "--period-mm", 1)
     assert run("circuit", "learn", tmp_path / "c.csv", *little) == 2

@@ -17,7 +17,7 @@ def test_it_prints_a_table_with_a_legend_and_json_holds_the_same(tmp_path, capsy
     shown = capsys.readouterr().out
     assert "1 close, 2 hopeless    same lead" in shown
     assert "MSPRT: follows, at most 0 ms" in shown
-    assert "same average: of the rivals: max vs average predicts none." in shown
+    assert "same average: of the competitors: max vs average predicts none." in shown
     out = tmp_path / "a.csv"
     assert run(*COMMAND, "--circuit", "bogacz_gurney", *QUICK, "--json", "--output", out) == 0
     told = capsys.readouterr()

@@ -20,7 +20,7 @@ from tests.helpers import run
 
 GAP = ["--models", "constant_gap"]
 COHERENCE = ["--strength", "coherence"]
-QUICK = ["--free", "sensitivity", "criterion", "t0_s"]
+QUICK = ["--free", "sensitivity", "threshold", "t0_s"]
 
 
 def table_of(choices):
@@ -92,20 +92,20 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
         (["--deadline", "-1"], "mine.csv: deadline_s must be finite and above 0"),
         (["--models", "abacus"], "models must be of constant_gap, falling_gap, "),
         (["--models"], "models must name at least one"),
-        (["--criterion", "mood"], "criterion must be one of threshold, dopamine, stn_loss"),
+        (["--mechanism", "mood"], "mechanism must be one of threshold, dopamine, stn_loss"),
         (["--engine", "abacus"], "engine must be one of "),
-        (["--free", "mood"], "free must name a parameter, one of criterion, sensitivity, bound"),
-        (["--free", "dopamine"], "free must name a parameter, one of criterion, sensitivity"),
-        (["--hold", "mood=1"], "hold must name a parameter, one of "),
+        (["--free", "mood"], "free must name a parameter, one of threshold, sensitivity, bound"),
+        (["--free", "dopamine"], "free must name a parameter, one of threshold, sensitivity"),
+        (["--fix", "mood=1"], "fix must name a parameter, one of "),
         (["--vary", "mood=drug"], "vary must name a parameter, one of "),
-        (["--hold", "lapse"], "hold is a name, =, and a value"),
-        (["--hold", "lapse="], "hold is a name, =, and a value, as lapse=0.02, got 'lapse='"),
-        (["--vary", "bound="], "vary is a name, =, and a value, as criterion=instruction, got"),
-        (["--hold", "lapse=much"], "hold must give a number, as lapse=0.02, got 'much'"),
-        (["--hold", "lapse=0.5"], "lapse must lie between 0.001 and 0.2, got 0.5"),
-        (["--hold", "lapse=nan"], "lapse must lie between 0.001 and 0.2, got nan"),
+        (["--fix", "lapse"], "fix is a name, =, and a value"),
+        (["--fix", "lapse="], "fix is a name, =, and a value, as lapse=0.02, got 'lapse='"),
+        (["--vary", "bound="], "vary is a name, =, and a value, as threshold=instruction, got"),
+        (["--fix", "lapse=much"], "fix must give a number, as lapse=0.02, got 'much'"),
+        (["--fix", "lapse=0.5"], "lapse must lie between 0.001 and 0.2, got 0.5"),
+        (["--fix", "lapse=nan"], "lapse must lie between 0.001 and 0.2, got nan"),
         (["--vary", "bound=drug/none"], "drug has no level 'none': off, on"),
-        (["--hold", "bound=1", "--vary", "bound=drug"], "bound can't be moved and held at once"),
+        (["--fix", "bound=1", "--vary", "bound=drug"], "bound can't be moved and fixed at once"),
         (["--trials", "0"], "trials must be at least 1, got 0"),
         (["--noise-nats", "0"], "noise_nats must be finite and above 0, got 0"),
         (["--rt-window", "2", "0.3"], "rt_window must be an earliest and a later latest time"),
@@ -136,7 +136,7 @@ def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_ha
     table.loc[leans & (np.arange(800) % 3 > 0), "response"] = 1
     table.to_csv("leans.csv", index=False)
     with pytest.warns(UserWarning, match="sides were alike") as caught:
-        assert run("fit", "leans.csv", *COHERENCE, *GAP, *QUICK, "--vary", "criterion=drug") == 0
+        assert run("fit", "leans.csv", *COHERENCE, *GAP, *QUICK, "--vary", "threshold=drug") == 0
     said = [str(each.message) for each in caught if "sides were alike" in str(each.message)]
     assert len(said) == 1
     assert said[0].startswith("b, drug off: response 1 comes in ")
@@ -156,8 +156,8 @@ def test_what_can_not_be_told_apart_is_warned_of_and_kept(capsys):
     some = GOOD[GOOD["coherence"].abs() == 0.4]
     some.to_csv("one.csv", index=False)
     free = ["--free", "sensitivity", "threshold_nats", "dopamine", "t0_s"]
-    asked = ["one.csv", *COHERENCE, "--pooled", "--models", "macaque", "--criterion", "dopamine"]
-    small = ["--engine", "rate", "--trials", "200", "--hold", "t0_sd_s=0.1"]
+    asked = ["one.csv", *COHERENCE, "--pooled", "--models", "macaque", "--mechanism", "dopamine"]
+    small = ["--engine", "rate", "--trials", "200", "--fix", "t0_sd_s=0.1"]
     assert run("fit", *asked, *free, *small) == 0
     assert "hardly tell threshold_nats from dopamine" in capsys.readouterr().err
     assert set(pd.read_csv("fits/one/parameters.csv")["parameter"]) > {"dopamine", "t0_s"}
@@ -225,12 +225,12 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
     one = ["mine.csv", *COHERENCE, *GAP, *QUICK]
     assert run("fit", *one) == 0
     capsys.readouterr()
-    said = fails(capsys, *one, "--hold", "lapse=0.02")
+    said = fails(capsys, *one, "--fix", "lapse=0.02")
     assert said.startswith("'fits/mine' holds fits with another hold: give another folder, or --f")
     assert fails(capsys, *one, "--vary", "bound=drug").startswith("'fits/mine' holds fits with ano")
     changed(rt=GOOD["rt"] + 0.01).to_csv("mine.csv", index=False)
     assert "holds fits with another trials:" in fails(capsys, *one)
-    assert run("fit", *one, "--hold", "lapse=0.02", "--force", "--participant", "a") == 0
+    assert run("fit", *one, "--fix", "lapse=0.02", "--force", "--participant", "a") == 0
     found = pd.read_csv("fits/mine/parameters.csv")
     assert set(found["participant"]) == {"a"}
     assert found.loc[found["held"], "value"].tolist()[1] == 0.02
@@ -261,11 +261,11 @@ def test_a_circuit_that_was_edited_is_another_question(tmp_path):
 
 
 def test_a_table_says_all_that_was_asked_for(capsys):
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--hold", "lapse=0.02") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--fix", "lapse=0.02") == 0
     behind = read_provenance("fits/mine/parameters.csv")["parameters"]
     assert behind["strength"] == "coherence"
-    assert behind["hold"] == ["lapse=0.02"]
-    assert behind["criterion"] == "threshold"
+    assert behind["fix"] == ["lapse=0.02"]
+    assert behind["mechanism"] == "threshold"
     assert behind["simulated_trials"] == 16_000
     assert len(behind["trials"]) == 64
 
@@ -295,21 +295,21 @@ def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):
     assert [row["participant"] for row in found if not row["held"]] == ["all"] * 3
 
 
-def test_criterion_means_that_of_each_model_and_varies_with_a_column(capsys):
+def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
     small = ["--engine", "rate", "--trials", "16", "--json", "--pooled"]
     models = ["--models", "constant_gap", "macaque"]
     assert run("fit", "mine.csv", *COHERENCE, *models, *QUICK, *small,
-               "--vary", "criterion=drug", "--hold", "lapse=0.02") == 0  # fmt: skip
+               "--vary", "threshold=drug", "--fix", "lapse=0.02") == 0  # fmt: skip
     found = pd.DataFrame(json.loads(capsys.readouterr().out)["records"])
-    for name, criterion in (("constant_gap", "bound"), ("macaque", "threshold_nats")):
-        levels = [f"{criterion}[drug={level}]" for level in ("off", "on")]
+    for name, threshold in (("constant_gap", "bound"), ("macaque", "threshold_nats")):
+        levels = [f"{threshold}[drug={level}]" for level in ("off", "on")]
         mine = found[(found["model"] == name) & ~found["held"]]["parameter"].tolist()
         assert mine == ["sensitivity", *levels, "t0_s"]
 
 
 def test_a_model_without_a_parameter_that_is_freed_is_named(capsys):
     models = ["--models", "constant_gap", "falling_gap"]
-    free = ["--free", "sensitivity", "fall_per_s", "criterion"]
+    free = ["--free", "sensitivity", "fall_per_s", "threshold"]
     assert run("fit", "mine.csv", *COHERENCE, *models, *free, "--pooled") == 0
     said = capsys.readouterr().err
     assert "constant_gap has no fall_per_s, so that what --free leaves out is held in it" in said
@@ -394,7 +394,7 @@ def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
     # A fit without draws is another one.
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled") == 0
     capfd.readouterr()
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled", "--posterior") == 0
+    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--pooled", "--draws") == 0
     shown = capfd.readouterr()
     (said,) = shown.err.splitlines()
     assert said.startswith("bgmodel: all, constant_gap: the chain of draws lasts ")

@@ -59,7 +59,7 @@ def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
     assert silent(warn_of_ceiling, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
 
 
-def test_a_rival_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own():
+def test_a_baseline_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own():
     evidence = drawn(400, 120)
     leaky = tradeoff(Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence), evidence)
     with pytest.warns(

@@ -38,12 +38,12 @@ from circuits.engines import Population
 from circuits.laws.controls import linear_stn
 from tests.helpers import refused
 
-OF_RIVALS = {
-    MSPRT: lambda rivals: np.log(np.exp(rivals).sum()),
+OF_COMPETITORS = {
+    MSPRT: lambda competitors: np.log(np.exp(competitors).sum()),
     "max vs next": np.max,
     "max vs average": np.mean,
 }
-"""What a theory hears of the rivals: it decides when the leader is far enough above."""
+"""What a theory hears of the competitors: it decides when the leader is far enough above."""
 OWN = {MSPRT: [0.35, 0.15], "max vs next": [-1.5, -2.5], "max vs average": [-2.0, -2.5]}
 """Thresholds on the OUT of each theory."""
 
@@ -57,7 +57,7 @@ def outcomes(table):
 
 
 def changes(table):
-    """How much later than with equal rivals the observed decides, a row per design."""
+    """How much later than with equal competitors the observed decides, a row per design."""
     rows = table[table["theory"] == MSPRT]
     equal = rows[rows["held"] == ""].set_index("threshold")["observed_ms"]
     return rows.assign(change=rows["observed_ms"] - rows["threshold"].map(equal))
@@ -66,40 +66,44 @@ def changes(table):
 @pytest.mark.parametrize("channels", [3, 4, 8])
 def test_designs_keep_the_lead_over_the_next_or_the_average(channels):
     equal, *others = designs(channels)
-    assert set(equal.rivals) == {0.0}
+    assert set(equal.competitors) == {0.0}
     for design in others:
         held = max if design.held == LEAD else np.mean
-        assert held(design.rivals) == pytest.approx(0.0, abs=1e-12)
-        assert len(set(design.rivals)) == 2
+        assert held(design.competitors) == pytest.approx(0.0, abs=1e-12)
+        assert len(set(design.competitors)) == 2
         totals = design.evidence(5, kappa=0.5).own_totals
-        np.testing.assert_allclose(0.5 * totals[0, 1:, 1:], np.tile(design.rivals, (5, 1)))
+        np.testing.assert_allclose(0.5 * totals[0, 1:, 1:], np.tile(design.competitors, (5, 1)))
         rise = RISE_NATS_S * STEP_MS / 1000
         np.testing.assert_allclose(0.5 * totals[0, :, 0], rise * np.arange(6), atol=1e-12)
     names = [(design.name, design.held) for design in designs(channels)]
     assert len(set(names)) == len(names) == (3 if channels == 3 else 5)
 
 
-def test_a_single_rival_is_refused():
+def test_a_single_competitor_is_refused():
     with refused("channels"):
         designs(2)
 
 
-@pytest.mark.parametrize("name", OF_RIVALS)
-def test_a_theory_decides_later_by_what_it_hears_of_the_rivals(name):
+@pytest.mark.parametrize("name", OF_COMPETITORS)
+def test_a_theory_decides_later_by_what_it_hears_of_the_competitors(name):
     """In closed form, from what the readings are alone; and 0 against itself."""
     found = designed(theories()[name], OWN[name])
     for design in designs():
-        want_ms = OF_RIVALS[name](np.array(design.rivals)) - OF_RIVALS[name](np.zeros(3))
+        want_ms = OF_COMPETITORS[name](np.array(design.competitors)) - OF_COMPETITORS[name](
+            np.zeros(3)
+        )
         rows = changes(found)
         rows = rows[(rows["design"] == design.name) & (rows["held"] == design.held)]
         np.testing.assert_allclose(rows["change"], 1000 * want_ms / RISE_NATS_S, atol=1.0)
     assert np.abs(found[found["theory"] == name]["value"]).max() < 1e-9
-    assert outcomes(found) == {other: FOLLOWS if other == name else APART for other in OF_RIVALS}
+    assert outcomes(found) == {
+        other: FOLLOWS if other == name else APART for other in OF_COMPETITORS
+    }
 
 
 @pytest.mark.parametrize(("name", "held"), UNABLE.items())
-def test_what_a_rival_cannot_tell_apart_and_the_sign_where_designs_are_swapped(name, held):
-    """The MSPRT is quicker with hopeless rivals at the same lead, slower at the same average."""
+def test_what_a_competitor_cannot_tell_apart_and_the_sign_where_designs_are_swapped(name, held):
+    """The MSPRT: quicker with hopeless competitors at the same lead, slower at one average."""
     for observed, thresholds in ((theories()[name], OWN[name]), (Msprt(), OWN[MSPRT])):
         rows = changes(designed(observed, thresholds))
         rows = rows[rows["held"] != ""]
@@ -201,7 +205,7 @@ def test_a_threshold_that_is_never_reached_is_refused():
 
 
 def test_a_leader_that_is_not_chosen_leaves_the_difference_unknown():
-    """By max-vs-next the close rival meets a low threshold before the leader rises."""
+    """By max-vs-next the close competitor meets a low threshold before the leader rises."""
     found = designed(MaxVsNext(), [-0.5])
     wrong = (found["held"] == AVERAGE) & found["design"].str.startswith("1 close")
     assert found[wrong]["value"].isna().all()
@@ -253,12 +257,12 @@ def test_only_what_has_noise_is_shown_with_an_interval():
     )
     others = (table["held"] != "").sum()
     assert body.count("[") == others
-    # With equal rivals it is 0 by how thresholds are put, and nothing is held.
+    # With equal competitors it is 0 by how thresholds are put, and nothing is held.
     assert [line.split()[3] for line in body.splitlines()[1:]].count("-") == len(OWN[MSPRT])
 
 
 def test_trials_last_half_as_long_again_as_the_theory_needs():
-    """Of three rivals on average 0 one, all else hopeless, stands 2/3 of 1.6 nats up."""
+    """Of three competitors on average 0 one, all else hopeless, stands 2/3 of 1.6 nats up."""
     rise_s = (1.5 + 1.6 * 2 / 3) / 2.0
     needed = 1.5 * rise_s / (STEP_MS / 1000)
     assert needed <= readings_of(MaxVsNext(), [-1.5]) <= needed + 5
@@ -267,7 +271,7 @@ def test_trials_last_half_as_long_again_as_the_theory_needs():
 def test_without_nats_a_design_is_given_as_it_is():
     for design in designs():
         plain = design.evidence(3).own_totals[0, 1, 1:]
-        assert plain == pytest.approx(design.rivals)
+        assert plain == pytest.approx(design.competitors)
     model = BasalGanglia(anatomy.gpr(4), "rate", 0.1)
     assert kappa_of(model) == 1
     assert kappa_of(exact("macaque", 0.3)) == 0.3

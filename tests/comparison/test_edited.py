@@ -64,9 +64,9 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     assert of(table, "accuracy_gap", "race", MSPRT, "high", accuracy=0.95) < 0
     # Rivals are abstract: all of their time is decision time.
     full = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
-    for name, rival in BASELINES.items():
+    for name, baseline in BASELINES.items():
         options = {"truth": EVIDENCE.truth, "accuracies": (0.9, 0.95), "resamples": 2}
-        swept = tradeoff(rival().run(EVIDENCE), EVIDENCE)
+        swept = tradeoff(baseline().run(EVIDENCE), EVIDENCE)
         alone = matched_measures(full, swept, rng=stream(1, "b"), latency_ms=0.0, **options)
         gap = alone[alone["measure"] == "accuracy_gap"].set_index("accuracy")["value"][0.95]
         np.testing.assert_equal(of(table, "accuracy_gap", name, MSPRT, accuracy=0.95), gap)
@@ -210,17 +210,23 @@ def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
 
 
 def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
-    given = {"seed": SEED, "baselines": (), "accuracies": (0.95,), "resamples": 20, "ceiling": True}
+    given = {
+        "seed": SEED,
+        "baselines": (),
+        "accuracies": (0.95,),
+        "resamples": 20,
+        "noise_ceiling": True,
+    }
     noisy = compare(QUICK, LONG, **given).table
     r = of(noisy, "pearson_r", reference=OTHER_NOISE)
     assert 0.8 < r < 1
     exact = of(noisy, "pearson_r") / np.sqrt(r)
-    assert of(noisy, "pearson_r_of_ceiling") == pytest.approx(exact, rel=0.03)
+    assert of(noisy, "r_noise_corrected") == pytest.approx(exact, rel=0.03)
     assert of(noisy, "agreement_chance") < of(noisy, "agreement", reference=OTHER_NOISE)
     # Against itself it has no latency. Only the circuit has another noise, and so a ceiling.
     again = noisy[noisy["reference"] == OTHER_NOISE].set_index("measure")["value"]
     assert abs(again["accuracy_gap"]) < 0.02
-    rows = noisy[noisy["measure"] == "pearson_r_of_ceiling"]
+    rows = noisy[noisy["measure"] == "r_noise_corrected"]
     assert set(zip(rows["model"], rows["reference"], strict=True)) == {
         (CIRCUIT, MSPRT_AT_GAIN),
         (CIRCUIT, MSPRT),
@@ -231,7 +237,7 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     without = compare(replace(QUICK, engine="algebra"), LONG, **given).table
     for measure in ("agreement", "agreement_corrected", "pearson_r", "within_50_ms"):
         assert of(without, measure, reference=OTHER_NOISE) == pytest.approx(1)
-    assert of(without, "pearson_r_of_ceiling") == pytest.approx(of(without, "pearson_r"))
+    assert of(without, "r_noise_corrected") == pytest.approx(of(without, "pearson_r"))
 
 
 def test_out_is_sampled_each_ms_or_fifty_times_a_slow_reading():

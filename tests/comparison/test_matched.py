@@ -79,10 +79,10 @@ def test_a_monotone_function_of_the_test_is_the_test():
     assert equivalent(table).all()
 
 
-def test_rivals_differ_as_they_must():
+def test_baselines_differ_as_they_must():
     """Negative controls: less efficient at N = 4, the intervals clear of zero."""
-    for rival in (Race(), MaxVsAverage()):
-        table = measured(tradeoff(rival.run(EVIDENCE), EVIDENCE), latency_ms=0.0)
+    for baseline in (Race(), MaxVsAverage()):
+        table = measured(tradeoff(baseline.run(EVIDENCE), EVIDENCE), latency_ms=0.0)
         assert value(table, "accuracy_gap", 0.95, "high") < -0.01
         assert value(table, "extra_ms", 0.95, "low") > 0
         assert not equivalent(table).any()
@@ -209,7 +209,7 @@ def test_others_are_matched_to_what_the_test_reaches_not_to_what_was_asked_for()
     assert found["test_ms"] == pytest.approx(200)
     assert found["threshold"] == other.settings[1]
     # The other with itself, at the setting where both have the same times.
-    assert found["pearson_r_of_ceiling"] == pytest.approx(found["pearson_r"])
+    assert found["r_noise_corrected"] == pytest.approx(found["pearson_r"])
 
 
 @given(st.lists(arrays(float, st.integers(1, 9), elements=st.floats(0.5, 1)), min_size=1))

@@ -121,7 +121,7 @@ def test_r_by_its_ceiling_is_that_without_noise():
     one, two, three = (ChoicesAndTimes(choice, values) for values in (exact, noisy, again))
     found = side_by_side(one, two, None, np.ones((1, 20_000)), again=three)
     assert found["pearson_r"][0] == pytest.approx(np.sqrt(1 / 1.49), abs=0.01)
-    assert found["pearson_r_of_ceiling"][0] == pytest.approx(1, abs=0.01)
+    assert found["r_noise_corrected"][0] == pytest.approx(1, abs=0.01)
 
 
 def test_accuracies_and_times_are_counted_with_the_weights_of_trials():

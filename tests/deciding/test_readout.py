@@ -14,9 +14,9 @@ from bgmodel import (
     Msprt,
     Sprt,
     Trace,
-    criterion_from_posterior,
     first_crossing,
     tally,
+    threshold_from_posterior,
 )
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.readout import ReadOut, check_early_and_late
@@ -103,13 +103,13 @@ def test_a_posterior_in_place_of_a_threshold_is_asked_after():
         tally_sprt(EVIDENCE, [0.85])
     (said,) = told(lambda: first_crossing(Msprt().run(FOUR), 0.85))
     assert "a posterior of 0.427; did you mean" in said
-    for level in (-np.log(0.85), criterion_from_posterior(0.85, 4), 1.1):
+    for level in (-np.log(0.85), threshold_from_posterior(0.85, 4), 1.1):
         assert not told(lambda level=level: first_crossing(Msprt().run(FOUR), level))
 
 
 @pytest.mark.parametrize("posterior", [0.6, 0.85, 0.94])
 def test_a_posterior_is_the_threshold_that_it_stands_for(posterior):
-    level = criterion_from_posterior(posterior, 2)
+    level = threshold_from_posterior(posterior, 2)
     for trace in TRACES.values():
         one, other = first_crossing(trace, posterior=posterior), first_crossing(trace, level)
         assert np.array_equal(one.time_ms, other.time_ms)

@@ -45,7 +45,11 @@ def test_the_threshold_alone_moves_what_it_must(by_threshold):
     """At the fixed point: times, criterion and bound follow the threshold, the drift does not."""
     experiment, table = by_threshold
     said = outcomes(experiment, table).set_index("measure")["outcome"]
-    assert dict(said) == {"bound": AGREES, "criterion": AGREES, "drift": said["drift"]}
+    assert dict(said) == {
+        "boundary_separation": AGREES,
+        "mean_posterior": AGREES,
+        "drift": said["drift"],
+    }
     assert said["drift"] != DISAGREES
     assert changes(table).loc["mean_ms", "low"] > 0
     shown = page(experiment, table)
@@ -181,8 +185,8 @@ SLOWER = Prediction("mean_ms", "up", 30.0)
         ((0.08, 0.36), Prediction("choice_0", "none", 0.3), (0.75, 0.85), AGREES),
         ((0.08, 0.08), Prediction("choice_0", "none", 0.1), (0.75, 0.85), AGREES),
         # Posteriors at the decision are the same in both.
-        ((0.0, 0.01), Prediction("criterion", "none", 0.05), (0.75, 0.85), AGREES),
-        ((0.0, 0.2), Prediction("criterion", "none", 0.05), (0.75, 0.85), OPEN),
+        ((0.0, 0.01), Prediction("mean_posterior", "none", 0.05), (0.75, 0.85), AGREES),
+        ((0.0, 0.2), Prediction("mean_posterior", "none", 0.05), (0.75, 0.85), OPEN),
         # A median has no such bounds: a hundredth of the trials counts.
         ((0.08, 0.36), Prediction("median_ms", "none", 50.0), (0.75, 0.85), OPEN),
         ((0.08, 0.085), Prediction("median_ms", "none", 50.0), (0.75, 0.85), AGREES),
@@ -327,7 +331,7 @@ def held_to(effect, low, high, value=0.0, **shares):
     """Return the verdict on a model's change of 0 with its interval, beside an effect."""
     experiment = replace(shipped()["stn_no_conflict"], effects=(effect,))
     values = dict.fromkeys(MEASURES, 0.1) | {"decided": 100.0}
-    values |= {"accuracy": 0.8, "criterion": 0.8, "missed": 0.0} | shares
+    values |= {"accuracy": 0.8, "mean_posterior": 0.8, "missed": 0.0} | shares
     both = ("control", "manipulation")
     rows = [(c, name, one, one, one) for c in both for name, one in values.items()]
     rows += [(c, name, value, low, high) for c in ("change", "percent") for name in MEASURES]

@@ -85,8 +85,8 @@ def test_drift_is_sensitivity_times_strength():
     assert one == pytest.approx(other, rel=1e-12)
 
 
-def test_a_model_names_its_parameters_and_its_criterion():
+def test_a_model_names_its_parameters_and_its_threshold():
     assert CONSTANT.parameters[1:] == (BOUND, *RESPONSE)
     assert FALLING.parameters[1:] == (BOUND, FALL, *RESPONSE)
-    assert {model.criterion_name for model in (CONSTANT, FALLING)} == {BOUND.name}
+    assert {model.threshold_name for model in (CONSTANT, FALLING)} == {BOUND.name}
     assert CONSTANT.identity() != FALLING.identity()

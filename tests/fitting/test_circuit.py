@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting import circuit as module
-from bgmodel.fitting.circuit import CRITERIA, Axis, CircuitModel, Criterion
+from bgmodel.fitting.circuit import MECHANISMS, Axis, CircuitModel, Mechanism
 from bgmodel.fitting.crossings import FirstPassageTimes, simulated
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid, moments
@@ -85,8 +85,8 @@ def test_the_thresholds_are_part_of_the_file_too(kept, monkeypatch):
 
 def test_the_range_of_an_axis_does_not_compute_a_point_anew(tmp_path):
     axis = Axis(Parameter("dopamine", 0.8, 1.2, 1.0), 3)
-    narrow = model(tmp_path, criterion=replace(CRITERIA["dopamine"], axes=(axis,)))
-    assert narrow.path((1.0,)) == model(tmp_path, criterion=CRITERIA["dopamine"]).path((1.0,))
+    narrow = model(tmp_path, mechanism=replace(MECHANISMS["dopamine"], axes=(axis,)))
+    assert narrow.path((1.0,)) == model(tmp_path, mechanism=MECHANISMS["dopamine"]).path((1.0,))
 
 
 @pytest.mark.parametrize("cut", [0, 100, 0.5])
@@ -120,28 +120,28 @@ def test_two_circuits_and_their_controls_hear_the_same_evidence(monkeypatch):
         assert all(np.array_equal(a, b) for a, b in zip(seen[:7], some, strict=True))
 
 
-@pytest.mark.parametrize("name", [name for name, each in CRITERIA.items() if each.axes])
+@pytest.mark.parametrize("name", [name for name, each in MECHANISMS.items() if each.axes])
 def test_at_its_start_a_criterion_leaves_the_decisions_of_the_circuit(kept, name):
     _, plain = kept
-    criterion = CRITERIA[name]
-    edited = model(criterion=criterion)
-    start = tuple(axis.parameter.start for axis in criterion.axes)
+    mechanism = MECHANISMS[name]
+    edited = model(mechanism=mechanism)
+    start = tuple(axis.parameter.start for axis in mechanism.axes)
     assert same(edited.stored(start), plain)
-    away = tuple(axis.parameter.high for axis in criterion.axes)
+    away = tuple(axis.parameter.high for axis in mechanism.axes)
     assert not same(edited.stored(away), plain)
 
 
-@pytest.mark.parametrize("name", CRITERIA)
+@pytest.mark.parametrize("name", MECHANISMS)
 def test_a_criterion_that_stands_in_place_of_the_threshold_holds_it(name):
-    criterion = CRITERIA[name]
-    parameters = {each.name: each for each in model(criterion=criterion).parameters}
+    mechanism = MECHANISMS[name]
+    parameters = {each.name: each for each in model(mechanism=mechanism).parameters}
     assert set(parameters) == {
         "sensitivity", "threshold_nats", "t0_s", "t0_sd_s", "lapse",
-        *(axis.parameter.name for axis in criterion.axes),
+        *(axis.parameter.name for axis in mechanism.axes),
     }  # fmt: skip
-    assert parameters["threshold_nats"].free != criterion.instead
-    named = model(criterion=criterion).criterion_name
-    assert named == (name if criterion.instead else "threshold_nats")
+    assert parameters["threshold_nats"].free != mechanism.instead
+    named = model(mechanism=mechanism).threshold_name
+    assert named == (name if mechanism.instead else "threshold_nats")
     assert parameters[named].free
 
 
@@ -157,7 +157,7 @@ class Later(CircuitModel):
 @pytest.mark.parametrize(("a", "b"), [(10, 0), (12, 0), (17.5, 3), (23, 31), (30, 40)])
 def test_between_values_of_axes_a_trial_decides_between_its_times(a, b):
     axes = (Axis(Parameter("a", 10.0, 30.0, 10.0), 3), Axis(Parameter("b", 0.0, 40.0, 0.0), 5))
-    made = Later(MACAQUE, "rate", Criterion((), axes))
+    made = Later(MACAQUE, "rate", Mechanism((), axes))
     values = {"sensitivity": 0.0, "threshold_nats": 0.3, "a": a, "b": b}
     every = {name: np.array([float(value)]) for name, value in values.items()}
     said = moments(made.decided(every, np.ones(1), GRID) / BIN_S, GRID)
@@ -165,7 +165,7 @@ def test_between_values_of_axes_a_trial_decides_between_its_times(a, b):
 
 
 def test_each_cell_has_its_own_setting_and_drift():
-    made = model(criterion=CRITERIA["dopamine"])
+    made = model(mechanism=MECHANISMS["dopamine"])
     values = {
         "sensitivity": np.array([10.0, 10, 12]),
         "threshold_nats": np.array([0.3, 0.3, 0.25]),
@@ -179,7 +179,7 @@ def test_each_cell_has_its_own_setting_and_drift():
 
 
 def test_a_higher_threshold_and_more_dopamine_decide_sooner():
-    made = model(criterion=CRITERIA["dopamine"], trials=40)
+    made = model(mechanism=MECHANISMS["dopamine"], trials=40)
 
     def mean_s(**given):
         values = {"sensitivity": 10.0, "threshold_nats": 0.3, "dopamine": 1.0, **given}
@@ -217,7 +217,7 @@ def test_evidence_comes_with_its_noise_in_nats():
 
 
 def test_points_are_all_values_of_the_axes():
-    points = model(criterion=CRITERIA["onset_stn"]).points()
+    points = model(mechanism=MECHANISMS["onset_stn"]).points()
     assert len(points) == len(set(points)) == 13 * 5
     assert model().points() == [()]
 

@@ -109,7 +109,7 @@ def test_a_cell_without_any_response_is_empty_and_not_an_error():
 class Twice:
     """The test with a bound that two parameters set."""
 
-    name, criterion_name = "twice", "bound"
+    name, threshold_name = "twice", "bound"
     parameters = (*MODEL.parameters, Parameter("times", 0.5, 2.0, 1.0))
 
     def decided(self, values, strength, grid):

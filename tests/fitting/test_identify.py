@@ -60,7 +60,7 @@ def test_errors_are_those_of_the_inverse_of_the_information():
 class Doubled:
     """The test, its bound a product of two parameters, and one that moves no more than rounding."""
 
-    name, criterion_name = "doubled", "bound"
+    name, threshold_name = "doubled", "bound"
     parameters = (
         *MODEL.parameters,
         Parameter("times", 0.5, 2.0, 1.0, free=False),

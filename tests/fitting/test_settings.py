@@ -21,7 +21,7 @@ DATA, WHOSE = "roitman_shadlen_2002", {"strength": "coherence", "participant": "
 
 @pytest.fixture(scope="module")
 def made():
-    return fit(DATA, "constant_gap", hold={"lapse": 0.01}, **WHOSE)
+    return fit(DATA, "constant_gap", fix={"lapse": 0.01}, **WHOSE)
 
 
 def test_a_fit_of_a_table_is_that_of_its_likelihood(made):
@@ -48,7 +48,7 @@ def test_python_and_the_command_have_the_same_defaults():
     said = inspect.signature(fit).parameters
     for field in fields(FitSettings):
         default = said[field.name].default
-        if field.name not in ("hold", "vary"):
+        if field.name not in ("fix", "vary"):
             assert default == field.default, field.name
     assert {f.name for f in fields(FitSettings)} <= {f.name for f in fields(FitRun)}
 
@@ -59,10 +59,10 @@ def test_python_and_the_command_have_the_same_defaults():
         ({"model": "gap"}, "models"),
         ({"model": 3}, "circuit"),
         ({"participant": None}, "participant"),
-        ({"criterion": "posterior"}, "criterion"),
+        ({"mechanism": "posterior"}, "mechanism"),
         ({"engine": "nengo"}, "engine"),
         ({"noise_nats": 0}, "noise_nats"),
-        ({"hold": {"lapses": 0.1}}, "hold"),
+        ({"fix": {"lapses": 0.1}}, "fix"),
         ({"vary": {"bound": "instruction"}}, "instruction"),
         ({"strength": "contrast"}, "contrast"),
     ],

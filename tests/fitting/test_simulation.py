@@ -28,7 +28,7 @@ class Integrator:
 
     stored: object
     parts: np.ndarray
-    criterion_name = "threshold_nats"
+    threshold_name = "threshold_nats"
     parameters = (
         SENSITIVITY,
         Parameter("threshold_nats", THRESHOLDS[0], THRESHOLDS[-1], 0.25),

@@ -293,14 +293,14 @@ def test_usual_evidence_is_not_too_strong_for_the_default_circuit(channels):
 @given(st.sampled_from([2, 4, 8]), st.sampled_from([10.0, 50.0, 200.0]), st.floats(0.05, 40))
 def test_the_lead_per_100_ms_decides_between_silence_warning_and_refusal(channels, step_ms, ratio):
     table, most = macaque(channels), basal_ganglia.REFUSED_TIMES
-    per_reading = ratio * table.most_lead_nats / max(1, 100 / step_ms)
+    per_reading = ratio * table.max_lead_nats / max(1, 100 / step_ms)
     reading = np.zeros(channels)
     reading[0] = per_reading
     evidence = Evidence(np.broadcast_to(reading, (2, 5, channels)), step_ms=step_ms, baseline=0.0)
     model = BasalGanglia(table, "rate", 1.0)
-    assert model.lead_nats(evidence) == pytest.approx(ratio * table.most_lead_nats)
+    assert model.lead_nats(evidence) == pytest.approx(ratio * table.max_lead_nats)
     BasalGanglia(table, "algebra", 1.0).check_strength(evidence)
-    BasalGanglia(replace(table, most_lead_nats=np.inf), "rate", 1.0).check_strength(evidence)
+    BasalGanglia(replace(table, max_lead_nats=np.inf), "rate", 1.0).check_strength(evidence)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         if ratio > 1.001 * most:
@@ -327,7 +327,7 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
 @pytest.mark.parametrize(
     ("edit", "field"),
     [
-        (lambda c: c.with_spread(0.2), "spread"),
+        (lambda c: c.with_heterogeneity(0.2), "spread"),
         (lambda c: c.with_neurons(5), "neurons"),
         (lambda c: c.with_connections(0.5), "probability"),
         (lambda c: c.edited("set STN.cell.cv=0.9", "set STN.bias_nats=0.1"), "cell.cv of STN"),

@@ -1,4 +1,4 @@
-"""The rivals: closed forms, limits, and the decision times that Bogacz & Gurney print."""
+"""The baselines: closed forms, limits, and the decision times that Bogacz & Gurney print."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -27,7 +27,7 @@ from tests.helpers import refused
 
 
 def drawn(trials=300, steps=20, hypotheses=4, separation=0.5, seed=1):
-    rng = stream(seed, "rivals")
+    rng = stream(seed, "baselines")
     return separated_evidence(
         trials, steps, separation, rng=rng, hypotheses=hypotheses, step_ms=10.0
     )
@@ -50,7 +50,7 @@ def test_a_common_input_changes_nothing_but_a_race(kind):
 
 
 @pytest.mark.parametrize("name", sorted(BASELINES))
-def test_a_rival_says_whether_what_all_hypotheses_share_counts(name):
+def test_a_baseline_says_whether_what_all_hypotheses_share_counts(name):
     evidence = drawn()
     shifted = replace(evidence, log_likelihood=evidence.log_likelihood + 0.1)
     choices = [first_crossing(BASELINES[name]().run(e), -1.0).time_ms for e in (evidence, shifted)]
@@ -68,7 +68,7 @@ class Last:
         return at_readings(np.concatenate([np.zeros_like(out[:, :1]), out], axis=1), evidence)
 
 
-def test_a_rival_is_a_class_and_a_line_of_registration(tmp_path, monkeypatch, capsys):
+def test_a_baseline_is_a_class_and_a_line_of_registration(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(BASELINES, "last", Last)
     options = ["--trials", "100", "--t-max", "20", "--engine", "algebra"]
     assert main(["compare", str(tmp_path / "a.csv"), *options]) == 0
@@ -85,7 +85,7 @@ def test_a_common_input_changes_a_race():
     assert np.abs(Race().run(shifted).out_nats - Race().run(evidence).out_nats).max() > 1
 
 
-def test_of_two_alternatives_rivals_that_compare_decide_as_the_sprt():
+def test_of_two_alternatives_baselines_that_compare_decide_as_the_sprt():
     """N = 2: every rule but the race is a function of the log odds."""
     evidence = drawn(hypotheses=2)
     z = Sprt().run(evidence).out_nats
@@ -171,7 +171,7 @@ def test_decision_times_are_those_that_bogacz_and_gurney_print():
     assert found["race"] == pytest.approx(676, abs=30)
 
 
-def test_first_crossing_takes_any_rival():
+def test_first_crossing_takes_any_baseline():
     evidence = drawn()
     for kind in BASELINES.values():
         decision = first_crossing(kind().run(evidence), -0.5)
@@ -185,6 +185,6 @@ def test_default_constants_are_those_that_bogacz_and_gurney_print():
         assert np.array_equal(short.run(evidence).out_nats, full.run(evidence).out_nats)
 
 
-def test_without_a_zero_only_rivals_that_compare_are_left():
+def test_without_a_zero_only_baselines_that_compare_are_left():
     assert baselines_on(True) == list(BASELINES)
     assert baselines_on(False) == ["max vs average", "max vs next"]

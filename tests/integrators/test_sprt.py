@@ -9,17 +9,17 @@ from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream, tally
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.sprt import (
     Stream,
-    criterion_from_gap,
-    criterion_from_posterior,
+    msprt_threshold_from_gap,
+    sprt_threshold_from_gap,
     tally_sprt,
-    threshold_from_gap,
+    threshold_from_posterior,
 )
 from tests.helpers import refused, some_evidence
 
 
 def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
     evidence = some_evidence(hypotheses=2)
-    decision = first_crossing(Sprt().run(evidence), threshold_from_gap(0.0))
+    decision = first_crossing(Sprt().run(evidence), sprt_threshold_from_gap(0.0))
     assert (decision.steps == 1).all()
     ratio = evidence.log_likelihood[:, 0, 1] - evidence.log_likelihood[:, 0, 0]
     assert (decision.choice == (ratio > 0)).all()
@@ -28,16 +28,16 @@ def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
 def test_a_posterior_and_a_gap_give_one_criterion_each():
     """-ln P, and ln(1 + exp(-gap / 2)): the gap 2 logit P stops where the posterior P does."""
     posterior = np.array([0.6, 0.9, 0.99])
-    assert criterion_from_posterior(posterior) == pytest.approx(-np.log(posterior))
+    assert threshold_from_posterior(posterior) == pytest.approx(-np.log(posterior))
     gap = 2 * np.log(posterior / (1 - posterior))
-    assert criterion_from_gap(gap) == pytest.approx(criterion_from_posterior(posterior))
+    assert msprt_threshold_from_gap(gap) == pytest.approx(threshold_from_posterior(posterior))
 
 
 def test_two_hypothesis_msprt_is_the_sprt_decision_by_decision():
     evidence = some_evidence(trials=20_000, steps=50, hypotheses=2)
     deltas = np.linspace(0, 8, 17)
-    a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
-    b = first_crossing(Msprt().run(evidence), criterion_from_gap(deltas))
+    a = first_crossing(Sprt().run(evidence), sprt_threshold_from_gap(deltas))
+    b = first_crossing(Msprt().run(evidence), msprt_threshold_from_gap(deltas))
     assert (a.choice != b.choice).sum() == 0
     assert (a.time_ms != b.time_ms).sum() == 0
     # The control: without the mapping the tests are not the same.
@@ -102,8 +102,8 @@ def test_sums_equal_up_to_rounding_are_equal():
     x = np.where(rng.random((trials, steps)) < 0.6, 0.1, -0.1) * np.where(truth, 1, -1)[:, None]
     evidence = Evidence(np.stack([np.minimum(-x, 0), np.minimum(x, 0)], axis=-1), truth)
     deltas = np.array([0.4, 1.6, 4.0])
-    a = first_crossing(Sprt().run(evidence), threshold_from_gap(deltas))
-    b = first_crossing(Msprt().run(evidence), criterion_from_gap(deltas))
+    a = first_crossing(Sprt().run(evidence), sprt_threshold_from_gap(deltas))
+    b = first_crossing(Msprt().run(evidence), msprt_threshold_from_gap(deltas))
     assert (a.choice != b.choice).sum() + (a.time_ms != b.time_ms).sum() == 0
     pair = Empirical([-0.1, 0.1], [0.6, 0.4]), Empirical([-0.1, 0.1], [0.4, 0.6])
     exact = sprt(*pair, deltas, t_max=steps)
@@ -114,17 +114,17 @@ def test_sums_equal_up_to_rounding_are_equal():
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: threshold_from_gap(-0.1), "delta must be finite and >= 0"),
-        (lambda: criterion_from_gap(np.nan), "delta must be finite and >= 0"),
-        (lambda: criterion_from_posterior(4.0), "posterior must lie between chance, 0.5"),
-        (lambda: criterion_from_posterior(1.0), "and 1, got 1.0"),
-        (lambda: criterion_from_posterior(0.3, 3), "chance, 0.333 with 3 hypotheses"),
+        (lambda: sprt_threshold_from_gap(-0.1), "delta must be finite and >= 0"),
+        (lambda: msprt_threshold_from_gap(np.nan), "delta must be finite and >= 0"),
+        (lambda: threshold_from_posterior(4.0), "posterior must lie between chance, 0.5"),
+        (lambda: threshold_from_posterior(1.0), "and 1, got 1.0"),
+        (lambda: threshold_from_posterior(0.3, 3), "chance, 0.333 with 3 hypotheses"),
         (lambda: Sprt().run(some_evidence()), "exactly 2 hypotheses"),
         (lambda: Msprt(gain=0.0), "gain must be > 0"),
         (lambda: tally_sprt(some_evidence(hypotheses=2), [[-1.0]]), "thresholds must be .K,."),
         (lambda: tally_sprt(some_evidence(hypotheses=2), []), "thresholds must be .K,."),
         (lambda: tally_sprt(some_evidence(hypotheses=2), [np.nan]), "finite nats, got .nan."),
-        (lambda: threshold_from_gap(np.inf), "delta must be finite"),
+        (lambda: sprt_threshold_from_gap(np.inf), "delta must be finite"),
         (lambda: Stream(Msprt(), 0.1).update([0.0, np.nan]), "finite log-likelihoods"),
         (lambda: Stream(Msprt(), 0.1).update([0.0, 0.0, 0.0]), "must hold 2 finite"),
         (lambda: Stream(Sprt(), 0.1, hypotheses=3), "exactly 2 hypotheses"),
@@ -156,7 +156,7 @@ def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
         lengths=lengths,
         numbers=rng.permutation(100)[:30],
     )
-    thresholds = threshold_from_gap(gaps)
+    thresholds = sprt_threshold_from_gap(gaps)
     want = tally(Sprt().run(evidence), evidence.truth, thresholds, checked=False)
     found = tally_sprt(evidence, thresholds)
     for name in ("trials", "correct", "steps", "forced"):
@@ -171,4 +171,4 @@ def test_a_deadline_may_be_one_reading():
         assert trial.update([0.0, 0.2]) == 1
         assert trial.readings == 1
     with refused("hypotheses"):
-        criterion_from_posterior(0.9, 1)
+        threshold_from_posterior(0.9, 1)

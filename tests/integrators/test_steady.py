@@ -77,7 +77,7 @@ def test_a_lesion_is_what_its_name_says():
     edited = lesions(table)
     assert len(edited) == 10
     for name, lesioned in edited.items():
-        left = name.removesuffix(", replaced")
+        left = name.removesuffix(", clamped")
         nucleus, _, percent = left.removesuffix(" %").partition(" ")
         lost = int(percent) / 100 if percent else 1.0
         alike = (

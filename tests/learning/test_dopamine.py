@@ -11,10 +11,10 @@ from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
-    criterion,
     decide_at_levels,
     decided_out,
     levels_between,
+    stopping_posterior,
     usable_range,
     working_range,
 )
@@ -43,7 +43,7 @@ def test_normal_dopamine_decides_at_the_posterior_of_the_threshold(channels):
     p = np.exp(-0.3)
     odds = np.log(p * (channels - 1) / (1 - p)) / GAIN
     expected = 1 / (1 + (channels - 1) * np.exp(-odds))
-    assert criterion(table, 1.0, 0.3, GAIN) == pytest.approx(expected, abs=1e-6)
+    assert stopping_posterior(table, 1.0, 0.3, GAIN) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
@@ -55,21 +55,21 @@ def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshol
     gain = GAIN if name == "spiking_msprt" else gain_of(table)
     low, high = working_range(table, threshold)
     found = [
-        criterion(table, level, threshold, gain)
+        stopping_posterior(table, level, threshold, gain)
         for level in levels_between(1.01 * low, 0.99 * high, 12)
     ]
     assert np.all(np.diff(found) < 0)
     assert found[-1] < 0.75
     assert found[0] > 0.99
     # The edges are where they are said to be.
-    most = table.reach_nats if table.centred else table.reference_nats
+    most = table.max_deficit_nats if table.centred else table.reference_nats
     lowest = decided_out(table, low, np.linspace(0, most, 500)).min()
     assert lowest == pytest.approx(threshold, abs=1e-3)
     if high < 2:
         assert decided_out(table, high, 0.0) == pytest.approx(threshold, abs=1e-3)
 
 
-def test_more_evidence_tells_the_default_circuit_next_to_nothing_once_its_rivals_are_silent():
+def test_more_evidence_tells_the_default_circuit_next_to_nothing_once_its_competitors_are_silent():
     """Below its lowest level the fixed point never decides, however far the leader is ahead."""
     table = load_circuit("macaque")
     low, _ = working_range(table, THRESHOLD_NATS)
@@ -78,7 +78,7 @@ def test_more_evidence_tells_the_default_circuit_next_to_nothing_once_its_rivals
     assert np.all(out > THRESHOLD_NATS)
     assert out == pytest.approx(out[0], abs=4e-3)
     with refused("level"):
-        criterion(table, 0.5, THRESHOLD_NATS, gain_of(table))
+        stopping_posterior(table, 0.5, THRESHOLD_NATS, gain_of(table))
 
 
 def test_a_learner_plays_what_evidence_decides_and_less_of_it_in_spikes():
@@ -110,7 +110,7 @@ def test_out_may_fall_and_rise_again_with_the_evidence():
     out = decided_out(table, 0.96, np.linspace(0, 5, 50))
     assert out.min() < 0.3 < out[-1] + 0.2
     assert low < 0.96
-    assert 0.5 < criterion(table, 0.96, 0.3, 1.0) < 1
+    assert 0.5 < stopping_posterior(table, 0.96, 0.3, 1.0) < 1
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,10 @@ def test_out_may_fall_and_rise_again_with_the_evidence():
     [
         (lambda: working_range(MODEL.circuit, 3.0), "reads OUT between 0.0539 and 0.65 nats"),
         (lambda: working_range(MODEL.circuit, 0.0), "the threshold is 0"),
-        (lambda: criterion(MODEL.circuit, 1.9, 0.3, 0.5), r"levels 0\.8. to 1\.7., got 1\.9"),
+        (
+            lambda: stopping_posterior(MODEL.circuit, 1.9, 0.3, 0.5),
+            r"levels 0\.8. to 1\.7., got 1\.9",
+        ),
         (lambda: decide_at_levels(MODEL, None, [], 0.3), "levels must be one or more numbers"),
         (lambda: decide_at_levels(MODEL, None, [1.0, 1.0], 0.3), "each once"),
         (lambda: decide_at_levels(MODEL, None, [1.0, -0.5], 0.3), r"levels must lie in 0\.\.2"),

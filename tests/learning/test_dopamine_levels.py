@@ -22,10 +22,10 @@ def test_more_dopamine_is_faster_and_less_accurate(swept, level_evidence):
     table = level_table(swept, {"MSPRT": test}, latency_ms=56.0, **options)
     wide = table.pivot(index="level", columns="measure", values="value")
     assert np.all(np.diff(wide["mean_ms"]) < 0)
-    assert np.all(np.diff(wide["criterion"]) < 0.01)
+    assert np.all(np.diff(wide["mean_posterior"]) < 0.01)
     both = wide.dropna()
     # Readings of d' = 1 carry the posterior past the bound, never below it but by latency.
-    assert np.all(both["criterion"] > both["fixed_point"] - 0.03)
+    assert np.all(both["mean_posterior"] > both["fixed_point"] - 0.03)
     assert wide["accuracy_gap"].abs().max() < 0.03
 
 
@@ -54,7 +54,7 @@ def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeyp
     monkeypatch.setattr(levels, "ENGINES", (Population(),))
     table = levels.levels_against_msprt(SEED, 200)
     for channels, part in table[table["engine"] == "population"].groupby("channels"):
-        known = part[part["measure"] == "criterion"].set_index("level")["value"].sort_index()
+        known = part[part["measure"] == "mean_posterior"].set_index("level")["value"].sort_index()
         assert np.all(np.diff(known) < 0.005)
         assert known.iloc[0] > 0.98
         assert known.iloc[-1] < 0.76

@@ -43,7 +43,7 @@ COMMANDS = {
         --gain 0, --gain nan, --posterior 0.2, --posterior 1,
         --posterior 0.9999, --workers 0, --engine pen, --circuit cortex, --rates r.txt,
         --engine ensemble --edits 'neurons 1e9'""",
-    f"circuit lesion {OUT} «{LESIONS}» {COMPARED} --accuracies 0.85..0.97": f"""{CIRCUIT},
+    f"circuit compare-edits {OUT} «{LESIONS}» {COMPARED} --accuracies 0.85..0.97": f"""{CIRCUIT},
         {NO_EVIDENCE}, --accuracies 1, --accuracies 0.2, --trials 99, --gain -1, --workers 0""",
     f"circuit learn {OUT} --circuit spiking_msprt --levels 2 --learner.episodes 500 "
     f"--trials 2..19 --t-max 1..5 --runs 1..2 {SEED}": f"""{WRONG_OPTIONS}, {NO_EVIDENCE}, --xi 0,

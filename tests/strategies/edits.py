@@ -36,7 +36,7 @@ GOOD = [
 """Edits that leave a circuit that has a fixed point."""
 OF_CELLS = [
     edit(lambda c, x: c.with_neurons(x), st.integers(1, 49)),
-    edit(lambda c, x: c.with_spread(x), numbers(0, 0.3)),
+    edit(lambda c, x: c.with_heterogeneity(x), numbers(0, 0.3)),
     edit(lambda c, x: c.with_connections(x), numbers(0.1, 1)),
 ]
 
@@ -61,7 +61,7 @@ WRONG = {
     lambda c, x: c.add(x): ["X", "D1->X weight=-1", "X like=Y", "STN", None, 3, {"name": "a"}],
     lambda c, x: c.with_population("STN", **x): [{"wieght": 1.0}, {"transfer": "cube"}],
     lambda c, x: c.with_neurons(x): [0, 2.5, "3", -1, np.nan],
-    lambda c, x: c.with_spread(x): [5, -1, "a", np.nan],
+    lambda c, x: c.with_heterogeneity(x): [5, -1, "a", np.nan],
     lambda c, x: c.with_connections(x): [0, 1.5, "a", np.nan],
     lambda c, x: c.add(Population(x, Rate())): ["", " ", "a->b", 3],
     lambda c, x: c.add(c.population(x)): ["STN"],
@@ -108,7 +108,7 @@ OPTIONS = "|".join(
 )
 """Options that leave a circuit that works."""
 LESIONS = "'lesion STN 2%'|'scale D1->SNr 0.99' 'lesion D2'|'scale D2->GPe[0] 0.99'"
-"""Arguments of `bgmodel circuit lesion`."""
+"""Arguments of `bgmodel circuit compare-edits`."""
 WRONG_OPTIONS = """--edits 'lesion thalamus', --edits 'lesion STN 2', --edits 'lesion SNr',
     --edits 'lesion STN x', --edits 'lesoin STN', --edits STN=0.1, --edits 'scale STN',
     --edits 'scale STN->GPe -1', --edits 'scale STN->ctx 1', --edits 'scale STN->GPe[9] 1',

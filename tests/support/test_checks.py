@@ -16,7 +16,7 @@ from bgmodel.integrators.sprt import (
     Stream,
     tally_sprt,
 )
-from bgmodel.learning.dopamine import criterion, working_range
+from bgmodel.learning.dopamine import stopping_posterior, working_range
 from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
 from bgmodel.support.files import read_table
 from bgmodel.tables.evidence import read_evidence_table
@@ -148,7 +148,7 @@ def test_parts_that_belong_to_other_trials_are_refused():
         lambda: tradeoff(trace, some_evidence(hypotheses=4)),
         lambda: tradeoff(trace, evidence[:10]),
         lambda: tradeoff(trace.out_nats, evidence),
-        lambda: criterion("maca", 1.0, 0.3, 0.5),
+        lambda: stopping_posterior("maca", 1.0, 0.3, 0.5),
         lambda: working_range(3, 0.3),
         lambda: working_range(TABLE, "0.3"),
         lambda: tradeoff(trace, evidence, 0.3),
@@ -161,7 +161,7 @@ def test_parts_that_belong_to_other_trials_are_refused():
         lambda: decide_at_thresholds(BasalGanglia(TABLE, "algebra"), evidence, [low]),
         lambda: compare(BasalGanglia(TABLE, "algebra"), evidence, intact="macaque"),
         lambda: BasalGanglia(TABLE, "algebra").decide(evidence, 0.3, rates="a"),
-        lambda: criterion(TABLE, 1.0, 0.3, -1.0),
+        lambda: stopping_posterior(TABLE, 1.0, 0.3, -1.0),
         lambda: engines.run("macaque", np.zeros((1, 1, 2)), engine="algebra", step_ms=1.0),
     ):
         with pytest.raises(ValueError, match=r"must|not of|reads no OUT|equals"):

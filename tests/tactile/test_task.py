@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel import Msprt, Sprt, stream, tally, threshold_from_gap
+from bgmodel import Msprt, Sprt, sprt_threshold_from_gap, stream, tally
 from bgmodel.bootstrap import interval, resampled
 from bgmodel.learning.gap import fold_sources, increments
 from bgmodel.support.files import read_provenance
@@ -115,9 +115,9 @@ def test_shuffled_truth_is_at_chance():
     readings = fold_sources(TAPS, 2.5)[0]
     evidence = readings.draw(20_000, 30, rng=stream(1, "shuffled"))
     trace = Sprt().run(evidence)
-    right = tally(trace, evidence.truth, [threshold_from_gap(4.0)]).accuracy[0]
+    right = tally(trace, evidence.truth, [sprt_threshold_from_gap(4.0)]).accuracy[0]
     truth = stream(2, "shuffled").permutation(evidence.truth)
-    wrong = tally(trace, truth, [threshold_from_gap(4.0)]).accuracy[0]
+    wrong = tally(trace, truth, [sprt_threshold_from_gap(4.0)]).accuracy[0]
     assert right > 0.98
     assert abs(wrong - 0.5) < 0.02
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel import Sprt, criterion_from_gap, first_crossing, stream, threshold_from_gap
+from bgmodel import Sprt, first_crossing, msprt_threshold_from_gap, sprt_threshold_from_gap, stream
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
@@ -29,8 +29,8 @@ def test_the_algebraic_circuit_is_the_sprt_on_gratings():
     gap, different, trials = 4.0, 0, 0
     for part in range(20):
         evidence = readings.draw(5000, 30, rng=stream(SCORING_SEED, "mapping", part))
-        exact = first_crossing(Sprt().run(evidence), float(threshold_from_gap(gap)))
-        found = first_crossing(model.run(evidence), float(criterion_from_gap(gap)))
+        exact = first_crossing(Sprt().run(evidence), float(sprt_threshold_from_gap(gap)))
+        found = first_crossing(model.run(evidence), float(msprt_threshold_from_gap(gap)))
         # The circuit holds each reading for a step: it is read when it comes.
         different += np.sum(exact.choice != found.choice)
         trials += evidence.trials
@@ -87,7 +87,7 @@ def test_a_circuit_without_what_computes_agrees_less():
     model = BasalGanglia(table, Ensemble(workers=2), 0.5, SCORING_SEED)
     found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
     change = found[found["kind"] == "change"].set_index(["variant", "measure"])
-    rival = matched_measures(
+    baseline = matched_measures(
         tradeoff(Msprt(0.5).run(evidence), evidence),
         tradeoff(MaxVsAverage().run(evidence), evidence),
         rng=stream(SCORING_SEED, "bootstrap"),
@@ -97,11 +97,11 @@ def test_a_circuit_without_what_computes_agrees_less():
     ends = ["value", "low", "high"]
     for key in shown:
         print(*key, change.loc[key, ends].round(3).tolist())
-    print("max-vs-average extra_ms", rival.loc["extra_ms", ends].round(1).tolist())
+    print("max-vs-average extra_ms", baseline.loc["extra_ms", ends].round(1).tolist())
     assert change.loc[("GPe", "within_50_ms"), "high"] < -0.2
     assert change.loc[("linear", "extra_ms"), "low"] > 30
     assert change.loc[("linear", "within_50_ms"), "high"] < -0.1
     # As much as max-vs-average, within what 1 000 trials tell.
-    assert change.loc[("linear", "extra_ms"), "low"] < rival.loc["extra_ms", "high"]
-    assert change.loc[("linear", "extra_ms"), "high"] > rival.loc["extra_ms", "low"]
+    assert change.loc[("linear", "extra_ms"), "low"] < baseline.loc["extra_ms", "high"]
+    assert change.loc[("linear", "extra_ms"), "high"] > baseline.loc["extra_ms", "low"]
     assert np.isnan(change.loc[("shuffled", "agreement"), "value"])

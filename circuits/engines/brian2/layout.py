@@ -17,7 +17,7 @@ from circuits.arrays import Array, Index
 from circuits.cells.cell import tick_constants
 from circuits.declaration.rows import Projection
 from circuits.dynamics import noise
-from circuits.dynamics.ticks import NO_SPREAD, Scheme, cell_factors, spike_hz, starting_state
+from circuits.dynamics.ticks import ALL_ALIKE, Scheme, cell_factors, spike_hz, starting_state
 from circuits.dynamics.timed import Timed
 from circuits.dynamics.wiring import Wiring, fan_in, units_of
 from circuits.engines.brian2 import text as brian_text
@@ -207,8 +207,8 @@ class Layout:
 
     def _factors(self, block: int) -> Array:
         row, circuit = self.wiring.row(block), self.wiring.circuit
-        if not row.spread:
-            return NO_SPREAD
+        if not row.heterogeneity:
+            return ALL_ALIKE
         return cell_factors(circuit, row.name, int(self.wiring.channel[block]))
 
     def start(self, seed: int, first_trial: int) -> Values:

@@ -17,7 +17,7 @@ from numba.cpython.unsafe.tuple import tuple_setitem
 
 from circuits.cells import Cell, Lif, Phase
 from circuits.cells.cell import constant_names
-from circuits.dynamics.ticks import NO_SPREAD
+from circuits.dynamics.ticks import ALL_ALIKE
 from circuits.engines.compiling import OPTIONS
 from circuits.engines.ensemble import kernel, lanes
 from circuits.engines.ensemble.singles import kept, truth
@@ -45,7 +45,7 @@ class Entry(NamedTuple):
 
 
 def _lif_columns(cell: Lif, dt_ms: float) -> Columns:
-    constants = cell.constants(NO_SPREAD, dt_ms)
+    constants = cell.constants(ALL_ALIKE, dt_ms)
     names = ("rest", "slope", "noise_step", "threshold")
     return {name: constants[name] for name in names} | {
         "membrane_decay": constants["decay"],
@@ -60,7 +60,7 @@ def _lif_varied(cell: Lif, factors: Any, dt_ms: float) -> Any:
 
 
 def _phase_columns(cell: Phase, dt_ms: float) -> Columns:
-    return {"jitter": cell.constants(NO_SPREAD, dt_ms)["noise_step"], "begin_span": 1.0}
+    return {"jitter": cell.constants(ALL_ALIKE, dt_ms)["noise_step"], "begin_span": 1.0}
 
 
 def _phase_varied(cell: Phase, factors: Any, dt_ms: float) -> Any:

@@ -13,7 +13,7 @@ from circuits.arrays import Array
 from circuits.cells.cell import tick_constants
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
-from circuits.dynamics.ticks import NO_SPREAD, Clock, Scheme, cell_factors, spike_hz
+from circuits.dynamics.ticks import ALL_ALIKE, Clock, Scheme, cell_factors, spike_hz
 from circuits.dynamics.timed import Timed, rows, timed
 from circuits.dynamics.wiring import Wiring, fan_in
 from circuits.engines.compiling import edges
@@ -111,8 +111,8 @@ class _Places:
     @cached_property
     def variation(self) -> npt.NDArray[np.int64]:
         """In what the cells of each block differ."""
-        spread = [row.spiking and row.spread for row in self.rows]
-        variation = np.where(spread, kernel.OWN_CONSTANTS, kernel.IDENTICAL)
+        heterogeneity = [row.spiking and row.heterogeneity for row in self.rows]
+        variation = np.where(heterogeneity, kernel.OWN_CONSTANTS, kernel.IDENTICAL)
         for q in np.flatnonzero(self.sparse):
             variation[self.targets[q]] = kernel.OWN_INPUTS
         return variation
@@ -261,7 +261,7 @@ def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
     """Return the constants of the cells of types without loops of their own."""
     found = {}
     for b in [b for b, made in enumerate(places.entries) if made is GENERAL]:
-        factors = places.factors(b) if places.rows[b].spread else NO_SPREAD
+        factors = places.factors(b) if places.rows[b].heterogeneity else ALL_ALIKE
         constants = tick_constants(places.rows[b].cell, factors, places.scheme.dt_ms)
         found[b] = list(constants.values())
     own = np.zeros((max(map(len, found.values()), default=1), int(places.filled.sum())), np.float32)

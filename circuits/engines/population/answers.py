@@ -88,13 +88,13 @@ class Mixture:
         The cell of the row.
     line : Straight
         Its line.
-    spread : float
+    heterogeneity : float
         0 for cells that are alike.
     """
 
     cell: Cell
     line: Straight
-    spread: float = 0.0
+    heterogeneity: float = 0.0
 
     def at(self, x: Array) -> Line:
         """Return the line at inputs x (S,)."""
@@ -102,11 +102,11 @@ class Mixture:
 
     def rate_hz(self, x: Array) -> Array:
         """Return the mean rate at inputs x (S,), Hz."""
-        return mean_rate_hz(self.cell, self.spread, x, self.at(x).hz)
+        return mean_rate_hz(self.cell, self.heterogeneity, x, self.at(x).hz)
 
     def response(self, x: Array, frequency_hz: Array) -> Response:
         """Return the mean response at inputs x (S,), at frequencies (F,)."""
-        return mean_response(self.cell, self.spread, x, self.at(x), frequency_hz)
+        return mean_response(self.cell, self.heterogeneity, x, self.at(x), frequency_hz)
 
 
 @lru_cache(maxsize=256)

@@ -146,7 +146,7 @@ class _Tables:
         if not (row.spiking and (own_law or self.engine.noise)):
             return found
         line = Straight(row.transfer, row.baseline_hz, row.gain_hz_per_nat)
-        key = Mixture(row.cell, line, row.spread)
+        key = Mixture(row.cell, line, row.heterogeneity)
         own = answers(key, self.dt_ms)
         ends, whole = (own.lowest, own.highest), (own.lowest, own.top)
         if own.rough and self.engine.noise:

@@ -46,7 +46,7 @@ def stepped(table, lead, size):
     st.lists(st.floats(-2, 3), min_size=8, max_size=8),
     st.floats(-1, 3, allow_subnormal=False),
 )
-def test_out_is_minus_ln_p_of_the_leader_for_any_rivals_and_any_common_input(
+def test_out_is_minus_ln_p_of_the_leader_for_any_competitors_and_any_common_input(
     channels, drive, common
 ):
     """Exact while no cortical channel is silent; a silent one counts as one at 0 does."""
@@ -62,8 +62,10 @@ def test_out_is_minus_ln_p_of_the_leader_for_any_rivals_and_any_common_input(
 
 
 @pytest.mark.parametrize("channels", ALTERNATIVES)
-def test_two_rivals_apart_and_the_others_out_of_the_running_are_read_as_the_table_says(channels):
-    """Silent rivals add (N - 2) / N exp(-rest) to the sum: .055 nats of OUT for N = 4."""
+def test_two_competitors_apart_and_the_others_out_of_the_running_are_read_as_the_table_says(
+    channels,
+):
+    """Silent competitors add (N - 2) / N exp(-rest) to the sum: .055 nats of OUT for N = 4."""
     bound = (channels - 2) / channels * np.exp(-2.2)
     for low_or_high in off_nats(anatomy.macaque(channels), 1):
         assert low_or_high == pytest.approx(bound, abs=0.01)

@@ -88,8 +88,8 @@ def test_intervals_of_a_noiseless_adex_are_those_of_its_equations():
 
 @pytest.mark.parametrize(
     "circuit",
-    [WITH_ADEX, with_cell(BASE.with_spread(0.1), "GPe", ADEX), with_cell(BASE, "D1", ADEX)],
-    ids=["GPe", "spread", "D1"],
+    [WITH_ADEX, with_cell(BASE.with_heterogeneity(0.1), "GPe", ADEX), with_cell(BASE, "D1", ADEX)],
+    ids=["GPe", "heterogeneity", "D1"],
 )
 def test_adex_cells_spike_alike_in_all_engines(circuit):
     found = [spikes_of(circuit, engine) for engine in SPIKING]

@@ -56,10 +56,10 @@ def counted(cell, drive, dt_ms, run_ms, rest_ms=0.0, shift_mv=0.0):
 def lif_step(cell, mean, dt_ms, shift_mv):
     keep = np.exp(-dt_ms / cell.tau_ms)
     threshold = cell.sampled_threshold_mv(dt_ms) + shift_mv
-    spread = cell.noise_mv * np.sqrt(1 - keep**2)
+    scale = cell.noise_mv * np.sqrt(1 - keep**2)
 
     def advance(v, stream, k, free):
-        moved = mean + (v - mean) * keep + spread * noise.bits8(stream, k, v.size)
+        moved = mean + (v - mean) * keep + scale * noise.bits8(stream, k, v.size)
         v[free] = moved[free]
         fired = v >= threshold
         v[fired] = cell.reset_mv
@@ -70,10 +70,10 @@ def lif_step(cell, mean, dt_ms, shift_mv):
 
 def phase_step(cell, rate_hz, dt_ms, _):
     mean = rate_hz * dt_ms / 1000
-    spread = cell.cv * np.sqrt(mean)
+    scale = cell.cv * np.sqrt(mean)
 
     def advance(phi, stream, k, _):
-        phi += mean + spread * noise.bits8(stream, k, phi.size)
+        phi += mean + scale * noise.bits8(stream, k, phi.size)
         fired = phi >= 1
         phi[fired] -= 1
         return fired

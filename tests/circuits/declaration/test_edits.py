@@ -23,7 +23,7 @@ TABLE = load_circuit("spiking_msprt", 2)
 ADDED = ("add TRN like=STN bias_nats=-1", "add TRN->GPe weight=0.1")
 ALL = (
     "neurons 20",
-    "spread 0.1",
+    "heterogeneity 0.1",
     *ADDED,
     "keep rest",
     "set STN.neurons 50",
@@ -108,7 +108,7 @@ def test_the_order_in_which_edits_are_written_does_not_matter(lines):
 
 
 def test_edits_of_all_nuclei_come_first_then_rows_then_factors():
-    by_hand = TABLE.with_neurons(20).with_spread(0.1)
+    by_hand = TABLE.with_neurons(20).with_heterogeneity(0.1)
     by_hand = by_hand.add(*(line.removeprefix("add ") for line in ADDED), keep_rest=True)
     by_hand = by_hand.set("STN.neurons", 50).set("STN->GPe.delay_ms", 4)
     by_hand = by_hand.lesion("TRN", 0.5).lesion("D1", 0.1, channel=1).cut("GPe", "STN", 0.3)
@@ -282,7 +282,7 @@ def test_an_edit_replaces_the_same_edit_in_any_spelling_and_no_other():
         ("rate", "set STN->GPe.probability 0.5"),
         ("rate", "neurons 7"),
         ("rate", "connections 0.5"),
-        ("algebra", "spread 0.1"),
+        ("algebra", "heterogeneity 0.1"),
     ],
 )
 def test_an_edit_that_an_engine_does_not_feel_is_refused(engine, line):

@@ -66,7 +66,7 @@ def test_a_change_and_its_inverse_give_the_tables_back(drawn):
     except ValueError:
         assume(False)
     back = edited.edited(f"set {row.name}.{field}={getattr(row, field)!r}")
-    marks = {name: getattr(circuit, name) for name in ("about", "exact", "most_lead_nats")}
+    marks = {name: getattr(circuit, name) for name in ("about", "exact", "max_lead_nats")}
     assert replace(back, **marks) == circuit
     assert back.exact == edited.exact
 

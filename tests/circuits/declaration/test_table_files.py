@@ -36,7 +36,7 @@ EDITS = [
     st.builds(lambda x: lambda c: c.with_population("D1", cite=x), WORDS),
     st.builds(lambda x: lambda c: replace(c, about=x, name=x), WORDS),
     st.builds(lambda x: lambda c: replace(c, wiring_seed=x), st.integers()),
-    st.builds(lambda x: lambda c: replace(c, reach_nats=x), st.floats(1e-9, math.inf)),
+    st.builds(lambda x: lambda c: replace(c, max_deficit_nats=x), st.floats(1e-9, math.inf)),
     st.builds(lambda x: lambda c: replace(c, default_gain=x), st.floats(1e-9, 1e9)),
     st.builds(
         lambda name, w: (
@@ -119,7 +119,7 @@ EDITED = {
     "cells": lambda c: c.with_neurons(3),
     "more cells": lambda c: c.with_neurons_times(0.1),
     "sparse": lambda c: c.with_connections(0.05),
-    "spread": lambda c: c.with_spread(0.5),
+    "heterogeneity": lambda c: c.with_heterogeneity(0.5),
 }
 
 
@@ -336,6 +336,6 @@ def test_all_cell_types_have_their_name_in_files():
     ("nats", "written"), [(9e14, "900000000000000"), (1.1e15, "1100000000000000.0")]
 )
 def test_a_float_is_written_as_a_whole_number_below_ten_to_the_fifteenth(nats, written):
-    circuit = replace(anatomy.spiking_msprt(), reach_nats=nats)
-    assert f"reach_nats = {written}\n" in table_files.text(circuit)
+    circuit = replace(anatomy.spiking_msprt(), max_deficit_nats=nats)
+    assert f"max_deficit_nats = {written}\n" in table_files.text(circuit)
     assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit

@@ -28,14 +28,14 @@ def test_constants_of_cells_follow_their_draws_down_to_a_tenth():
     """More ones in a cell's word, larger constants; the mean of a channel is the row's."""
     circuit = anatomy.spiking_msprt().with_neurons(400)
     key = noise.stream_key(circuit.wiring_seed, 0, "GPe/1")
-    for spread in (0.2, 1.0):
-        found = cell_factors(circuit.with_spread(spread), "GPe", 1)
+    for heterogeneity in (0.2, 1.0):
+        found = cell_factors(circuit.with_heterogeneity(heterogeneity), "GPe", 1)
         for i, factors in enumerate(found):
             draws = noise.bits32(key, noise.CELLS_TICK + i, 400)
             assert (np.diff(factors[np.argsort(draws)]) >= 0).all()
-        if spread == 1:
+        if heterogeneity == 1:
             assert found.min() == 0.1
         else:
             assert found.min() > 0.1
             npt.assert_allclose(found.mean(axis=1), 1, rtol=1e-12)
-            npt.assert_allclose(found.std(axis=1), spread, rtol=0.1)
+            npt.assert_allclose(found.std(axis=1), heterogeneity, rtol=0.1)

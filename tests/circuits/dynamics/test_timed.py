@@ -157,7 +157,7 @@ def test_the_error_of_a_pulse_is_of_second_order_in_the_tick(what):
 
 def test_a_pivot_stays_where_it_is_while_dopamine_turns_the_gain():
     """A source at its pivot adds what it added."""
-    circuit = relay().with_population("SNr", pivot_nats=1.5).add("dopamine amount=0.8")
+    circuit = relay().with_population("SNr", operating_point_nats=1.5).add("dopamine amount=0.8")
     ran = run(circuit, np.zeros((1, 1, 2)), engine="rate", step_ms=200.0)
     np.testing.assert_allclose(ran.decoded_nats("SNr"), 1.2, atol=1e-5)
 

@@ -15,13 +15,13 @@ def test_cells_that_do_not_differ_are_one():
     np.testing.assert_array_equal(mean_rate_hz(cell, 0.0, INPUT, LINE_HZ), LINE_HZ)
 
 
-@pytest.mark.parametrize("spread", [0.1, 0.3])
-def test_constants_of_those_that_stand_for_all_have_the_mean_and_the_spread(spread):
+@pytest.mark.parametrize("heterogeneity", [0.1, 0.3])
+def test_constants_of_those_that_stand_for_all_have_the_mean_and_the_spread(heterogeneity):
     """Three constants, one at a time, at the roots of 3: each varies in a third of all."""
-    factors = np.array([factor for _, factor in differing(Phase(0.3), spread)])
+    factors = np.array([factor for _, factor in differing(Phase(0.3), heterogeneity)])
     assert len(factors) == 6
     assert factors.mean() == pytest.approx(1)
-    assert factors.std() == pytest.approx(spread)
+    assert factors.std() == pytest.approx(heterogeneity)
 
 
 def test_the_mean_rate_of_cells_that_differ_is_that_of_their_rates():

@@ -12,10 +12,12 @@ from tests.circuits.helpers import run_algebra
 
 
 @pytest.mark.parametrize("make", [anatomy.bogacz_gurney, anatomy.appendix_b])
-@pytest.mark.parametrize(("channels", "rivals"), [(2, None), (2, 1), (5, None), (5, 1), (5, 3)])
-def test_out_of_an_exact_table_is_off_by_nothing(make, channels, rivals):
-    for circuit in (make(channels), replace(make(channels), centred=True, reach_nats=40.0)):
-        assert off_nats(circuit, rivals) == pytest.approx((0, 0), abs=1e-8)
+@pytest.mark.parametrize(
+    ("channels", "competitors"), [(2, None), (2, 1), (5, None), (5, 1), (5, 3)]
+)
+def test_out_of_an_exact_table_is_off_by_nothing(make, channels, competitors):
+    for circuit in (make(channels), replace(make(channels), centred=True, max_deficit_nats=40.0)):
+        assert off_nats(circuit, competitors) == pytest.approx((0, 0), abs=1e-8)
 
 
 @pytest.mark.parametrize("nats", [0.05, 0.2])
@@ -26,9 +28,9 @@ def test_out_is_off_by_as_much_as_the_read_out_is_biased(nats):
     assert found == pytest.approx((nats, nats), abs=1e-8)
 
 
-def test_rivals_beyond_the_reach_of_a_centred_drive_are_cut_there():
-    """One rival is level with the leader: OUT is ln 2. The third counts as 2 nats behind."""
-    table = replace(anatomy.bogacz_gurney(3), centred=True, reach_nats=2.0)
+def test_competitors_beyond_the_reach_of_a_centred_drive_are_cut_there():
+    """One competitor is level with the leader: OUT is ln 2. The third counts as 2 nats behind."""
+    table = replace(anatomy.bogacz_gurney(3), centred=True, max_deficit_nats=2.0)
     table = replace(table, readable_nats=(np.log(2) - 1e-9, np.log(2)))
     found = off_nats(table, 1)
     drive = np.array([0.0, 0.0, -2.0])
@@ -37,10 +39,12 @@ def test_rivals_beyond_the_reach_of_a_centred_drive_are_cut_there():
     assert found[0] == pytest.approx(np.log(2 + np.exp(-2)) - np.log(2), abs=1e-6)
 
 
-@pytest.mark.parametrize("rivals", [0, 3])
-def test_as_many_rivals_as_channels_or_no_rival_are_refused(rivals):
-    with pytest.raises(ValueError, match=re.escape(f"rivals must lie in 1..2, got {rivals}")):
-        off_nats(anatomy.bogacz_gurney(3), rivals)
+@pytest.mark.parametrize("competitors", [0, 3])
+def test_as_many_competitors_as_channels_or_no_competitor_are_refused(competitors):
+    with pytest.raises(
+        ValueError, match=re.escape(f"competitors must lie in 1..2, got {competitors}")
+    ):
+        off_nats(anatomy.bogacz_gurney(3), competitors)
 
 
 def test_a_circuit_in_saliences_has_no_distance_from_a_posterior():

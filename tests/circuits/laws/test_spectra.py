@@ -34,7 +34,7 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
 def test_beta_of_cells_that_differ_is_what_spikes_show(level):
     """The macaque's, of which each cell has a rate of its own, from 13 to 30 Hz."""
     table = anatomy.macaque().dopamine(level)
-    assert table.population("STN").spread
+    assert table.population("STN").heterogeneity
     found = run_ensemble(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
     for name in ("ctx", "STN", "GPe", "SNr"):
         frequency, power = found.spectrum(name, from_ms=1000, segment_ms=500)

@@ -32,7 +32,7 @@ def small():
         populations=(
             Population("ctx", Phase(0.5), 20, 20, transfer="rectified", tau_ms=5, **neurons),
             Population("slow", Rate(signed=True), 0, 1, GABA, pooled=True, bias_nats=-4, tau_ms=50),
-            Population("STN", Phase(0.8), 5, 20, tau_ms=3, spread=0.2, **neurons),
+            Population("STN", Phase(0.8), 5, 20, tau_ms=3, heterogeneity=0.2, **neurons),
             Population("SNr", cell, 30, 60, GABA, **neurons),
         ),
         projections=(
@@ -75,14 +75,22 @@ def both(circuit, drive=DRIVE, **options):
     "circuit",
     [
         WHOLE,
-        WHOLE.with_spread(0.15),
-        WHOLE.with_connections(0.3).with_spread(0.1),
+        WHOLE.with_heterogeneity(0.15),
+        WHOLE.with_connections(0.3).with_heterogeneity(0.1),
         WHOLE.clamp("D2", 0.5).lesion("GPe"),
         small(),
         replace(small(), wiring_seed=3).scale("ctx", "SNr", 0),
         small().scale("ctx", "STN", 0.5, 0).scale("SNr", "SNr", 2, 1),
     ],
-    ids=["whole", "spread", "sparse", "lesioned", "small", "other connections", "one channel"],
+    ids=[
+        "whole",
+        "heterogeneity",
+        "sparse",
+        "lesioned",
+        "small",
+        "other connections",
+        "one channel",
+    ],
 )
 def test_spikes_are_those_of_the_plain_engine(circuit):
     assert_same(*both(circuit))

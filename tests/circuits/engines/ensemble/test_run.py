@@ -44,10 +44,10 @@ def both(circuit, drive, **options):
         BASE,
         BASE.clamp("GPe", 0.5),
         BASE.scale("STN", "GPe", 0.5),
-        BASE.with_spread(0.1),
-        BASE.with_spread(0.3),
+        BASE.with_heterogeneity(0.1),
+        BASE.with_heterogeneity(0.3),
     ],
-    ids=["plain", "lesion", "scaled", "spread", "wide spread"],
+    ids=["plain", "lesion", "scaled", "heterogeneity", "wide heterogeneity"],
 )
 def test_cells_spike_as_in_the_plain_scheme(circuit):
     fast, plain = both(circuit, ramp(4, 2), settle_ms=0)
@@ -63,7 +63,7 @@ def test_cells_spike_as_in_the_plain_scheme(circuit):
         BASE.with_connections(0.25),
         BASE.with_connections(0.25).scale("ctx", "D1", 0.9, 0).scale("STN", "GPe", 0, 1),
         BASE.with_connections(0.25).lesion("D1", 0.25, channel=0).lesion("D2", 1, channel=1),
-        BASE.with_spread(0.1).with_connections(0.25),
+        BASE.with_heterogeneity(0.1).with_connections(0.25),
     ],
     ids=["sparse", "one channel", "lost in one channel", "both"],
 )
@@ -88,7 +88,7 @@ def test_another_seed_or_trial_has_other_spikes():
 @pytest.mark.parametrize("wiring_seed", [0, 1])
 def test_cells_differ_by_their_spread_and_channels_do_not(wiring_seed):
     """Without the mean of 1 the favoured channel's OUT lay .024 and .027 nats off the other's."""
-    table = replace(anatomy.spiking_msprt(2).with_spread(0.1), wiring_seed=wiring_seed)
+    table = replace(anatomy.spiking_msprt(2).with_heterogeneity(0.1), wiring_seed=wiring_seed)
     for name in NAMES:
         factors = cell_factors(table, name, 1)
         npt.assert_allclose(factors.mean(axis=1), 1, rtol=1e-12)
@@ -99,7 +99,7 @@ def test_cells_differ_by_their_spread_and_channels_do_not(wiring_seed):
     assert abs(mean[:8, 0].mean() - mean[8:, 1].mean()) < 0.012
 
 
-@pytest.mark.parametrize("circuit", [BASE, BASE.with_spread(0.1).with_connections(0.25)])
+@pytest.mark.parametrize("circuit", [BASE, BASE.with_heterogeneity(0.1).with_connections(0.25)])
 def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
     drive = ramp(20, 3)
     given = {"step_ms": 20, "seed": 3, "settle_ms": 20}
@@ -113,7 +113,8 @@ def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
 
 
 @pytest.mark.parametrize(
-    "circuit", [BASE, BASE.with_spread(0.1), BASE.with_spread(0.1).with_connections(0.25)]
+    "circuit",
+    [BASE, BASE.with_heterogeneity(0.1), BASE.with_heterogeneity(0.1).with_connections(0.25)],
 )
 def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
     given = {"step_ms": 20.1, "sample_ms": 0.3, "seed": 3, "settle_ms": 20.3}
@@ -195,7 +196,7 @@ def test_a_run_shows_a_bar_of_progress_only_on_request(capsys):
 
 def test_cells_have_constants_of_their_own_only_where_they_differ():
     """A loop over cells that are alike reads none: it is the fast one."""
-    for circuit, differ in ((BASE, False), (BASE.with_spread(0.1), True)):
+    for circuit, differ in ((BASE, False), (BASE.with_heterogeneity(0.1), True)):
         wiring = wire(circuit)
         laid = plan(wiring, Clock(1, 50), np.zeros(wiring.blocks, bool))
         spiking = [differ and wiring.row(b).spiking for b in range(wiring.blocks)]

@@ -143,11 +143,13 @@ def test_a_lesion_leaves_the_noise_of_what_survives():
 
 def test_cells_that_differ_answer_as_their_mean_does():
     """Siegert's rate averaged over all cells of a channel, and the power of all of them."""
-    spread, x = 0.15, np.linspace(-0.5, 1.5, 9)
-    row = FULL.with_spread(spread).population("GPe")
+    heterogeneity, x = 0.15, np.linspace(-0.5, 1.5, 9)
+    row = FULL.with_heterogeneity(heterogeneity).population("GPe")
     alike = Mixture(row.cell, Straight("linear", 45.0, 80.0))
-    differ = replace(alike, spread=spread)
-    factors = np.concatenate([cell_factors(FULL.with_spread(spread), "GPe", c) for c in (0, 1)], 1)
+    differ = replace(alike, heterogeneity=heterogeneity)
+    factors = np.concatenate(
+        [cell_factors(FULL.with_heterogeneity(heterogeneity), "GPe", c) for c in (0, 1)], 1
+    )
     every = np.mean([row.cell.varied(f)[0].rate_hz(x, x) for f in factors.T], axis=0)
     np.testing.assert_allclose(differ.rate_hz(x), every, rtol=0.02)
     off = [np.abs(mean.rate_hz(x) - every).max() for mean in (alike, differ)]
@@ -156,7 +158,7 @@ def test_cells_that_differ_answer_as_their_mean_does():
 
 def test_pacemakers_that_differ_have_their_mean_power():
     hz, cv = 30.0, 0.3
-    activity = populations(source(Phase(cv), hz, spread=0.2), np.zeros((300, 6, 2)))
+    activity = populations(source(Phase(cv), hz, heterogeneity=0.2), np.zeros((300, 6, 2)))
     assert activity.rates_hz["ctx"].mean() == pytest.approx(hz, rel=0.002)
     at, power = spectrum(activity, "ctx")
     each = hz * np.maximum(1 + 0.2 * np.random.default_rng(1).normal(size=2000), 0.1)
@@ -189,7 +191,7 @@ def test_what_it_does_not_know_is_refused_in_one_sentence():
 
 def test_lines_without_noise_are_those_of_cells_that_differ_too():
     drive = np.random.default_rng(1).normal(0, 0.3, (3, 3, 2))
-    apart = FULL.with_spread(0.1).with_connections(0.25)
+    apart = FULL.with_heterogeneity(0.1).with_connections(0.25)
     alike, differ = (run(table, drive, engine="rate", step_ms=50) for table in (FULL, apart))
     assert alike.output_nats.tobytes() == differ.output_nats.tobytes()
 

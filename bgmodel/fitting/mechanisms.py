@@ -1,4 +1,4 @@
-"""What sets the criterion of a circuit beside the threshold: edits with numbers left open."""
+"""What moves the criterion of a circuit beside its threshold: edits with numbers left open."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Criterion:
+class Mechanism:
     """Edits of a circuit with numbers left open, and the numbers.
 
     Parameters
@@ -65,32 +65,32 @@ class Criterion:
         return circuit.edited(*(edit.format(**values) for edit in self.edits))
 
 
-NONE = Criterion((), (), "the threshold alone")
+NONE = Mechanism((), (), "the threshold alone")
 ONSET_ROWS = (
     "add STN_onset like=STN transfer=linear bias_nats=0 baseline_hz=15",
     "add STN_onset->SNr like=STN->SNr weight=1",
 )
-CRITERIA = {
+MECHANISMS = {
     "threshold": NONE,
-    "dopamine": Criterion(
+    "dopamine": Mechanism(
         ("dopamine {dopamine}",),
         (Axis(Parameter("dopamine", 0.6, 1.4, 1.0, "level of dopamine; 1 is the table's")),),
         "the level of dopamine",
         instead=True,
     ),
-    "stn_loss": Criterion(
+    "stn_loss": Mechanism(
         ("lesion STN {stn_loss}",),
         (Axis(Parameter("stn_loss", 0.0, 0.4, 0.0, "share of STN that is lost")),),
         "a share of STN that is lost",
         instead=True,
     ),
-    "gpe_loss": Criterion(
+    "gpe_loss": Mechanism(
         ("lesion GPe {gpe_loss}",),
         (Axis(Parameter("gpe_loss", 0.0, 0.4, 0.0, "share of GPe that is lost")),),
         "a share of GPe that is lost",
         instead=True,
     ),
-    "rising_dopamine": Criterion(
+    "rising_dopamine": Mechanism(
         ("add dopamine amount={dopamine_rise} rise_ms={rise_ms}",),
         (
             Axis(Parameter("dopamine_rise", 0.0, 1.0, 0.0, "what dopamine rises by in a trial"), 7),
@@ -98,7 +98,7 @@ CRITERIA = {
         ),
         "dopamine that rises within a trial",
     ),
-    "onset_stn": Criterion(
+    "onset_stn": Mechanism(
         (*ONSET_ROWS, "add STN_onset amount={onset_nats} to_ms=1 decay_ms={decay_ms}"),
         (
             Axis(Parameter("onset_nats", 0.0, 1.2, 0.0, "drive of STN_onset at onset, nats"), 13),
@@ -107,4 +107,4 @@ CRITERIA = {
         "cells of STN that are driven at onset, decay, and excite SNr of all channels",
     ),
 }
-"""What sets the criterion beside the threshold, by name."""
+"""What moves the decision criterion of a circuit, by name."""

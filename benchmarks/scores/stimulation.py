@@ -1,0 +1,119 @@
+"""What stimulation of STN moves in patients: the default circuit, fitted to choices and times.
+
+The patients of Cavanagh et al. (2011) chose under high and low conflict, with the stimulator on
+and off. In each fit one parameter of the circuit may differ with stimulation. Left-out trials say
+which parameter predicts best, and the fitted means whether the times change as the patients' do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.methods.predicted import Predicted, better_by, predicted
+from benchmarks.scores.fits import difference, fitted_circuit
+from benchmarks.scores.pieces import Made, Piece, Score, main
+from bgmodel.fitting.circuit import MECHANISMS, NONE, SIMULATION_SEED, CircuitModel, Mechanism
+from bgmodel.fitting.design import Design, design_of
+from bgmodel.fitting.fit import cells_of
+from bgmodel.fitting.optimum import Likelihood, likelihood_of, optimum
+from bgmodel.tables.choices import Choices, read_choices
+from circuits.anatomy import DEFAULT
+
+SLOW_NATS = 1.5
+"""Noise in nats where decisions take more than a second: a wider range of thresholds."""
+PATIENT_TRIALS, COARSE_PATIENT_TRIALS = 2000, 6
+"""Trials that a fitted circuit is simulated with, at each drift: patients have few of their own."""
+LONGEST_S = 5.0
+"""Length of a simulated trial, s: longer than any response of a patient."""
+STIMULATED = ["conflict", "stimulation"]
+"""What differs between trials of the patients."""
+MOVES: dict[str, tuple[Mechanism, dict[str, str]]] = {
+    "nothing": (NONE, {}),
+    "threshold": (NONE, {"threshold_nats": "stimulation"}),
+    **{
+        name: (MECHANISMS[name], {name: "stimulation/off"})
+        for name in ("dopamine", "stn_loss", "gpe_loss")
+    },
+}
+"""What stimulation of STN may move: edits of the circuit, and what differs with stimulation."""
+
+
+def patient(whole: Choices, who: str, trials: int) -> pd.DataFrame:
+    """Return what stimulation moves: predictions of left-out trials, and the four means."""
+    design = design_of(whole.where(whole.participant == who), STIMULATED)
+    left_out: dict[str, Predicted] = {}
+    rows = []
+    for name, (mechanism, vary) in MOVES.items():
+        model = fitted_circuit(mechanism, trials, LONGEST_S, SLOW_NATS)
+        likelihood = stimulated(model, design, vary)
+        made = optimum(likelihood)
+        left_out[name] = predicted(likelihood, start=made.vector)
+        cells = cells_of(design, made.density)
+        better = difference(better_by(left_out[name], left_out["nothing"]))
+        rows.append(
+            cells.assign(
+                participant=who, moved=name, **better,
+                log_likelihood=made.log_likelihood,
+                **{k.partition("[")[0] + ("_on" if "=on" in k else ""): v
+                   for k, v in made.values.items() if not k.startswith("sensitivity")},
+            )
+        )  # fmt: skip
+    return pd.concat(rows, ignore_index=True)
+
+
+def stimulated(model: CircuitModel, design: Design, vary: Mapping[str, str]) -> Likelihood:
+    """Return the likelihood in which stimulation moves one parameter, and conflict sensitivity."""
+    free = [name for name in ("threshold_nats", "t0_s", "t0_sd_s", "lapse") if name not in vary]
+    return likelihood_of(model, design, free=free, vary={"sensitivity": "conflict", **vary})
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Go through the patients."""
+    whole = read_choices("cavanagh_2011", conditions=STIMULATED)
+    for who in whole.people():
+        count = int((whole.participant == who).sum())
+        make = partial(patient, whole, who, COARSE_PATIENT_TRIALS if fast else PATIENT_TRIALS)
+        yield Piece("patients", who, count, 400, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return the fitted means of each patient, and what each move predicts over all of them."""
+    cells = made["patients"]
+    return {"cells": ("patients", cells), "moves": ("patients", _moves(cells))}
+
+
+def _moves(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return each move's predictions over people, and its effects beside the data's."""
+    rows = []
+    for name, some in cells.groupby("moved", sort=False):
+        each = some.drop_duplicates("participant")
+        row = {"moved": name, "better_nats": each["better_nats"].sum()}
+        # People are independent; the simulated trials are the same for all of them.
+        row["simulation_error_nats"] = each["simulation_error_nats"].sum()
+        sampling = each["error_nats"] ** 2 - each["simulation_error_nats"] ** 2
+        row["error_nats"] = np.hypot(np.sqrt(sampling.sum()), row["simulation_error_nats"])
+        row["better_people"] = int((each["better_nats"] > 0).sum())
+        for who, prefix in (("data", ""), ("model", "model_")):
+            wide = some.pivot(
+                index="participant", columns=["conflict", "stimulation"], values=f"{prefix}mean_s"
+            )
+            for conflict in ("high", "low"):
+                for stimulation in ("off", "on"):
+                    one = wide[conflict, stimulation]
+                    row[f"{who}_{conflict}_{stimulation}_s"] = one.mean()
+                    row[f"{who}_{conflict}_{stimulation}_sem"] = one.sem()
+            effect = {c: wide[c, "on"] - wide[c, "off"] for c in ("high", "low")}
+            apart = effect["high"] - effect["low"]
+            row |= {f"{who}_interaction_s": apart.mean(), f"{who}_interaction_sem": apart.sem()}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+SCORE = Score("stimulation", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT)
+
+if __name__ == "__main__":
+    main(SCORE)
