@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -15,10 +16,22 @@ from bgmodel.tables.trials import Trials
 from circuits.checks import check_types
 from circuits.errors import InputError, require
 
+if TYPE_CHECKING:
+    from bgmodel.tactile.likelihood import Density
+    from bgmodel.tactile.source import Source
+
 Asked = TypeVar("Asked", bound=Any)
 
 
-Task = Literal["gaussian", "same-different", "orientation"]
+Task = Literal["gaussian", "same-different", "orientation", "edge-turn", "edge-direction"]
+OF_TASK = {
+    "gaussian": ("channels", "d_prime", "conflict"),
+    "same-different": ("period_mm", "fold", "taps"),
+    "orientation": ("channels", "period_mm", "fold", "taps"),
+    "edge-turn": ("channels", "step_deg", "fold", "taps"),
+    "edge-direction": ("channels", "step_deg", "fold", "taps"),
+}
+"""Options that a task makes use of, beside those of every task."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +41,11 @@ class Stimuli:
     evidence: Path | None = None
     """A table of log-likelihoods, as for `bgmodel decide`, instead of a task."""
     task: Task = "gaussian"
-    """Gaussian evidence, or a tactile question: same or different, which of N orientations."""
+    """Gaussian evidence, or a tactile question: are two gratings the same or different, which of N
+    orientations has a grating, by how many steps was an edge turned, which of N directions has
+    it."""
     channels: int = 2
-    """Alternatives of the Gaussian evidence, or N orientations, 2..8."""
+    """Alternatives: of a tactile question, 2..8."""
     d_prime: float = 0.5
     """Separation of the Gaussian evidence a reading: of two hypotheses, in standard deviations of
     their difference."""
@@ -39,6 +54,11 @@ class Stimuli:
     others, 1 level."""
     period_mm: float = 2.0
     """Period of the tactile grating, mm."""
+    step_deg: float = 5.0
+    """Degrees between the alternatives of a question on edges."""
+    taps: Path | None = None
+    """Taps that `bgmodel decode` has decoded, .parquet or .csv; the shipped ones, of a simulated
+    sensor on gratings, if left out."""
     fold: int = 0
     """Which sixth of the held-out taps is scored, 0..5."""
     trials: int = 100
@@ -53,10 +73,17 @@ class Stimuli:
     expectancy_ms: float = 0.0
     """Length of that foreperiod, ms."""
 
+    def __post_init__(self) -> None:
+        for name in ("evidence", "taps"):
+            if isinstance(getattr(self, name), str):
+                object.__setattr__(self, name, Path(getattr(self, name)))
+
     def check(self) -> None:
         """Raise ValueError for a number out of range."""
         check_types(self, type(self).__name__)
-        require(isinstance(self.evidence, Path | None), "evidence", "must be a Path", self.evidence)
+        for name in ("evidence", "taps"):
+            path = getattr(self, name)
+            require(isinstance(path, Path | None), name, "must be a path", path)
         require(
             str(self.task) in get_args(Task),
             "task",
@@ -70,6 +97,7 @@ class Stimuli:
         require(0 < self.step_ms < np.inf, "step_ms", "must be > 0 and finite", self.step_ms)
         self._check_expectancy()
         require(0 <= self.conflict < 1, "conflict", "must lie in 0..1, below 1", self.conflict)
+        require(0 < self.step_deg <= 180, "step_deg", "must lie in 0..180", self.step_deg)
         if self.task == "same-different" and self.channels != 2:
             raise InputError(
                 f"same-different has 2 alternatives, got channels {self.channels}", "channels"
@@ -100,14 +128,12 @@ class Stimuli:
 
     def _check_task(self, default: Stimuli) -> None:
         """Refuse what is said of gratings beside Gaussian evidence, and the other way round."""
-        gaussian = self.task == "gaussian"
-        idle = ("period_mm", "fold") if gaussian else ("d_prime", "conflict")
-        for name in idle:
-            if getattr(self, name) != getattr(default, name):
-                kind = "tactile" if gaussian else "Gaussian"
-                raise InputError(
-                    f"{name} is for {kind} evidence, it says nothing about task {self.task}", name
-                )
+        own = ("channels", *OF_TASK[self.task])
+        every = dict.fromkeys(name for names in OF_TASK.values() for name in names)
+        for name in every:
+            if name not in own and getattr(self, name) != getattr(default, name):
+                users = ", ".join(task for task, names in OF_TASK.items() if name in names)
+                raise InputError(f"{name} is for {users}: task {self.task} does not use it", name)
 
     def _check_alone(self, default: Stimuli) -> None:
         """Refuse what is said of evidence to draw beside a table of evidence."""
@@ -122,25 +148,43 @@ class Stimuli:
 
     def used(self) -> dict[str, Any]:
         """Return the options that have a say, by name: for provenance."""
-        names = {
-            "gaussian": ("channels", "d_prime", "conflict"),
-            "same-different": ("period_mm", "fold"),
-            "orientation": ("channels", "period_mm", "fold"),
-        }[self.task]
-        names = ("task", *names, "trials", "t_max")
-        names = ("evidence", "step_ms") if self.evidence is not None else (*names, "step_ms")
+        names = [name for name in OF_TASK[self.task] if name != "taps" or self.taps is not None]
+        names = ["task", *names, "trials", "t_max", "step_ms"]
+        names = ["evidence", "step_ms"] if self.evidence is not None else names
         if self.expectancy_nats:
-            names = (*names, "expectancy_nats", "expectancy_ms")
-        return {name: getattr(self, name) for name in names}
+            names += ["expectancy_nats", "expectancy_ms"]
+        found = {name: getattr(self, name) for name in names}
+        if self.taps is not None and "taps" in names:
+            from bgmodel.tactile.source import decoder_of
 
-    def draw(self, seed: int, name: str) -> Trials:
-        """Return the evidence, the names of its hypotheses, and the other columns of a table."""
+            found["decoder"] = decoder_of(self.taps).get("sha256")
+        return found
+
+    def draw(
+        self,
+        seed: int,
+        name: str,
+        *,
+        prior: Sequence[float] | None = None,
+        density: Density | None = None,
+    ) -> Trials:
+        """Return the evidence, the names of its hypotheses, and the other columns of a table.
+
+        Parameters
+        ----------
+        seed, name : int and str
+            Of the stream of random numbers.
+        prior : sequence of float (hypotheses,), optional
+            What the decider believes; equal if left out.
+        density : Density, optional
+            How likelihoods of decoded taps are estimated.
+        """
         if self.evidence is not None:
             from bgmodel.tables.evidence import read_evidence_table
 
-            return read_evidence_table(self.evidence, step_ms=self.step_ms)
+            return read_evidence_table(self.evidence, prior=prior, step_ms=self.step_ms)
         check_evidence_memory(self.trials, self.t_max, self.channels)
-        drawn = self._drawn(seed, name)
+        drawn = self._drawn(stream(seed, name), prior, density)
         if not self.expectancy_nats:
             return drawn
         # A stream of its own: the evidence is the same with and without.
@@ -148,27 +192,30 @@ class Stimuli:
         ahead = expecting(drawn.evidence, self.expectancy_nats, self.expectancy_ms, rng=rng)
         return replace(drawn, evidence=ahead)
 
-    def _drawn(self, seed: int, name: str) -> Trials:
+    def _drawn(
+        self, rng: np.random.Generator, prior: Sequence[float] | None, density: Density | None
+    ) -> Trials:
         """Return the evidence of a task, from its onset on."""
-        rng = stream(seed, name)
         if self.task == "gaussian":
             drawn = gaussian_evidence(
-                self.trials,
-                d_prime=self.d_prime,
-                channels=self.channels,
-                t_max=self.t_max,
-                step_ms=self.step_ms,
-                conflict=self.conflict,
-                seed=rng,
-            )
+                self.trials, d_prime=self.d_prime, channels=self.channels, t_max=self.t_max,
+                step_ms=self.step_ms, conflict=self.conflict, seed=rng,
+            )  # fmt: skip
+            if prior is not None:
+                drawn = replace(drawn, prior=np.asarray(prior, dtype=np.float64))
             return Trials(drawn, [str(i) for i in range(self.channels)])
-        from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source
+        readings = self.readings(density)
+        tapped = readings.draw(self.trials, self.t_max, rng=rng, prior=prior, step_ms=self.step_ms)
+        return Trials(tapped, list(readings.names))
 
-        asked = SameDifferent() if self.task == "same-different" else Orientations(self.channels)
-        readings = source(held_out_taps(), asked, period_mm=self.period_mm, fold=self.fold)
-        readings.warn_if_silent(self.period_mm)
-        drawn = readings.draw(self.trials, self.t_max, rng=rng, step_ms=self.step_ms)
-        return Trials(drawn, list(asked.names))
+    def readings(self, density: Density | None = None) -> Source:
+        """Return all readings of a tactile task, and warn where they say nothing."""
+        from bgmodel.tactile.source import readings_of
+
+        return readings_of(
+            self.task, self.channels, period_mm=self.period_mm, step_deg=self.step_deg,
+            taps=self.taps, fold=self.fold, density=density,
+        )  # fmt: skip
 
 
 def circuit_seen_from(folder: Path, name: str) -> str:
@@ -201,7 +248,8 @@ def seen_from(folder: Path, asked: Asked) -> Asked:
     dataclass
         Of the same type; absolute paths stay.
     """
-    found = replace(asked, circuit=circuit_seen_from(folder, asked.circuit))
-    if found.task.evidence is None:
-        return found
-    return replace(found, task=replace(found.task, evidence=folder / found.task.evidence))
+    task = asked.task
+    for name in ("evidence", "taps"):
+        if getattr(task, name) is not None:
+            task = replace(task, **{name: folder / getattr(task, name)})
+    return replace(asked, circuit=circuit_seen_from(folder, asked.circuit), task=task)

@@ -13,7 +13,7 @@ from bgmodel import Sprt, first_crossing, sprt_threshold_from_gap, stream
 from bgmodel.learning.gap import fold_sources
 from bgmodel.plots import trajectories
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.task import Source
+from bgmodel.tactile.source import Source
 from figures.common import Settings, letter, run
 
 PERIOD_MM, GAP, SHOWN = 2.0, 4.0, 24

@@ -24,7 +24,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.baselines import MaxVsAverage, Race
 from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.task import Folds, SameDifferent, folds
+from bgmodel.tactile.source import Folds, folds
+from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import Settings, letter, run
 
@@ -52,7 +53,7 @@ def conditions(settings: Settings, taps: pd.DataFrame) -> Iterator[tuple[str, Ev
 
 def tactile(taps: pd.DataFrame) -> Folds:
     """Return the readings of the grating, of six folds of taps."""
-    return folds(taps, SameDifferent(), period_mm=2.0)
+    return folds(taps, SameDifferent(period_mm=2.0))
 
 
 def compute(settings: Settings, taps: Path, *, output: Path) -> None:

@@ -29,7 +29,8 @@ from bgmodel.learning.dopamine_learner import (
 from bgmodel.learning.reinforce import Learner, smoothed
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.task import SameDifferent, source
+from bgmodel.tactile.source import source
+from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Engine, Ensemble, Population, Rate
 from figures.common import BRIEF_MS, COLOUR, Settings, letter, run
@@ -96,7 +97,7 @@ def _outcomes(
     levels: np.ndarray,
 ) -> LevelOutcomes:
     """Return the outcomes of each level on evidence of its own, learned from or scored on."""
-    drawn = source(read_table(taps), SameDifferent(), period_mm=period, fold=0).draw
+    drawn = source(read_table(taps), SameDifferent(period_mm=period), fold=0).draw
     rng = stream(settings.seed, "figD1", name, period)
     share = SPIKING_TRIALS[period] if model.engine.spiking else TRIALS
     trials = round(share * settings.circuit_trials)

@@ -26,7 +26,8 @@ from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Environment, Learned, Learner, learn, smoothed
 from bgmodel.learning.worlds import LevelOutcomes, switching, trials_of
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.task import SameDifferent, Source, source
+from bgmodel.tactile.source import Source, source
+from bgmodel.tactile.task import SameDifferent
 from bgmodel.theory.sprt import optimal_delta
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
@@ -47,7 +48,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     """Let algorithm and rate circuit learn in worlds that switch, and see what errors leave."""
     read = read_table(taps)
     periods = {period for world in WORLDS.values() for period, _ in world}
-    sources = {p: source(read, SameDifferent(), period_mm=p, fold=0) for p in periods}
+    sources = {p: source(read, SameDifferent(period_mm=p), fold=0) for p in periods}
     table = load_circuit(DEFAULT)
     model = BasalGanglia(table, Rate().coarse(), gain_of(table))
     levels = playable_levels(model, 22)

@@ -16,7 +16,8 @@ from scipy.stats import t
 from bgmodel import Msprt, stream, tally
 from bgmodel.plots import speed_accuracy
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.task import FOLDS, Orientations, source
+from bgmodel.tactile.source import FOLDS, source
+from bgmodel.tactile.task import Orientations
 from figures.common import Settings, letter, run
 
 SHOWN_MM = (1.5, 2.0, 2.5)
@@ -30,7 +31,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
     for period in SHOWN_MM:
         for count in range(2, 9):
             for fold in range(FOLDS):
-                readings = source(table, Orientations(count), period_mm=period, fold=fold)
+                readings = source(table, Orientations(count, period_mm=period), fold=fold)
                 rng = stream(settings.seed, "figN1", period, count, fold)
                 evidence = readings.draw(settings.sweep_trials // 6, settings.t_max, rng=rng)
                 trace = Msprt().run(evidence)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,9 +13,10 @@ from bgmodel import stream
 from bgmodel.learning.reinforce import exhaustive_search
 from bgmodel.plots import speed_accuracy
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.edges import decoded_yaw, halves, sources
+from bgmodel.tactile.edges import decoded_edges
 from bgmodel.tactile.networks import wrapped
-from bgmodel.tactile.task import Source
+from bgmodel.tactile.source import Source, folds
+from bgmodel.tactile.task import EdgeTurn
 from figures.common import Settings, letter, run
 
 DIFFERENCES_DEG = (2.0, 5.0, 10.0)
@@ -25,19 +25,19 @@ T_MAX = 30
 
 def compute(settings: Settings, recordings: Path, *, output: Path) -> None:
     """Decode held-out real taps, and decide on them."""
-    taps = decoded_yaw(settings.seed, recordings)
-    error_sd = wrapped(taps[:, 1] - taps[:, 0], 360).std()
+    taps = decoded_edges(settings.seed, recordings)
+    error_sd = wrapped((taps["edge_deg"] - taps["yaw_deg"]).to_numpy(), 360).std()
     table = decide(settings, taps).assign(error_sd_deg=error_sd)
     write_table(table, output, seed=settings.seed, settings=settings, recordings=recordings.name)
 
 
-def decide(settings: Settings, taps: np.ndarray) -> pd.DataFrame:
-    """Decide same or different from pairs of taps (taps, 2: true and read yaw), on two halves."""
+def decide(settings: Settings, taps: pd.DataFrame) -> pd.DataFrame:
+    """Decide same or different from pairs of decoded taps, on each fold of the taps."""
     parts = []
     for difference in DIFFERENCES_DEG:
-        for half, readings in enumerate(sources(halves(settings.seed, taps), (0.0, difference))):
-            scores = _score(settings, readings, stream(settings.seed, "figR1", difference, half))
-            parts.append(scores.assign(difference_deg=difference, half=half))
+        for fold, readings in enumerate(folds(taps, EdgeTurn(2, difference)).sources):
+            scores = _score(settings, readings, stream(settings.seed, "figR1", difference, fold))
+            parts.append(scores.assign(difference_deg=difference, fold=fold))
     return pd.concat(parts)
 
 
@@ -55,25 +55,22 @@ def _score(settings: Settings, readings: Source, rng: np.random.Generator) -> pd
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
-    """Draw accuracy against mean taps, a line for each half of the taps scored on."""
+    """Draw accuracy against mean taps: the mean over folds of the taps, and the range of folds."""
     table = read_table(data)
     figure, ax = plt.subplots(figsize=(4.2, 3.0))
     for i, difference in enumerate(DIFFERENCES_DEG):
-        here = table[table["difference_deg"] == difference]
-        for half, rows in here.groupby("half"):
-            style: dict[str, Any] = {"color": f"C{i}", "ls": "-" if half else "--"}
-            style["label"] = f"{difference:g}°" if half else None
-            speed_accuracy(ax, rows["mean_steps"], rows["accuracy"], **style)
+        by_fold = table[table["difference_deg"] == difference].groupby("delta")
+        mean = by_fold[["mean_steps", "accuracy"]].mean()
+        speed_accuracy(
+            ax, mean["mean_steps"], mean["accuracy"], color=f"C{i}", label=f"{difference:g}°"
+        )
+        ends = by_fold["accuracy"].agg(["min", "max"])
+        ax.fill_between(mean["mean_steps"], ends["min"], ends["max"], color=f"C{i}", alpha=0.2)
     sd = table["error_sd_deg"].iloc[0]
     ax.set(xlabel="mean decision time (taps of each interval)", ylim=(0.45, 1.02))
     ax.plot([], [], color="0.8", lw=0.8, label="chance")
-    for half, ls in enumerate(("--", "-")):
-        ax.plot([], [], color="0.4", ls=ls, label=f"scored on half {half + 1} of the taps")
     ax.legend(
-        title="difference of the edge's yaw (±0.5°)",
-        loc="lower right",
-        bbox_to_anchor=(1, 0.12),
-        ncols=2,
+        title="difference of the edge's yaw (±0.5°)", loc="lower right", bbox_to_anchor=(1, 0.12)
     )
     letter(ax, f"real TacTip taps on an edge, decoder error sd {sd:.1f}°")
     return figure

@@ -51,7 +51,7 @@ def test_a_users_own_table_comes_back_with_its_ids_and_columns(tmp_path, capsys,
     assert (table["trial"].iloc[found["row"].astype(int)] == found["trial"].to_numpy()).all()
     about = read_provenance(out)
     kept = about["parameters"]["command"]
-    options = kept if command == ("decide",) else kept["task"]
+    options = kept["task"]
     digest = hashlib.sha256(mine.read_bytes()).hexdigest()
     assert options["evidence"] == {"file": "mine.csv", "sha256": digest}
     idle = {"trials", "t_max", "d_prime", "delta", "fold", "workers", "output", "force"}
@@ -83,10 +83,13 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["decide", "out.csv", "--posterior", "1.5"], "posterior must lie between chance"),
         (["decide", "out.csv", "--posterior", ".9", "--delta", "1"], "give one of them"),
         (
-            ["decide", "out.csv", "--task", "orientation", "--delta", "1"],
+            ["decide", "out.csv", "--task", "orientation", "--channels", "3", "--delta", "1"],
             "with 4, give --posterior",
         ),
-        (["decide", "out.csv", "--evidence", "x.csv", "--fold", "3"], "fold is for tactile"),
+        (
+            ["decide", "out.csv", "--evidence", "x.csv", "--fold", "3"],
+            "fold is for evidence that is drawn",
+        ),
         (["decide", "out.csv", "--evidence", "absent.csv"], "there is no table"),
         (
             ["circuit", "run", "out.csv", "--evidence", "x.csv", "--channels", "4"],
@@ -95,11 +98,11 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["compare", "out.csv", "--evidence", "x.csv", "--trials", "9"], "trials is for evidence"),
         (
             ["circuit", "run", "out.csv", "--period-mm", "1.5"],
-            "period_mm is for tactile evidence, it says nothing about task gaussian",
+            "period_mm is for same-different, orientation: task gaussian does not use it",
         ),
         (
             ["compare", "out.csv", "--task", "same-different", "--d-prime", "1"],
-            "d_prime is for Gaussian evidence, it says nothing about task same-different",
+            "d_prime is for gaussian: task same-different does not use it",
         ),
         (["decide", "out.csv", "--prior", "0.5", "0.6"], "prior must sum to 1"),
         (["decide", "out.csv", "--period-mm", "7"], "period_mm must be one of"),
@@ -115,7 +118,7 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["simulate", "taps.npz", "--taps", "0"], "taps must be at least 1"),
         (["figures"], "figures are drawn in a checkout"),
         (["decide", "out.csv", "--onset-ms", "5"], "onset_ms is for a table of your own"),
-        (["decide", "out.csv", "--orientations", "3"], "orientations is for --task orientation"),
+        (["decide", "out.csv", "--channels", "3"], "same-different has 2 alternatives"),
         (["decide", "out.csv", "--evidence", "x.csv", "--seed", "-1"], "seed must be a whole"),
         (["learn", "out.csv", "--learner.episodes", "200"], "--learner: episodes must be at least"),
         (
@@ -146,7 +149,10 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
         (["circuit", "run", "out.csv", "--gain", "inf"], "gain must be > 0 and finite"),
         (["circuit", "run", "out.csv", "--posterior", ".4"], "posterior must lie between chance"),
         (["circuit", "run", "out.csv", "--channels", "0"], "channels must be at least 2, got 0"),
-        (["circuit", "run", "out.csv", "--edits", "spread 5"], "spread must lie in 0..1, got 5"),
+        (
+            ["circuit", "run", "out.csv", "--edits", "heterogeneity 5"],
+            "heterogeneity must lie in 0..1, got 5",
+        ),
         (["circuit", "show", "--channels", "0"], "channels must be a whole number >= 2, got 0"),
         (["decide", "."], "is a folder"),
     ],
@@ -193,7 +199,7 @@ def test_options_say_what_they_are():
     assert all(is_dataclass(kind) for kind in kinds)
 
 
-GRATING = "period_mm=2 fold=0"
+GRATING = "period_mm=2 step_deg=5 fold=0"
 LEARNER = "episodes=40000 rate=0.04 half_episodes=1000 baseline_rate=0.01 carried=0 last=500"
 MANY = f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=1000 t_max=110 step_ms=50"
 EXPECTED = "expectancy_nats=0 expectancy_ms=0"
@@ -229,12 +235,13 @@ def numbers(options):
         ),
         (
             "decide a.csv",
-            f"orientations=4 {GRATING} trials=1000 t_max=30 step_ms=500 onset_ms=0 inner_folds=10 "
-            "seed=0",
+            f"channels=2 d_prime=0.5 conflict=0 {GRATING} trials=1000 t_max=30 step_ms=500 "
+            f"{EXPECTED} onset_ms=0 inner_folds=10 seed=0",
         ),
         (
             "learn a.csv",
-            f"period_mm=2 xi=50 start_delta=0.5 runs=10 fold=0 t_max=30 {LEARNER} seed=0",
+            f"period_mm=2 step_deg=5 xi=50 start_delta=0.5 runs=10 fold=0 t_max=30 "
+            f"{LEARNER} seed=0",
         ),
         (
             "compare a.csv",
@@ -257,8 +264,8 @@ def numbers(options):
         ("circuit designed", "seed=0 thresholds=0.35,0.25,0.15 trials=200 workers=2"),
         (
             "circuit learn a.csv",
-            "seed=0 channels=2 d_prime=0.5 conflict=0 period_mm=1.5 fold=0 trials=500 t_max=30 "
-            f"step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER}",
+            "seed=0 channels=2 d_prime=0.5 conflict=0 period_mm=1.5 step_deg=5 fold=0 trials=500 "
+            f"t_max=30 step_ms=50 {EXPECTED} posterior=0.74 xi=50 levels=16 runs=10 {LEARNER}",
         ),
     ],
 )

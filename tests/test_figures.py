@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 
 from bgmodel import stream
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.edges import sources
-from bgmodel.tactile.task import Source
+from bgmodel.tactile.source import Source
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from figures import fig2b, figA2, figC1, figC2, figD5, figR1
@@ -91,47 +91,12 @@ def legend(ax):
     return zip(box.get_lines(), box.get_texts(), strict=True)
 
 
-def edges(taps=800):
-    """Return true and decoded yaws of taps on an edge, (taps, 2)."""
+def test_figure_r1_scores_every_fold_of_the_taps():
     rng = stream(1, "edges")
-    true = np.linspace(-6, 6, taps)
-    return np.stack([true, true + rng.normal(0, 1.5, taps)], axis=1)
-
-
-def test_taps_that_figure_r1_scores_fit_nothing():
-    """Another reading of a tap changes the likelihood of the half it is not scored in, no other."""
-    halves = [edges()[::2], edges()[1::2]]
-    whole = sources(halves, (0.0, 5.0))
-    for half in (0, 1):
-        changed = [part.copy() for part in halves]
-        changed[half][60:, 1] += 3.0
-        again = sources(changed, (0.0, 5.0))
-        for scored in (0, 1):
-            a, b = whole[scored], again[scored]
-            same = np.array_equal(a.likelihood.log_density, b.likelihood.log_density)
-            assert same == (scored == half)
-        # What is scored did change, by a likelihood that did not.
-        for before, after in zip(
-            whole[half].log_likelihood, again[half].log_likelihood, strict=True
-        ):
-            assert not np.array_equal(before, after)
-
-
-def test_figure_r1_scores_every_tap_in_one_half(monkeypatch):
-    taken = []
-    made = figR1.sources
-
-    def spy(halves, differences):
-        taken.append(halves)
-        return made(halves, differences)
-
-    monkeypatch.setattr(figR1, "sources", spy)
-    table = figR1.decide(replace(FAST, sweep_trials=400), edges())
-    assert len(taken) == len(figR1.DIFFERENCES_DEG)
-    for halves in taken:
-        assert sorted(np.concatenate(halves)[:, 0]) == sorted(edges()[:, 0])
-        assert [len(part) for part in halves] == [400, 400]
-    assert set(table["half"]) == {0, 1}
+    true = np.linspace(-6, 6, 900)
+    taps = pd.DataFrame({"yaw_deg": true, "edge_deg": true + rng.normal(0, 1.5, 900)})
+    table = figR1.decide(replace(FAST, sweep_trials=400), taps)
+    assert set(table["fold"]) == set(range(6))
     # One reading tells more of a wider difference.
     accuracy = table[table["delta"] == 0].groupby("difference_deg")["accuracy"].mean()
     assert accuracy.is_monotonic_increasing

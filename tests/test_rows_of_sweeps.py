@@ -46,7 +46,7 @@ EDITS = {
     "add D1->GPe delay_ms=4 weight": WEIGHTS,
     "rebound SNr": NATS,
     "neurons": st.sampled_from([20, 50]),
-    "spread": st.sampled_from([0.0, 0.1]),
+    "heterogeneity": st.sampled_from([0.0, 0.1]),
     "dopamine": st.sampled_from([0.9, 1.0, 1.1]),
     "compensate": st.booleans(),
 }

@@ -26,16 +26,8 @@ from bgmodel.evidence import Evidence, separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.deciding import CIRCUIT, sample_ms
-from bgmodel.tactile.task import (
-    FOLDS,
-    Folds,
-    Orientations,
-    SameDifferent,
-    Source,
-    Task,
-    folds,
-    held_out_taps,
-)
+from bgmodel.tactile.source import FOLDS, Folds, Source, folds, held_out_taps
+from bgmodel.tactile.task import EdgeTurn, Orientations, SameDifferent, Task
 from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Ensemble
@@ -95,10 +87,10 @@ def kinds() -> Iterator[Kind]:
         name = f"Gaussian, d' {d_prime:g}, N = {count}"
         yield Kind(name, count, most, gaussian(count, d_prime), seconds)
     for period, most, seconds in ((1.5, 240, 4), (2.0, 40, 1)):
-        draw = partial(read, partial(gratings, SameDifferent(), period))
+        draw = partial(read, partial(gratings, SameDifferent(period)))
         yield Kind(f"same/different, {period:g} mm", 2, most, draw, seconds)
     for count, seconds in ((4, 2), (8, 7)):
-        draw = partial(read, partial(gratings, Orientations(count), 2.0))
+        draw = partial(read, partial(gratings, Orientations(count)))
         yield Kind(f"{count} orientations, 2 mm", count, 60, draw, seconds)
     if folder := os.environ.get("BGMODEL_RECORDINGS"):
         draw = partial(read, partial(real_taps, Path(folder)))
@@ -111,17 +103,17 @@ def read(source: Callable[[], Source | Folds], *given: Any, **named: Any) -> Evi
 
 
 @cache
-def gratings(question: Task, period_mm: float) -> Folds:
+def gratings(question: Task) -> Folds:
     """Return readings of held-out taps of a grating, of all folds."""
-    return folds(held_out_taps(), question, period_mm=period_mm)
+    return folds(held_out_taps(), question)
 
 
 @cache
-def real_taps(folder: Path) -> Source:
-    """Return readings of real taps of an edge, as figure R1 makes them."""
-    from bgmodel.tactile.edges import decoded_yaw, halves, sources
+def real_taps(folder: Path) -> Folds:
+    """Return readings of pairs of real taps of an edge, of all folds."""
+    from bgmodel.tactile.edges import decoded_edges
 
-    return sources(halves(SCORING_SEED, decoded_yaw(SCORING_SEED, folder)), (0.0, 5.0))[0]
+    return folds(decoded_edges(SCORING_SEED, folder), EdgeTurn(2, step_deg=5.0))
 
 
 def conditions(fast: bool = False, trials: int | None = None) -> Iterator[Condition]:
@@ -166,9 +158,9 @@ def drawn(kind: Kind, trials: int, step_ms: float) -> Evidence:
 
 
 def groups_of(name: str, trials: int) -> npt.NDArray[np.intp] | None:
-    """Return the fold of each trial of simulated taps: whole folds are drawn for its interval."""
-    simulated = name.startswith(("same/different", "4 orient", "8 orient"))
-    return np.arange(trials) % FOLDS if simulated else None
+    """Return the fold of each trial of taps: whole folds are drawn for its interval."""
+    tapped = name.startswith(("same/different", "4 orient", "8 orient", "real taps"))
+    return np.arange(trials) % FOLDS if tapped else None
 
 
 def groups(condition: Condition) -> npt.NDArray[np.intp] | None:

@@ -24,8 +24,8 @@ from bgmodel import Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.support.arrays import Array
-from bgmodel.tactile.task import Folds, Orientations
+from bgmodel.tactile.source import Folds, folds
+from bgmodel.tactile.task import EdgeTurn, Orientations
 
 SCORING_SEED = 75_001
 TACTILE = (2, 4, 8)
@@ -46,42 +46,39 @@ FEWEST = 30
 
 @cache
 def edges(alternatives: int) -> Folds:
-    """Return readings of pairs of real taps of an edge, in two halves held out in turn."""
-    from bgmodel.tactile.edges import halves, sources
-
-    differences = [SPACING_DEG * k for k in range(alternatives)]
-    return Folds(sources(halves(SCORING_SEED, decoded()), differences))
+    """Return readings of pairs of real taps of an edge; the decoder is trained here."""
+    return folds(decoded(), EdgeTurn(alternatives, SPACING_DEG))
 
 
 @cache
-def decoded() -> Array:
-    """Return true and decoded yaw of real taps; the decoder is trained here."""
-    from bgmodel.tactile.edges import decoded_yaw
+def decoded() -> pd.DataFrame:
+    """Return decoded real taps."""
+    from bgmodel.tactile.edges import decoded_edges
 
-    return decoded_yaw(SCORING_SEED, Path(os.environ["BGMODEL_RECORDINGS"]))
+    return decoded_edges(SCORING_SEED, Path(os.environ["BGMODEL_RECORDINGS"]))
 
 
 def sources_of(evidence: str, alternatives: int) -> Folds:
     """Return the readings of a kind of taps."""
     if evidence == EDGE:
         return edges(alternatives)
-    return gratings(Orientations(alternatives), float(evidence.split()[1]))
+    return gratings(Orientations(alternatives, float(evidence.split()[1])))
 
 
 def tapped(
     evidence: str, alternatives: int, trials: int, seed: int
 ) -> tuple[Evidence, npt.NDArray[np.intp]]:
     """Draw trials of a kind of taps; return them with the number of each trial's fold."""
-    folds = sources_of(evidence, alternatives)
+    found = sources_of(evidence, alternatives)
     rng = stream(seed, "taps", evidence, str(alternatives))
-    taps = folds.draw(trials, TAPS, rng=rng)
-    return taps, np.arange(trials) % len(folds.sources)
+    taps = found.draw(trials, TAPS, rng=rng)
+    return taps, np.arange(trials) % len(found.sources)
 
 
 def criteria(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
     """Return accuracy, mean posterior and mean number of taps of the MSPRT at each criterion.
 
-    Intervals are over whole groups of taps; of two groups they are the values of each.
+    Intervals are over whole groups of taps.
     """
     found = tradeoff(Msprt().run(evidence), evidence, -np.log(POSTERIORS))
     weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"), groups)

@@ -26,7 +26,8 @@ from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import learn_level, level_outcomes, scored_runs
 from bgmodel.learning.dopamine_levels import LATENCY_MS as LATENCIES_MS
 from bgmodel.learning.reinforce import Learner
-from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from bgmodel.tactile.source import held_out_taps, source
+from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Ensemble, Rate
 
@@ -64,7 +65,7 @@ def kinds() -> dict[str, Draw]:
     """Return how to draw each kind of evidence."""
     taps = held_out_taps()
     made: dict[str, Draw] = {
-        f"{period:g} mm": source(taps, SameDifferent(), period_mm=period, fold=0).draw
+        f"{period:g} mm": source(taps, SameDifferent(period_mm=period), fold=0).draw
         for period in (1.5, 2.0, 2.5)
     }
     made["gaussian"] = partial(separated_evidence, separation=0.5 / np.sqrt(2))

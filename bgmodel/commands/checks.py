@@ -110,7 +110,7 @@ def recorded(value: Any) -> Any:
     path = circuit_file(value) if isinstance(value, str) else value
     if isinstance(path, Path) and path.is_file():
         return {"file": path.name, "sha256": files.checksum(path)}
-    return value
+    return {"folder": value.name} if isinstance(value, Path) else value
 
 
 def circuit_file(name: str) -> Path | None:

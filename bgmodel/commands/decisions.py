@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
 from bgmodel.commands.checks import (
     Shows,
@@ -22,6 +22,7 @@ from bgmodel.deciding.reward import check_xi
 from bgmodel.integrators.sprt import Msprt, Sprt, sprt_threshold_from_gap, threshold_from_posterior
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import Learner
+from bgmodel.stimuli import Stimuli
 from bgmodel.support import files
 from bgmodel.support.memory import check_evidence_memory, check_learning_memory
 from bgmodel.support.seeds import stream
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
 
 GAP_NATS = 4.0
 """Gap of `decide` where no criterion is given."""
-TACTILE = ("task", "orientations", "period_mm", "fold", "trials", "t_max", "density")
-"""Options of `decide` that a table of your own leaves nothing to say."""
+TAPPED = Stimuli(task="same-different", trials=1000, t_max=30, step_ms=500.0)
+"""What `decide` decides on unless told: taps of the paper's task, one every half second."""
 
 
 @dataclass(frozen=True)
@@ -47,33 +48,19 @@ class Decide(Shows):
     is forced, or left undecided, at its own last reading. Other columns come back with the result.
 
     Examples: bgmodel decide decisions.csv --period-mm 2 --delta 4;
+    bgmodel decide mine.csv --taps decoded.parquet --task orientation --channels 4 --posterior 0.9;
     bgmodel decide decisions.parquet --evidence mine.csv --posterior 0.95
     """
 
     output: Positional[Path]
     """Where the trial table goes, .parquet or .csv."""
-    evidence: Path | None = None
-    """A table of log-likelihoods, .csv or .parquet; tactile evidence if left out."""
+    task: OmitArgPrefixes[Stimuli] = TAPPED
     delta: float | None = None
     """Gap between the two bounds of the SPRT, nats (two hypotheses); 4 if no criterion is given."""
     posterior: float | None = None
     """Posterior probability at which the MSPRT stops, instead of delta."""
     prior: tuple[float, ...] | None = None
     """Prior probabilities; equal if left out."""
-    task: Literal["same-different", "orientation"] = "same-different"
-    """Tactile question: are two gratings the same, or which of N orientations is it."""
-    orientations: int = 4
-    """N for the orientation task, 2..8."""
-    period_mm: float = 2.0
-    """Period of the tactile grating, mm."""
-    fold: int = 0
-    """Which sixth of the held-out taps is scored, 0..5."""
-    trials: int = 1000
-    """Tactile trials."""
-    t_max: int = 30
-    """Most readings in a tactile trial."""
-    step_ms: float = 500.0
-    """Time between readings, ms; assumed."""
     onset_ms: float = 0.0
     """Time from the start of a trial of your own table to the onset of evidence, ms."""
     forced: bool = True
@@ -90,12 +77,13 @@ class Decide(Shows):
         test, threshold, model = self._test(evidence.hypotheses)
         trace = test.run(evidence)
         decision = first_crossing(trace, threshold, forced=self.forced)
-        seed = self.seed if self.evidence is None else None
+        own = self.task.evidence is not None
+        seed = None if own else self.seed
         table = tables.trial_table(decision, trials, seed=seed, model=model)
         files.write_table(table, self.output, seed=seed, command=self._options())
-        if self.evidence is not None:
+        if own:
             self.note(trials.summary())
-        if self.evidence is not None:
+        if own or self.task.taps is not None:
             from bgmodel.deciding.calibration import warn_of_decisions
 
             warn_of_decisions(evidence, decision)
@@ -124,12 +112,13 @@ class Decide(Shows):
     def _options(self) -> dict[str, Any]:
         """Return the options that had a say."""
         idle = {"posterior" if self.posterior is None else "delta"}
-        if self.evidence is None:
-            idle |= {"evidence", "onset_ms"}
-            idle |= {"orientations"} if self.task == "same-different" else set()
-        else:
-            idle |= set(TACTILE)
+        idle |= {"onset_ms"} if self.task.evidence is None else set()
+        idle |= set() if self._tactile else {"density"}
         return options_of(self, idle=idle, delta=self._gap())
+
+    @property
+    def _tactile(self) -> bool:
+        return self.task.evidence is None and self.task.task != "gaussian"
 
     def _gap(self) -> float:
         return GAP_NATS if self.delta is None else self.delta
@@ -142,23 +131,16 @@ class Decide(Shows):
             )
         sprt_threshold_from_gap(self._gap())
         stream(self.seed)
-        if self.evidence is None:
-            if self.onset_ms:
-                raise InputError("onset_ms is for a table of your own, say --evidence", "onset_ms")
-            if self.task == "same-different" and self.orientations != Decide.orientations:
-                raise InputError("orientations is for --task orientation", "orientations")
-            check_whole(trials=self.trials, t_max=self.t_max)
-            hypotheses = 2 if self.task == "same-different" else self.orientations
-            check_evidence_memory(self.trials, self.t_max, hypotheses)
+        self.task.check()
+        self.task.check_idle(replace(TAPPED, task=self.task.task))
+        if self.task.evidence is None and self.onset_ms:
+            raise InputError("onset_ms is for a table of your own, say --evidence", "onset_ms")
+        if not self._tactile and self.density != Density():
+            raise InputError("density is for tactile evidence, it says nothing here", "density")
+        if self.task.evidence is None:
+            hypotheses = 2 if self.task.task == "same-different" else self.task.channels
+            check_evidence_memory(self.task.trials, self.task.t_max, hypotheses)
             self._test(hypotheses)
-            return
-        default = Decide(self.output)
-        for name in TACTILE:
-            if getattr(self, name) != getattr(default, name):
-                raise InputError(
-                    f"{name} is for tactile evidence, it says nothing about {str(self.evidence)!r}",
-                    name,
-                )
 
     def _test(self, hypotheses: int) -> tuple[Sprt | Msprt, float, str]:
         if self.posterior is not None:
@@ -172,28 +154,17 @@ class Decide(Shows):
         return Sprt(), float(sprt_threshold_from_gap(gap)), f"sprt delta={gap:g}"
 
     def _trials(self) -> tables.Trials:
-        if self.evidence is not None:
+        if self.task.evidence is not None:
             from bgmodel.tables.evidence import read_evidence_table
 
             return read_evidence_table(
-                self.evidence,
+                self.task.evidence,
                 prior=self.prior,
                 onset_ms=self.onset_ms,
-                step_ms=self.step_ms,
+                step_ms=self.task.step_ms,
             )
-        from bgmodel.tactile.task import Orientations, SameDifferent, held_out_taps, source
-
-        same = self.task == "same-different"
-        task = SameDifferent() if same else Orientations(self.orientations)
-        readings = source(
-            held_out_taps(), task, period_mm=self.period_mm, fold=self.fold, density=self.density
-        )
-        readings.warn_if_silent(self.period_mm)
-        rng = stream(self.seed, "decide")
-        drawn = readings.draw(
-            self.trials, self.t_max, rng=rng, prior=self.prior, step_ms=self.step_ms
-        )
-        return tables.Trials(drawn, list(task.names))
+        density = self.density if self._tactile else None
+        return self.task.draw(self.seed, "decide", prior=self.prior, density=density)
 
 
 @dataclass(frozen=True)
@@ -205,8 +176,14 @@ class GapLearn(Writes):
 
     output: Positional[Path]
     """Where the table of trials goes, .parquet or .csv."""
+    task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "same-different"
+    """Question about taps, with two answers."""
     period_mm: float = 2.0
     """Period of the grating, mm."""
+    step_deg: float = 5.0
+    """Degrees between the two answers of a question on edges."""
+    taps: Path | None = None
+    """Taps that `bgmodel decode` has decoded; the shipped ones if left out."""
     xi: float = 50.0
     """Cost of an error, readings."""
     start_delta: float = 0.5
@@ -224,7 +201,7 @@ class GapLearn(Writes):
 
     def __call__(self) -> None:
         """Run the command."""
-        from bgmodel.learning.gap import check_start, learn_grating
+        from bgmodel.learning.gap import check_start, learn_gap
 
         check_ending("output", self.output, ".parquet", ".csv")
         check_whole(runs=self.runs, t_max=self.t_max)
@@ -232,23 +209,32 @@ class GapLearn(Writes):
         check_start(self.start_delta)
         check_learning_memory(self.runs, self.learner.episodes)
         policy = GaussianPolicy() if self.policy == "gaussian" else BernoulliPolicy()
-        say(
-            f"learning on a grating of {self.period_mm:g} mm, {self.runs} runs of "
-            f"{self.learner.episodes} episodes"
-        )
-        table, summary = learn_grating(
-            self.period_mm,
+        asked = Stimuli(
+            task=self.task, period_mm=self.period_mm, step_deg=self.step_deg, taps=self.taps,
+            fold=self.fold,
+        )  # fmt: skip
+        asked.check()
+        asked.check_idle()
+        readings = asked.readings()
+        say(f"learning {readings.where}, {self.runs} runs of {self.learner.episodes} episodes")
+        grating = asked.task in ("same-different", "orientation")
+        table, summary = learn_gap(
+            readings,
+            name=(self.period_mm if grating else self.step_deg, self.fold),
             xi=self.xi,
             start_delta=self.start_delta,
             runs=self.runs,
-            fold=self.fold,
             t_max=self.t_max,
             policy=policy,
             learner=self.learner,
             seed=self.seed,
         )
         files.write_table(
-            table, self.output, seed=self.seed, command=options_of(self), summary=summary
+            table,
+            self.output,
+            seed=self.seed,
+            summary=summary,
+            command=options_of(self, idle={"step_deg"} if grating else {"period_mm"}),
         )
         learned = np.asarray(summary["learned_delta"])
         print(

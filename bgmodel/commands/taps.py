@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from tyro.conf import Positional
@@ -18,6 +18,7 @@ from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.task import Orientations, SameDifferent
 from bgmodel.tactile.tips import Tip
 from circuits.errors import InputError
 
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 class Simulate(Writes):
     """Tap gratings with the simulated TacTip.
 
-    Example: bgmodel simulate taps.npz --taps 100 --seed 1
+    Examples: bgmodel simulate taps.npz --taps 1000;
+    bgmodel simulate held_out.npz --task orientation --channels 4 --taps 400
     """
 
     output: Positional[Path]
@@ -39,7 +41,11 @@ class Simulate(Writes):
     periods_mm: tuple[float, ...] = PERIODS_MM
     """Periods of the gratings, mm."""
     yaw_deg: tuple[float, ...] | None = None
-    """Yaws that taps take in turn, degrees; uniform in -90..90 if left out."""
+    """Yaws that taps take in turn, degrees; the task's, or uniform in -90..90."""
+    task: Literal["same-different", "orientation"] | None = None
+    """Make the held-out taps that this task needs."""
+    channels: int = 2
+    """N of the orientation task, 2..8."""
     tip: Tip = field(default_factory=Tip)
     skin: Skin = field(default_factory=Skin)
     nuisance: Nuisance = field(default_factory=Nuisance)
@@ -57,10 +63,12 @@ class Simulate(Writes):
         check_ending("output", self.output, ".npz")
         numbers = 2.0 * self.taps * len(self.periods_mm) * len(self.tip.rest_mm())
         check_memory(3 * 8 * numbers, f"{self.taps} taps of {len(self.periods_mm)} gratings")
-        rng = stream(self.seed, "simulate")
+        yaws = self._yaws_deg()
+        # Taps at given yaws are held-out ones: their noise is not that of training taps.
+        rng = stream(self.seed, "simulate", *yaws)
         periods = np.repeat(self.periods_mm, self.taps)
         count = len(periods)
-        yaw = rng.uniform(-90, 90, count) if self.yaw_deg is None else _in_turn(self.yaw_deg, count)
+        yaw = _in_turn(yaws, count) if yaws else rng.uniform(-90, 90, count)
         plan = LibraryPlan(skin=self.skin, radius_mm=self.tip.radius_mm)
         contacts = to_solve(plan)
         first = f"solving {contacts} contacts, once for all runs, and " if contacts else ""
@@ -71,6 +79,16 @@ class Simulate(Writes):
         )
         taps.save(self.output, files.provenance(self.seed, command=options_of(self)))
         print(f"{len(taps)} taps of {len(self.periods_mm)} gratings -> {self.output}")
+
+    def _yaws_deg(self) -> tuple[float, ...]:
+        """Return the yaws that taps take in turn; none if they are drawn."""
+        if self.task is None:
+            return self.yaw_deg or ()
+        if self.yaw_deg is not None:
+            raise InputError("task and yaw_deg both say which yaws: give one of them", "yaw_deg")
+        if self.task == "orientation":
+            return Orientations(self.channels).yaws_deg
+        return SameDifferent().yaws_deg
 
 
 @dataclass(frozen=True)
@@ -138,11 +156,15 @@ class Decode(Writes):
         decoder = Decoder.load(self.decoder)
         taps, about = _taps(self.taps, self.mm_per_px, self.edge, self.pins, decoder.rest_mm)
         table = taps.labels.assign(**decoder.decode(taps))
+        known = decoder.knows(taps)
+        if known.any():
+            say(f"the decoder was trained on {known.sum()} of these taps: no task takes them")
+            table["trained_on"] = known
         if "image" in table:
             table["image"] = table["image"].map(lambda path: Path(path).name)
         behind: dict[str, Any] = {
             "taps": about,
-            "decoder": decoder.about,
+            "decoder": {"sha256": files.checksum(self.decoder), **decoder.about},
             "command": options_of(self),
         }
         files.write_table(table, self.output, **behind)

@@ -22,7 +22,8 @@ from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Density
-from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, source
+from bgmodel.tactile.source import FOLDS, Source, source
+from bgmodel.tactile.task import SameDifferent
 from bgmodel.theory.sprt import Empirical, Optimum, optimal_delta, reward_curve, sprt
 from circuits.errors import InputError
 
@@ -41,10 +42,8 @@ def fold_sources(
     taps: pd.DataFrame, period_mm: float, *, density: Density | None = None
 ) -> list[Source]:
     """Return same/different readings of one grating for each of the six folds."""
-    task = SameDifferent()
-    return [
-        source(taps, task, period_mm=period_mm, fold=fold, density=density) for fold in range(FOLDS)
-    ]
+    task = SameDifferent(period_mm)
+    return [source(taps, task, fold=fold, density=density) for fold in range(FOLDS)]
 
 
 def search_folds(
@@ -221,20 +220,26 @@ def _scored(
     )
 
 
-def learn_grating(
-    period_mm: float,
+def learn_gap(
+    readings: Source,
     *,
+    name: tuple[float, int],
     xi: float,
     start_delta: float,
     runs: int,
-    fold: int,
     t_max: int,
     seed: int,
     policy: Policy | None = None,
     learner: Learner | None = None,
-    taps: pd.DataFrame | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Learn the gap for one grating and fold; compare with the exact optimum.
+    """Learn the gap on the readings of one task and fold; compare with the exact optimum.
+
+    Parameters
+    ----------
+    readings : Source
+        Of two hypotheses.
+    name : (float, int)
+        Number of the stimulus and of the fold, which name streams of random numbers.
 
     Returns
     -------
@@ -244,11 +249,7 @@ def learn_grating(
     summary : dict
         learned_delta and regret of each run, optimal_delta, optimal_cost.
     """
-    readings = source(
-        held_out_taps() if taps is None else taps, SameDifferent(), period_mm=period_mm, fold=fold
-    )
     optimum = optimal_delta(*increments(readings), xi, t_max=t_max, bounds=DELTA_RANGE)
-    name = (period_mm, fold)
     learned = learn_sources(
         [readings],
         xi=xi,

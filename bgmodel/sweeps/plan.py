@@ -7,7 +7,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
-from importlib.resources import files as resources
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from bgmodel.support import files, toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.seeds import stream
 from bgmodel.tables.trials import Trials
+from bgmodel.tactile.source import SHIPPED
 from bgmodel.version import __version__
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, parsed
@@ -33,8 +33,6 @@ from circuits.errors import InputError, within
 BLOCK = 10_000
 """Trials in a shard, at most: a few seconds of the population engine, some minutes of spikes."""
 TASK = "task."
-HELD_OUT = Path(str(resources("bgmodel.data") / "held_out_taps.parquet"))
-"""The taps behind tactile tasks."""
 Value = bool | int | float | str
 
 
@@ -100,7 +98,7 @@ class Shard:
         if of.task.evidence is not None:
             task["evidence"] = files.checksum(of.task.evidence)
         elif of.task.task != "gaussian":
-            task["taps"] = files.checksum(HELD_OUT)
+            task["taps"] = files.checksum(of.task.taps or SHIPPED)
         return {
             "circuit": identity(of.edited),
             "engine": of.engine,
@@ -219,7 +217,7 @@ def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, 
         key = key.strip()
         if key == "circuit":
             value = circuit_seen_from(folder, str(value))
-        elif key == "task.evidence":
+        elif key in ("task.evidence", "task.taps"):
             value = str(folder / str(value))
         if key.startswith(TASK):
             values["task"][key.removeprefix(TASK)] = value
@@ -229,8 +227,9 @@ def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, 
             (made if value else left_out).append(key)
         else:
             made.append(_line(key, value))
-    if values["task"]["evidence"] is not None:
-        values["task"]["evidence"] = str(values["task"]["evidence"])
+    for name in ("evidence", "taps"):
+        if values["task"][name] is not None:
+            values["task"][name] = str(values["task"][name])
     return values | {"edits": same.edits.replacing(made, left_out)}
 
 

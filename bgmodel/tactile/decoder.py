@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import copy
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from bgmodel.support.arrays import Reals
+from bgmodel.support.arrays import Integers, Reals, Truths
 from bgmodel.support.files import check_writable, provenance, replacing
 from bgmodel.tactile.networks import NETWORKS, Network, import_torch, set_scale
 from bgmodel.tactile.taps import Taps
@@ -89,6 +89,8 @@ class Decoder:
         Per epoch: training loss and validation errors, degrees.
     about : dict
         Provenance: of the taps and of the training.
+    trained_on : int array (taps,)
+        A number per tap that it was trained on, as from ``Taps.numbers``.
     """
 
     network: Any
@@ -96,6 +98,11 @@ class Decoder:
     rest_mm: Reals
     history: list[dict[str, float]]
     about: dict[str, Any]
+    trained_on: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def knows(self, taps: Taps) -> Truths:
+        """Return which taps it was trained on, or validated with."""
+        return np.isin(taps.numbers(), self.trained_on)
 
     def decode(self, taps: Taps) -> dict[str, Reals]:
         """Read the angle of each tap.
@@ -131,6 +138,7 @@ class Decoder:
         check_writable(path.parent)
         arrays = {f"net.{name}": v.numpy() for name, v in self.network.state_dict().items()}
         arrays["rest_mm"] = np.ascontiguousarray(self.rest_mm)
+        arrays["trained_on"] = self.trained_on
         header = {"training": asdict(self.training), "history": self.history, "about": self.about}
         with replacing(path) as partial:
             partial.write_bytes(save(arrays, {"bgmodel": json.dumps(header, sort_keys=True)}))
@@ -157,9 +165,11 @@ class Decoder:
                 tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
             training = Training(**header["training"])
             rest_mm = tensors.pop("rest_mm").numpy()
+            trained_on = tensors.pop("trained_on").numpy()
             network = _built(training, rest_mm)
             network.load_state_dict({name[4:]: value for name, value in tensors.items()})
-            return cls(network.eval(), training, rest_mm, header["history"], header["about"])
+            history, about = header["history"], header["about"]
+            return cls(network.eval(), training, rest_mm, history, about, trained_on)
         except (SafetensorError, KeyError, TypeError, RuntimeError, ValueError) as error:
             reason = str(error).splitlines()[0]
             raise InputError(
@@ -223,7 +233,8 @@ def train(
         raise KeyboardInterrupt("Training was interrupted: no decoder was written.") from None
     finally:
         torch.set_num_threads(threads)
-    return Decoder(network, training, taps.rest_mm, history, {**provenance(seed), **(about or {})})
+    about = {**provenance(seed), **(about or {})}
+    return Decoder(network, training, taps.rest_mm, history, about, taps.numbers())
 
 
 def _check_stimulus(taps: Taps, training: Training) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zipfile
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bgmodel.support.arrays import Array, Singles
+from bgmodel.support.arrays import Array, Integers, Singles
 from bgmodel.support.files import replacing
 from circuits.errors import InputError, require
 
@@ -50,6 +51,11 @@ class Taps:
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    def numbers(self) -> Integers:
+        """Return a number per tap, (taps,), that two taps share only if their pins moved alike."""
+        each = (hashlib.blake2b(one.tobytes(), digest_size=8) for one in self.displacement_mm)
+        return np.frombuffer(b"".join(one.digest() for one in each), dtype=np.int64)
 
     def select(self, mask: ArrayLike) -> Taps:
         """Taps where a mask is true, or with the given indices, in that order."""

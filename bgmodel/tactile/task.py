@@ -1,33 +1,28 @@
-"""The tactile tasks: from decoded taps to Evidence, with likelihoods fitted on other taps."""
+"""The tactile tasks: questions about taps, and how decoded taps become readings."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from importlib import resources
 from typing import ClassVar, Protocol
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.evidence import Evidence
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import whole
-from bgmodel.support.seeds import generator
-from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
-from circuits.errors import CalibrationWarning, InputError, require, user_level
+from bgmodel.support.seeds import stream
+from bgmodel.tactile.likelihood import Pool
+from bgmodel.tactile.networks import wrapped
+from circuits.errors import InputError, require
 
-FOLDS = 6
-STEP_MS = 500.0
+TOLERANCE_DEG = 0.5
+"""Largest distance of a pair's true turn from the one that is asked, degrees."""
+MOST_HYPOTHESES = 8
 
 
 class Task(Protocol):
-    """A question about taps: which column answers it, and how taps become readings."""
+    """A question about taps: its hypotheses, and how decoded taps become readings."""
 
-    column: ClassVar[str]
     range_deg: ClassVar[tuple[float, float]]
     circular: ClassVar[bool]
 
@@ -37,12 +32,16 @@ class Task(Protocol):
         ...
 
     @property
-    def yaws_deg(self) -> tuple[float, ...]:
-        """Yaws of the taps that the readings are made of."""
+    def where(self) -> str:
+        """What the taps are of, for a sentence."""
+        ...
+
+    def pool(self, taps: pd.DataFrame) -> list[Array]:
+        """Return what the task needs of decoded taps, an array per kind of tap, a row per tap."""
         ...
 
     def readings(self, pool: Pool) -> list[Array]:
-        """Turn decoded angles, one array a yaw, into readings, one array a hypothesis."""
+        """Turn a pool, or a part of one, into readings, an array per hypothesis, degrees."""
         ...
 
 
@@ -53,13 +52,14 @@ class SameDifferent:
     The reading is ``Psi = psi_2 - psi_1``, the difference of two decoded angles.
     """
 
+    period_mm: float = 2.0
+    """Period of the grating, mm."""
     a_deg: float = -45.0
     """Yaw of grating A, degrees; Burguete, Griffith & Lepora 2023."""
     b_deg: float = 45.0
     """Yaw of grating B, degrees; Burguete, Griffith & Lepora 2023."""
 
     names: ClassVar[tuple[str, ...]] = ("S1", "S2")
-    column: ClassVar[str] = "psi_deg"
     range_deg: ClassVar[tuple[float, float]] = (-180.0, 180.0)
     circular: ClassVar[bool] = False
 
@@ -67,6 +67,15 @@ class SameDifferent:
     def yaws_deg(self) -> tuple[float, ...]:
         """The two yaws."""
         return self.a_deg, self.b_deg
+
+    @property
+    def where(self) -> str:
+        """The grating."""
+        return f"at a period of {self.period_mm:g} mm"
+
+    def pool(self, taps: pd.DataFrame) -> list[Array]:
+        """Return the decoded angles of A and of B."""
+        return of_grating(taps, self.period_mm, self.yaws_deg, "psi_deg")
 
     def readings(self, pool: Pool) -> list[Array]:
         """Return the differences of all pairs of taps: S1 (AA, never a tap with itself), S2."""
@@ -81,13 +90,14 @@ class Orientations:
 
     count: int = 4
     """Number of orientations, 2 to 8."""
+    period_mm: float = 2.0
+    """Period of the grating, mm."""
 
-    column: ClassVar[str] = "orientation_deg"
     range_deg: ClassVar[tuple[float, float]] = (-90.0, 90.0)
     circular: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        require(2 <= self.count <= 8, "count", "must be 2 to 8 orientations", self.count)
+        _check_count(self.count)
 
     @property
     def yaws_deg(self) -> tuple[float, ...]:
@@ -99,215 +109,150 @@ class Orientations:
         """The yaws as text."""
         return tuple(f"{yaw:g}" for yaw in self.yaws_deg)
 
+    @property
+    def where(self) -> str:
+        """The grating."""
+        return f"at a period of {self.period_mm:g} mm"
+
+    def pool(self, taps: pd.DataFrame) -> list[Array]:
+        """Return the decoded orientations, an array per yaw."""
+        return of_grating(taps, self.period_mm, self.yaws_deg, "orientation_deg")
+
     def readings(self, pool: Pool) -> list[Array]:
         """Return the decoded orientations as they are."""
         return [np.asarray(part) for part in pool]
 
 
 @dataclass(frozen=True)
-class Source:
-    """All readings that a set of held-out taps can give, and what they say.
+class _Edge:
+    """A question about an edge, with hypotheses 0, D, ..., (N - 1) D degrees."""
 
-    Parameters
-    ----------
-    log_likelihood : list of arrays (readings, hypotheses), nats
-        One array a true hypothesis.
-    names : tuple of str
-        Names of the hypotheses.
-    likelihood : Likelihood
-        Fitted on other taps.
-    """
+    count: int = 2
+    """Number of hypotheses, 2 to 8."""
+    step_deg: float = 5.0
+    """Degrees between two neighbouring hypotheses, D."""
 
-    log_likelihood: list[Array]
-    names: tuple[str, ...]
-    likelihood: Likelihood
+    range_deg: ClassVar[tuple[float, float]] = (-180.0, 180.0)
 
-    def draw(
-        self,
-        trials: int,
-        steps: int,
-        *,
-        rng: np.random.Generator | int,
-        prior: npt.ArrayLike | None = None,
-        step_ms: float = STEP_MS,
-    ) -> Evidence:
-        """Draw trials whose readings are independent samples, with replacement.
-
-        Parameters
-        ----------
-        trials, steps : int
-            Truth is balanced: trial k belongs to hypothesis k mod N.  Its readings are the same
-            however many trials follow.
-        rng : numpy.random.Generator or int
-            The source of every random number, or a seed.
-        prior : array (hypotheses,), optional
-            What the decider believes; the draw stays balanced.
-        step_ms : float
-            Time a tap takes, ms; 500 is assumed.
-        """
-        trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
-        rng = generator(rng)
-        count = len(self.names)
-        truth = np.arange(trials) % count
-        # Filled trial by trial, one number a reading: a trial never sees the ones after it.
-        place = rng.random((trials, steps))
-        values = np.empty((trials, steps, count), dtype=np.float64)
-        for i, table in enumerate(self.log_likelihood):
-            values[i::count] = table[(place[i::count] * len(table)).astype(np.intp)]
-        return Evidence(
-            values,
-            truth,
-            prior,  # type: ignore[arg-type]
-            step_ms=step_ms,
-            baseline=self.baseline,
-        )
-
-    def warn_if_silent(self, period_mm: float) -> None:
-        """Warn where the decoder does not resolve the hypotheses: every reading says nothing.
-
-        Parameters
-        ----------
-        period_mm : float
-            Period of the grating, mm, for the sentence.
-        """
-        if self.likelihood.shrink == 0:
-            warnings.warn(
-                f"at a period of {period_mm:g} mm the decoder tells none of the "
-                f"{len(self.names)} hypotheses apart: saying nothing predicts held-out taps best, "
-                "so that every reading is worth 0 nats and every choice is a guess",
-                CalibrationWarning,
-                stacklevel=user_level(),
-            )
+    def __post_init__(self) -> None:
+        _check_count(self.count)
+        most = 180 if self.count == 2 else 360 / self.count
+        require(0 < self.step_deg <= most, "step_deg", f"must lie in 0..{most:g}", self.step_deg)
 
     @property
-    def baseline(self) -> float:
-        """Mean of what a reading says, over hypotheses, all true ones alike, nats."""
-        return float(np.mean([part.mean() for part in self.log_likelihood]))
+    def angles_deg(self) -> Array:
+        """The hypotheses, degrees."""
+        return self.step_deg * np.arange(self.count, dtype=np.float64)
 
-    @cached_property
-    def log_ratios(self) -> tuple[Array, ...]:
-        """Log-likelihood ratio S2 : S1 of every reading under S1 and under S2, nats."""
-        if len(self.names) != 2:
-            raise InputError(
-                f"log ratios need 2 hypotheses, this task has {len(self.names)}", "names"
-            )
-        return tuple(values[:, 1] - values[:, 0] for values in self.log_likelihood)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The angles as text."""
+        return tuple(f"{angle:g}" for angle in self.angles_deg)
 
+    @property
+    def where(self) -> str:
+        """The step."""
+        return f"in steps of {self.step_deg:g} degrees"
 
-@dataclass(frozen=True)
-class Folds:
-    """Readings of several folds of taps, drawn in turn: trial k is of fold k mod their number.
+    def pool(self, taps: pd.DataFrame) -> list[Array]:
+        """Return true and decoded yaw of every tap, one array (taps, 2), degrees.
 
-    Trials are many, taps are few: an interval over the trials of one fold says nothing of other
-    taps. One over ``groups`` does.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        One per fold, as from ``source``.
-    """
-
-    sources: Sequence[Source]
-
-    def draw(
-        self, trials: int, steps: int, *, rng: np.random.Generator, step_ms: float = STEP_MS
-    ) -> Evidence:
-        """Draw trials as ``Source.draw`` does, from each fold in turn.
-
-        Parameters
-        ----------
-        trials, steps, rng, step_ms :
-            As for ``Source.draw``; trials must be as many as there are folds, or more.
+        In a random order that depends on nothing but their number: recordings are sorted by yaw,
+        and a fold of every sixth tap would then hold no two taps of nearly the same yaw.
         """
-        count = len(self.sources)
-        require(trials >= count, "trials", f"must be {count} or more, one per fold", trials)
-        values = np.empty((trials, steps, len(self.sources[0].names)))
-        truth = np.empty(trials, dtype=np.int64)
-        for fold, readings in enumerate(self.sources):
-            part = readings.draw(len(truth[fold::count]), steps, rng=rng, step_ms=step_ms)
-            values[fold::count] = part.log_likelihood
-            truth[fold::count] = np.asarray(part.truth)
-        baseline = float(np.mean([readings.baseline for readings in self.sources]))
-        return Evidence(values, truth, step_ms=step_ms, baseline=baseline)
-
-    def groups(self, trials: int) -> npt.NDArray[np.intp]:
-        """Return the fold of each trial, (trials,), for the bootstrap of ``comparison.compare``."""
-        return np.arange(trials) % len(self.sources)
+        table = columns(taps, ["yaw_deg", "edge_deg"], "an edge").to_numpy(dtype=np.float64)
+        return [table[stream(0, "order of taps").permutation(len(table))]]
 
 
-def held_out_taps() -> pd.DataFrame:
-    """Return the decoded held-out taps that ship with the package.
+class EdgeTurn(_Edge):
+    """By how much an edge was turned between two taps: not at all, by D, by 2 D and so on.
 
-    One row a tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
-    ``bgmodel.support.files.read_provenance`` of the file tells how it was made.
+    With two hypotheses it asks whether two edges are the same. The reading is the difference of
+    two decoded yaws.
     """
-    with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
-        return pd.read_parquet(path).astype("float64")
+
+    circular: ClassVar[bool] = False
+
+    def readings(self, pool: Pool) -> list[Array]:
+        """Return the decoded differences of all pairs of taps with each true difference."""
+        true, read = pool[0].T
+        turned = wrapped(true[None, :] - true[:, None], 360)
+        decoded = wrapped(read[None, :] - read[:, None], 360)
+        other = ~np.eye(len(true), dtype=bool)
+        return [
+            decoded[other & (np.abs(turned - angle) < TOLERANCE_DEG)] for angle in self.angles_deg
+        ]
 
 
-def source(
-    taps: pd.DataFrame,
-    task: Task,
-    *,
-    period_mm: float,
-    fold: int,
-    density: Density | None = None,
-) -> Source:
-    """Fit likelihoods on five folds of the held-out taps; return the readings of the sixth.
+class EdgeDirection(_Edge):
+    """Which of N directions, D degrees apart, an edge has.
 
-    Parameters
-    ----------
-    taps : DataFrame
-        As from ``held_out_taps``.
-    task : Task
-        ``SameDifferent()`` or ``Orientations(n)``.
-    period_mm : float
-        Period of the grating, mm.
-    fold : int
-        Which of the six folds to score on, 0..5; tap k of a stimulus is in fold k mod 6.
-    density : Density
-        How likelihoods are estimated.
+    The reading is the decoded yaw as seen from the first direction. Every tap serves for every
+    hypothesis: the frame of its hypotheses is turned so that its true yaw is the one asked, which
+    assumes that the sensor reads all directions alike.
+    """
+
+    circular: ClassVar[bool] = True
+
+    def readings(self, pool: Pool) -> list[Array]:
+        """Return the decoded directions of all taps, as if each had the direction asked."""
+        true, read = pool[0].T
+        return [np.asarray(wrapped(read - true + angle, 360)) for angle in self.angles_deg]
+
+
+def of_grating(
+    taps: pd.DataFrame, period_mm: float, yaws_deg: tuple[float, ...], column: str
+) -> list[Array]:
+    """Return a column of the decoded taps of one grating, an array per yaw.
 
     Raises
     ------
     ValueError
-        If there are no such taps, or the fold does not exist.
+        If there is no such grating among the taps, or no tap at a yaw: with the command that makes
+        them.
     """
-    require(0 <= fold < FOLDS, "fold", f"must be 0..{FOLDS - 1}", fold)
-    pool = tap_pool(taps, task, period_mm)
-    scored = [np.arange(len(part)) % FOLDS == fold for part in pool]
-    fitted = [part[~mask] for part, mask in zip(pool, scored, strict=True)]
-    likelihood = fit_likelihood(
-        fitted, task.readings, task.range_deg, circular=task.circular, density=density
-    )
-    rest = task.readings([part[mask] for part, mask in zip(pool, scored, strict=True)])
-    return Source([likelihood(x) for x in rest], task.names, likelihood)
-
-
-def folds(taps: pd.DataFrame, task: Task, *, period_mm: float) -> Folds:
-    """Return the readings of all six folds of the held-out taps, drawn in turn.
-
-    Parameters
-    ----------
-    taps, task, period_mm :
-        As for ``source``.
-    """
-    return Folds([source(taps, task, period_mm=period_mm, fold=fold) for fold in range(FOLDS)])
-
-
-def tap_pool(taps: pd.DataFrame, task: Task, period_mm: float) -> list[Array]:
-    """Return the decoded angles of one grating, one array a yaw of the task, degrees."""
-    here = taps[np.isclose(taps["period_mm"], period_mm)]
+    table = columns(taps, ["period_mm", "yaw_deg", column], "gratings")
+    here = table[np.isclose(table["period_mm"], period_mm)]
     if here.empty:
         known = sorted(float(period) for period in taps["period_mm"].unique())
         raise InputError.of("period_mm", f"must be one of {known}", period_mm)
     pool = []
-    for yaw in task.yaws_deg:
+    for yaw in yaws_deg:
         # Within the rounding of the table.
-        values = here.loc[np.isclose(here["yaw_deg"], yaw, atol=0.01), task.column]
+        values = here.loc[np.isclose(here["yaw_deg"], yaw, atol=0.01), column]
         if values.empty:
+            wanted = " ".join(f"{each:g}" for each in yaws_deg)
             raise InputError(
-                f"there are no taps of period {period_mm} mm at yaw {yaw:g} degrees", "period_mm"
+                f"there are no taps of period {period_mm:g} mm at a yaw of {yaw:g} degrees: make "
+                f"them with `bgmodel simulate held_out.npz --periods-mm {period_mm:g} --yaw-deg "
+                f"{wanted}`, and decode them",
+                "taps",
             )
         pool.append(values.to_numpy(dtype=np.float64))
     return pool
+
+
+def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFrame:
+    """Return columns of a table of decoded taps; ValueError if it is not one of that stimulus."""
+    lacking = [name for name in wanted if name not in taps]
+    if lacking:
+        raise InputError(
+            f"this task needs decoded taps of {stimulus}, with {', '.join(wanted)}: "
+            f"the table has no {', '.join(lacking)}",
+            "taps",
+        )
+    return taps[wanted]
+
+
+def _check_count(count: int) -> None:
+    within = 2 <= count <= MOST_HYPOTHESES
+    require(within, "count", f"must be 2 to {MOST_HYPOTHESES} hypotheses", count)
+
+
+TASKS: dict[str, Callable[[int, float, float], Task]] = {
+    "same-different": lambda count, period_mm, step_deg: SameDifferent(period_mm),
+    "orientation": lambda count, period_mm, step_deg: Orientations(count, period_mm),
+    "edge-turn": lambda count, period_mm, step_deg: EdgeTurn(count, step_deg),
+    "edge-direction": lambda count, period_mm, step_deg: EdgeDirection(count, step_deg),
+}
+"""Tasks by name, made from a number of hypotheses, the period of a grating, mm, and a step."""

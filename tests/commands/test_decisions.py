@@ -99,21 +99,22 @@ def test_likelihoods_that_are_too_sure_are_warned_of_where_the_truth_is_known(tm
 def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
     out = tmp_path / "out.csv"
     few = ("decide", out, "--trials", 4, "--t-max", 3, "--force")
-    may_be_idle = {"delta", "posterior", "orientations", "evidence", "onset_ms"}
+    may_be_idle = {"delta", "posterior", "channels", "evidence", "onset_ms", "d_prime"}
     for task, asked, had in (
         ("same-different", (), {"delta"}),
         ("same-different", ("--posterior", 0.9), {"posterior"}),
-        ("orientation", ("--posterior", 0.9), {"posterior", "orientations"}),
+        ("orientation", ("--posterior", 0.9), {"posterior", "channels"}),
     ):
         assert run(*few, *asked, "--task", task) == 0
-        assert set(read_provenance(out)["parameters"]["command"]) & may_be_idle == had
+        command = read_provenance(out)["parameters"]["command"]
+        assert (set(command) | set(command["task"])) & may_be_idle == had
 
 
 def test_the_policy_that_learns_is_the_one_that_is_named(tmp_path, monkeypatch, capsys):
     def stop(*given, policy, **named):
         raise ValueError(type(policy).__name__)
 
-    monkeypatch.setattr("bgmodel.learning.gap.learn_grating", stop)
+    monkeypatch.setattr("bgmodel.learning.gap.learn_gap", stop)
     for asked, kind in (
         ((), "Gaussian"),
         (("--policy", "gaussian"), "Gaussian"),
@@ -158,7 +159,7 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
 
 def test_decide_tells_as_many_orientations_as_it_is_given(tmp_path):
     out = tmp_path / "n.parquet"
-    arguments = ["--task", "orientation", "--orientations", 3, "--posterior", 0.9]
+    arguments = ["--task", "orientation", "--channels", 3, "--posterior", 0.9]
     assert run("decide", out, *arguments, "--period-mm", 3, "--trials", 200) == 0
     assert read_table(out)["response"].nunique() == 3
 

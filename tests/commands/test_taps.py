@@ -1,7 +1,12 @@
 """The commands `simulate`, `train` and `decode`."""
 
+import warnings
+
+import numpy as np
+
 from bgmodel.commands.taps import _taps
-from bgmodel.support.files import read_table
+from bgmodel.support.files import checksum, read_provenance, read_table
+from bgmodel.tactile.decoder import Decoder
 from tests.helpers import run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
@@ -56,6 +61,34 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, capsys):
     table = read_table(decoded)
     assert {"period_mm", "yaw_deg", "psi_deg", "orientation_deg"} <= set(table)
     assert len(table) == 300
+    # The decoder knows these taps; it has not seen those that a task needs.
+    assert table["trained_on"].all()
+    decide = ("--trials", 40, "--t-max", 5, "--period-mm", 5)
+    assert run("decide", tmp_path / "a.csv", "--taps", decoded, *decide) == 2
+    assert "was trained on 300 of its 300 taps" in capsys.readouterr().err
+    held, fresh = tmp_path / "held.npz", tmp_path / "fresh.csv"
+    assert run("simulate", held, "--taps", 120, *periods, "--task", "same-different") == 0
+    assert run("decode", decoder, held, fresh) == 0
+    assert "trained_on" not in read_table(fresh)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        assert run("decide", tmp_path / "a.csv", "--taps", fresh, *decide) == 0
+    found = read_provenance(tmp_path / "a.csv")["parameters"]["command"]["task"]
+    assert found["taps"] == {"file": "fresh.csv", "sha256": checksum(fresh)}
+    assert found["decoder"] == checksum(decoder)
+    # Another task needs other yaws: the command that makes them is named.
+    asked = ("--task", "orientation", "--channels", 3, "--posterior", 0.9)
+    assert run("decide", tmp_path / "b.csv", "--taps", fresh, *decide, *asked) == 2
+    assert "--periods-mm 5 --yaw-deg -45 15 75" in capsys.readouterr().err
+
+
+def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(tmp_path):
+    shown = hexagon()
+    images = [draw(shown + field(shown, yaw)) for yaw in np.linspace(-180, 175, 320)]
+    folder = write(tmp_path / "my_taps", images, "dev-data")
+    out = tmp_path / "edge.safetensors"
+    assert run("train", folder, out, "--edge", "--mm-per-px", MM_PER_PX) == 0
+    assert Decoder.load(out).about["command"]["taps"] == {"folder": "my_taps"}
 
 
 def test_the_count_of_pins_in_a_recording_is_said(tmp_path, capsys):

@@ -327,7 +327,7 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
 @pytest.mark.parametrize(
     ("edit", "field"),
     [
-        (lambda c: c.with_heterogeneity(0.2), "spread"),
+        (lambda c: c.with_heterogeneity(0.2), "heterogeneity"),
         (lambda c: c.with_neurons(5), "neurons"),
         (lambda c: c.with_connections(0.5), "probability"),
         (lambda c: c.edited("set STN.cell.cv=0.9", "set STN.bias_nats=0.1"), "cell.cv of STN"),

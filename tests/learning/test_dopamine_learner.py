@@ -22,7 +22,8 @@ from bgmodel.learning.dopamine_learner import (
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
-from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from bgmodel.tactile.source import held_out_taps, source
+from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
 from circuits.errors import DeadlineWarning
@@ -171,7 +172,7 @@ def test_credit_to_a_foreign_perturbation_teaches_nothing():
 
 
 def touched(model, levels):
-    readings = source(held_out_taps(), SameDifferent(), period_mm=1.5, fold=0)
+    readings = source(held_out_taps(), SameDifferent(period_mm=1.5), fold=0)
     drawn = readings.draw(1500, 30, rng=stream(SEED, "tactile"), step_ms=50.0)
     model = replace(model, engine=Rate(dt_ms=0.5, sample_ms=5.0))
     return level_outcomes(model, drawn, levels)

@@ -12,7 +12,7 @@ from bgmodel.learning.gap import (
     search_folds,
 )
 from bgmodel.learning.reinforce import Learner
-from bgmodel.tactile.task import held_out_taps
+from bgmodel.tactile.source import held_out_taps
 from bgmodel.theory.sprt import optimal_delta, reward_curve
 from tests.helpers import refused
 

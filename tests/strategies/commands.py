@@ -12,14 +12,14 @@ DRAWN = """--output-is-none, --trials many, --seed -1, --seed x, --trials 0, --t
     --trials 2.5, --t-max 0"""
 STIMULI = f"""{DRAWN}, --step-ms 0, --step-ms nan, --channels 1, --channels two, --d-prime 0,
     --d-prime inf, --conflict 1, --task walk, --period-mm 3.5, --evidence absent.csv"""
-CIRCUIT = f"""{STIMULI}, {WRONG_OPTIONS}, --edits 'spread 5',
+CIRCUIT = f"""{STIMULI}, {WRONG_OPTIONS}, --edits 'heterogeneity 5',
     --engine algebra --edits 'neurons 3'"""
 
 COMMANDS = {
     f"decide {OUT} --trials 1..59 --t-max 1..19 «|--no-forced|--step-ms 1.0..900» "
     "«--delta 0.01..8 --period-mm «1|1.5|2|2.5|3|4|5»|--posterior 0.55..0.99|"
     "--posterior 0.55..0.99 "
-    "--task orientation --orientations 2..8 --period-mm 3»": f"""{DRAWN}, --period-mm 3.5,
+    "--task orientation --channels 2..8 --period-mm 3»": f"""{DRAWN}, --period-mm 3.5,
         --fold 6, --prior .4 .5, --task x, --delta -1, --no-such, --evidence absent.csv""",
     f"learn {OUT} --runs 1..2 --t-max 2..11 --start-delta 0.01..8 --xi 1.0..100 --seed 3 "
     "--learner.episodes 500": """--runs 0, --runs 1e12, --xi 0, --xi nan, --fold 9,

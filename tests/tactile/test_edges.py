@@ -1,78 +1,114 @@
-"""Pairs of taps on an edge: their halves, their differences, and who is fitted on whom."""
+"""Questions about an edge: pairs of taps, directions, and who is fitted on whom."""
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import norm
 
+from bgmodel import stream
 from bgmodel.tactile.decoder import EDGE
-from bgmodel.tactile.edges import decoded_yaw, halves, pairs, sources
+from bgmodel.tactile.edges import decoded_edges
+from bgmodel.tactile.source import folds, source
 from bgmodel.tactile.taps import Taps
+from bgmodel.tactile.task import EdgeDirection, EdgeTurn
 from bgmodel.tactile.tips import Tip
 from tests.helpers import refused
 
-DIFFERENCES = (0.0, 5.0)
+SD_DEG = 2.0
+"""Error of the decoder."""
 
 
-def taps_of(count, seed, noise_deg=1.0):
-    """Return true and decoded yaw of taps at three yaws, 5 degrees apart."""
+def taps_of(count=1800, seed=61, noise_deg=SD_DEG):
+    """Return decoded taps with yaws all around, sorted as recordings are."""
     rng = np.random.default_rng(seed)
-    true = 5.0 * rng.integers(-1, 2, count)
-    return np.stack([true, true + noise_deg * rng.normal(size=count)], axis=1)
-
-
-@pytest.mark.parametrize("count", [10, 11])
-def test_halves_hold_every_tap_once_and_no_order_of_the_table(count):
-    taps = np.arange(2.0 * count).reshape(count, 2)
-    first, second = halves(1, taps)
-    assert abs(len(first) - len(second)) <= 1
-    together = np.concatenate([first, second])
-    assert not np.array_equal(together, taps)
-    assert np.array_equal(together[np.argsort(together[:, 0])], taps)
-    assert np.array_equal(halves(1, taps)[0], first)
-    assert not np.array_equal(halves(2, taps)[0], first)
+    true = np.linspace(-180, 180, count, endpoint=False)
+    read = (true + noise_deg * rng.normal(size=count) + 180) % 360 - 180
+    return pd.DataFrame({"yaw_deg": true, "edge_deg": read})
 
 
 def test_pairs_are_of_two_taps_that_lie_as_far_apart_as_asked_also_across_the_seam():
     """From -178 to 179 degrees it is 3 back; -1, 3.4 and 4.6 are 4.4, 5.6 and 1.2 apart."""
     taps = np.array([[-178.0, -177.0], [179.0, 178.0], [3.4, 10.0], [-1.0, 0.0], [4.6, 5.0]])
-    back, forth, same = pairs([-3.0, 3.0, 0.0], taps)
-    assert back.tolist() == [-5.0]
-    assert forth.tolist() == [5.0]
+    same, forth = EdgeTurn(2, 3.0).readings([taps])
     assert same.tolist() == []
+    assert forth.tolist() == [5.0]
     # Within half a degree of what was asked.
-    far, near, above, below = pairs([5.05, 5.15, 6.05, 4.85], taps)
-    assert far.tolist() == []
-    assert near.tolist() == above.tolist() == [5.0]
-    assert below.tolist() == [10.0]
-    assert pairs([1.2], taps)[0].tolist() == [-5.0]
+    for step, read in ((5.05, []), (5.15, [5.0]), (6.05, [5.0]), (4.85, [10.0]), (1.2, [-5.0])):
+        assert EdgeTurn(2, step).readings([taps])[1].tolist() == read
 
 
-def test_each_half_is_scored_by_what_the_other_half_tells():
-    """Where one half is decoded at random, the other is told nothing and the first is."""
-    good, bad = halves(3, taps_of(120, seed=62))
-    bad = np.stack([bad[:, 0], np.random.default_rng(63).permutation(bad[:, 1])], axis=1)
-    scored_bad, scored_good = sources([bad, good], DIFFERENCES)
-    assert scored_bad.names == scored_good.names == ("0", "5")
-    for found, half in ((scored_bad, bad), (scored_good, good)):
-        read = pairs(DIFFERENCES, half)
-        assert [len(x) for x in found.log_likelihood] == [len(x) for x in read]
-        for logs, x in zip(found.log_likelihood, read, strict=True):
-            np.testing.assert_array_equal(logs, found.likelihood(x))
-    # Fitted on the good half, a difference of 5 degrees read as such speaks for 5.
-    zero, five = scored_bad.likelihood(np.array([0.0, 5.0]))
-    assert zero[0] > zero[1] + 1
-    assert five[1] > five[0] + 1
-    # Fitted on the random half, no reading says anything worth a tenth of that.
-    told = np.ptp(scored_good.likelihood(np.array([0.0, 5.0])), axis=1)
-    assert told.max() < 0.1
+def test_a_direction_is_read_as_seen_from_the_first_one():
+    """A tap at 179 read as -178 is 3 degrees off, whichever direction is asked."""
+    taps = np.array([[179.0, -178.0], [10.0, 8.0]])
+    first, second, third = EdgeDirection(3, 120.0).readings([taps])
+    np.testing.assert_allclose(first, [3, -2])
+    np.testing.assert_allclose(second, [123, 118])
+    np.testing.assert_allclose(third, [-117, -122])
 
 
-def test_a_difference_of_two_directions_spans_a_whole_turn_and_no_more():
-    for found in sources(halves(3, taps_of(120, seed=62)), DIFFERENCES):
-        assert np.isfinite(found.likelihood([-180.0, 180.0])).all()
-        for beyond in (-180.1, 180.1):
-            with refused(r"reading_deg covers -180\.\.180 degrees"):
-                found.likelihood(beyond)
+@pytest.mark.parametrize(
+    ("task", "sd_deg"),
+    [(EdgeTurn(2, 5.0), SD_DEG * np.sqrt(2)), (EdgeDirection(2, 5.0), SD_DEG)],
+)
+def test_one_reading_is_right_as_often_as_gaussian_errors_let_it(task, sd_deg):
+    """Phi(D / 2 sd), where a pair of taps errs by sqrt(2) as much as one."""
+    drawn = folds(taps_of(), task).draw(12_000, 1, rng=np.random.default_rng(62))
+    right = (drawn.totals[:, -1].argmax(axis=1) == drawn.truth).mean()
+    assert right == pytest.approx(norm.cdf(5.0 / 2 / sd_deg), abs=0.02)
+    # What a reading says of two hypotheses a distance D apart: D^2 / 2 sd^2 nats on average, in
+    # which the kernel of the density, 1 degree at least, widens the errors.
+    for k in (0, 1):
+        said = drawn.log_likelihood[drawn.truth == k, 0]
+        told = said[:, k] - said[:, 1 - k]
+        assert told.mean() == pytest.approx(25 / 2 / (sd_deg**2 + 1), rel=0.12)
+
+
+def test_each_fold_is_scored_by_what_the_others_tell():
+    """Other readings of one fold change the likelihoods of all folds but its own."""
+    taps = taps_of()
+    changed = taps.copy()
+    own = stream(0, "order of taps").permutation(len(taps))[3::6]
+    changed.loc[own, "edge_deg"] = np.random.default_rng(63).permutation(taps["edge_deg"][own])
+    for task in (EdgeTurn(2, 5.0), EdgeDirection(4, 10.0)):
+        for fold in range(6):
+            a, b = (source(each, task, fold=fold) for each in (taps, changed))
+            same = np.array_equal(a.likelihood.log_density, b.likelihood.log_density)
+            assert same == (fold == 3)
+
+
+def test_a_decoder_of_nothing_says_nothing():
+    taps = taps_of()
+    taps["edge_deg"] = np.random.default_rng(64).permutation(taps["edge_deg"])
+    for task in (EdgeTurn(2, 5.0), EdgeDirection(4, 10.0)):
+        found = source(taps, task)
+        assert np.ptp(np.concatenate(found.log_likelihood), axis=1).max() < 0.1
+
+
+@pytest.mark.parametrize("task", [EdgeTurn(2, 5.0), EdgeDirection(2, 5.0)])
+def test_readings_span_a_whole_turn(task):
+    likelihood = source(taps_of(), task).likelihood
+    assert np.isfinite(likelihood([-180.0, 180.0])).all()
+    if not task.circular:
+        with refused(r"reading_deg covers -180\.\.180 degrees"):
+            likelihood(180.1)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: EdgeTurn(9), "count 2 to 8"),
+        (lambda: EdgeTurn(2, 0.0), "step_deg 0..180"),
+        (lambda: EdgeDirection(4, 91.0), "step_deg 0..90"),
+        (
+            lambda: source(pd.DataFrame({"psi_deg": [1.0]}), EdgeTurn()),
+            "taps an edge, with yaw_deg, edge_deg",
+        ),
+        (lambda: source(taps_of(60), EdgeTurn()), "pool too few"),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(call, says):
+    with refused(says):
+        call()
 
 
 def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypatch, tmp_path):
@@ -100,4 +136,4 @@ def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypa
 
     monkeypatch.setattr("bgmodel.tactile.edges.read_taps", read_taps)
     monkeypatch.setattr("bgmodel.tactile.edges.train", train)
-    assert decoded_yaw(5, tmp_path).tolist() == [[30, 33], [-40, -37], [50, 53]]
+    assert decoded_edges(5, tmp_path).to_numpy().tolist() == [[30, 33], [-40, -37], [50, 53]]

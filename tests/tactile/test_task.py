@@ -21,16 +21,8 @@ from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.pressing import LibraryPlan
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin
-from bgmodel.tactile.task import (
-    Folds,
-    Orientations,
-    SameDifferent,
-    Source,
-    folds,
-    held_out_taps,
-    source,
-    tap_pool,
-)
+from bgmodel.tactile.source import Folds, Source, folds, held_out_taps, source
+from bgmodel.tactile.task import Orientations, SameDifferent
 from bgmodel.tactile.tips import Tip
 from bgmodel.theory.sprt import sprt
 from circuits.errors import CalibrationWarning
@@ -90,7 +82,7 @@ def test_a_smooth_plate_tells_no_orientation():
     """Pooled over folds; a shrinkage that finds a little by chance costs a few per cent."""
     accuracy = []
     for fold in range(6):
-        readings = source(TAPS, Orientations(8), period_mm=0.0, fold=fold)
+        readings = source(TAPS, Orientations(8, period_mm=0.0), fold=fold)
         evidence = readings.draw(2000, 30, rng=stream(1, "smooth", fold))
         accuracy.append(tally(Msprt().run(evidence), evidence.truth, [0.01]).accuracy[0])
     assert abs(np.mean(accuracy) - 1 / 8) < 0.05
@@ -102,12 +94,12 @@ def test_a_smooth_plate_tells_no_orientation():
 
 def test_scored_taps_fit_nothing():
     """Whatever the scored fold holds, the likelihood is the same; other taps do change it."""
-    first = source(TAPS, SameDifferent(), period_mm=2.0, fold=2).likelihood
+    first = source(TAPS, SameDifferent(period_mm=2.0), fold=2).likelihood
     here = np.flatnonzero(np.isclose(TAPS["period_mm"], 2.0) & np.isclose(TAPS["yaw_deg"], 45))
     for fold, same in ((2, True), (3, False)):
         changed = TAPS.copy()
         changed.loc[changed.index[here[np.arange(len(here)) % 6 == fold]], "psi_deg"] = 0.0
-        again = source(changed, SameDifferent(), period_mm=2.0, fold=2).likelihood
+        again = source(changed, SameDifferent(period_mm=2.0), fold=2).likelihood
         assert np.array_equal(again.log_density, first.log_density) == same
 
 
@@ -124,7 +116,7 @@ def test_shuffled_truth_is_at_chance():
 
 @pytest.mark.parametrize("count", [2, 4, 8])
 def test_orientations_are_identified(count):
-    readings = source(TAPS, Orientations(count), period_mm=3.0, fold=1)
+    readings = source(TAPS, Orientations(count, period_mm=3.0), fold=1)
     evidence = readings.draw(4000, 30, rng=stream(3, "orientations", count))
     accuracy = tally(Msprt().run(evidence), evidence.truth, -np.log([0.9, 0.99])).accuracy
     assert accuracy[1] > 0.9
@@ -160,10 +152,10 @@ def test_a_trial_does_not_depend_on_those_after_it(trials, tables):
     assert np.array_equal(blocks, drawn(readings, 2 * count * trials))
 
 
-@pytest.mark.parametrize("task", [SameDifferent(), Orientations(4)])
+@pytest.mark.parametrize("task", [SameDifferent(3.0), Orientations(4, 3.0)])
 @pytest.mark.parametrize("trials", [200, 201])
 def test_tactile_draws_begin_alike(task, trials):
-    readings = source(TAPS, task, period_mm=3.0, fold=0, density=Density(shrink=1.0))
+    readings = source(TAPS, task, fold=0, density=Density(shrink=1.0))
     assert np.array_equal(drawn(readings, trials), drawn(readings, 2 * trials)[:trials])
 
 
@@ -185,9 +177,7 @@ def test_a_tap_takes_half_a_second_by_default():
 
 def test_a_difference_of_two_orientations_spans_a_whole_turn_and_no_more():
     """Two angles within -90..90 differ by -180..180; an orientation itself repeats after 180."""
-    likelihood = source(
-        TAPS, SameDifferent(), period_mm=3.0, fold=0, density=Density(shrink=1.0)
-    ).likelihood
+    likelihood = source(TAPS, SameDifferent(3.0), fold=0, density=Density(shrink=1.0)).likelihood
     assert np.isfinite(likelihood([-180.0, 180.0])).all()
     for beyond in (-180.1, 180.1):
         with refused(r"reading_deg covers -180\.\.180 degrees"):
@@ -197,24 +187,24 @@ def test_a_difference_of_two_orientations_spans_a_whole_turn_and_no_more():
 def test_taps_belong_to_a_yaw_within_a_hundredth_of_a_degree():
     yaws = [-45.0, 45.0095, 44.9905, 45.0115, 44.9885]
     taps = pd.DataFrame({"period_mm": 2.0, "yaw_deg": yaws, "psi_deg": np.arange(5.0)})
-    assert [part.tolist() for part in tap_pool(taps, SameDifferent(), 2.0)] == [[0], [1, 2]]
+    assert [part.tolist() for part in SameDifferent(2.0).pool(taps)] == [[0], [1, 2]]
 
 
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda: source(TAPS, SameDifferent(), period_mm=2.0, fold=6), "fold"),
-        (lambda: source(TAPS, SameDifferent(), period_mm=2.2, fold=0), "period_mm must be one of"),
+        (lambda: source(TAPS, SameDifferent(period_mm=2.0), fold=6), "fold"),
+        (lambda: source(TAPS, SameDifferent(period_mm=2.2), fold=0), "period_mm must be one of"),
         (
-            lambda: source(TAPS, SameDifferent(b_deg=9), period_mm=2.0, fold=0),
-            "period_mm no taps of period",
+            lambda: source(TAPS, SameDifferent(b_deg=9, period_mm=2.0), fold=0),
+            "taps --yaw-deg -45 9",
         ),
         (
             lambda: fold_sources(TAPS, 2.0)[0].draw(0, 5, rng=stream(1)),
             "trials must be",
         ),
         (
-            lambda: source(pd.DataFrame(TAPS).head(0), SameDifferent(), period_mm=2.0, fold=0),
+            lambda: source(pd.DataFrame(TAPS).head(0), SameDifferent(period_mm=2.0), fold=0),
             "period_mm must be one of",
         ),
     ],
@@ -241,7 +231,7 @@ def test_orientations_are_evenly_spaced():
 
 def test_folds_are_drawn_in_turn_and_their_interval_is_wider_than_that_of_trials():
     """Folds of taps differ by more than their trials tell."""
-    drawn = folds(TAPS, SameDifferent(), period_mm=1.5)
+    drawn = folds(TAPS, SameDifferent(period_mm=1.5))
     evidence = drawn.draw(3000, 20, rng=stream(1, "folds"), step_ms=50.0)
     groups = drawn.groups(3000)
     assert np.bincount(groups).tolist() == [500] * 6
@@ -264,14 +254,14 @@ def test_folds_are_drawn_in_turn_and_their_interval_is_wider_than_that_of_trials
 
 def test_orientations_repeat_after_half_a_turn():
     """A grating turned by 180 degrees is itself; an angle between them counts the shorter way."""
-    likelihood = source(TAPS, Orientations(4), period_mm=3.0, fold=1).likelihood
+    likelihood = source(TAPS, Orientations(4, period_mm=3.0), fold=1).likelihood
     assert likelihood.period_deg == 180
     readings = np.array([-89.0, 0.0, 45.0, 89.9])
     np.testing.assert_allclose(likelihood(readings + 180), likelihood(readings), atol=1e-9)
 
 
 def test_evidence_of_folds_has_one_baseline_known_before_the_trials():
-    drawn = folds(TAPS, SameDifferent(), period_mm=2.0)
+    drawn = folds(TAPS, SameDifferent(period_mm=2.0))
     want = np.mean([one.baseline for one in drawn.sources])
     for trials in (6, 30):
         found = drawn.draw(trials, 4, rng=np.random.default_rng(trials)).baseline
@@ -282,16 +272,16 @@ def test_evidence_of_folds_has_one_baseline_known_before_the_trials():
 @pytest.mark.parametrize("count", [2, 8])
 def test_orientations_that_the_decoder_does_not_resolve_are_warned_of(count):
     fine, coarse = (
-        source(TAPS, Orientations(count), period_mm=period, fold=0) for period in (1.0, 2.0)
+        source(TAPS, Orientations(count, period_mm=period), fold=0) for period in (1.0, 2.0)
     )
     with pytest.warns(
         CalibrationWarning, match=f"of 1 mm the decoder tells none of the {count} hypoth"
     ):
-        fine.warn_if_silent(1.0)
+        fine.warn_if_silent()
     assert np.ptp(np.concatenate(fine.log_likelihood)) == 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        coarse.warn_if_silent(2.0)
+        coarse.warn_if_silent()
 
 
 @pytest.mark.parametrize("command", [["decide", "a.csv"], ["circuit", "run", "a.csv"]])

@@ -13,7 +13,8 @@ from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import MaxVsAverage
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.tactile.task import SameDifferent, held_out_taps, source
+from bgmodel.tactile.source import held_out_taps, source
+from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble, Rate
 from circuits.laws.controls import linear_stn, shuffled_stn
@@ -24,7 +25,7 @@ SCORING_SEED = 40_002
 
 def test_the_algebraic_circuit_is_the_sprt_on_gratings():
     """N = 2: no decision of 1e5 tactile trials differs, in choice or in time."""
-    readings = source(held_out_taps(), SameDifferent(), period_mm=1.5, fold=0)
+    readings = source(held_out_taps(), SameDifferent(period_mm=1.5), fold=0)
     model = BasalGanglia(load_circuit("bogacz_gurney"), "algebra")
     gap, different, trials = 4.0, 0, 0
     for part in range(20):

@@ -10,7 +10,7 @@ from bgmodel.learning.gap import fold_sources, increments, regret_on_fresh_trial
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learner, learn
 from bgmodel.learning.worlds import trials_of
-from bgmodel.tactile.task import held_out_taps
+from bgmodel.tactile.source import held_out_taps
 from bgmodel.theory.sprt import optimal_delta, reward_curve
 
 pytestmark = pytest.mark.validate

@@ -14,7 +14,7 @@ from bgmodel import (
 from bgmodel.evidence import separated_evidence
 from bgmodel.integrators.sprt import Stream
 from bgmodel.learning.gap import fold_sources
-from bgmodel.tactile.task import held_out_taps
+from bgmodel.tactile.source import held_out_taps
 from bgmodel.theory.sprt import gaussian_pair, sprt
 
 pytestmark = pytest.mark.validate

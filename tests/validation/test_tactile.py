@@ -7,7 +7,8 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.learning.gap import fold_sources, increments
-from bgmodel.tactile.task import FOLDS, SameDifferent, Source, held_out_taps, tap_pool
+from bgmodel.tactile.source import FOLDS, Source, held_out_taps
+from bgmodel.tactile.task import SameDifferent
 from bgmodel.theory.sprt import sprt
 
 pytestmark = pytest.mark.validate
@@ -18,12 +19,12 @@ def test_a_smooth_grating_is_told_at_chance():
     """0 mm: 50 % lies in a simultaneous interval over gaps, bootstrapped over taps in each fold."""
     deltas = np.linspace(0, 8, 9)
     taps = held_out_taps()
-    task = SameDifferent()
     for period in (0.0, 1.0):
-        pools = tap_pool(taps, task, period)
+        task = SameDifferent(period)
+        pools = task.pool(taps)
         sources = fold_sources(taps, period)
 
-        def accuracy(chosen, sources=sources, pools=pools):
+        def accuracy(chosen, task=task, sources=sources, pools=pools):
             values = []
             for fold, own in enumerate(sources):
                 part = [p[np.arange(len(p)) % FOLDS == fold] for p in pools]

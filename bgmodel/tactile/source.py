@@ -1,0 +1,275 @@
+"""Readings: what decoded taps say of the hypotheses, by likelihoods fitted on other taps."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from bgmodel.evidence import Evidence
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import whole
+from bgmodel.support.files import read_provenance, read_table
+from bgmodel.support.seeds import generator
+from bgmodel.tactile.likelihood import Density, Likelihood, fit_likelihood
+from bgmodel.tactile.task import TASKS, Task
+from circuits.errors import CalibrationWarning, InputError, require, user_level
+
+FOLDS = 6
+STEP_MS = 500.0
+SHIPPED = Path(str(resources.files("bgmodel.data") / "held_out_taps.parquet"))
+"""The decoded taps that ship with the package."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """All readings that a set of held-out taps can give, and what they say.
+
+    Parameters
+    ----------
+    log_likelihood : list of arrays (readings, hypotheses), nats
+        One array a true hypothesis.
+    names : tuple of str
+        Names of the hypotheses.
+    likelihood : Likelihood
+        Fitted on other taps.
+    where : str
+        What the taps are of, for a sentence.
+    """
+
+    log_likelihood: list[Array]
+    names: tuple[str, ...]
+    likelihood: Likelihood
+    where: str = "here"
+
+    def draw(
+        self,
+        trials: int,
+        steps: int,
+        *,
+        rng: np.random.Generator | int,
+        prior: npt.ArrayLike | None = None,
+        step_ms: float = STEP_MS,
+    ) -> Evidence:
+        """Draw trials whose readings are independent samples, with replacement.
+
+        Parameters
+        ----------
+        trials, steps : int
+            Truth is balanced: trial k belongs to hypothesis k mod N.  Its readings are the same
+            however many trials follow.
+        rng : numpy.random.Generator or int
+            The source of every random number, or a seed.
+        prior : array (hypotheses,), optional
+            What the decider believes; the draw stays balanced.
+        step_ms : float
+            Time a tap takes, ms; 500 is assumed.
+        """
+        trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
+        rng = generator(rng)
+        count = len(self.names)
+        truth = np.arange(trials) % count
+        # Filled trial by trial, one number a reading: a trial never sees the ones after it.
+        place = rng.random((trials, steps))
+        values = np.empty((trials, steps, count), dtype=np.float64)
+        for i, table in enumerate(self.log_likelihood):
+            values[i::count] = table[(place[i::count] * len(table)).astype(np.intp)]
+        return Evidence(
+            values,
+            truth,
+            prior,  # type: ignore[arg-type]
+            step_ms=step_ms,
+            baseline=self.baseline,
+        )
+
+    def warn_if_silent(self) -> None:
+        """Warn where the decoder does not resolve the hypotheses: every reading says nothing."""
+        if self.likelihood.shrink == 0:
+            warnings.warn(
+                f"{self.where} the decoder tells none of the "
+                f"{len(self.names)} hypotheses apart: saying nothing predicts held-out taps best, "
+                "so that every reading is worth 0 nats and every choice is a guess",
+                CalibrationWarning,
+                stacklevel=user_level(),
+            )
+
+    @property
+    def baseline(self) -> float:
+        """Mean of what a reading says, over hypotheses, all true ones alike, nats."""
+        return float(np.mean([part.mean() for part in self.log_likelihood]))
+
+    @cached_property
+    def log_ratios(self) -> tuple[Array, ...]:
+        """Log-likelihood ratio S2 : S1 of every reading under S1 and under S2, nats."""
+        if len(self.names) != 2:
+            raise InputError(
+                f"log ratios need 2 hypotheses, this task has {len(self.names)}", "names"
+            )
+        return tuple(values[:, 1] - values[:, 0] for values in self.log_likelihood)
+
+
+@dataclass(frozen=True)
+class Folds:
+    """Readings of several folds of taps, drawn in turn: trial k is of fold k mod their number.
+
+    Trials are many, taps are few: an interval over the trials of one fold says nothing of other
+    taps. One over ``groups`` does.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        One per fold, as from ``source``.
+    """
+
+    sources: Sequence[Source]
+
+    def draw(
+        self, trials: int, steps: int, *, rng: np.random.Generator, step_ms: float = STEP_MS
+    ) -> Evidence:
+        """Draw trials as ``Source.draw`` does, from each fold in turn.
+
+        Parameters
+        ----------
+        trials, steps, rng, step_ms :
+            As for ``Source.draw``; trials must be as many as there are folds, or more.
+        """
+        count = len(self.sources)
+        require(trials >= count, "trials", f"must be {count} or more, one per fold", trials)
+        values = np.empty((trials, steps, len(self.sources[0].names)))
+        truth = np.empty(trials, dtype=np.int64)
+        for fold, readings in enumerate(self.sources):
+            part = readings.draw(len(truth[fold::count]), steps, rng=rng, step_ms=step_ms)
+            values[fold::count] = part.log_likelihood
+            truth[fold::count] = np.asarray(part.truth)
+        baseline = float(np.mean([readings.baseline for readings in self.sources]))
+        return Evidence(values, truth, step_ms=step_ms, baseline=baseline)
+
+    def groups(self, trials: int) -> npt.NDArray[np.intp]:
+        """Return the fold of each trial, (trials,), for the bootstrap of ``comparison.compare``."""
+        return np.arange(trials) % len(self.sources)
+
+
+def held_out_taps() -> pd.DataFrame:
+    """Return the decoded held-out taps that ship with the package.
+
+    One row a tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
+    ``bgmodel.support.files.read_provenance`` of the file tells how it was made.
+    """
+    return pd.read_parquet(SHIPPED).astype("float64")
+
+
+def read_decoded(path: Path | None = None) -> pd.DataFrame:
+    """Return a table of decoded taps, as ``bgmodel decode`` writes it, or the shipped one.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, or if its decoder was trained on some of these taps: what it reads
+        from them says nothing of others.
+    """
+    if path is None:
+        return held_out_taps()
+    table = read_table(path)
+    known = table["trained_on"].sum() if "trained_on" in table else 0
+    if known:
+        raise InputError(
+            f"the decoder of {path.name} was trained on {known} of its {len(table)} taps: decode "
+            "taps that it has not seen",
+            "taps",
+        )
+    return table
+
+
+def decoder_of(path: Path) -> dict[str, Any]:
+    """Return what is known of the decoder behind a table; nothing of a table from elsewhere."""
+    try:
+        return dict(read_provenance(path)["parameters"]["decoder"])
+    except (OSError, KeyError, TypeError, ValueError):
+        return {}
+
+
+def source(
+    taps: pd.DataFrame, task: Task, *, fold: int = 0, density: Density | None = None
+) -> Source:
+    """Fit likelihoods on five folds of the held-out taps; return the readings of the sixth.
+
+    Parameters
+    ----------
+    taps : DataFrame
+        Decoded, as from ``read_decoded``.
+    task : Task
+        The question, as ``SameDifferent(period_mm=2)`` or ``EdgeTurn(4, step_deg=5)``.
+    fold : int
+        Which of the six folds to score on, 0..5; tap k of a kind is in fold k mod 6.
+    density : Density
+        How likelihoods are estimated.
+
+    Raises
+    ------
+    ValueError
+        If there are no such taps, too few of them, or the fold does not exist.
+    """
+    require(0 <= fold < FOLDS, "fold", f"must be 0..{FOLDS - 1}", fold)
+    pool = task.pool(taps)
+    scored = [np.arange(len(part)) % FOLDS == fold for part in pool]
+    fitted = [part[~mask] for part, mask in zip(pool, scored, strict=True)]
+    likelihood = fit_likelihood(
+        fitted, task.readings, task.range_deg, circular=task.circular, density=density
+    )
+    rest = task.readings([part[mask] for part, mask in zip(pool, scored, strict=True)])
+    if not all(len(x) for x in rest):
+        raise InputError(
+            f"too few taps {task.where}: a fold has no reading of some hypotheses", "taps"
+        )
+    return Source([likelihood(x) for x in rest], task.names, likelihood, task.where)
+
+
+def folds(taps: pd.DataFrame, task: Task) -> Folds:
+    """Return the readings of all six folds of the held-out taps, drawn in turn.
+
+    Parameters
+    ----------
+    taps, task :
+        As for ``source``.
+    """
+    return Folds([source(taps, task, fold=fold) for fold in range(FOLDS)])
+
+
+def readings_of(
+    task: str,
+    count: int,
+    *,
+    period_mm: float,
+    step_deg: float,
+    taps: Path | None,
+    fold: int,
+    density: Density | None = None,
+) -> Source:
+    """Return the readings of a task by its name, and warn where they say nothing.
+
+    Parameters
+    ----------
+    task : str
+        A name in ``TASKS``.
+    count : int
+        Number of hypotheses.
+    period_mm, step_deg : float
+        Of gratings, and of edges.
+    taps : path, optional
+        Table of decoded taps; the shipped one if left out.
+    fold, density :
+        As for ``source``.
+    """
+    found = source(
+        read_decoded(taps), TASKS[task](count, period_mm, step_deg), fold=fold, density=density
+    )
+    found.warn_if_silent()
+    return found

@@ -1,0 +1,124 @@
+"""A user's own decoded taps, in every command and record that names a tactile task."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bgmodel as bg
+from bgmodel.support.files import checksum, read_provenance, read_table
+from bgmodel.tactile.source import held_out_taps
+from tests.helpers import refused, run
+
+ALGEBRA = ("--engine", "algebra")
+FEW = ("--trials", 60, "--t-max", 12)
+EDGES = ("--task", "edge-turn", "--step-deg", 5)
+GRATINGS = ("--task", "same-different", "--period-mm", 2)
+
+
+@pytest.fixture
+def edges(tmp_path):
+    """Write a decoded table of an edge as other programs do: without provenance."""
+    rng = np.random.default_rng(71)
+    true = np.linspace(-180, 180, 1500, endpoint=False)
+    path = tmp_path / "edges.csv"
+    table = pd.DataFrame({"yaw_deg": true, "edge_deg": true + 3.0 * rng.normal(size=1500)})
+    table.to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture
+def gratings(tmp_path):
+    """Write the shipped table as a file of one's own."""
+    path = tmp_path / "gratings.parquet"
+    held_out_taps().to_parquet(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("command", "given"),
+    [
+        (("decide",), FEW),
+        (("circuit", "run"), (*FEW, *ALGEBRA)),
+        (("compare",), ("--trials", 400, "--t-max", 40, "--accuracies", 0.8, *ALGEBRA)),
+        (
+            ("circuit", "compare-edits"),
+            ("lesion STN 10%", "--trials", 400, "--t-max", 40, "--accuracies", 0.8, *ALGEBRA),
+        ),
+        (("learn",), ("--runs", 1, "--learner.episodes", 500)),
+        (
+            ("circuit", "learn"),
+            (*FEW, "--engine", "rate", "--runs", 1, "--levels", 3, "--learner.episodes", 500),
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_own_taps_are_decided_on_and_named_in_provenance(command, given, edges, gratings, tmp_path):
+    """A copy of the shipped table decides as the shipped table does, byte by byte."""
+    outs = [tmp_path / f"{name}.csv" for name in ("turned", "own", "shipped")]
+    assert run(*command, outs[0], *given, *EDGES, "--taps", edges) == 0
+    assert run(*command, outs[1], *given, *GRATINGS, "--taps", gratings) == 0
+    assert run(*command, outs[2], *given, *GRATINGS) == 0
+    assert outs[1].read_bytes() == outs[2].read_bytes()
+    made = json.dumps(read_provenance(outs[0])["parameters"])
+    assert checksum(edges) in made
+    assert "edge-turn" in made
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_experiments_and_sweeps_name_taps_in_their_file(edges, tmp_path):
+    """The path is seen from the folder of the file."""
+    task = """
+[task]
+task = "edge-direction"
+channels = 4
+step_deg = 10
+taps = "edges.csv"
+trials = 200
+t_max = 20
+"""
+    (tmp_path / "one.toml").write_text(
+        'name = "Own taps"\nsource = "none"\npublished = ""\nnote = ""\nengine = "algebra"\n'
+        f'[manipulation]\nedits = ["lesion STN 10%"]\n{task}'
+    )
+    (tmp_path / "grid.toml").write_text(
+        f'name = "Own taps"\nengine = "algebra"\n{task}\n[grid]\n"lesion STN" = [0, 0.1]\n'
+    )
+    done = bg.Experiment.from_toml(tmp_path / "one.toml").run()
+    assert len(done.to_dataframe())
+    swept = bg.Sweep.from_toml(tmp_path / "grid.toml").run(tmp_path / "out")
+    assert len(swept.to_dataframe()) > 1
+
+
+def test_taps_that_the_decoder_was_trained_on_are_refused(edges, tmp_path):
+    table = read_table(edges)
+    table["trained_on"] = np.arange(len(table)) < 7
+    table.to_csv(tmp_path / "known.csv", index=False)
+    for taps in (tmp_path / "known.csv", str(tmp_path / "known.csv")):
+        with refused("taps trained on 7 of its 1500"):
+            bg.Stimuli(task="edge-turn", taps=taps).draw(1, "test")
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        ({"task": "edge-turn"}, "taps the table has no edge_deg"),
+        ({"task": "same-different", "step_deg": 3.0}, "step_deg edge-turn"),
+        ({"task": "edge-turn", "period_mm": 3.0}, "period_mm orientation"),
+        ({"task": "gaussian", "taps": "edges.csv"}, "taps same-different"),
+        ({"task": "edge-turn", "taps": "nowhere.csv"}, "path no table"),
+        ({"task": "orientation", "taps": 3}, "taps path"),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(asked, says, edges, monkeypatch):
+    monkeypatch.chdir(edges.parent)
+
+    def tried():
+        task = bg.Stimuli(**asked)
+        task.check()
+        task.check_idle()
+        task.draw(1, "test")
+
+    with refused(says):
+        tried()
