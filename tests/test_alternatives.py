@@ -58,7 +58,7 @@ def test_errors_stay_below_what_a_criterion_allows_where_likelihoods_are_right(s
     evidence = gaussian()
     evidence = replace(evidence, log_likelihood=sure * evidence.log_likelihood)
     found = calibrated.criteria(evidence, np.arange(evidence.trials))
-    assert (1 - found["accuracy"] <= 1 - found["mean_posterior"]).all() == kept
+    assert (1 - found["accuracy"] <= 1 - found["criterion"]).all() == kept
     assert (found["excess_high"] >= 0).all() == kept
     bins = calibrated.calibration(evidence, np.arange(evidence.trials))
     off = (bins["right"] - bins["posterior"]).abs()

@@ -8,7 +8,7 @@ from tests.helpers import run
 
 
 @pytest.mark.parametrize(
-    "command", [("run", "a.csv"), ("lesion", "a.csv"), ("learn", "a.csv"), ("show",)]
+    "command", [("run", "a.csv"), ("compare-edits", "a.csv"), ("learn", "a.csv"), ("show",)]
 )
 def test_an_unknown_circuit_or_engine_is_answered_with_all_there_are(command, capsys, monkeypatch):
     """The lists are those of the circuits: one more is known to every command."""

@@ -88,7 +88,7 @@ class FitRun(FitSettings, Shows):
 
     def _asked(self) -> dict[str, Any]:
         """Return all that two fits of one folder must share: whose they are, they need not."""
-        own = ("data", "folder", "models", "participant", "posterior", *UNRECORDED)
+        own = ("data", "folder", "models", "participant", "draws", *UNRECORDED)
         named = {each.name for each in fields(self)} - set(own)
         said = {name: recorded(getattr(self, name)) for name in sorted(named)}
         if self.rt_window is not None:

@@ -53,7 +53,10 @@ UNITS = (
     (("mean_ms",), "_ms: ms"),
     (("decided",), "decided: trials"),
     (("mean_posterior",), "mean_posterior: a probability"),
-    (("drift",), f"drift: 1/s, bound: no unit (EZ-diffusion, noise s = {DIFFUSION_S:g} per √s)"),
+    (
+        ("drift",),
+        f"drift: 1/s, boundary_separation: no unit (EZ-diffusion, noise s = {DIFFUSION_S:g} per √s)",
+    ),
     (("accuracy",), "the others: shares of trials"),
 )
 """Measures, and the unit that a page prints."""

@@ -226,7 +226,7 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
     assert run("fit", *one) == 0
     capsys.readouterr()
     said = fails(capsys, *one, "--fix", "lapse=0.02")
-    assert said.startswith("'fits/mine' holds fits with another hold: give another folder, or --f")
+    assert said.startswith("'fits/mine' holds fits with another fix: give another folder, or --f")
     assert fails(capsys, *one, "--vary", "bound=drug").startswith("'fits/mine' holds fits with ano")
     changed(rt=GOOD["rt"] + 0.01).to_csv("mine.csv", index=False)
     assert "holds fits with another trials:" in fails(capsys, *one)

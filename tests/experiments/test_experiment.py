@@ -236,7 +236,7 @@ def test_more_alternatives_have_no_diffusion(experiment_file):
     experiment = replace(experiment, task=replace(experiment.task, channels=4))
     table = experiment.run().measures
     empty = table[table["value"].isna()]
-    assert set(empty["measure"]) == {"drift", "bound", "non_decision_ms"}
+    assert set(empty["measure"]) == {"drift", "boundary_separation", "non_decision_ms"}
     assert "drift" not in page(experiment, table)
 
 

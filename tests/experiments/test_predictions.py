@@ -42,7 +42,7 @@ def test_a_share_that_changes_by_one_or_more_is_refused(measure, size):
         ("non_decision_ms", 0.2),
         ("decided", 0.05),
         ("drift", 1.2),
-        ("bound", 2.0),
+        ("boundary_separation", 2.0),
     ],
 )
 def test_a_size_that_seems_to_be_in_another_unit_is_warned_of(measure, size):

@@ -198,7 +198,7 @@ def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withhel
 ):
     """Times that do not vary are those of no diffusion."""
     for channels, says in (
-        (2, "drift, bound, non_decision_ms are withheld: no diffusion"),
+        (2, "drift, boundary_separation, non_decision_ms are withheld: no diffusion"),
         (4, ""),
     ):
         plan = Plan(grid={"task.channels": (channels,)}, task=TASK)

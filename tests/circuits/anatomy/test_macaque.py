@@ -206,7 +206,7 @@ def test_a_baseline_is_taken_from_no_more_readings_than_there_are():
 
 
 def test_no_number_changes_by_accident():
-    assert hashes("macaque") == ("eb0d59b5", "7d25c26c")
+    assert hashes("macaque") == ("dbb7b144", "e38d6ecc")
 
 
 @pytest.mark.parametrize("channels", [2, 4])
