@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.checks import reals, whole
+from bgmodel.support.checks import is_number, reals, whole
 from circuits.errors import (
     DeadlineWarning,
     InputError,
@@ -85,6 +85,21 @@ class ReadOut:
             )
         nats = threshold_from_posterior(posterior, hypotheses)
         return nats + np.log1p(-np.exp(-nats)) if self.unit == LOG_ODDS else nats
+
+    def one(self, threshold: float | None, posterior: float | None, hypotheses: int) -> float:
+        """Return the one threshold on OUT that is given, by itself or as a posterior; checked."""
+        check_one_given("threshold", threshold, posterior)
+        given = posterior if threshold is None else threshold
+        if given is None or not is_number(given):
+            field = "posterior" if threshold is None else "threshold"
+            raise InputError.of(field, "must be one number", given)
+        level = float(given)
+        if threshold is None:
+            level = float(self.threshold(given, hypotheses))
+        self.check(level)
+        if posterior is None:
+            self.doubt(level, hypotheses)
+        return level
 
     def check(self, thresholds: npt.ArrayLike) -> None:
         """Refuse thresholds that decide without evidence or are never reached.

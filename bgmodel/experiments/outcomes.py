@@ -55,7 +55,8 @@ UNITS = (
     (("mean_posterior",), "mean_posterior: a probability"),
     (
         ("drift",),
-        f"drift: 1/s, boundary_separation: no unit (EZ-diffusion, noise s = {DIFFUSION_S:g} per √s)",
+        "drift: 1/s, boundary_separation: no unit "
+        f"(EZ-diffusion, noise s = {DIFFUSION_S:g} per √s)",
     ),
     (("accuracy",), "the others: shares of trials"),
 )

@@ -22,8 +22,9 @@ from bgmodel.deciding.decision import (
     first_crossing,
     joined,
 )
-from bgmodel.deciding.readout import ReadOut, check_one_given
+from bgmodel.deciding.readout import ReadOut
 from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.integrators.session import Reader, Session
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag, is_number, whole
 from bgmodel.support.memory import check_memory
@@ -266,20 +267,53 @@ class BasalGanglia(Facts):
             advance(part.trials)
         return replace(joined(parts), truth=evidence.truth)
 
+    def session(
+        self,
+        threshold: float | None = None,
+        *,
+        posterior: float | None = None,
+        step_ms: float = 50.0,
+        t_max: int = 200,
+        prior: npt.ArrayLike | None = None,
+        baseline: float | None = None,
+        forced: bool = True,
+        first_trial: int = 0,
+    ) -> Session:
+        """Return a session that decides as readings come; options as of ``Session``.
+
+        Raises
+        ------
+        ValueError
+            As ``decide``; if the engine takes all readings of a trial at once; if each channel gets
+            its own evidence and there is no baseline.
+        """
+        level = self.threshold(threshold, posterior)
+        self.warn_of_noise(level)
+        nothing = np.zeros((1, 1, self.circuit.channels))
+        empty = Evidence(nothing, prior=prior, step_ms=step_ms, baseline=baseline)  # type: ignore[arg-type]
+
+        def begin(trial: int) -> Reader:
+            stream = self.engine.stream(
+                self.circuit, step_ms=step_ms, steps=t_max + 1, seed=self.seed, trial=trial
+            )
+            stream.add(self.drive(empty)[0, 0])
+
+            def read(evidence: Evidence) -> Trace:
+                stream.add(self.drive(evidence)[0, -1])
+                known, numbers = readout_of(self.circuit), evidence.trial_numbers
+                out = stream.out[None, : stream.samples]
+                return Trace(out, stream.time_ms, 0.0, step_ms, None, numbers, known)
+
+            return read
+
+        return Session(
+            begin, self.circuit.channels, level, step_ms=step_ms, t_max=t_max, prior=prior,
+            baseline=baseline, forced=forced, first_trial=first_trial,
+        )  # fmt: skip
+
     def threshold(self, threshold: float | None, posterior: float | None) -> float:
         """Return the OUT at which the circuit decides, given as one or as a posterior; checked."""
-        check_one_given("threshold", threshold, posterior)
-        given = posterior if threshold is None else threshold
-        if given is None or not is_number(given):
-            field = "posterior" if threshold is None else "threshold"
-            raise InputError.of(field, "must be one number", given)
-        known, level = readout_of(self.circuit), float(given)
-        if threshold is None:
-            level = float(known.threshold(given, self.circuit.channels))
-        known.check(level)
-        if posterior is None:
-            known.doubt(level, self.circuit.channels)
-        return level
+        return readout_of(self.circuit).one(threshold, posterior, self.circuit.channels)
 
     def activity(self, evidence: Evidence, first_trial: int = 0) -> Activity:
         """Return all that the circuit did; trial t has the noise of ``first_trial + t``.

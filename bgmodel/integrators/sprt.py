@@ -12,6 +12,7 @@ from bgmodel.deciding.decision import Decision, Tally, Trace, first_crossing
 from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
 from bgmodel.deciding.readout import threshold_from_posterior as threshold_from_posterior
 from bgmodel.evidence import Evidence, check_evidence, checked_prior, minus_log_softmax
+from bgmodel.integrators.session import Session
 from bgmodel.support.checks import is_number, reals, whole
 from circuits.errors import InputError
 
@@ -63,6 +64,26 @@ class Decides:
         """
         found = first_crossing(self.run(evidence), threshold, posterior=posterior, forced=forced)
         return replace(found, truth=evidence.truth)
+
+    def session(
+        self,
+        hypotheses: int = 2,
+        threshold: float | None = None,
+        *,
+        posterior: float | None = None,
+        step_ms: float = 1.0,
+        t_max: int = 1000,
+        prior: npt.ArrayLike | None = None,
+        forced: bool = True,
+    ) -> Session:
+        """Return a session that decides as readings come; options as of ``Session``."""
+        count = whole("hypotheses", hypotheses, 2)
+        known = self.run(Evidence(np.zeros((1, 1, count)), prior=prior)).readout  # type: ignore[arg-type]
+        assert known is not None
+        return Session(
+            lambda trial: self.run, count, known.one(threshold, posterior, count),
+            step_ms=step_ms, t_max=t_max, prior=prior, forced=forced,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from circuits.errors import InputError
 if TYPE_CHECKING:
     from circuits.activity import Activity
     from circuits.circuit import Circuit
+    from circuits.engines.stream import Stream
 
 OF_CELLS = ("neurons", "probability", "heterogeneity")
 """Fields of rows that act through the number of cells, their connections and their differences."""
@@ -118,6 +119,47 @@ class Engine:
             raise InputError(f"the {self.id} engine needs a seed", "seed", seed)
         run: Callable[..., Activity] = importlib.import_module(self.module).run
         return run(circuit, drive, self, step_ms=step_ms, seed=seed, first_trial=first_trial)
+
+    def stream(
+        self,
+        circuit: Circuit,
+        *,
+        step_ms: float,
+        steps: int,
+        seed: int | None = None,
+        trial: int = 0,
+    ) -> Stream:
+        """Begin a trial whose readings are given one by one.
+
+        Parameters
+        ----------
+        circuit : Circuit
+            The table.
+        step_ms : float
+            Time from one reading to the next, ms.
+        steps : int
+            Most readings.
+        seed, trial : int
+            Key of the noise, and the number of the trial, as in ``run``.
+
+        Raises
+        ------
+        ValueError
+            If this engine takes all readings at once, a time does not fit, or an engine with noise
+            gets no seed.
+        """
+        if self.noisy and seed is None:
+            raise InputError(f"the {self.id} engine needs a seed", "seed", seed)
+        module = importlib.import_module(self.module) if hasattr(self, "module") else None
+        stream: Callable[..., Stream] | None = getattr(module, "stream", None)
+        if stream is None:
+            raise InputError(
+                f"the {self.id} engine takes all readings of a trial at once: for one by one take "
+                "rate, population or ensemble",
+                "engine",
+                self.id,
+            )
+        return stream(circuit, self, step_ms=step_ms, steps=steps, seed=seed, trial=trial)
 
     # ---- the same engine with other options; an engine without the option returns itself
 

@@ -22,6 +22,7 @@ from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import ALL_ALIKE, Clock, Scheme, cell_factors, spike_hz, starting_state
 from circuits.dynamics.timed import Timed, timed
 from circuits.dynamics.wiring import fan_in, units_of
+from circuits.engines.stream import Onward, Stream
 
 if TYPE_CHECKING:
     from circuits.engines.shipped import Plain
@@ -81,6 +82,28 @@ def run(
             "settle_ms": engine.settle_ms,
         },
     )
+
+
+def stream(
+    circuit: Circuit, engine: Plain, *, step_ms: float, steps: int, seed: int, trial: int
+) -> Stream:
+    """Begin a trial in NumPy; the arguments are those of ``Engine.stream``."""
+    clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
+    scheme = Scheme(wired(circuit), engine.dt_ms)
+    one, w = _Trial(scheme, clock, timed(scheme.wiring, clock), seed, trial), scheme.wiring
+    every = clock.sample_ticks
+
+    def begin(drive: Array, out: Array) -> Onward:
+        def onward(first: int, last: int) -> None:
+            for k in range(first, last):
+                one.tick(k, drive)
+                late = k + 1 - clock.settle_ticks
+                if late > 0 and late % every == 0:
+                    out[late // every - 1] = w.activity(one.outputs[k], circuit.readout)
+
+        return onward
+
+    return Stream(circuit, clock, begin)
 
 
 class _Trial:

@@ -414,7 +414,7 @@ def _sum_up(ring, k, last, total):
 
 
 @compiled
-def _at_rest(p, work, streams):
+def begin(p, work, streams):
     """Start everything at rest, each cell at a random place between reset and threshold."""
     for b in range(len(p.blocks)):
         block = p.blocks[b]
@@ -477,10 +477,16 @@ def trial(
     int
         Spikes that there were to write down.
     """
+    begin(p, work, streams)
+    return go_on(p, work, drive, streams, drop_below, out, rates, spikes, 0, p.clock[0].ticks)
+
+
+@compiled
+def go_on(p, work, drive, streams, drop_below, out, rates, spikes, start, end):
+    """Run the ticks from one to another, as ``trial`` does with all of them."""
     clock, ring, written = p.clock[0], work.ring, 0
-    _at_rest(p, work, streams)
-    for first in range(0, clock.ticks, clock.window):
-        window = min(clock.window, clock.ticks - first)
+    for first in range(start, end, clock.window):
+        window = min(clock.window, end - first)
         _arrivals(first, window, p.units, p.sources, p.factors, ring, work.unit, work.passed)
         for b in range(len(p.blocks)):
             _advance(p, work, b, first, window, drive, streams[b])

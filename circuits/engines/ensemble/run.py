@@ -18,6 +18,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from circuits.activity import Activity, checked_drive, spike_table, warn_beyond_range
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
@@ -26,6 +27,8 @@ from circuits.dynamics.wiring import Wiring
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble.plan import plan, workspace
 from circuits.engines.ensemble.records import Plan
+from circuits.engines.stream import Onward, Stream
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     from circuits.engines.shipped import Ensemble
@@ -77,6 +80,37 @@ def run(
         spikes=_spike_tables(wiring, names, found, clock) if names else None,
         about=about | {"dt_ms": engine.dt_ms, "settle_ms": engine.settle_ms},
     )
+
+
+def stream(
+    circuit: Circuit, engine: Ensemble, *, step_ms: float, steps: int, seed: int, trial: int
+) -> Stream:
+    """Begin a trial of spiking cells; the arguments are those of ``Engine.stream``.
+
+    Raises
+    ------
+    ValueError
+        If a step is no multiple of the ticks that share their noise, or another time does not fit.
+    """
+    clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
+    for name in ("step", "settle"):
+        if getattr(clock, f"{name}_ticks") % noise.TICKS_A_WORD:
+            word_ms = noise.TICKS_A_WORD * engine.dt_ms
+            given = getattr(clock, f"{name}_ms")
+            raise InputError.of(f"{name}_ms", f"must be a multiple of {word_ms:g} ms", given)
+    wiring = wired(circuit)
+    keys = noise.stream_keys(seed, np.array([trial]), wiring.names)[0]
+    p = plan(wiring, clock, kept=np.zeros(wiring.blocks, dtype=bool))
+    work, none = workspace(p), np.empty((0, 3), np.int32)
+    rates = np.empty((clock.samples, 0), np.float32)
+
+    def begin(drive: Array, out: Array) -> Onward:
+        kernel.begin(p, work, keys)
+        return lambda first, last: kernel.go_on(
+            p, work, drive, keys, -np.inf, out, rates, none, first, last
+        )
+
+    return Stream(circuit, clock, begin)
 
 
 def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDArray[np.int32]]:

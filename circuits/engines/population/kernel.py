@@ -449,6 +449,25 @@ def _hold(p, work, first, drive):
 
 
 @compiled
+def _window(p, work, first, drive, level, out, rates):
+    """Run a window of ticks; return how many trials ended, or what ``_sample`` says."""
+    clock, mask, ended = p.clock[0], work.ring.shape[1] // LANES - 1, 0
+    _hold(p, work, first, drive)
+    for q in range(len(p.units)):
+        _arrive(p, work, q, first)
+    for b in range(len(p.blocks)):
+        _advance(p, work, b, first)
+    for k in range(first, first + clock.window):
+        _read(p, work, k & mask)
+        if (k + 1 - clock.settle) % clock.sample == 0:
+            over = _sample(p, work, k & mask, level, out, rates)
+            if over < 0:
+                return over
+            ended += over
+    return ended
+
+
+@compiled
 def trials(p, work, drive, streams, level, out, rates):
     """Run trials.
 
@@ -467,8 +486,7 @@ def trials(p, work, drive, streams, level, out, rates):
     int
         0, or one more than the sample at which rates ran away.
     """
-    clock, mask = p.clock[0], work.ring.shape[1] // LANES - 1
-    waiting, running, first = 0, 0, 0
+    clock, waiting, running, first = p.clock[0], 0, 0, 0
     work.trial[:] = EMPTY
     while running or waiting < len(drive):
         if first % clock.start == 0 and (waiting < len(drive) or first == 0):
@@ -477,17 +495,27 @@ def trials(p, work, drive, streams, level, out, rates):
                     trial = waiting if waiting < len(drive) else EMPTY
                     _load(p, work, lane, trial, first, streams)
                     waiting, running = waiting + (trial != EMPTY), running + (trial != EMPTY)
-        _hold(p, work, first, drive)
-        for q in range(len(p.units)):
-            _arrive(p, work, q, first)
-        for b in range(len(p.blocks)):
-            _advance(p, work, b, first)
-        for k in range(first, first + clock.window):
-            _read(p, work, k & mask)
-            if (k + 1 - clock.settle) % clock.sample == 0:
-                over = _sample(p, work, k & mask, level, out, rates)
-                if over < 0:
-                    return -over
-                running -= over
+        over = _window(p, work, first, drive, level, out, rates)
+        if over < 0:
+            return -over
+        running -= over
         first += clock.window
+    return 0
+
+
+@compiled
+def begin(p, work, streams):
+    """Start one trial, at rest, in the first lane."""
+    work.trial[:] = EMPTY
+    for lane in range(LANES):
+        _load(p, work, lane, 0 if lane == 0 else EMPTY, 0, streams)
+
+
+@compiled
+def go_on(p, work, drive, out, rates, start, end):
+    """Run the ticks from one to another, as ``trials`` does with all of them."""
+    for first in range(start, end, p.clock[0].window):
+        over = _window(p, work, first, drive, -np.inf, out, rates)
+        if over < 0:
+            return -over
     return 0

@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.arrays import Array
 from circuits.checks import check_time, is_whole
 from circuits.circuit import Circuit
 from circuits.dynamics import noise as noises
@@ -33,6 +34,7 @@ from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme
 from circuits.engines.population import kernel
 from circuits.engines.population.plan import plan, tick_ms, workspace
+from circuits.engines.stream import Onward, Stream
 from circuits.errors import InputError, NoiseWarning, user_level
 from circuits.laws.stability import ringing
 
@@ -103,6 +105,39 @@ def run(
         engine=engine.id,
         about=about | ({"seed": int(seed or 0), "first_trial": first_trial} if noise else {}),
     )
+
+
+def stream(
+    circuit: Circuit,
+    engine: PopulationsEngine,
+    *,
+    step_ms: float,
+    steps: int,
+    seed: int | None = None,
+    trial: int = 0,
+) -> Stream:
+    """Begin a trial of populations; the arguments are those of ``Engine.stream``."""
+    times = (step_ms, engine.sample_ms, engine.settle_ms)
+    wiring = wired(circuit)
+    dt = tick_ms(wiring, *times) if engine.dt_ms is None else engine.dt_ms
+    clock = Clock(steps, step_ms, dt, *times[1:])
+    p = plan(Scheme(wiring, dt), clock, engine)
+    names = wiring.names if engine.noise else []
+    keys = noises.stream_keys(seed or 0, np.array([trial]), names)
+    work = workspace(p, kept=False)
+    rates = np.empty((1, clock.samples, 0), dtype=np.float32)
+
+    def begin(drive: Array, out: Array) -> Onward:
+        kernel.begin(p, work, keys if engine.noise else keys[:0])
+
+        def onward(first: int, last: int) -> None:
+            if late := kernel.go_on(p, work, drive[None], out[None], rates, first, last):
+                when_ms = late * engine.sample_ms
+                raise ValueError(f"rates of {circuit.name} run away, {when_ms:g} ms after onset")
+
+        return onward
+
+    return Stream(circuit, clock, begin)
 
 
 def _trials(p: Any, arrays: tuple[Any, ...], engine: PopulationsEngine) -> int:

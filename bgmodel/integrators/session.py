@@ -1,0 +1,183 @@
+"""Decisions while readings come: one reading in, a decision out as soon as there is one."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from bgmodel.deciding.decision import UNDECIDED, Decision, Trace, first_crossing
+from bgmodel.evidence import Evidence
+from bgmodel.support.arrays import Array
+from bgmodel.support.checks import is_number, reals, whole
+from circuits.errors import DeadlineWarning, InputError, user_level
+
+Reader = Callable[[Evidence], Trace]
+"""Takes all readings of a trial so far, and returns OUT until a step after the last one."""
+
+
+class Session:
+    """Trials whose readings are given as they come; made by ``session`` of a model.
+
+    Each trial is what ``decide`` makes of the same readings given all at once: the same OUT, choice
+    and time, to the byte. A reading is held for a step, in which a circuit may decide between two
+    readings. Nothing of an earlier trial is kept.
+
+    Parameters
+    ----------
+    begin : function
+        Takes the number of a trial; returns how its readings are read.
+    hypotheses : int
+        Values of a reading.
+    threshold : float
+        OUT at which it decides, in the unit of the model.
+    step_ms : float
+        Time from one reading to the next, ms.
+    t_max : int
+        Most steps of a trial; at its end the deadline forces a response, if ``forced``.
+    prior : sequence of float, optional
+        Prior probabilities; equal if left out.
+    baseline : float, optional
+        As of ``Evidence``: for a circuit in which each channel gets its own evidence.
+    forced : bool
+        Whether the deadline forces a response.
+    first_trial : int
+        Number of the first trial: it sets the noise.
+
+    Examples
+    --------
+    >>> import bgmodel as bg
+    >>> session = bg.Msprt().session(2, posterior=0.9)
+    >>> session.add([0.0, -1.0])
+    >>> session.add([0.0, -1.5]).choice[0]
+    np.int64(0)
+    """
+
+    def __init__(
+        self,
+        begin: Callable[[int], Reader],
+        hypotheses: int,
+        threshold: float,
+        *,
+        step_ms: float,
+        t_max: int,
+        prior: npt.ArrayLike | None = None,
+        baseline: float | None = None,
+        forced: bool = True,
+        first_trial: int = 0,
+    ) -> None:
+        self.hypotheses, self.threshold, self.forced = hypotheses, threshold, forced
+        self.t_max = whole("t_max", t_max, 1)
+        self.trial = whole("first_trial", first_trial, 0) - 1
+        # Held when no reading comes: it tells nothing, nor would a channel hear anything by itself.
+        self._nothing = np.full(hypotheses, baseline or 0.0)
+        self._empty = Evidence(
+            self._nothing[None, None], prior=prior, step_ms=step_ms, baseline=baseline,  # type: ignore[arg-type]
+        )  # fmt: skip
+        self._begin = begin
+        self.next()
+
+    def next(self) -> None:
+        """Begin the next trial, at rest."""
+        self.trial += 1
+        self.readings: list[Array] = []
+        self.decision: Decision | None = None
+        self.trace: Trace | None = None
+        self._read = self._begin(self.trial)
+
+    def add(self, reading: npt.ArrayLike, *, at_ms: float | None = None) -> Decision | None:
+        """Take a reading; return the decision, if there is one now, of a trial of one.
+
+        Parameters
+        ----------
+        reading : array (hypotheses,), nats
+            Log-likelihoods of what was read.
+        at_ms : float, optional
+            When it came, ms from the onset of evidence; a step after the last one if left out. The
+            steps until then pass without a reading.
+
+        Raises
+        ------
+        ValueError
+            If the trial is decided, the reading does not fit, or it comes before the last one.
+
+        Warns
+        -----
+        DeadlineWarning
+            If it comes more than half a step late.
+        """
+        if self.decision is not None:
+            raise InputError("this trial is decided: session.next() begins another one", "reading")
+        given = np.asarray(reals("reading", reading), dtype=np.float64)
+        if given.shape != (self.hypotheses,) or not np.isfinite(given).all():
+            raise InputError.of(
+                "reading", f"must be {self.hypotheses} finite log-likelihoods", reading
+            )
+        for _ in range(self._late(at_ms)):
+            if self._take(self._nothing) is not None:
+                return self.decision
+        return self._take(given)
+
+    def _late(self, at_ms: float | None) -> int:
+        """Return how many steps passed without a reading."""
+        step_ms, due = self._empty.step_ms, len(self.readings) + 1
+        if at_ms is None:
+            return 0
+        if not (is_number(at_ms) and math.isfinite(at_ms)):
+            raise InputError.of("at_ms", "must be a finite time", at_ms)
+        if at_ms < (due - 1) * step_ms:
+            raise InputError(
+                f"readings must come in order: the last one was at {(due - 1) * step_ms:g} ms, "
+                f"this one is of {at_ms:g}",
+                "at_ms",
+            )
+        late = math.floor(at_ms / step_ms - due + 0.5)
+        if late > 0:
+            warnings.warn(
+                f"reading {due} came {at_ms - due * step_ms:.0f} ms late: {late} steps passed "
+                "without one",
+                DeadlineWarning,
+                stacklevel=user_level(),
+            )
+        return max(late, 0)
+
+    def _take(self, reading: Array) -> Decision | None:
+        """Take one step; the last one is the deadline."""
+        self.readings.append(reading)
+        evidence = self._evidence()
+        self.trace = self._read(evidence)
+        found = self._crossed(forced=False)
+        if found.choice[0] != UNDECIDED:
+            self.decision = found
+        elif len(self.readings) == self.t_max:
+            self.decision = self.finish()
+        return self.decision
+
+    def _evidence(self) -> Evidence:
+        values = np.array(self.readings)[None]
+        # Warnings of what readings look like are for whole tables.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            return replace(self._empty, log_likelihood=values, numbers=np.array([self.trial]))
+
+    def _crossed(self, forced: bool) -> Decision:
+        assert self.trace is not None
+        return first_crossing(self.trace, self.threshold, forced=forced, checked=False)
+
+    def finish(self) -> Decision:
+        """End the trial: return its decision, or what the deadline makes of it.
+
+        Raises
+        ------
+        ValueError
+            Before the first reading.
+        """
+        if self.trace is None:
+            raise InputError("a trial without a reading cannot end", "reading")
+        if self.decision is None:
+            self.decision = self._crossed(self.forced)
+        return self.decision

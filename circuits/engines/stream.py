@@ -1,0 +1,69 @@
+"""A run whose readings come one by one: the state of an engine, carried from reading to reading."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from circuits.activity import checked_drive
+from circuits.arrays import Array
+from circuits.circuit import Circuit
+from circuits.dynamics.ticks import Clock
+from circuits.errors import InputError
+
+Onward = Callable[[int, int], None]
+"""Runs the ticks from one to another, on the drive so far, and writes OUT down."""
+
+
+class Stream:
+    """One trial of a circuit that is given its readings as they come.
+
+    What it computes is what ``Engine.run`` does with all of them, to the byte: a reading changes
+    nothing of what was before it.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The table.
+    clock : Clock
+        Its steps are the most readings that it takes.
+    begin : function
+        Takes the drive (steps, channels), nats, which is filled as readings come, and OUT
+        (samples, channels), which is written; starts at rest and returns how to go on.
+    """
+
+    def __init__(
+        self, circuit: Circuit, clock: Clock, begin: Callable[[Array, Array], Onward]
+    ) -> None:
+        self.circuit, self.clock = circuit, clock
+        self.drive = np.full((clock.steps, circuit.channels), np.nan)
+        self.out = np.full((clock.samples, circuit.channels), np.nan)
+        self.steps, self.samples = 0, 0
+        self._onward = begin(self.drive, self.out)
+
+    def add(self, reading: npt.ArrayLike) -> Array:
+        """Hold a drive (channels,), nats, for one step; return OUT (samples, channels) in it.
+
+        Raises
+        ------
+        ValueError
+            If the reading does not fit the circuit, or there were as many as it takes.
+        """
+        if self.steps == self.clock.steps:
+            raise InputError(f"this trial has had all its {self.steps} readings", "reading")
+        given = checked_drive(self.circuit, np.asarray(reading)[None, None])[0, 0]
+        self.drive[self.steps] = given
+        ends = [self.clock.settle_ticks + k * self.clock.step_ticks for k in (0, 1)]
+        first, last = (end + self.steps * self.clock.step_ticks for end in ends)
+        self._onward(first if self.steps else 0, last)
+        before = self.samples
+        self.steps += 1
+        self.samples += self.clock.step_ticks // self.clock.sample_ticks
+        return self.out[before : self.samples]
+
+    @property
+    def time_ms(self) -> Array:
+        """Time of each sample so far, ms from the first reading."""
+        return self.clock.time_ms[: self.samples]

@@ -1,0 +1,89 @@
+"""Readings one by one give what all of them at once give, to the byte, on every engine."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circuits import anatomy
+from circuits.engines import engine_of
+from tests.helpers import refused
+
+STEP_MS, STEPS = 20.0, 6
+TABLES = {
+    "spiking_msprt": anatomy.spiking_msprt(2).with_neurons(40),
+    "lesioned": anatomy.spiking_msprt(2).with_neurons(40).lesion("STN", 0.3),
+    "sparse": anatomy.spiking_msprt(2).with_neurons(40).with_connections(0.5),
+    "macaque": anatomy.macaque(3).with_neurons(40),
+    "course": anatomy.macaque(2).with_neurons(40).add("dopamine amount=0.2 from_ms=30"),
+}
+
+
+def drive_of(circuit, seed=0, steps=STEPS):
+    rng = np.random.default_rng(seed)
+    return rng.normal(0, 0.4, (steps, circuit.channels)).cumsum(axis=0)
+
+
+def streamed(circuit, engine, drive, trial, step_ms=STEP_MS):
+    stream = engine.stream(circuit, step_ms=step_ms, steps=len(drive), seed=7, trial=trial)
+    parts = [stream.add(reading).copy() for reading in drive]
+    return stream, np.concatenate(parts)
+
+
+@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "plain"])
+def test_readings_one_by_one_give_the_bytes_of_all_at_once(engine, name):
+    circuit, made = TABLES[name], engine_of(engine)
+    if engine in ("rate", "population") and name == "sparse":
+        pytest.skip("populations have no connections of single cells")
+    if engine == "plain" and name != "macaque":
+        pytest.skip("one table tells, and it is slow")
+    steps = 2 if engine == "plain" else STEPS
+    drive = np.stack([drive_of(circuit, seed, steps) for seed in range(3)])
+    whole = made.run(circuit, drive, step_ms=STEP_MS, seed=7, first_trial=4)
+    for trial in (0, 2):
+        stream, out = streamed(circuit, made, drive[trial], 4 + trial)
+        assert out.tobytes() == whole.output_nats[trial].tobytes()
+        assert np.array_equal(stream.time_ms, whole.time_ms)
+
+
+@pytest.mark.parametrize("engine", ["rate", "population", "ensemble"])
+@given(st.integers(1, STEPS - 1), st.integers(0, 2**16))
+@settings(max_examples=10, deadline=None)
+def test_later_readings_change_nothing_of_what_was_before(engine, step, seed):
+    circuit, made = TABLES["macaque"], engine_of(engine)
+    drive = drive_of(circuit, seed)
+    other = drive.copy()
+    other[step:] = drive_of(circuit, seed + 1)[step:]
+    a, b = (streamed(circuit, made, each, 1)[1] for each in (drive, other))
+    per = len(a) // STEPS
+    assert np.array_equal(a[: step * per], b[: step * per])
+    assert not np.array_equal(a[step * per :], b[step * per :])
+
+
+@pytest.mark.parametrize(
+    ("engine", "given", "says"),
+    [
+        ("brian2", {}, "engine all readings of a trial at once"),
+        ("algebra", {}, "engine all readings of a trial at once"),
+        ("population", {"seed": None}, "seed needs a seed"),
+        ("ensemble", {"step_ms": 10.1}, "sample_ms multiple"),
+        ("ensemble", {"step_ms": -1.0}, "step_ms > 0"),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(engine, given, says):
+    asked = {"step_ms": STEP_MS, "steps": 2, "seed": 1} | given
+    with refused(says):
+        engine_of(engine).stream(TABLES["macaque"], **asked)
+
+
+def test_a_trial_takes_as_many_readings_as_it_said_and_those_that_fit():
+    circuit = TABLES["macaque"]
+    stream = engine_of("rate").stream(circuit, step_ms=STEP_MS, steps=1)
+    with refused("drive channels"):
+        stream.add([0.0, 1.0])
+    with refused("drive finite"):
+        stream.add([0.0, np.nan, 0.0])
+    stream.add([0.0, 0.0, 0.0])
+    with refused("reading all its 1 readings"):
+        stream.add([0.0, 0.0, 0.0])
