@@ -17,6 +17,8 @@ from bgmodel.commands.fits import FitRun
 from bgmodel.commands.page import PageWrite
 from bgmodel.commands.sweeps import SweepRun
 from bgmodel.commands.taps import Decode, Simulate, Train
+from bgmodel.commands.touch import Touch
+from bgmodel.commands.watch import Watch
 
 CIRCUIT = {
     "show": CircuitShow,
@@ -29,6 +31,8 @@ CIRCUIT = {
 # two commands or more.
 COMMANDS: dict[str, Any] = {
     "demo": DemoRun,
+    "touch": Touch,
+    "watch": Watch,
     "simulate": Simulate,
     "train": Train,
     "decode": Decode,

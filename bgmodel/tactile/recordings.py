@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import pandas as pd
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
@@ -95,6 +96,46 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
         raise ValueError(f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins are seen")
     labels["markers_found"] = found
     return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
+
+
+class Tracker:
+    """Reads single images of a sensor whose pins are known: what ``read_taps`` does with folders.
+
+    Parameters
+    ----------
+    rest_mm : array (pins, 2)
+        Places of the pins at rest, mm, as of a decoder.
+    mm_per_px : float
+        Scale of the images.
+    stimulus : str
+        What is tapped.
+    """
+
+    def __init__(self, rest_mm: Reals, mm_per_px: float, stimulus: str) -> None:
+        if not 0 < mm_per_px < np.inf:
+            raise InputError.of("mm_per_px", "must be a positive number", mm_per_px)
+        self.rest_mm, self.stimulus = np.asarray(rest_mm, dtype=np.float64), stimulus
+        self.scale = mm_per_px * np.array([1, -1])
+        self.shape: tuple[int, ...] | None = None
+
+    def read(self, path: Path) -> Taps:
+        """Return the tap of an image; the first one sets the size of all.
+
+        Raises
+        ------
+        ValueError
+            If the image cannot be read, is of another size, or shows less than half of the pins.
+        """
+        if self.shape is None:
+            self.shape = _read_image(path).shape
+            centre = (np.array(self.shape[::-1]) - 1) / 2
+            self._track = _tracker(self.rest_mm / self.scale + centre)
+        moved, found = self._track(_detect(path, self.shape))
+        if found < len(self.rest_mm) / 2:
+            raise ValueError(f"{path}: only {found} of {len(self.rest_mm)} pins are seen")
+        labels = pd.DataFrame({"image": [path], "markers_found": [found]})
+        still = (moved[None] * self.scale).astype(np.float32)
+        return Taps(still, self.rest_mm, labels, self.stimulus)
 
 
 def pins_found(taps: Taps, pins: int | None = None) -> str:

@@ -25,6 +25,8 @@ from circuits.errors import CalibrationWarning, InputError, require, user_level
 
 FOLDS = 6
 STEP_MS = 500.0
+SILENT_NATS = 0.1
+"""Log-likelihood ratio of a reading, on the mean, below which a task makes no sense."""
 SHIPPED = Path(str(resources.files("bgmodel.data") / "held_out_taps.parquet"))
 """The decoded taps that ship with the package."""
 
@@ -92,11 +94,11 @@ class Source:
 
     def warn_if_silent(self) -> None:
         """Warn where the decoder does not resolve the hypotheses: every reading says nothing."""
-        if self.likelihood.shrink == 0:
+        said = [np.ptp(readings, axis=1) for readings in self.log_likelihood]
+        if np.concatenate(said).mean() < SILENT_NATS:
             warnings.warn(
-                f"{self.where} the decoder tells none of the "
-                f"{len(self.names)} hypotheses apart: saying nothing predicts held-out taps best, "
-                "so that every reading is worth 0 nats and every choice is a guess",
+                f"{self.where} the decoder tells none of the {len(self.names)} hypotheses apart: "
+                f"a reading is worth less than {SILENT_NATS:g} nats, so that every choice is a guess",
                 CalibrationWarning,
                 stacklevel=user_level(),
             )

@@ -175,13 +175,20 @@ class EdgeTurn(_Edge):
 
     def readings(self, pool: Pool) -> list[Array]:
         """Return the decoded differences of all pairs of taps with each true difference."""
-        true, read = pool[0].T
-        turned = wrapped(true[None, :] - true[:, None], 360)
-        decoded = wrapped(read[None, :] - read[:, None], 360)
-        other = ~np.eye(len(true), dtype=bool)
-        return [
-            decoded[other & (np.abs(turned - angle) < TOLERANCE_DEG)] for angle in self.angles_deg
-        ]
+        true, read = pool[0][np.argsort(pool[0][:, 0], kind="stable")].T
+        around = np.concatenate([true - 360, true, true + 360])
+        found: list[Array] = []
+        for angle in self.angles_deg:
+            # Of each tap, the others that lie within the tolerance of the angle ahead of it.
+            first = np.searchsorted(around, true + angle - TOLERANCE_DEG, side="right")
+            count = np.searchsorted(around, true + angle + TOLERANCE_DEG) - first
+            one = np.repeat(np.arange(len(true)), count)
+            ahead = np.arange(len(one)) - np.repeat(count.cumsum() - count, count)
+            other = (np.repeat(first, count) + ahead) % len(true)
+            pairs = one != other
+            turned = read[other[pairs]] - read[one[pairs]]
+            found.append(np.asarray(wrapped(turned, 360), dtype=np.float64))
+        return found
 
 
 class EdgeDirection(_Edge):

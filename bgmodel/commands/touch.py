@@ -1,0 +1,188 @@
+"""The whole chain for one sensor, in one command, and decisions while it taps."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from tyro.conf import Positional
+
+from bgmodel.commands.checks import Shows, check_whole, options_of, say
+from bgmodel.commands.taps import Decode, Simulate, Train
+from bgmodel.support import files
+from bgmodel.tactile.grating import PERIODS_MM
+from bgmodel.tactile.task import TASKS
+from bgmodel.version import __version__
+from circuits.errors import InputError
+
+STEPS_DEG = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+"""Steps of the psychometric curve of an edge."""
+
+
+@dataclass(frozen=True)
+class Touch(Shows):
+    """From a sensor's taps to decisions: simulate or read, train, decode, decide, one page.
+
+    The sensor is the simulated one on gratings, or one whose recordings you name. What is finished
+    stays in the folder: the same command goes on where it was stopped.
+
+    Examples: bgmodel touch;
+    bgmodel touch mine --training my_taps/csv_train --held-out my_taps/csv_val --mm-per-px 0.33
+    """
+
+    folder: Positional[Path] = Path("touch")
+    """Where everything goes; the page is index.html."""
+    training: Path | None = None
+    """Folder of recorded taps of an edge that the decoder is trained on."""
+    held_out: Path | None = None
+    """Folder of other recorded taps, which are decided on."""
+    mm_per_px: float | None = None
+    """Scale of recordings, mm."""
+    task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] | None = None
+    """What is asked; same-different of gratings, edge-turn of an edge if left out."""
+    channels: int = 2
+    """Alternatives, 2..8."""
+    period_mm: float = 2.0
+    """Period of the grating, mm."""
+    step_deg: float = 5.0
+    """Degrees between alternatives of a question on edges."""
+    taps: int = 1000
+    """Simulated taps of each grating that the decoder is trained on."""
+    held_out_taps: int = 1200
+    """Simulated taps of each grating and yaw that are decided on."""
+    epochs: int = 8
+    """Most passes of the training over simulated taps."""
+    trials: int = 1200
+    """Decisions of test and circuit."""
+    step_ms: float = 50.0
+    """Time between readings, ms."""
+    workers: int = 2
+    """Processes and threads; the results do not depend on it."""
+    seed: int = 0
+
+    def __call__(self) -> None:
+        """Run the command."""
+        from bgmodel.tactile.source import read_decoded
+        from bgmodel.touch import page, story
+
+        self._check()
+        self.folder.mkdir(parents=True, exist_ok=True)
+        decoded = self._decoded()
+        say(f"deciding on {self.trials} trials, learning a gap, and one decision in spikes")
+        task = self._task
+        found = story(
+            read_decoded(decoded),
+            lambda value: TASKS[task](self.channels, value, value),
+            PERIODS_MM if self._grating else STEPS_DEG,
+            self.period_mm if self._grating else self.step_deg,
+            "period of the grating (mm)" if self._grating else "step between alternatives (deg)",
+            trials=self.trials,
+            step_ms=self.step_ms,
+            seed=self.seed,
+            workers=self.workers,
+        )
+        stimulus = f"{self.period_mm:g} mm" if self._grating else f"{self.step_deg:g} degrees"
+        title = f"{self._sensor}: {task}, {self.channels} alternatives, {stimulus}"
+        made = f"bgmodel {__version__}, seed {self.seed}, decoder and taps: {decoded.name}"
+        with files.replacing(self.folder / "index.html") as partial:
+            partial.write_text(page(found, title, made), encoding="utf-8")
+        behind: dict[str, Any] = {"command": options_of(self)}
+        for name in ("psychometric", "curves", "table"):
+            path = self.folder / f"{name}.csv"
+            files.write_table(getattr(found, name), path, seed=self.seed, **behind)
+        for remark in found.remarks:
+            self.note(f"warning: {remark}")
+        text = found.summary().to_string(index=False, header=False, float_format="{:.3f}".format)
+        self.show(f"{title}\n{text}\n-> {self.folder / 'index.html'}", found.summary())
+
+    @property
+    def _grating(self) -> bool:
+        return self.training is None
+
+    @property
+    def _task(self) -> str:
+        return self.task or ("same-different" if self._grating else "edge-turn")
+
+    @property
+    def _sensor(self) -> str:
+        return "Simulated TacTip" if self.training is None else f"Recordings {self.training.name}"
+
+    def _check(self) -> None:
+        """Refuse what contradicts itself, before long work starts."""
+        check_whole(taps=self.taps, held_out_taps=self.held_out_taps, trials=self.trials)
+        if (self.training is None) != (self.held_out is None):
+            raise InputError(
+                "recordings take two folders: training, and held_out taps that are decided on",
+                "held_out" if self.held_out is None else "training",
+            )
+        if self._task.startswith("edge") == self._grating:
+            made_of = "an edge: give recordings" if self._grating else "gratings"
+            raise InputError(f"task {self._task} needs taps of {made_of}", "task", self._task)
+        if self._task == "same-different" and self.channels != 2:
+            raise InputError("same-different has 2 alternatives", "channels", self.channels)
+        if self.training is not None:
+            for name in ("training", "held_out"):
+                if not (path := getattr(self, name)).is_dir():
+                    raise InputError(f"{name}: there is no folder {str(path)!r}", name, path)
+            if self.mm_per_px is None:
+                raise InputError(
+                    "recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px"
+                )
+        elif self.period_mm not in PERIODS_MM:
+            raise InputError.of("period_mm", f"must be one of {PERIODS_MM}", self.period_mm)
+        TASKS[self._task](self.channels, self.period_mm, self.step_deg)
+
+    def _decoded(self) -> Path:
+        """Return the table of decoded held-out taps; what is there already is not made again."""
+        done = _Done(self.folder)
+        decoder, decoded = self.folder / "decoder.safetensors", self.folder / "decoded.parquet"
+        if self.training is not None and self.held_out is not None:
+            own: dict[str, Any] = {"edge": True, "mm_per_px": self.mm_per_px}
+            key = [str(self.training.resolve()), self.mm_per_px, self.seed]
+            train = Train(self.training, decoder, force=True, seed=self.seed, **own)
+            done.make(decoder, key, train)
+            key = [*key, str(self.held_out.resolve())]
+            done.make(decoded, key, Decode(decoder, self.held_out, decoded, force=True, **own))
+            return decoded
+        from bgmodel.tactile.decoder import Training
+
+        training, held_out = self.folder / "training.npz", self.folder / "held_out.npz"
+        given: dict[str, Any] = {"force": True, "seed": self.seed, "workers": self.workers}
+        key = [self.taps, self.seed]
+        done.make(training, key, Simulate(training, taps=self.taps, **given))
+        key = [*key, self.epochs]
+        fit = Training(epochs=self.epochs)
+        done.make(decoder, key, Train(training, decoder, force=True, training=fit, seed=self.seed))
+        yaws = TASKS[self._task](self.channels, self.period_mm, self.step_deg).yaws_deg  # type: ignore[attr-defined]
+        count = self.held_out_taps * len(yaws)
+        key = [*key, count, *yaws]
+        held = Simulate(held_out, taps=count, yaw_deg=yaws, **given)
+        done.make(held_out, key, held)
+        done.make(decoded, key, Decode(decoder, held_out, decoded, force=True))
+        return decoded
+
+
+class _Done:
+    """Which files of a folder are finished, and from what they were made."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "steps.json"
+        self.known: dict[str, str] = {}
+        if self.path.is_file():
+            self.known = json.loads(self.path.read_text(encoding="utf-8"))
+
+    def make(self, path: Path, key: list[Any], make: Callable[[], None]) -> None:
+        """Make a file unless it is there, made from the same."""
+        text = json.dumps([__version__, *key], default=str)
+        digest = hashlib.sha256(text.encode()).hexdigest()
+        if path.is_file() and self.known.get(path.name) == digest:
+            say(f"{path} is there already")
+            return
+        make()
+        self.known[path.name] = digest
+        with files.replacing(self.path) as partial:
+            partial.write_text(json.dumps(self.known, indent=1), encoding="utf-8")

@@ -1,0 +1,200 @@
+"""Decisions in the loop: a folder of images is watched, and each image is a reading."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from tyro.conf import Positional
+
+from bgmodel.commands.checks import Writes, check_ending, options_of, say
+from bgmodel.names import MACAQUE, CircuitName, EngineName
+from bgmodel.support import files
+from bgmodel.support.arrays import Array
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    from bgmodel.integrators.session import Session
+
+POLL_S = 0.004
+SPIKES = EngineName("ensemble")
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+
+
+@dataclass(frozen=True)
+class Watch(Writes):
+    """Decide on images of taps as they arrive in a folder, by the circuit or by the test.
+
+    Each image is decoded and adds its log-likelihoods to the trial; as soon as OUT crosses the
+    threshold the decision is printed, and the next trial begins. For a question on two taps, each
+    pair of images is one reading. It ends when no image has come for some time.
+
+    Example: bgmodel watch camera decisions.csv --decoder edge.safetensors --taps decoded.parquet
+    --task edge-direction --mm-per-px 0.33
+    """
+
+    folder: Positional[Path]
+    """Folder that the sensor writes its images to; those that are there already come first."""
+    output: Positional[Path]
+    """Where the table of decisions goes, .csv or .parquet."""
+    decoder: Path
+    """A decoder from `bgmodel train`."""
+    taps: Path
+    """Taps that it has decoded, of the same sensor: they say what a reading is worth."""
+    mm_per_px: float
+    """Scale of the images, mm."""
+    task: Literal["same-different", "orientation", "edge-turn", "edge-direction"] = "edge-direction"
+    """What is asked of the taps."""
+    channels: int = 2
+    """Alternatives, 2..8."""
+    period_mm: float = 2.0
+    """Period of the grating, mm."""
+    step_deg: float = 5.0
+    """Degrees between alternatives of a question on edges."""
+    first_deg: float = 0.0
+    """Direction of the first alternative of edge-direction, degrees."""
+    by: Literal["circuit", "test"] = "circuit"
+    """Who decides."""
+    circuit: CircuitName = MACAQUE
+    """Name of the table, or the path of a .toml file."""
+    engine: EngineName = SPIKES
+    """How it is computed: ensemble (spikes), population or rate."""
+    posterior: float = 0.82
+    """Posterior at which it decides."""
+    step_ms: float = 100.0
+    """Time between readings, ms; a reading that comes later than that is said."""
+    t_max: int = 60
+    """Most steps of a trial; then the deadline forces a response."""
+    idle_s: float = 10.0
+    """Ends when no image has come for so long, s."""
+    seed: int = 0
+
+    def __call__(self) -> None:
+        """Run the command."""
+        import pandas as pd
+
+        check_ending("output", self.output, ".csv", ".parquet")
+        if not self.folder.is_dir():
+            raise InputError(f"there is no folder {str(self.folder)!r}", "folder", self.folder)
+        read, names, session = self._begin()
+        rows: list[dict[str, Any]] = []
+        begun: float | None = None
+        latency: list[float] = []
+        say(f"watching {self.folder}; it ends {self.idle_s:g} s after the last image")
+        for path in images(self.folder, self.idle_s):
+            now = time.monotonic()
+            begun = now if begun is None else begun
+            if (reading := read(path)) is None:
+                continue
+            due_ms = (len(session.readings) + 1) * self.step_ms
+            at_ms = max(1000 * (now - begun) + self.step_ms, due_ms)
+            decision = session.add(reading, at_ms=at_ms)
+            latency.append(1000 * (time.monotonic() - now))
+            if decision is None:
+                continue
+            choice = int(decision.choice[0])
+            rows.append(
+                {
+                    "trial": session.trial, "choice": names[choice] if choice >= 0 else "none",
+                    "time_ms": float(decision.time_ms[0]), "forced": bool(decision.forced[0]),
+                    "readings": len(session.readings), "last_image": path.name,
+                    "latency_ms": latency[-1],
+                }
+            )  # fmt: skip
+            row = rows[-1]
+            forced = ", forced" if row["forced"] else ""
+            print(
+                f"trial {row['trial']}: {row['choice']} after {row['readings']} readings, "
+                f"{row['time_ms']:.0f} ms{forced}",
+                flush=True,
+            )
+            session.next()
+            begun = None
+        files.write_table(pd.DataFrame(rows), self.output, seed=self.seed, command=options_of(self))
+        middle = f", {np.median(latency):.0f} ms from image to OUT (median)" if latency else ""
+        print(f"{len(rows)} decisions on {len(latency)} readings{middle} -> {self.output}")
+
+    def _begin(self) -> tuple[Callable[[Path], Array | None], tuple[str, ...], Session]:
+        """Return what turns an image into a reading, names of alternatives, and the session."""
+        from bgmodel.integrators.basal_ganglia import BasalGanglia
+        from bgmodel.integrators.sprt import Msprt
+        from bgmodel.tactile.decoder import Decoder
+        from bgmodel.tactile.recordings import Tracker
+        from bgmodel.tactile.source import readings_of
+        from circuits.anatomy import load_circuit
+
+        decoder = Decoder.load(self.decoder)
+        known = readings_of(
+            self.task, self.channels, period_mm=self.period_mm, step_deg=self.step_deg,
+            taps=self.taps, fold=0,
+        )  # fmt: skip
+        tracker = Tracker(decoder.rest_mm, self.mm_per_px, decoder.training.network)
+        column = {"orientation": "orientation_deg", "same-different": "psi_deg"}.get(
+            self.task, "edge_deg"
+        )
+        pairs = self.task in ("same-different", "edge-turn")
+        waiting: list[float] = []
+
+        def read(path: Path) -> Array | None:
+            decoded = decoder.decode(tracker.read(path))
+            if column not in decoded:
+                raise InputError(
+                    f"task {self.task} needs a decoder that reads {column}", "decoder", self.decoder
+                )
+            angle = float(decoded[column][0])
+            if not pairs:
+                turned = angle - self.first_deg if self.task == "edge-direction" else angle
+                return known.likelihood(turned)
+            waiting.append(angle)
+            if len(waiting) < 2:
+                return None
+            turned = waiting[1] - waiting[0]
+            waiting.clear()
+            if self.task == "edge-turn":
+                turned = (turned + 180) % 360 - 180
+            return known.likelihood(turned)
+
+        given: dict[str, Any] = {
+            "posterior": self.posterior, "step_ms": self.step_ms, "t_max": self.t_max,
+        }  # fmt: skip
+        if self.by == "test":
+            return read, known.names, Msprt().session(len(known.names), **given)
+        table = load_circuit(self.circuit, len(known.names))
+        model = BasalGanglia(table, self.engine, seed=self.seed)
+        return read, known.names, model.session(baseline=known.baseline, **given)
+
+
+def images(folder: Path, idle_s: float) -> Iterator[Path]:
+    """Go through the images of a folder in the order of their time, and wait for more.
+
+    An image counts once it has not grown for one look: whoever writes it may not have finished.
+
+    Parameters
+    ----------
+    folder : Path
+        Where images are written.
+    idle_s : float
+        It ends when there was none for so long.
+    """
+    seen: set[str] = set()
+    sizes: dict[str, int] = {}
+    last = time.monotonic()
+    while time.monotonic() - last < idle_s:
+        new = [p for p in folder.iterdir() if p.name not in seen and p.suffix.lower() in IMAGES]
+        for path in sorted(new, key=lambda p: (p.stat().st_mtime_ns, p.name)):
+            size = path.stat().st_size
+            if not size or sizes.get(path.name) != size:
+                sizes[path.name] = size
+                break
+            seen.add(path.name)
+            sizes.pop(path.name, None)
+            yield path
+            last = time.monotonic()
+        else:
+            time.sleep(POLL_S)
+            continue
+        time.sleep(POLL_S / 4)

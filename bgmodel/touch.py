@@ -1,0 +1,332 @@
+"""The story of one sensor: what its taps say, and how test, learner and circuit decide on them."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from bgmodel.comparison.compare import compare
+from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
+from bgmodel.deciding.decision import Decision, Trace, first_crossing
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
+from bgmodel.integrators.deciding import CIRCUIT, DECODER
+from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
+from bgmodel.learning.gap import learn_gap
+from bgmodel.learning.reinforce import Learner
+from bgmodel.support.arrays import Array
+from bgmodel.support.seeds import stream
+from bgmodel.tactile.source import Folds, folds
+from bgmodel.tactile.task import Task
+from circuits.anatomy import DEFAULT, load_circuit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+POSTERIOR = 0.9
+"""Stopping posterior of the test in the table, and of the decision that is shown."""
+ACCURACIES = (0.8, 0.85, 0.9, 0.95)
+"""Accuracies at which circuit and test are compared, as far as the taps allow them."""
+XI, START_DELTA, RUNS = 50.0, 0.5, 5
+"""Cost of an error in readings, the gap at the start, and repeats of the learner."""
+T_MAX = 40
+
+
+@dataclass(frozen=True)
+class Story:
+    """What one sensor's decoded taps are good for.
+
+    Parameters
+    ----------
+    axis : str
+        What changes from stimulus to stimulus, with its unit.
+    psychometric : DataFrame
+        By stimulus: accuracy of one reading (mean, low and high over folds of taps), shrink (the
+        factor on its log-likelihoods that predicts other taps best; 0 says nothing).
+    curves : DataFrame
+        Speed against accuracy of test and circuit: model, accuracy, mean_ms.
+    table : DataFrame
+        Circuit and test at equal accuracy, as of ``Comparison.table``.
+    learning : DataFrame
+        Course of the gap: run, episode, mean_delta.
+    numbers : dict
+        Measures by name.
+    traces, decisions : dict
+        OUT, nats, and decision of "test" and "circuit in spikes" on one trial.
+    step_ms : float
+        Time between readings, ms.
+    remarks : tuple of str
+        All that was warned of.
+    """
+
+    axis: str
+    psychometric: pd.DataFrame
+    curves: pd.DataFrame
+    table: pd.DataFrame
+    learning: pd.DataFrame
+    numbers: dict[str, float]
+    traces: dict[str, Trace]
+    decisions: dict[str, Decision]
+    step_ms: float
+    remarks: tuple[str, ...]
+
+    def summary(self) -> pd.DataFrame:
+        """Return the numbers as a table: measure and value."""
+        return pd.DataFrame(self.numbers.items(), columns=["measure", "value"])
+
+    def plot(self) -> Figure:
+        """Draw it: one reading, speed and accuracy, the learned gap, one decision in spikes."""
+        import matplotlib.pyplot as plt
+
+        figure, axes = plt.subplots(2, 2, figsize=(8.4, 6.0), layout="constrained")
+        _psychometric(axes[0, 0], self)
+        _speed(axes[0, 1], self)
+        _learning(axes[1, 0], self)
+        _decision(axes[1, 1], self)
+        for letter, ax in zip("abcd", axes.flat, strict=True):
+            ax.set_title(f"{letter}  {ax.get_title()}", loc="left", fontsize=9)
+            ax.set_title("")
+            ax.spines[["top", "right"]].set_visible(False)
+        return figure
+
+
+def story(
+    taps: pd.DataFrame,
+    task_of: Callable[[float], Task],
+    values: Sequence[float],
+    value: float,
+    axis: str,
+    *,
+    trials: int = 1200,
+    step_ms: float = 50.0,
+    learner: Learner | None = None,
+    seed: int = 0,
+    workers: int = 1,
+) -> Story:
+    """Let test, learner and circuit decide on decoded taps.
+
+    Parameters
+    ----------
+    taps : DataFrame
+        Decoded, as from ``read_decoded``.
+    task_of : function
+        Takes the number of a stimulus; returns the task.
+    values : sequence of float
+        Stimuli of the psychometric curve.
+    value : float
+        The stimulus of everything else.
+    axis : str
+        What changes from stimulus to stimulus.
+    trials : int
+        Decisions of test and circuit.
+    step_ms : float
+        Time between readings, ms.
+    learner : Learner, optional
+        Of the gap.
+    seed, workers : int
+        Of evidence and noise, and threads.
+
+    Raises
+    ------
+    ValueError
+        If a task lacks taps.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        task = task_of(value)
+        readings = folds(taps, task)
+        readings.sources[0].warn_if_silent()
+        evidence = readings.draw(trials, T_MAX, rng=stream(seed, "touch"), step_ms=step_ms)
+        stimuli = sorted({*values, value})
+        curve = pd.DataFrame([_one_reading(taps, task_of(each), each) for each in stimuli])
+        model = BasalGanglia(load_circuit(DEFAULT, len(task.names)), "population", seed=seed)
+        found = _compared(model, evidence, readings, workers, seed)
+        learning, learned = _learned(readings, learner or Learner(), seed)
+        traces, decisions = _one_decision(evidence, seed)
+    test = Msprt().decide(evidence, posterior=POSTERIOR)
+    numbers: dict[str, float] = {
+        "hypotheses": len(task.names),
+        "one_reading_accuracy": float(curve.set_index("stimulus")["accuracy"][value]),
+        "test_accuracy": float(test.accuracy),
+        "test_readings": float(test.time_ms.mean() / step_ms),
+        **_at_equal_accuracy(found.table),
+        **learned,
+    }
+    return Story(
+        axis, curve, found.curves, found.table, learning, numbers, traces, decisions, step_ms,
+        tuple(dict.fromkeys(str(one.message) for one in caught)),
+    )  # fmt: skip
+
+
+def _one_reading(taps: pd.DataFrame, task: Task, stimulus: float) -> dict[str, float]:
+    """Return how often the likeliest hypothesis of one reading is true, over folds."""
+    sources = folds(taps, task).sources
+    each = [
+        np.mean([_right(part, k) for k, part in enumerate(source.log_likelihood)])
+        for source in sources
+    ]
+    shrink = np.mean([source.likelihood.shrink for source in sources])
+    return {
+        "stimulus": stimulus, "accuracy": float(np.mean(each)), "low": float(np.min(each)),
+        "high": float(np.max(each)), "shrink": float(shrink),
+    }  # fmt: skip
+
+
+def _right(log_likelihood: Array, truth: int) -> float:
+    """Return the share of readings for which the truth is likeliest; a tie counts in part."""
+    best = log_likelihood == log_likelihood.max(axis=1, keepdims=True)
+    return float((best[:, truth] / best.sum(axis=1)).mean())
+
+
+def _compared(
+    model: BasalGanglia, evidence: Evidence, readings: Folds, workers: int, seed: int
+) -> Any:
+    tuned = model.engine.tuned(workers=workers)
+    model = BasalGanglia(model.circuit, tuned, model.gain, model.seed)
+    groups = readings.groups(evidence.trials)
+    return compare(model, evidence, accuracies=ACCURACIES, groups=groups, seed=seed)
+
+
+def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
+    """Return agreement, r of times and extra time at the highest accuracy that is known."""
+    rows = table[(table["model"] == CIRCUIT) & (table["reference"] == MSPRT_AT_GAIN)]
+    known = rows[rows["value"].notna() & rows["accuracy"].notna()]
+    wide = known.pivot(index="accuracy", columns="measure", values="value")
+    names = [n for n in ("agreement", "pearson_r", "extra_ms") if n in wide]
+    wide = wide.dropna(subset=names)
+    if not len(wide):
+        return {}
+    last = wide.iloc[-1]
+    return {"compared_at_accuracy": float(wide.index[-1])} | {n: float(last[n]) for n in names}
+
+
+def _learned(readings: Folds, learner: Learner, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
+    """Return the course of the gap learned on the first fold; nothing with three choices."""
+    first = readings.sources[0]
+    if len(first.names) != 2 or first.likelihood.shrink == 0:
+        return pd.DataFrame(columns=["run", "episode", "mean_delta"]), {}
+    table, summary = learn_gap(
+        first, name=(0.0, 0), xi=XI, start_delta=START_DELTA, runs=RUNS, t_max=T_MAX, seed=seed,
+        learner=learner,
+    )  # fmt: skip
+    numbers = {
+        "learned_gap_nats": float(np.mean(summary["learned_delta"])),
+        "optimal_gap_nats": float(summary["optimal_delta"]),
+        "regret": float(np.mean(summary["regret"])),
+    }
+    return table[["run", "episode", "mean_delta"]], numbers
+
+
+def _one_decision(evidence: Evidence, seed: int) -> tuple[dict[str, Trace], dict[str, Decision]]:
+    """Return OUT and decision of test and spiking circuit on the first trial of the second fold."""
+    table = load_circuit(DEFAULT, evidence.hypotheses)
+    one, gain = evidence[1:2], gain_of(table)
+    model = BasalGanglia(table, "ensemble", gain, seed)
+    traces = {"test": Msprt(gain).run(one), "circuit in spikes": model.run(one)}
+    level = float(threshold_from_posterior(_readable(model), evidence.hypotheses))
+    return traces, {
+        name: first_crossing(trace, level, forced=False) for name, trace in traces.items()
+    }
+
+
+def _readable(model: BasalGanglia) -> float:
+    """Return the posterior of the decision that is shown: the circuit must read it."""
+    low, high = (float(np.exp(-nats)) for nats in model.circuit.readable_nats[::-1])
+    return min(max(POSTERIOR, low), high)
+
+
+# ---- pictures and the page
+
+
+def _psychometric(ax: Axes, of: Story) -> None:
+    from bgmodel.plots import accuracy_axis
+
+    rows = of.psychometric
+    ends = [rows["accuracy"] - rows["low"], rows["high"] - rows["accuracy"]]
+    ax.errorbar(rows["stimulus"], rows["accuracy"], yerr=ends, capsize=2, marker="o")
+    accuracy_axis(ax, 1 / of.numbers["hypotheses"])
+    ax.set(xlabel=of.axis, title="one reading; bars: range of six folds of taps")
+
+
+def _speed(ax: Axes, of: Story) -> None:
+    from bgmodel.plots import accuracy_axis
+
+    names = {"MSPRT": "test (MSPRT)", CIRCUIT: "circuit", DECODER: "decoder of its cortical rates"}
+    for name, label in names.items():
+        rows = of.curves[of.curves["model"] == name].sort_values("mean_ms")
+        ax.plot(rows["mean_ms"] / of.step_ms, rows["accuracy"], label=label)
+    accuracy_axis(ax, 1 / of.numbers["hypotheses"])
+    longest = of.curves.loc[of.curves["model"] == CIRCUIT, "mean_ms"].max() / of.step_ms
+    ax.set(xlim=(0, 1.3 * longest), xlabel="mean decision time (readings)",
+           title="speed and accuracy")  # fmt: skip
+    ax.legend(frameon=False, fontsize=8)
+
+
+def _learning(ax: Axes, of: Story) -> None:
+    if not len(of.learning):
+        ax.set_axis_off()
+        ax.set_title("a gap is learned of two hypotheses that taps tell apart")
+        return
+    from bgmodel.plots import acquisition
+
+    every = of.learning[of.learning["episode"] % 50 == 0]
+    acquisition(ax, every.pivot(index="run", columns="episode", values="mean_delta"))
+    ax.axhline(of.numbers["optimal_gap_nats"], color="k", lw=0.8, ls="--", label="best gap")
+    ax.set_title(f"learned from reward, an error costs {XI:g} readings")
+    ax.legend(frameon=False, fontsize=8)
+
+
+def _decision(ax: Axes, of: Story) -> None:
+    for name, trace in of.traces.items():
+        dashed = "--" if name == "test" else "-"
+        for channel, out in enumerate(np.asarray(trace.out_nats[0]).T):
+            steps = "steps-post" if name == "test" else "default"
+            ax.plot(trace.time_ms / of.step_ms, out, color=f"C{channel}", ls=dashed, lw=1.1,
+                    drawstyle=steps)  # fmt: skip
+        ax.plot([], [], color="0.3", label=name, ls=dashed)
+        ax.axvline(of.decisions[name].time_ms[0] / of.step_ms, color="0.3", lw=0.8, ls=dashed)
+    last = np.nanmax([d.time_ms[0] for d in of.decisions.values()] + [3 * of.step_ms])
+    ax.set(xlim=(0, 1.5 * last / of.step_ms), ylim=(0, 3), xlabel="time (readings)",
+           ylabel="OUT (nats)", title="one decision; vertical lines: when")  # fmt: skip
+    ax.legend(frameon=False, fontsize=8)
+
+
+def page(of: Story, title: str, made: str) -> str:
+    """Return a story as one HTML page: picture, numbers, and what was warned of.
+
+    Parameters
+    ----------
+    of : Story
+        What to show.
+    title : str
+        Which sensor and task.
+    made : str
+        How it was made: the command and the version.
+    """
+    picture = io.BytesIO()
+    of.plot().savefig(picture, format="png", dpi=150)
+    encoded = base64.b64encode(picture.getvalue()).decode()
+    remarks = "".join(f"<li>{html.escape(text)}</li>" for text in of.remarks)
+    numbers = of.summary().to_html(index=False, float_format=lambda x: f"{x:.4g}", border=0)
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>
+<meta name="viewport" content="width=device-width">
+<style>body {{ font: 1rem/1.5 sans-serif; max-width: 56rem; margin: 2rem auto; padding: 0 1rem }}
+img {{ width: 100% }} td, th {{ padding: .1rem 1rem .1rem 0; text-align: left }}
+</style></head><body>
+<h1>{html.escape(title)}</h1>
+<p><img alt="One reading, speed and accuracy, the learned gap, and one decision"
+src="data:image/png;base64,{encoded}"></p>
+{numbers}
+<h2>Warnings</h2><ul>{remarks or "<li>none</li>"}</ul>
+<p>{html.escape(made)}</p></body></html>
+"""

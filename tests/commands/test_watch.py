@@ -1,0 +1,108 @@
+"""The command `watch`: images are decided on as they arrive."""
+
+import threading
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.commands.watch import images
+from bgmodel.support.files import read_table
+from bgmodel.tactile.decoder import EDGE, train
+from bgmodel.tactile.recordings import Tracker, read_taps
+from tests.helpers import run
+from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
+
+STEP_DEG = 90.0
+
+
+@pytest.fixture(scope="module")
+def sensor(tmp_path_factory):
+    """Train a decoder on drawn taps of an edge, and decode others."""
+    folder, shown = tmp_path_factory.mktemp("sensor"), hexagon()
+    images = [draw(shown + field(shown, yaw)) for yaw in np.linspace(-180, 179, 360)]
+    taps = read_taps(write(folder / "taps", images, "dev-data"), mm_per_px=MM_PER_PX)
+    decoder = folder / "edge.safetensors"
+    train(taps, seed=1, training=EDGE).save(decoder)
+    rng = np.random.default_rng(2)
+    true = np.linspace(-180, 180, 600, endpoint=False)
+    decoded = folder / "decoded.csv"
+    table = pd.DataFrame({"yaw_deg": true, "edge_deg": true + 25 * rng.normal(size=600)})
+    table.to_csv(decoded, index=False)
+    return folder, decoder, decoded, taps
+
+
+def arriving(folder, sources, gap_s=0.02):
+    """Put images into a folder one by one, each whole at once."""
+
+    def put():
+        for k, source in enumerate(sources):
+            time.sleep(gap_s)
+            partial = folder / f".partial{k}"
+            partial.write_bytes(source.read_bytes())
+            partial.rename(folder / f"image_{k:04d}.png")
+
+    thread = threading.Thread(target=put)
+    thread.start()
+    return thread
+
+
+def test_one_image_is_read_as_a_folder_of_them_is(sensor):
+    _, _, _, taps = sensor
+    tracker = Tracker(taps.rest_mm, MM_PER_PX, "edge")
+    for k in (0, 100, 359):
+        one = tracker.read(taps.labels["image"][k])
+        np.testing.assert_array_equal(one.displacement_mm[0], taps.displacement_mm[k])
+
+
+@pytest.mark.parametrize("who", [("--by", "test"), ("--engine", "population")])
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_images_are_decided_on_as_they_arrive(who, sensor, tmp_path, capsys):
+    """Ten images of a direction, then ten of the other: each decision is on one of them."""
+    _, decoder, decoded, taps = sensor
+    camera = tmp_path / "camera"
+    camera.mkdir()
+    yaw = taps.labels["yaw_deg"].to_numpy()
+    first, second = (taps.labels["image"][np.abs(yaw - at).argmin()] for at in (0.0, STEP_DEG))
+    thread = arriving(camera, [first] * 10 + [second] * 10)
+    out = tmp_path / "decisions.csv"
+    asked = ["--decoder", decoder, "--taps", decoded, "--mm-per-px", MM_PER_PX, *who]
+    asked += ["--task", "edge-direction", "--step-deg", STEP_DEG, "--idle-s", 1.5]
+    assert run("watch", camera, out, *asked) == 0
+    thread.join()
+    found = read_table(out)
+    assert len(found) >= 4
+    assert str(found["choice"].iloc[0]) == "0"
+    assert str(found["choice"].iloc[-1]) == f"{STEP_DEG:g}"
+    assert found["readings"].sum() <= 20
+    assert "decisions on 20 readings" in capsys.readouterr().out
+
+
+def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path):
+    for name in ("b.png", "a.png", "notes.txt"):
+        (tmp_path / name).write_bytes(b"x")
+        time.sleep(0.02)
+    (tmp_path / "empty.png").touch()
+    assert [path.name for path in images(tmp_path, 0.3)] == ["b.png", "a.png"]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"task": "orientation"}, "the table has no period_mm"),
+        ({"decoder": "nothing"}, "there is no decoder"),
+        ({"folder": "nowhere"}, "there is no folder"),
+        ({"engine": "algebra"}, "takes all readings of a trial at once"),
+        ({"posterior": 0.99}, "reads no OUT below"),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(given, says, sensor, tmp_path, capsys):
+    _, decoder, decoded, _ = sensor
+    asked = {"decoder": decoder, "taps": decoded, "mm_per_px": MM_PER_PX, "idle_s": 0.1}
+    (tmp_path / "camera").mkdir()
+    asked |= {"folder": str(tmp_path / "camera")} | given
+    folder = asked.pop("folder")
+    options = [part for k, v in asked.items() for part in (f"--{k.replace('_', '-')}", v)]
+    assert run("watch", folder, tmp_path / "out.csv", *options) == 2
+    assert says in capsys.readouterr().err

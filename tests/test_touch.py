@@ -1,0 +1,127 @@
+"""The story of one sensor: what its taps say, and who decides how on them."""
+
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm
+
+from bgmodel.learning.reinforce import Learner
+from bgmodel.support.files import checksum, read_table
+from bgmodel.tactile.task import EdgeDirection, EdgeTurn
+from bgmodel.touch import page, story
+from tests.helpers import run
+from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
+
+SD_DEG = 3.0
+
+
+def taps_of(count=2400, scrambled=False):
+    rng = np.random.default_rng(81)
+    true = np.linspace(-180, 180, count, endpoint=False)
+    read = true + SD_DEG * rng.normal(size=count)
+    return pd.DataFrame({"yaw_deg": true, "edge_deg": rng.permutation(read) if scrambled else read})
+
+
+def told(taps, task=EdgeDirection, count=2, step=5.0):
+    return story(
+        taps, partial(task, count), (2.0, step, 20.0), step, "step (deg)", trials=240, seed=1,
+        learner=Learner(episodes=500),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found():
+    return told(taps_of())
+
+
+def test_one_reading_is_right_as_often_as_the_errors_of_the_decoder_let_it(found):
+    curve = found.psychometric.set_index("stimulus")
+    for step in (2.0, 5.0, 20.0):
+        assert curve["accuracy"][step] == pytest.approx(norm.cdf(step / 2 / SD_DEG), abs=0.03)
+        assert curve["low"][step] <= curve["accuracy"][step] <= curve["high"][step]
+
+
+def test_test_and_circuit_decide_alike_and_the_circuit_later(found):
+    assert found.numbers["test_accuracy"] >= 0.88
+    assert found.numbers["agreement"] > 0.9
+    assert 20 < found.numbers["extra_ms"] < 100
+    assert 0 < found.numbers["optimal_gap_nats"] < 8
+    for name, decision in found.decisions.items():
+        assert decision.choice[0] == decision.choice[0] >= 0, name
+    times = {name: decision.time_ms[0] for name, decision in found.decisions.items()}
+    assert times["test"] < times["circuit in spikes"]
+
+
+def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(found):
+    text = page(found, "Mine <1>", "made by hand")
+    assert "data:image/png;base64," in text
+    assert "Mine &lt;1&gt;" in text
+    assert "optimal_gap_nats" in text
+    assert all(remark[:20] in text for remark in found.remarks)
+    assert len(found.plot().axes) == 4
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
+    found = told(taps_of(900, scrambled=True), EdgeTurn)
+    assert any("tells none of the 2 hypotheses apart" in remark for remark in found.remarks)
+    assert found.numbers["one_reading_accuracy"] == pytest.approx(0.5, abs=0.05)
+    assert found.numbers["test_accuracy"] == pytest.approx(0.5, abs=0.12)
+    assert not len(found.learning)
+    # What it states is what it reaches: no choice is surer than chance.
+    assert "test_accuracy" in page(found, "nothing", "")
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr("bgmodel.touch.Learner", partial(Learner, episodes=500))
+    shown, folders = hexagon(), []
+    for name, first in (("train", 0.0), ("held", 0.4)):
+        yaws = np.linspace(-180, 179, 360) + first
+        images = [draw(shown + field(shown, yaw)) for yaw in yaws]
+        folders.append(write(tmp_path / name, images, "dev-data"))
+    mine = tmp_path / "mine"
+    asked = ["touch", mine, "--training", folders[0], "--held-out", folders[1]]
+    asked += [
+        "--mm-per-px",
+        MM_PER_PX,
+        "--task",
+        "edge-direction",
+        "--step-deg",
+        20,
+        "--trials",
+        120,
+    ]
+    assert run(*asked) == 0
+    assert "test_accuracy" in capsys.readouterr().out
+    made = {name: checksum(mine / name) for name in ("decoder.safetensors", "decoded.parquet")}
+    assert {"yaw_deg", "edge_deg"} <= set(read_table(mine / "decoded.parquet"))
+    assert run(*asked, "--force") == 0
+    assert capsys.readouterr().err.count("is there already") == 2
+    assert made == {name: checksum(mine / name) for name in made}
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (["--task", "edge-turn"], "task edge-turn needs taps of an edge"),
+        (["--training", "."], "recordings take two folders"),
+        (["--training", "a", "--held-out", "nowhere", "--mm-per-px", "1"], "there is no folder"),
+        (["--training", "a", "--held-out", "b"], "recordings need their scale"),
+        (["--training", "a", "--held-out", "b", "--task", "orientation"], "needs taps of gratings"),
+        (["--period-mm", "7"], "period_mm must be one of"),
+        (["--channels", "3"], "same-different has 2 alternatives"),
+        (["--task", "orientation", "--channels", "9"], "count must be 2 to 8"),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(given, says, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    assert run("touch", "mine", *given) == 2
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "mine").exists()
