@@ -212,7 +212,7 @@ def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
 def _learned(readings: Folds, learner: Learner, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
     """Return the course of the gap learned on the first fold; nothing with three choices."""
     first = readings.sources[0]
-    if len(first.names) != 2 or first.likelihood.shrink == 0:
+    if len(first.names) != 2 or first.silent:
         return pd.DataFrame(columns=["run", "episode", "mean_delta"]), {}
     table, summary = learn_gap(
         first, name=(0.0, 0), xi=XI, start_delta=START_DELTA, runs=RUNS, t_max=T_MAX, seed=seed,

@@ -94,14 +94,19 @@ class Source:
 
     def warn_if_silent(self) -> None:
         """Warn where the decoder does not resolve the hypotheses: every reading says nothing."""
-        said = [np.ptp(readings, axis=1) for readings in self.log_likelihood]
-        if np.concatenate(said).mean() < SILENT_NATS:
+        if self.silent:
             warnings.warn(
                 f"{self.where} the decoder tells none of the {len(self.names)} hypotheses apart: "
-                f"a reading is worth less than {SILENT_NATS:g} nats, so that every choice is a guess",
+                f"a reading is worth less than {SILENT_NATS:g} nats, and every choice is a guess",
                 CalibrationWarning,
                 stacklevel=user_level(),
             )
+
+    @property
+    def silent(self) -> bool:
+        """Whether readings tell next to nothing of the hypotheses."""
+        said = [np.ptp(readings, axis=1) for readings in self.log_likelihood]
+        return bool(np.concatenate(said).mean() < SILENT_NATS)
 
     @property
     def baseline(self) -> float:
