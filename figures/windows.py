@@ -15,9 +15,11 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers
+from figures.common import letter
 
 EARLY_MS, LATE_MS, ABOUT_MS = (100.0, 300.0), (300.0, 500.0), 100.0
 WINDOWS = ("100-300 ms", "300-500 ms", "response ± 100 ms")
+TITLES = ("a  100-300 ms", "b  300-500 ms", "c  response ± 100 ms", "d  likeness")
 PREFERRED = {True: "its own choice", False: "the other choice"}
 
 
@@ -114,6 +116,45 @@ def likeness(rows: pd.DataFrame, strengths: Sequence[float]) -> dict[str, float]
         name: float(np.corrcoef(own[there], pattern.ravel()[there])[0, 1])
         for name, pattern in patterns(strengths).items()
     }
+
+
+def finish_rows(
+    axes: Any, labels: Iterable[str], strengths: Sequence[float], ticks: Sequence[str], what: str
+) -> None:
+    """Letter and label panels: a row per nucleus, a column per window, and one of the likeness.
+
+    Parameters
+    ----------
+    axes : array of Axes (nuclei, 4)
+        Whose rates are drawn.
+    labels : iterable of str
+        Name of each nucleus.
+    strengths, ticks : sequence of float, sequence of str
+        Where the ticks of strength stand, and their text.
+    what : str
+        What strength is.
+    """
+    for row, label in zip(axes, labels, strict=True):
+        for ax in row[:3]:
+            ax.axhline(0, color="0.8", lw=0.8, zorder=0)
+            ax.set(xscale="log")
+            ax.set_xticks(strengths, ticks, fontsize=6)
+            ax.set_xticks([], minor=True)
+        share_height(row[:3])
+        row[0].set_ylabel(f"{label}\n(Hz above rest)")
+    for ax, title in zip(axes[0], TITLES, strict=True):
+        letter(ax, title)
+    for ax in axes[-1, :3]:
+        ax.set_xlabel(what)
+    axes[-1, 3].set_xlabel("r with a pattern")
+
+
+def name_patterns(ax: Any, names: Sequence[str]) -> None:
+    """Name the bars of the likeness to each pattern, from the top."""
+    ax.axvline(0, color="0.6", lw=0.8)
+    ax.set(xlim=(-1, 1), ylim=(-0.6, len(names) - 0.4))
+    ax.invert_yaxis()
+    ax.set_yticks(range(len(names)), names, fontsize=6)
 
 
 def share_height(axes: Iterable[Any]) -> None:

@@ -18,7 +18,7 @@ from benchmarks.tuning.neighbours import ACCURACIES, TUNING_SEEDS, tuning_eviden
 from bgmodel import stream
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, thresholds_about
 from circuits.anatomy import macaque
@@ -69,8 +69,8 @@ def rise_with_conflict(channels: int, edit: Circuit, seed: int) -> float:
     means = []
     for conflict in (0.0, 0.9):
         rng = stream(seed, "conflict", channels)
-        given = {"hypotheses": channels, "step_ms": 50.0, "conflict": conflict}
-        evidence = separated_evidence(300, 14, 1 / np.sqrt(2), rng=rng, **given)
+        given = {"d_prime": 1.0, "channels": channels, "conflict": conflict}
+        evidence = gaussian_evidence(300, t_max=14, seed=rng, **given)
         model = BasalGanglia(edit, Population(noise=False), gain_of(edit), seed)
         found = model.activity(evidence)
         seen = (found.time_ms >= 150) & (found.time_ms <= 600)

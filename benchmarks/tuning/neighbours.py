@@ -15,12 +15,10 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from bgmodel import stream
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.page import page
-from bgmodel.evidence import Evidence, separated_evidence
+from bgmodel.evidence import Evidence, gaussian_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia, gain_of
 from bgmodel.integrators.steady import resting_activity
 from circuits.anatomy import load_circuit
@@ -36,10 +34,7 @@ STEP_MS = 50.0
 def tuning_evidence(trials: int, channels: int, d_prime: float, seed: int) -> Evidence:
     """Return Gaussian evidence for tuning, long enough for an accuracy of .98."""
     steps, rng = int(60 / d_prime), stream(seed, "tuning", channels)
-    separation = d_prime / np.sqrt(2)
-    return separated_evidence(
-        trials, steps, separation, rng=rng, hypotheses=channels, step_ms=STEP_MS
-    )
+    return gaussian_evidence(trials, d_prime=d_prime, channels=channels, t_max=steps, seed=rng)
 
 
 def synapses(table: Circuit, cortical_ms: float, striatal_ms: float) -> Circuit:
