@@ -22,7 +22,7 @@ from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.engines import Ensemble, Population
-from figures.common import Settings, key, run, where
+from figures.common import Settings, key, letter, run, where
 from figures.windows import PREFERRED, WINDOWS, averaged, finish_rows, likeness, name_patterns
 
 NUCLEI = {"ctx": "ctx (as LIP)", "D1": "D1 (as caudate)", "STN": "STN", "GPe": "GPe", "SNr": "SNr"}
@@ -76,6 +76,10 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
                 ax.plot(spikes["d_prime"], spikes["hz"], "kx", ms=4, label="in spikes")
         _likeness(row[3], where(table, engine="population", nucleus=name))
     ticks = [f"{d:g}" for d in D_PRIMES]
+    letter(axes[0, 0], "a  100-300 ms")
+    letter(axes[0, 1], "b  300-500 ms")
+    letter(axes[0, 2], "c  response ± 100 ms")
+    letter(axes[0, 3], "d  likeness")
     finish_rows(axes, NUCLEI.values(), D_PRIMES, ticks, "strength, d' a reading")
     key(figure, axes[0, 0], ncols=3)
     return figure

@@ -68,9 +68,10 @@ def draw(settings: Settings, scored: Path, followed: Path, *, output: Path) -> F
     letter(left, "a  each weight, N = 2")
     letter(middle, "b  N = 4")
     right = [figure.add_subplot(grid[0, 2]), figure.add_subplot(grid[1, 2])]
-    for ax, mark, edit in zip(right, "cd", EDITS, strict=True):
+    for ax, edit in zip(right, EDITS, strict=True):
         _course(ax, where(courses, edit=edit))
-        letter(ax, f"{mark}  {edit}")
+    letter(right[0], f"c  {EDITS[0]}")
+    letter(right[1], f"d  {EDITS[1]}")
     right[1].set_xlabel("time (time constants)")
     right[0].legend(loc="center right", ncols=2, columnspacing=1, handlelength=1.4)
     key(figure, left, loc="outside lower left", ncols=5, columnspacing=1.2)

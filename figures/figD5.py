@@ -150,9 +150,10 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     """Draw spectra, their power and MSN's rate at each level, and what sets the frequency."""
     table = read_table(data)
     figure, axes = plt.subplots(2, 3, figsize=(7.4, 4.8))
-    for ax, mark, nucleus in zip(axes[0], "ab", NUCLEI, strict=False):
+    for ax, nucleus in zip(axes[0], NUCLEI, strict=False):
         _spectra(ax, where(table, nucleus=nucleus, measure="power", drive="rest"))
-        letter(ax, f"{mark}  {nucleus} at rest")
+    letter(axes[0, 0], "a  STN at rest")
+    letter(axes[0, 1], "b  GPe at rest")
     lowest = float(where(table, measure="stopping_posterior")["at"].iloc[0])
     _power(axes[0, 2], where(table, measure="band"))
     _striatum(axes[1, 0], where(table, measure="rate"))

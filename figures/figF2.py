@@ -127,9 +127,10 @@ def draw(
     _left_out(right, better)
     letter(right, "c  trials that were left out")
     below = [figure.add_subplot(grid[2, k]) for k in range(3)]
-    for ax, mark, name in zip(below, "de", names, strict=False):
+    for ax, name in zip(below, names, strict=False):
         _criterion(ax, where(did, participant=name, kind="criterion"))
-        letter(ax, f"{mark}  criterion, monkey {name}")
+    letter(below[0], f"d  criterion, monkey {names[0]}")
+    letter(below[1], f"e  criterion, monkey {names[1]}")
     below[1].tick_params(labelleft=False)
     below[0].set_ylabel("evidence at the decision (s$^{1/2}$)")
     _rates(below[2], did, names)

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from bgmodel.support.files import read_table, write_table
 from circuits.dynamics.fixed_point import resting_hz
-from figures.common import Settings, key, run, say_if_older, where
+from figures.common import Settings, key, letter, run, say_if_older, where
 from figures.fitted import MONKEYS, ONSET, STRENGTHS, Followed, fitted, fitted_table, follow
 from figures.windows import (
     ABOUT_MS,
@@ -110,6 +110,10 @@ def draw(settings: Settings, data: Path, parameters: Path, *, output: Path) -> F
                     )  # fmt: skip
         _likeness(row[3], where(whole, nucleus=nucleus), names)
     percent = [100 * strength for strength in STRENGTHS]
+    letter(axes[0, 0], "a  100-300 ms")
+    letter(axes[0, 1], "b  300-500 ms")
+    letter(axes[0, 2], "c  response ± 100 ms")
+    letter(axes[0, 3], "d  likeness")
     finish_rows(axes, NUCLEI, percent, [f"{each:.3g}" for each in percent], "coherence (%)")
     key(figure, axes[0, 0], axes[0, 3], ncols=3)
     say_if_older(figure, parameters)

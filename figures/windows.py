@@ -15,11 +15,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers
-from figures.common import letter
 
 EARLY_MS, LATE_MS, ABOUT_MS = (100.0, 300.0), (300.0, 500.0), 100.0
 WINDOWS = ("100-300 ms", "300-500 ms", "response ± 100 ms")
-TITLES = ("a  100-300 ms", "b  300-500 ms", "c  response ± 100 ms", "d  likeness")
 PREFERRED = {True: "its own choice", False: "the other choice"}
 
 
@@ -121,7 +119,7 @@ def likeness(rows: pd.DataFrame, strengths: Sequence[float]) -> dict[str, float]
 def finish_rows(
     axes: Any, labels: Iterable[str], strengths: Sequence[float], ticks: Sequence[str], what: str
 ) -> None:
-    """Letter and label panels: a row per nucleus, a column per window, and one of the likeness.
+    """Label panels: a row per nucleus, a column per window, and one of the likeness.
 
     Parameters
     ----------
@@ -142,8 +140,6 @@ def finish_rows(
             ax.set_xticks([], minor=True)
         share_height(row[:3])
         row[0].set_ylabel(f"{label}\n(Hz above rest)")
-    for ax, title in zip(axes[0], TITLES, strict=True):
-        letter(ax, title)
     for ax in axes[-1, :3]:
         ax.set_xlabel(what)
     axes[-1, 3].set_xlabel("r with a pattern")

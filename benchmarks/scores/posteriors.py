@@ -56,12 +56,10 @@ def behaviour(trials: int, workers: int) -> pd.DataFrame:
     evidence = gaussian_evidence(trials, d_prime=D_PRIME, t_max=READINGS, step_ms=STEP_MS, seed=rng)
     rows = []
     for lost, table, asked in cases():
-        model = BasalGanglia(
-            table, Population(workers=workers), gain_of(load_circuit(DEFAULT)), SCORING_SEED
-        )
-        found = decide_at_thresholds(
-            model, evidence, threshold_from_posterior(asked), decoder_tau_ms=None
-        )[CIRCUIT]
+        gain, engine = gain_of(load_circuit(DEFAULT)), Population(workers=workers)
+        model = BasalGanglia(table, engine, gain, SCORING_SEED)
+        levels = threshold_from_posterior(asked)
+        found = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
         for k, out_nats in enumerate(found.settings):
             decided = ~found.forced[k]
             time_ms, choice = pd.Series(found.time_ms[k]), pd.Series(found.choice[k])
